@@ -1,0 +1,81 @@
+"""The `hfsim` command: finds the sub-command asked for and turns errors into text and an exit code.
+
+Exit codes: 0 done; 1 internal error; 2 bad command line or deck; 3 the solver failed or the model broke
+down; 4 a stated tolerance was missed; 5 a limit was reached; 130 interrupted.
+
+Only click is imported here, so that help and mistakes cost nothing; each sub-command brings the rest.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+
+import click
+
+from hfsim import __version__
+
+COMMANDS = {
+    "run": "Simulate decks: CSV, plots, summary.",
+    "compare": "One scene with several models: differences, run times, verdict.",
+    "check": "Validate and assemble decks; run nothing, write nothing.",
+}
+"""Sub-command: its line in ``hfsim --help``; a module of `hfsim.commands` has a function of that name."""
+
+
+class LazyGroup(click.Group):
+    """A group whose sub-commands are imported when they are called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of all sub-commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import and return one sub-command."""
+        if cmd_name not in COMMANDS:
+            return None
+        module = importlib.import_module(f"hfsim.commands.{cmd_name}")
+        command: click.Command = getattr(module, cmd_name)
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of sub-commands without importing them."""
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+    def invoke(self, ctx: click.Context) -> object:
+        """Run the sub-command; every error ends in a message and an exit code."""
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except KeyboardInterrupt:
+            click.echo("interrupted", err=True)
+            ctx.exit(130)
+        except Exception as error:
+            from hfsim.commands import report_error
+
+            ctx.exit(report_error(error))
+
+
+@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="hfsim")
+def app() -> None:
+    """Simulate flexible multibody systems: four models of one scene, with their error and cost.
+
+    Exit codes: 0 done, 1 internal error, 2 bad command line or deck, 3 the solver failed or the model
+    broke down, 4 a stated tolerance was missed, 5 a limit was reached, 130 interrupted.
+    """
+
+
+def main() -> None:
+    """Entry point of the program; never returns.
+
+    Raises
+    ------
+    SystemExit
+        Always, with the exit code.
+    """
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")  # the matrices are small: more threads only cost CPU time
+    app(prog_name="hfsim")

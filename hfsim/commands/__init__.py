@@ -1,0 +1,333 @@
+"""Sub-commands, one file each, and what they share: options, messages, finding and loading decks.
+
+Nothing but click and the standard library is imported at the top of any of these files.
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from hfsim.errors import DeckError, HfsimError
+
+if TYPE_CHECKING:
+    from hfsim.deck import LoadedDeck
+    from hfsim.writers import Provenance
+
+STARTED = time.perf_counter()
+"""When the program started, near enough [s]."""
+
+CASES = Path(__file__).resolve().parent.parent / "cases"
+"""Decks shipped with hfsim."""
+
+_SEVERITY = (0, 4, 5, 3, 2, 1, 130)
+"""Exit codes from harmless to grave."""
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+class DeckNotFoundError(HfsimError):
+    """The deck named on the command line is neither a file nor a shipped case."""
+
+    exit_code = 2
+
+
+def worst(codes: Iterable[int]) -> int:
+    """Return the gravest of several exit codes: 0 < 4 < 5 < 3 < 2 < 1 < 130; codes unknown here count as 1.
+
+    Examples
+    --------
+    >>> worst([0, 3, 5, 4])
+    3
+    """
+    known = (code if code in _SEVERITY else 1 for code in codes)
+    return max(known, key=_SEVERITY.index, default=0)
+
+
+# --- options -------------------------------------------------------------------------------------
+
+
+def _stacked(*options: Callable[[Any], Any]) -> Callable[[_Function], _Function]:
+    def decorate(function: _Function) -> _Function:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return decorate
+
+
+def _note_verbose(ctx: click.Context, _: click.Parameter, value: bool) -> bool:
+    ctx.find_root().meta["verbose"] = value  # what `report_error` asks when things go wrong
+    return value
+
+
+deck_options = _stacked(
+    click.option(
+        "--set", "overrides", multiple=True, metavar="KEY=VALUE",
+        help="Change an entry of the deck, e.g. bodies.b1.elements=8; may be repeated.",
+    ),
+)  # fmt: skip
+
+model_option = click.option("--model", metavar="MODEL", help="Short for --set solve.model=MODEL.")
+
+output_options = _stacked(
+    click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Where results go."),
+    click.option("--force", is_flag=True, help="Replace the results of a finished run."),
+    click.option("--no-plots", is_flag=True, help="Draw no pictures."),
+)
+
+talk_options = _stacked(
+    click.option("-q", "--quiet", is_flag=True, help="Print errors only (and the JSON, with --json)."),
+    click.option("-v", "--verbose", is_flag=True, callback=_note_verbose, help="Tell more; show tracebacks."),
+    click.option("--json", "as_json", is_flag=True, help="Print JSON, one object on a line, not text."),
+)
+
+
+# --- messages ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Talk:
+    """Results to standard output, everything else to standard error.
+
+    Attributes
+    ----------
+    quiet, verbose, as_json : bool
+        The options of these names.
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+    as_json: bool = False
+
+    def result(self, text: str) -> None:
+        """Print a result for people; silent under ``-q`` and ``--json``."""
+        if not (self.quiet or self.as_json):
+            print_out(text)
+
+    def facts(self, facts: object) -> None:
+        """Print a result for programs on one line; only under ``--json``."""
+        if self.as_json:
+            print_out(json.dumps(facts, allow_nan=False, ensure_ascii=False))
+
+    def note(self, text: str) -> None:
+        """Tell something useful to know; silent under ``-q``."""
+        if not self.quiet:
+            print_error(text)
+
+    def detail(self, text: str) -> None:
+        """Tell something only ``-v`` asks for."""
+        if self.verbose and not self.quiet:
+            print_error(text)
+
+
+def print_out(text: str) -> None:
+    """Print to standard output; a reader that went away (``| head``) is no error."""
+    try:
+        click.echo(text)
+    except BrokenPipeError:
+        _redirect_to_nowhere(1)
+
+
+def print_error(text: str) -> None:
+    """Print to standard error."""
+    try:
+        click.echo(text, err=True)
+    except BrokenPipeError:
+        _redirect_to_nowhere(2)
+
+
+def _redirect_to_nowhere(descriptor: int) -> None:
+    # the file descriptor itself, or Python would complain when it flushes at exit
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)
+
+
+def report_error(error: Exception) -> int:
+    """Tell what went wrong and return the exit code; a traceback only under ``-v`` or HFSIM_DEBUG."""
+    if isinstance(error, DeckError):
+        print_error(str(error))
+    elif isinstance(error, HfsimError):
+        print_error(f"error: {error}")
+    else:
+        print_error(f"internal error: {type(error).__name__}: {error}")
+    _show_traceback(error)
+    return error.exit_code if isinstance(error, HfsimError) else 1
+
+
+def _show_traceback(error: Exception) -> None:
+    context = click.get_current_context(silent=True)
+    verbose = context is not None and context.find_root().meta.get("verbose", False)
+    if verbose or os.environ.get("HFSIM_DEBUG"):
+        import traceback
+
+        print_error("".join(traceback.format_exception(error)))
+    elif not isinstance(error, HfsimError):
+        print_error("This is a mistake in hfsim, not in your deck; -v shows where it happened.")
+
+
+def plural(count: int, word: str) -> str:
+    """Return a count with its noun.
+
+    Examples
+    --------
+    >>> plural(1, "body"), plural(2, "body"), plural(3, "joint")
+    ('1 body', '2 bodies', '3 joints')
+    """
+    if count == 1:
+        return f"1 {word}"
+    return f"{count} {word[:-1]}ies" if word.endswith("y") else f"{count} {word}s"
+
+
+def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
+    """Return rows of cells as lines with aligned columns; the first column is left-aligned, the others right.
+
+    Examples
+    --------
+    >>> print(as_table([["model", "cpu"], ["ancf", "0.1 s"]]))
+      model    cpu
+      ancf   0.1 s
+    """
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *others in rows:
+        cells = [first.ljust(widths[0]), *(c.rjust(w) for c, w in zip(others, widths[1:], strict=True))]
+        lines.append((indent + "  ".join(cells)).rstrip())
+    return "\n".join(lines)
+
+
+# --- decks ---------------------------------------------------------------------------------------
+
+
+def shipped_cases() -> dict[str, Path]:
+    """Return the decks shipped with hfsim by name."""
+    return {path.stem: path for path in sorted(CASES.glob("*.yaml"))}
+
+
+def find_deck(argument: str, talk: Talk) -> Path:
+    """Return the deck a command-line argument means.
+
+    Parameters
+    ----------
+    argument : str
+        A file, or the bare name of a shipped case.
+    talk : Talk
+        Is told when a shipped case is taken.
+
+    Returns
+    -------
+    Path
+        An existing file.
+
+    Raises
+    ------
+    DeckNotFoundError
+        If there is neither; the message names what comes near.
+    """
+    path = Path(argument)
+    if path.is_file():
+        return path
+    cases = shipped_cases()
+    if argument in cases:
+        talk.note(f"{argument}: using the shipped case {cases[argument]}")
+        return cases[argument]
+    if path.is_dir():
+        raise DeckNotFoundError(f"{argument} is a folder; name a deck, e.g. {path / 'case.yaml'}")
+    raise DeckNotFoundError(f"there is no deck {argument}{_near(path, list(cases))}. Nothing was run.")
+
+
+def _near(path: Path, cases: list[str]) -> str:
+    if path.stem in cases:
+        return f" (a shipped case has that name: use '{path.stem}')"
+    folder = path.parent if path.parent.is_dir() else Path()
+    files = [file.name for file in folder.glob("*.y*ml")]
+    near = difflib.get_close_matches(path.name, files, 1) or difflib.get_close_matches(path.stem, cases, 1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
+
+
+def load_decks(
+    arguments: Sequence[str], overrides: Sequence[str], talk: Talk, finish: Callable[[LoadedDeck], object]
+) -> list[LoadedDeck]:
+    """Load every deck before anything is done with any, and report the problems of all.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Files or names of shipped cases.
+    overrides : sequence of str
+        ``key=value`` settings for all of them.
+    talk : Talk
+        For notes.
+    finish : callable
+        Further checks of a loaded deck; a `HfsimError` from it counts as the deck's.
+
+    Returns
+    -------
+    list of LoadedDeck
+        One for each argument.
+
+    Raises
+    ------
+    click.exceptions.Exit
+        With code 2 if any deck is bad; its problems have been printed then.
+    """
+    from hfsim.deck import load_deck
+
+    loaded, codes = [], []
+    for argument in arguments:
+        try:
+            deck = load_deck(find_deck(argument, talk), tuple(overrides))
+            finish(deck)
+            loaded.append(deck)
+        except HfsimError as error:
+            codes.append(report_error(error))
+    if codes:
+        raise click.exceptions.Exit(worst(codes))
+    return loaded
+
+
+def assemble(loaded: LoadedDeck) -> None:
+    """Build a deck's scene and throw it away, to find what only then shows.
+
+    Raises
+    ------
+    DeckError
+        If it cannot be built.
+    """
+    from hfsim.simulate import check
+
+    check(loaded)
+
+
+def with_model(overrides: Sequence[str], model: str | None) -> tuple[str, ...]:
+    """Return the overrides with ``--model`` among them; it wins over ``--set solve.model``."""
+    return (*overrides, f"solve.model={model}") if model else tuple(overrides)
+
+
+def provenance_of(loaded: LoadedDeck, argument: str, overrides: Sequence[str]) -> Provenance:
+    """Return where a run of this deck comes from."""
+    from hfsim.writers import Provenance
+
+    return Provenance(
+        source=argument,
+        deck_sha256=loaded.deck_sha256,
+        overrides=tuple(overrides),
+        resolved=loaded.deck.resolved(),
+    )
+
+
+def command_line() -> str:
+    """Return the command line as the user typed it, near enough, for the log."""
+    import shlex
+
+    return shlex.join(["hfsim", *sys.argv[1:]])

@@ -1,0 +1,105 @@
+"""`hfsim check`: validate and assemble decks; run nothing, write nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+from hfsim.commands import (
+    Talk,
+    deck_options,
+    find_deck,
+    model_option,
+    plural,
+    report_error,
+    talk_options,
+    with_model,
+    worst,
+)
+from hfsim.errors import HfsimError
+
+_NOUNS = {
+    "joints": "joint",
+    "springs": "spring",
+    "forces": "force",
+    "loads": "load",
+    "unknowns": "unknown",
+    "multipliers": "multiplier",
+    "degrees_of_freedom": "degree of freedom",
+}
+"""Facts of an assembled scene in the order they are told: their noun."""
+_ALWAYS = ("unknowns", "multipliers")
+"""Facts that are told even when they are zero."""
+
+
+@click.command()
+@click.argument("decks", nargs=-1, required=True, metavar="DECK...")
+@deck_options
+@model_option
+@talk_options
+def check(
+    decks: tuple[str, ...],
+    overrides: tuple[str, ...],
+    model: str | None,
+    quiet: bool,
+    verbose: bool,
+    as_json: bool,
+) -> None:
+    """Validate and assemble each DECK; every one is looked at, exit code 2 if any is bad."""
+    talk = Talk(quiet, verbose, as_json)
+    settings = with_model(overrides, model)
+    raise click.exceptions.Exit(worst([_check_one(argument, settings, talk) for argument in decks]))
+
+
+def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
+    from hfsim.deck import load_deck
+    from hfsim.simulate import check as assemble
+
+    try:
+        facts = assemble(load_deck(find_deck(argument, talk), overrides))
+    except HfsimError as error:
+        code = report_error(error)
+        talk.facts({"deck": argument, "ok": False, "error": str(error)})
+        return code
+    talk.facts({"deck": argument, "ok": True, **facts})
+    talk.result(f"{argument}: ok: {describe(facts)}")
+    for key, value in facts.items():
+        talk.detail(f"  {key}: {value}")
+    return 0
+
+
+def describe(facts: Mapping[str, Any]) -> str:
+    """Return the facts of an assembled scene in one line.
+
+    Examples
+    --------
+    >>> describe({"bodies": {"beam": 2, "rigid": 1}, "joints": 3, "unknowns": 40, "multipliers": 6})
+    '2 beams, 1 rigid body, 3 joints, 40 unknowns, 6 multipliers'
+    """
+    parts = _bodies(facts.get("bodies"))
+    for key, noun in _NOUNS.items():
+        count = _count(facts.get(key))
+        if count is not None and (count or key in _ALWAYS):
+            parts.append(_counted(count, noun))
+    return ", ".join(parts)
+
+
+def _bodies(bodies: object) -> list[str]:
+    if isinstance(bodies, Mapping) and all(isinstance(count, int) for count in bodies.values()):
+        nouns = {"rigid": "rigid body"}
+        return [plural(count, nouns.get(str(kind), str(kind))) for kind, count in bodies.items() if count]
+    count = _count(bodies)
+    return [] if count is None else [plural(count, "body")]
+
+
+def _counted(count: int, noun: str) -> str:
+    first, _, rest = noun.partition(" ")
+    return plural(count, first) + (f" {rest}" if rest else "")
+
+
+def _count(value: object) -> int | None:
+    if isinstance(value, int):
+        return value
+    return len(value) if isinstance(value, list | tuple | dict) else None

@@ -1,0 +1,372 @@
+"""`hfsim compare`: one scene with several models; differences, run times, verdict."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hfsim.commands import (
+    STARTED,
+    Talk,
+    as_table,
+    assemble,
+    command_line,
+    deck_options,
+    find_deck,
+    load_decks,
+    output_options,
+    print_error,
+    provenance_of,
+    talk_options,
+    with_model,
+)
+
+if TYPE_CHECKING:
+    from hfsim.deck import LoadedDeck
+    from hfsim.runfolder import RunFolder
+    from hfsim.solution import Run
+    from hfsim.studies.compare import ChannelScale, Comparison, ModelResult
+
+_REPEAT_BELOW = 1.0
+"""Solves longer than this [s of CPU] are timed once: their scatter is small and waiting is long."""
+_PHASES = ("build", "solve", "error_estimate", "write", "plots")
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is to be compared, how, and where the results go."""
+
+    argument: str
+    reference: str
+    models: tuple[str, ...]
+    decks: dict[str, LoadedDeck]
+    folder: RunFolder
+    folders: dict[str, RunFolder]
+    overrides: tuple[str, ...]
+    plots: bool
+    error_estimate: bool
+    repeats: int
+    talk: Talk
+
+
+@click.command()
+@click.argument("models", nargs=-1, metavar="[MODEL]...")
+@click.option(
+    "--case", metavar="DECK", help="Deck; else case.yaml here if there, else the shipped 'two_beams'."
+)
+@click.option(
+    "--reference", default="exact", show_default=True, metavar="MODEL", help="Model that counts as true."
+)
+@click.option(
+    "--max-error",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=0.01,
+    show_default=True,
+    help="Largest difference of an adequate model, relative to each channel's range.",
+)
+@click.option(
+    "--require", multiple=True, metavar="MODEL", help="Exit with 4 if this model misses --max-error."
+)
+@click.option(
+    "--repeats",
+    type=click.IntRange(min=1),
+    default=3,
+    show_default=True,
+    help="Time short solves so often and take the median.",
+)
+@output_options
+@deck_options
+@click.option(
+    "--error-estimate", is_flag=True, help="Let each model estimate its own time integration error too."
+)
+@talk_options
+def compare(
+    models: tuple[str, ...],
+    case: str | None,
+    reference: str,
+    max_error: float,
+    require: tuple[str, ...],
+    repeats: int,
+    output: Path | None,
+    force: bool,
+    no_plots: bool,
+    overrides: tuple[str, ...],
+    error_estimate: bool,
+    quiet: bool,
+    verbose: bool,
+    as_json: bool,
+) -> None:
+    """Run one scene with each MODEL (default: linear lowOrder exact) and say which one is good enough.
+
+    The reference is run too if it is not named. Results go to '<deck name>.compare' or to -o DIR, with
+    a run folder for each model. A model that breaks down is a result (exit code 0); exit code 3 means
+    that the reference failed, 4 that a model under --require missed the bound.
+    """
+    talk = Talk(quiet, verbose, as_json)
+    chosen = choose_models(models, reference, require)
+    plan = make_plan(
+        case or default_case(), reference, chosen, overrides, output, force,
+        plots=not no_plots, error_estimate=error_estimate, repeats=repeats, talk=talk,
+    )  # fmt: skip
+    raise click.exceptions.Exit(do_comparison(plan, max_error, require))
+
+
+def default_case() -> str:
+    """Return the deck to compare with when none is named."""
+    return "case.yaml" if Path("case.yaml").is_file() else "two_beams"
+
+
+def choose_models(models: Sequence[str], reference: str, require: Sequence[str]) -> tuple[str, ...]:
+    """Return the models to run, each once, the reference among them.
+
+    Raises
+    ------
+    click.UsageError
+        If ``auto`` is named, or a required model is not to be run.
+    """
+    named = tuple(dict.fromkeys(models or ("linear", "lowOrder", "exact")))
+    chosen = named if reference in named else (*named, reference)
+    if "auto" in chosen:
+        raise click.UsageError("'auto' is no model of its own; name the models to compare")
+    for model in require:
+        if model not in chosen:
+            raise click.UsageError(f"--require {model}: this model is not compared")
+    return chosen
+
+
+def make_plan(
+    argument: str,
+    reference: str,
+    models: tuple[str, ...],
+    overrides: Sequence[str],
+    output: Path | None,
+    force: bool,
+    *,
+    plots: bool,
+    error_estimate: bool,
+    repeats: int,
+    talk: Talk,
+) -> Plan:
+    """Load the deck with every model and claim all folders; nothing is written yet.
+
+    Raises
+    ------
+    click.exceptions.Exit
+        With code 2 if the deck is bad or a model unknown.
+    FolderError
+        If a folder must not be written to.
+    """
+    from hfsim.runfolder import claim, folder_name
+
+    deck = str(find_deck(argument, talk))
+    decks = {m: load_decks([deck], with_model(overrides, m), talk, assemble)[0] for m in models}
+    path = output or Path(folder_name(decks[reference].deck.name, ".compare"))
+    return Plan(
+        argument=argument,
+        reference=reference,
+        models=models,
+        decks=decks,
+        folder=claim(path, force, marker="compare.json"),
+        folders={model: claim(path / folder_name(model, ""), force) for model in models},
+        overrides=tuple(overrides),
+        plots=plots,
+        error_estimate=error_estimate,
+        repeats=repeats,
+        talk=talk,
+    )
+
+
+def do_comparison(plan: Plan, max_error: float, require: Sequence[str]) -> int:
+    """Run all models, write and tell the comparison, and return the exit code."""
+    runs: list[Run] = []
+    times: dict[str, list[float]] = {}
+    plan.folder.prepare()
+    for model in plan.models:
+        run, times[model] = run_model(plan, model, first=not runs)
+        runs.append(run)
+        if run.status == "interrupted":
+            print_error(f"interrupted while {model} ran; no comparison was made")
+            return 130
+    from hfsim.studies.compare import compare as judge
+
+    comparison = judge(runs, plan.reference, max_error, times)
+    facts = save_comparison(plan, runs, comparison)
+    plan.talk.facts(facts)
+    plan.talk.result(as_text(comparison, plan.folder.path))
+    return _exit_code(plan, runs, comparison, require)
+
+
+def _exit_code(plan: Plan, runs: Sequence[Run], comparison: Comparison, require: Sequence[str]) -> int:
+    reference = runs[plan.models.index(plan.reference)]
+    if reference.status != "done":
+        print_error(f"error: the reference {comparison.reference} did not reach the end: {reference.reason}")
+        return reference.exit_code or 3
+    missed = [model for model in require if not comparison.result(model).adequate]
+    for model in missed:
+        print_error(f"error: {model} was required and missed the bound")
+    return 4 if missed else 0
+
+
+def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
+    """Run one model, write its folder, and return the run and the CPU times of its solves [s]."""
+    from hfsim.progress import Progress
+    from hfsim.runfolder import RunLog, Stopwatch, save_run
+    from hfsim.simulate import simulate
+
+    deck = plan.decks[model]
+    watch = Stopwatch(0.0, STARTED) if first else Stopwatch(time.process_time())
+    provenance = provenance_of(deck, plan.argument, with_model(plan.overrides, model))
+    log = RunLog(plan.talk.detail)
+    log.add(command_line())
+    with Progress(f"{deck.deck.name}, {model}", sys.stderr, plan.talk.quiet) as progress:
+        run = simulate(deck, model=model, progress=progress, error_estimate=plan.error_estimate)
+        solves = [run.phase_cpu("solve"), *_repeated(plan, model, run)]
+    run, summary = save_run(plan.folders[model], run, provenance, watch, log, plan.plots)
+    for warning in summary["warnings"]:
+        plan.talk.note(f"{model}: warning: {warning}")
+    if run.status not in ("done", "interrupted"):
+        plan.talk.note(f"{model}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
+    return run, solves
+
+
+def _repeated(plan: Plan, model: str, run: Run) -> list[float]:
+    from hfsim.simulate import simulate
+
+    if run.status != "done" or run.phase_cpu("solve") > _REPEAT_BELOW:
+        return []
+    again = (simulate(plan.decks[model], model=model, error_estimate=False) for _ in range(plan.repeats - 1))
+    return [_solve_cpu(other) for other in again]
+
+
+def _solve_cpu(run: Run) -> float:
+    if run.status == "interrupted":
+        raise KeyboardInterrupt  # `simulate` keeps what it has; a repeat is worth nothing to keep
+    return run.phase_cpu("solve")
+
+
+def save_comparison(plan: Plan, runs: Sequence[Run], comparison: Comparison) -> dict[str, object]:
+    """Write compare.csv, the overlay plots and, last, compare.json; return what is in the latter."""
+    from hfsim.runfolder import disk
+    from hfsim.studies.compare import CSV_COLUMNS, as_facts, as_rows
+    from hfsim.writers import json_ready, versions, write_json, write_table
+
+    path = plan.folder.path
+    with disk(path):
+        write_table(path / "compare.csv", as_rows(comparison), CSV_COLUMNS)
+        files = ["compare.csv", "compare.json", *_overlays(plan, runs, comparison)]
+        about = {
+            "overrides": list(plan.overrides),
+            "deck": plan.argument,
+            "versions": versions(),
+            "files": files,
+        }
+        facts, _ = json_ready({**as_facts(comparison), **about})
+        write_json(path / "compare.json", facts)
+    return dict(facts)
+
+
+def _overlays(plan: Plan, runs: Sequence[Run], comparison: Comparison) -> list[str]:
+    if not plan.plots:
+        return []
+    from hfsim.plots import draw_comparison
+
+    return [f"plots/{name}" for name in draw_comparison(runs, comparison, plan.folder.path / "plots")]
+
+
+# --- text ----------------------------------------------------------------------------------------
+
+
+def as_text(comparison: Comparison, folder: Path) -> str:
+    """Return the comparison as people read it: times, differences, breakdowns, verdict."""
+    head = f"{comparison.name}: {len(comparison.models)} models over {comparison.duration:.6g} s, "
+    head += f"reference {comparison.reference}"
+    blocks = [head, _cost_table(comparison), _difference_table(comparison), *_remarks(comparison)]
+    return "\n".join([*filter(None, blocks), f"  results: {folder}/", comparison.sentence])
+
+
+def _cost_table(comparison: Comparison) -> str:
+    phases = [p for p in _PHASES if any(p in m.cpu_s for m in comparison.models)]
+    phases = [p for p in phases if p != "solve"]
+    rows = [
+        [
+            "model",
+            "method",
+            "outcome",
+            "CPU: solve",
+            *(p.replace("_", " ") for p in phases),
+            "worst difference",
+        ]
+    ]
+    for model in comparison.models:
+        times = [f"{model.cpu_s.get(phase, 0.0):.3f} s" for phase in phases]
+        rows.append([model.model, model.method, _outcome(model), f"{model.solve_cpu:.4f} s", *times,
+                     _worst(model, comparison)])  # fmt: skip
+    return as_table(rows) + "\n"
+
+
+def _outcome(model: ModelResult) -> str:
+    from hfsim.studies.compare import ending
+
+    return f"{ending(model.status)} at {model.stop_time:.3g} s" if model.broke_down else "done"
+
+
+def _worst(model: ModelResult, comparison: Comparison) -> str:
+    from hfsim.studies.compare import percent
+
+    if model.model == comparison.reference:
+        return "reference"
+    return "-" if model.worst is None else f"{percent(model.worst.max_relative)} {model.worst.channel}"
+
+
+def _difference_table(comparison: Comparison) -> str:
+    others = [m for m in comparison.models if m.model != comparison.reference]
+    if not others or not comparison.scales:
+        return ""
+    rows = [["largest difference", "unit", "range", *(m.model for m in others)]]
+    for scale in comparison.scales:
+        mark = "" if scale.judged and not scale.small else (" *" if scale.judged else " (not judged)")
+        cells = [_cell(model, scale) for model in others]
+        rows.append([scale.channel + mark, scale.unit, f"{scale.reference_range:.4g}", *cells])
+    return as_table(rows) + "\n"
+
+
+def _cell(model: ModelResult, scale: ChannelScale) -> str:
+    from hfsim.studies.compare import percent
+
+    found = next((d for d in model.differences if d.channel == scale.channel), None)
+    if found is None:
+        return "-"
+    return f"{found.max_abs:.3g}" + (f" ({percent(found.max_relative)})" if scale.judged else "")
+
+
+def _remarks(comparison: Comparison) -> list[str]:
+    lines = [_small_remark(comparison)] if any(s.small and s.judged for s in comparison.scales) else []
+    for model in comparison.models:
+        lines += _departure(model)
+    return ["\n".join([*lines, ""])] if lines else []
+
+
+def _small_remark(comparison: Comparison) -> str:
+    small = [s for s in comparison.scales if s.small and s.judged]
+    against = ", ".join(dict.fromkeys(f"{s.scale:.2g} {s.unit}" for s in small))
+    return f"  * range too small to judge by: relative to {against} instead (1/1000 of the scene's scale)"
+
+
+def _departure(model: ModelResult) -> list[str]:
+    from hfsim.studies.compare import how_it_ended
+
+    lines = []
+    first = model.first_exceeded
+    if first is not None:
+        lines.append(
+            f"  {model.model} first passes the bound at {first.first_exceeded:.4g} s, in {first.channel}"
+        )
+    if model.broke_down:
+        lines.append(f"  {model.model} {how_it_ended(model)}")
+    return lines

@@ -1,0 +1,251 @@
+"""`hfsim run`: simulate decks and write their run folders."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hfsim.commands import (
+    STARTED,
+    Talk,
+    as_table,
+    assemble,
+    command_line,
+    deck_options,
+    load_decks,
+    model_option,
+    output_options,
+    provenance_of,
+    report_error,
+    talk_options,
+    with_model,
+    worst,
+)
+
+if TYPE_CHECKING:
+    from hfsim.deck import LoadedDeck
+    from hfsim.runfolder import RunFolder
+    from hfsim.solution import Run
+
+
+@dataclass(frozen=True)
+class Job:
+    """One deck and the folder its results go to."""
+
+    argument: str
+    loaded: LoadedDeck
+    folder: RunFolder
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How all jobs of one call are done."""
+
+    overrides: tuple[str, ...]
+    plots: bool
+    error_estimate: bool
+    talk: Talk
+
+
+@click.command()
+@click.argument("decks", nargs=-1, required=True, metavar="DECK...")
+@output_options
+@deck_options
+@model_option
+@click.option(
+    "--no-error-estimate", is_flag=True, help="Skip the second, coarser run that estimates the error."
+)
+@talk_options
+def run(
+    decks: tuple[str, ...],
+    output: Path | None,
+    force: bool,
+    no_plots: bool,
+    overrides: tuple[str, ...],
+    model: str | None,
+    no_error_estimate: bool,
+    quiet: bool,
+    verbose: bool,
+    as_json: bool,
+) -> None:
+    """Simulate each DECK (a YAML file, or the name of a shipped case such as 'pendulum').
+
+    Results go to '<deck name>.out' in the current folder, or to -o DIR; several decks get a folder each
+    inside DIR. All decks are checked before the first one runs: if one is bad, nothing is run. After
+    that no deck stops the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130).
+    """
+    settings = Settings(
+        with_model(overrides, model), not no_plots, not no_error_estimate, Talk(quiet, verbose, as_json)
+    )
+    jobs = plan_jobs(decks, settings, output, force)
+    codes: list[int] = []
+    for number, job in enumerate(jobs):
+        codes.append(_do_safely(job, settings, first=number == 0))
+        if codes[-1] == 130:
+            break
+    raise click.exceptions.Exit(worst(codes))
+
+
+def plan_jobs(decks: Sequence[str], settings: Settings, output: Path | None, force: bool) -> list[Job]:
+    """Load all decks and claim all folders; nothing is written yet.
+
+    Raises
+    ------
+    click.exceptions.Exit
+        With code 2 if a deck is bad.
+    FolderError
+        If a folder must not be written to, or two decks would share one.
+    """
+    from hfsim.runfolder import claim
+
+    loaded = load_decks(decks, settings.overrides, settings.talk, assemble if len(decks) > 1 else _nothing)
+    paths = _folders([deck.deck.name for deck in loaded], decks, output)
+    jobs = [Job(a, d, claim(p, force)) for a, d, p in zip(decks, loaded, paths, strict=True)]
+    for job in jobs:
+        if job.folder.replaces:
+            settings.talk.note(f"{job.folder.path}: replacing {job.folder.replaces}")
+    return jobs
+
+
+def _nothing(loaded: LoadedDeck) -> None:
+    # a single deck is assembled by its simulation, which writes nothing if that fails
+    return
+
+
+def _folders(names: Sequence[str], decks: Sequence[str], output: Path | None) -> list[Path]:
+    from hfsim.runfolder import FolderError, folder_name
+
+    if output is not None and len(names) == 1:
+        return [output]
+    plain = [folder_name(name, "" if output else ".out") for name in names]
+    for number, name in enumerate(plain):
+        first = plain.index(name)
+        if first != number:
+            raise FolderError(
+                f"{decks[first]} and {decks[number]} would both write to {name}: rename one deck"
+            )
+    return [(output or Path()) / name for name in plain]
+
+
+def _do_safely(job: Job, settings: Settings, first: bool) -> int:
+    try:
+        return do_job(job, settings, first)
+    except Exception as error:  # the other decks still have to run
+        return report_error(error)
+
+
+def do_job(job: Job, settings: Settings, first: bool) -> int:
+    """Simulate one deck, write its folder, tell the results, and return its exit code.
+
+    Raises
+    ------
+    HfsimError
+        If the deck cannot be assembled or the disk refuses.
+    """
+    from hfsim.progress import Progress
+    from hfsim.runfolder import RunLog, Stopwatch, save_run
+    from hfsim.simulate import simulate
+
+    # the first deck also pays for starting the program
+    watch = Stopwatch(0.0, STARTED) if first else Stopwatch(time.process_time())
+    provenance = provenance_of(job.loaded, job.argument, settings.overrides)
+    log = RunLog(settings.talk.detail)
+    log.add(command_line())
+    log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
+    with Progress(job.loaded.deck.name, sys.stderr, settings.talk.quiet) as progress:
+        result = simulate(job.loaded, progress=progress, error_estimate=settings.error_estimate)
+    log.add(f"model {result.model}, method {result.method}")
+    result, summary = save_run(job.folder, result, provenance, watch, log, settings.plots)
+    tell(result, summary, job.folder.path, settings.talk)
+    return result.exit_code
+
+
+def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk) -> None:
+    """Print the results of one run, and what the user should be warned of."""
+    for warning in summary["warnings"]:
+        talk.note(f"{run.name}: warning: {warning}")
+    if run.status != "done":
+        from hfsim.commands import print_error
+
+        print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
+    talk.facts(summary)
+    talk.result(f"{run.name}: {headline(run)}\n{as_text(run, summary, folder)}")
+
+
+def headline(run: Run) -> str:
+    """Return the status in a few words."""
+    if run.status == "done":
+        return f"done, {run.end_time:.6g} s simulated"
+    return f"{run.status} at t = {run.stop_time:.6g} s: {run.reason}"
+
+
+def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
+    """Return the table of results that people read."""
+    facts = {
+        "model, method": f"{run.model}, {run.method}",
+        **_failure(run),
+        "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
+        "steps": _steps(summary),
+        "CPU time": _times(summary["cpu_s"]),
+        "error estimate": number(summary["error_estimate"]),
+        "energy drift": number(summary["energy_drift"]),
+        "constraint drift": _drift(summary),
+        "results": f"{folder}/",
+    }
+    width = max(map(len, facts))
+    lines = [f"  {name.ljust(width)}  {text}" for name, text in facts.items()]
+    return "\n".join([*lines, *_last_values(run)])
+
+
+def _failure(run: Run) -> dict[str, str]:
+    facts = run.failure or {}
+    return {key: str(facts[key]) for key in ("item", "kind", "hint") if facts.get(key)}
+
+
+def number(value: object) -> str:
+    """Return a number, or a group of them, as short text; a dash where there is none.
+
+    Examples
+    --------
+    >>> number(None), number(40), number(1.23456e-9), number({"b1.tip.x": 1e-9})
+    ('-', '40', '1.23e-09', 'b1.tip.x 1e-09')
+    """
+    if value is None:
+        return "-"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {number(part)}" for key, part in value.items()) or "-"
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return str(value)
+
+
+def _steps(summary: Mapping[str, Any]) -> str:
+    keys = {"rejected": "rejected", "newton_iterations": "Newton iterations", "evaluations": "evaluations"}
+    parts = [f"{number(summary[key])} {words}" for key, words in keys.items() if summary[key] is not None]
+    return ", ".join([number(summary["steps"]), *parts])
+
+
+def _times(times: Mapping[str, float]) -> str:
+    order = [phase for phase in times if phase != "total"]
+    parts = [f"{phase.replace('_', ' ')} {times[phase]:.3f}" for phase in order]
+    return f"{times.get('total', 0.0):.3f} s ({', '.join(parts)})"
+
+
+def _drift(summary: Mapping[str, Any]) -> str:
+    position, velocity = (number(summary[f"constraint_{what}"]) for what in ("position", "velocity"))
+    return f"position {position}, velocity {velocity}"
+
+
+def _last_values(run: Run) -> list[str]:
+    if not len(run.t):
+        return ["  no output time was reached"]
+    rows = [[f"  {channel.name}", f"{channel.values[-1]:.9g}", channel.unit] for channel in run.channels]
+    if not rows:
+        return []
+    return [f"  at t = {run.end_time:.9g} s", as_table(rows)]

@@ -1,0 +1,167 @@
+"""Constraint equations Phi(x, t) = 0 between two markers, of which joints are made.
+
+A joint is a list of these: what each blocks is said once here, with its Jacobian Phi_x, its explicit
+time derivative Phi_t and the right-hand side of the acceleration equation (paper, eq. 37), which is
+minus everything in Phi'' that does not come from the accelerations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.laws import Law
+from hfsim.markers import Marker
+from hfsim.rotations import normal, rotate, wrap
+
+Array = NDArray[np.float64]
+
+
+class Constraint(Protocol):
+    """Rows of Phi that tie a second marker to a first."""
+
+    first: Marker
+    second: Marker
+    rows: int
+
+    @property
+    def constant(self) -> bool:
+        """Whether the Jacobian is the same for every state and time."""
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return Phi, shape (n_batch, rows)."""
+
+    def jacobians(self, x: Array) -> tuple[Array, Array]:
+        """Return Phi_x by the coordinates of the first and the second body, (n_batch or 1, rows, n)."""
+
+    def rate(self, t: Array) -> Array:
+        """Return Phi_t, shape (n_batch, rows)."""
+
+    def acceleration(self, t: Array, x: Array, u: Array) -> Array:
+        """Return what Phi_x x'' must be, shape (n_batch, rows)."""
+
+
+@dataclass(frozen=True)
+class Coincide:
+    """Both points stay in the same place."""
+
+    first: Marker
+    second: Marker
+    rows: int = 2
+
+    @property
+    def constant(self) -> bool:
+        """Whether both positions are linear functions of the coordinates."""
+        return self.first.linear and self.second.linear
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return the distance vector [m]."""
+        return self.second.position(x) - self.first.position(x)
+
+    def jacobians(self, x: Array) -> tuple[Array, Array]:
+        """Return the position Jacobians, the first with a minus."""
+        return -self.first.position_jacobian(x), self.second.position_jacobian(x)
+
+    def rate(self, t: Array) -> Array:
+        """Return zero: no explicit time."""
+        return np.zeros((len(t), 2))
+
+    def acceleration(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the difference of the position biases."""
+        return self.first.position_bias(x, u) - self.second.position_bias(x, u)
+
+
+@dataclass(frozen=True)
+class RelativeAngle:
+    """The second direction is turned against the first by an offset plus a law of time."""
+
+    first: Marker
+    second: Marker
+    offset: float
+    law: Law | None = None
+    rows: int = 1
+
+    @property
+    def constant(self) -> bool:
+        """Return False: the angle of a slope vector is not linear."""
+        return False
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return the angle error [rad], within half a turn."""
+        target = self.offset + (self.law.value(t) if self.law else 0.0)
+        return wrap(self.second.angle(x) - self.first.angle(x) - target)[:, None]
+
+    def jacobians(self, x: Array) -> tuple[Array, Array]:
+        """Return the angle Jacobians, the first with a minus."""
+        return -self.first.angle_jacobian(x)[:, None, :], self.second.angle_jacobian(x)[:, None, :]
+
+    def rate(self, t: Array) -> Array:
+        """Return minus the rate of the law."""
+        return -self.law.rate(t)[:, None] if self.law else np.zeros((len(t), 1))
+
+    def acceleration(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the difference of the angle biases plus the law's acceleration."""
+        target = self.first.angle_bias(x, u) - self.second.angle_bias(x, u)
+        return (target + self.law.acceleration(t) if self.law else target)[:, None]
+
+
+@dataclass(frozen=True)
+class Along:
+    """The distance along a direction fixed to the first body follows a law of time, or stays zero."""
+
+    first: Marker
+    second: Marker
+    direction: tuple[float, float]
+    law: Law | None = None
+    rows: int = 1
+
+    @property
+    def constant(self) -> bool:
+        """Return False: the direction turns."""
+        return False
+
+    def _geometry(self, x: Array) -> tuple[Array, Array, Array]:
+        axis = rotate(self.first.angle(x), np.array(self.direction))
+        return axis, normal(axis), self.second.position(x) - self.first.position(x)
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return the distance error [m]."""
+        axis, _, gap = self._geometry(x)
+        target = self.law.value(t) if self.law else 0.0
+        return np.asarray(np.sum(axis * gap, axis=-1) - target)[:, None]
+
+    def jacobians(self, x: Array) -> tuple[Array, Array]:
+        """Return the Jacobians of axis . gap."""
+        axis, side, gap = self._geometry(x)
+        lever = np.sum(side * gap, axis=-1)[:, None]
+        first = -(axis[:, None, :] @ self.first.position_jacobian(x))[:, 0]
+        first = first + lever * self.first.angle_jacobian(x)
+        second = (axis[:, None, :] @ self.second.position_jacobian(x))[:, 0]
+        return first[:, None, :], second[:, None, :]
+
+    def rate(self, t: Array) -> Array:
+        """Return minus the rate of the law."""
+        return -self.law.rate(t)[:, None] if self.law else np.zeros((len(t), 1))
+
+    def acceleration(self, t: Array, x: Array, u: Array) -> Array:
+        """Return minus the terms of (axis . gap)'' without accelerations, plus the law's."""
+        axis, side, gap = self._geometry(x)
+        a, b = self.first, self.second
+        spin = _apply(a.angle_jacobian(x), u[:, a.columns])
+        gap_rate = _apply(b.position_jacobian(x), u[:, b.columns]) - _apply(
+            a.position_jacobian(x), u[:, a.columns]
+        )
+        gap_bias = b.position_bias(x, u) - a.position_bias(x, u)
+        bias = np.sum(axis * gap_bias + 2.0 * spin[:, None] * side * gap_rate, axis=-1)
+        bias += np.sum(side * gap, -1) * a.angle_bias(x, u) - spin**2 * np.sum(axis * gap, -1)
+        return (self.law.acceleration(t) - bias if self.law else -bias)[:, None]
+
+
+def _apply(J: Array, u: Array) -> Array:
+    """Return J u for Jacobians (n_batch or 1, ..., n) and rates (n_batch, n)."""
+    if J.ndim == 2:
+        return np.asarray(np.sum(J * u, axis=-1))
+    return np.asarray((J @ u[..., None])[..., 0])

@@ -1,0 +1,133 @@
+"""What every element has: shapes, mass, and an elastic law on its difference vectors.
+
+The state of an element enters its energy through a few *difference vectors* V: the chord and the
+slope vectors, all divided by the element length, so that they carry no unit and do not change when
+the element is shifted.  Where the energy is a polynomial it depends on V only through the products
+G = V V^T (design, section 3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """Numbers of material and section that an elastic law needs.
+
+    Attributes
+    ----------
+    axial : float
+        EA [N].
+    bending : float
+        EI [N m^2].
+    lame_lambda, lame_mu : float
+        Lame constants [Pa].
+    height, width : float
+        Of the (equivalent) rectangular section [m]; the height lies in the bending plane.
+    """
+
+    axial: float
+    bending: float
+    lame_lambda: float
+    lame_mu: float
+    height: float
+    width: float
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """Mass data of a beam: mass per length [kg/m], rotary inertia per length [kg m], section height [m]."""
+
+    per_length: float
+    rotary: float
+    height: float
+
+
+class ElasticLaw(Protocol):
+    """Elastic energy of many elements as a function of their difference vectors.
+
+    V has shape (..., n_elements, n_vectors, n_dim); energies are in joule.
+    """
+
+    def energy(self, V: Array) -> Array:
+        """Return the stored energy of each element, shape (..., n_elements)."""
+
+    def gradient(self, V: Array) -> Array:
+        """Return the derivative of the energy with respect to V, same shape as V."""
+
+    def hessian(self, V: Array) -> Array:
+        """Return the second derivative, shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
+
+
+class Element(Protocol):
+    """An element between two nodes with ``per_node`` vectors at each."""
+
+    per_node: int
+    length: float
+
+    def differences(self) -> Array:
+        """Return the matrix, shape (n_vectors, 2 per_node), from nodal vectors to difference vectors."""
+
+    def shape(self, xi: float, eta: float, derivative: tuple[int, int]) -> Array:
+        """Return the shape row, shape (2 per_node,), or a derivative of it with respect to (x, y)."""
+
+    def mass(self, inertia: Inertia) -> Array:
+        """Return the mass matrix of one vector component, shape (2 per_node, 2 per_node) [kg]."""
+
+
+@dataclass(frozen=True)
+class GramLaw:
+    """An energy that is quadratic in the products of difference vectors.
+
+    U = scale (1/2 g^T C g + c^T g + constant) with g the entries of G = V V^T.
+
+    Attributes
+    ----------
+    quadratic : ndarray, shape (n_vectors**2, n_vectors**2)
+        C, symmetric, also under exchange of the two vectors of each product.
+    linear : ndarray, shape (n_elements, n_vectors**2)
+        c of each element.
+    constant : ndarray, shape (n_elements,)
+    scale : ndarray, shape (n_elements,)
+        [J].
+    """
+
+    quadratic: Array
+    linear: Array
+    constant: Array
+    scale: Array
+
+    def _products(self, V: Array) -> Array:
+        G = V @ V.swapaxes(-1, -2)
+        return G.reshape(*G.shape[:-2], -1)
+
+    def energy(self, V: Array) -> Array:
+        """Return the stored energy [J], shape (..., n_elements)."""
+        g = self._products(V)
+        return np.asarray(
+            self.scale * (np.sum((0.5 * (g @ self.quadratic) + self.linear) * g, axis=-1) + self.constant)
+        )
+
+    def gradient(self, V: Array) -> Array:
+        """Return dU/dV [J], same shape as V."""
+        H = (self._products(V) @ self.quadratic + self.linear) * (2.0 * self.scale[:, None])
+        n = V.shape[-2]
+        return np.asarray(H.reshape(*V.shape[:-2], n, n) @ V)
+
+    def hessian(self, V: Array) -> Array:
+        """Return d2U/dV2 [J]: the products' own change and the change of the vectors they multiply."""
+        n, d = V.shape[-2:]
+        scale = 2.0 * self.scale[:, None, None]
+        H = (self._products(V) @ self.quadratic + self.linear).reshape(*V.shape[:-2], n, n) * scale
+        C = self.quadratic.reshape(n, n, n, n)
+        change = 2.0 * np.einsum("abcd,...bi,...dj->...aicj", C, V, V, optimize=True)
+        change *= scale[..., None, None]
+        geometric = H[..., :, None, :, None] * np.eye(d)[:, None, :]
+        return np.asarray((change + geometric).reshape(*V.shape[:-2], n * d, n * d))

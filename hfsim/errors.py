@@ -1,0 +1,101 @@
+"""Exceptions of hfsim; each carries the exit code its kind ends the program with."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+class HfsimError(Exception):
+    """Base class of everything hfsim raises on purpose."""
+
+    exit_code = 1
+
+
+@dataclass(frozen=True)
+class DeckProblem:
+    """One thing that is wrong with a deck.
+
+    Attributes
+    ----------
+    path : str
+        Dotted path of the entry, e.g. ``bodies.b1.length``.
+    message : str
+        What is wrong.
+    hint : str
+        What would be right; may be empty.
+    line, column : int
+        Position in the file, counted from 1; 0 where the problem has no place in the file.
+    width : int
+        Length of the marked text.
+    """
+
+    path: str
+    message: str
+    hint: str = ""
+    line: int = 0
+    column: int = 0
+    width: int = 1
+
+
+class DeckError(HfsimError):
+    """A deck (or an override of it) that cannot be run; carries every problem found."""
+
+    exit_code = 2
+
+    def __init__(self, file: str, problems: list[DeckProblem], text: str = "") -> None:
+        self.file = file
+        self.problems = problems
+        self.text = text
+        super().__init__(self.render())
+
+    def render(self) -> str:
+        """Return all problems as ``file:line:column``, the line with a caret, and the remedy."""
+        lines = self.text.splitlines()
+        blocks = [self._render_problem(problem, lines) for problem in self.problems]
+        count = len(self.problems)
+        blocks.append(f"{count} error{'s' if count != 1 else ''}. Nothing was run.")
+        return "\n".join(blocks)
+
+    def _render_problem(self, problem: DeckProblem, lines: list[str]) -> str:
+        place = f"{self.file}:{problem.line}:{problem.column}" if problem.line else self.file
+        head = f"{place}: error: {problem.path + ': ' if problem.path else ''}{problem.message}"
+        if problem.hint:
+            head += f" ({problem.hint})"
+        if not 0 < problem.line <= len(lines):
+            return head
+        source = lines[problem.line - 1]
+        caret = " " * (problem.column - 1) + "^" * max(1, problem.width)
+        return f"{head}\n{problem.line:5d} | {source}\n      | {caret}"
+
+
+@dataclass
+class SolverFailure(HfsimError):
+    """The integration could not go on: the solver failed or the model broke down."""
+
+    exit_code = 3
+
+    reason: str
+    time: float
+    item: str = ""
+    kind: str = "numerical"
+    evidence: dict[str, float] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        return self.reason
+
+
+class ToleranceMissed(HfsimError):
+    """A tolerance the user stated was missed."""
+
+    exit_code = 4
+
+
+class LimitReached(HfsimError):
+    """A stated limit (steps, time) ended the run before its end."""
+
+    exit_code = 5
+
+    def __init__(self, reason: str, time: float) -> None:
+        self.reason = reason
+        self.time = time
+        super().__init__(reason)

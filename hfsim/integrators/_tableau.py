@@ -1,0 +1,145 @@
+"""Collocation tables and the Legendre basis in which accelerations within a step are kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:
+    """Evaluate shifted Legendre polynomials and their first and second integrals from zero.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (n,)
+        Places within the step, 0 to 1 (beyond 1: extrapolation).
+    count : int
+        Number of polynomials, degrees 0 to count - 1.
+
+    Returns
+    -------
+    values, integrals, double_integrals : ndarray, shape (n, count)
+    """
+    theta = np.asarray(theta, dtype=float)
+    P = _legendre_values(2.0 * theta - 1.0, count + 2)
+    integrals = np.empty((len(theta), count + 1))
+    integrals[:, 0] = theta
+    k = np.arange(1, count + 1)
+    integrals[:, 1:] = (P[:, 2:] - P[:, :-2]) / (2.0 * (2.0 * k + 1.0))
+    double = np.empty((len(theta), count))
+    double[:, 0] = 0.5 * theta**2
+    # the integral of P_k is a difference of P_(k+1) and P_(k-1), which are integrated in turn
+    for degree in range(1, count):
+        double[:, degree] = (integrals[:, degree + 1] - integrals[:, degree - 1]) / (2.0 * (2.0 * degree + 1.0))
+    return P[:, :count], integrals[:, :count], double
+
+
+def _legendre_values(x: Array, count: int) -> Array:
+    P = np.ones((len(x), count))
+    P[:, 1] = x
+    for k in range(1, count - 1):
+        P[:, k + 1] = ((2 * k + 1) * x * P[:, k] - k * P[:, k - 1]) / (k + 1)
+    return P
+
+
+@dataclass(frozen=True)
+class Collocation:
+    """A collocation method for q'' = a(t, q, q').
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (s,)
+        Places of the stages within the step.
+    order : int
+        Classical order at the end of the step.
+    A, A2 : ndarray, shape (s, s)
+        Integrals of the stage accelerations up to each stage; A2 = A A, as the method for the first
+        order system (q, q')' = (q', a) has it: the double integral of the accelerations'
+        polynomial would be neither symplectic nor A-stable.
+    b, b2 : ndarray, shape (s,)
+        The same up to the end of the step.
+    to_legendre : ndarray, shape (s, s)
+        From stage values to coefficients of the Legendre basis.
+    poles, left, right
+        ``A = left @ diag(poles) @ right``; of each complex pair only one is kept, so that
+        ``A z = 2 Re(left @ (poles * (right @ z)))`` with a real pole counted half.
+    """
+
+    nodes: Array
+    order: int
+    A: Array
+    A2: Array
+    b: Array
+    b2: Array
+    to_legendre: Array
+    poles: ComplexArray
+    left: ComplexArray
+    right: ComplexArray
+
+    @property
+    def stages(self) -> int:
+        """Number of stages."""
+        return len(self.nodes)
+
+
+def _collocation(nodes: Array, order: int) -> Collocation:
+    s = len(nodes)
+    values, once, _ = legendre(nodes, s)
+    _, once_end, twice_end = legendre(np.array([1.0]), s)
+    to_legendre = np.linalg.inv(values)
+    A = once @ to_legendre
+    poles, vectors = np.linalg.eig(A)
+    keep = poles.imag > -1e-12
+    left, right = vectors[:, keep], np.linalg.inv(vectors)[keep]
+    half = np.where(np.abs(poles[keep].imag) < 1e-12, 0.5, 1.0)
+    return Collocation(
+        nodes=nodes,
+        order=order,
+        A=A,
+        A2=A @ A,
+        b=(once_end @ to_legendre)[0],
+        b2=(twice_end @ to_legendre)[0],
+        to_legendre=to_legendre,
+        poles=poles[keep].astype(complex),
+        left=(left * half).astype(complex),
+        right=right.astype(complex),
+    )
+
+
+@lru_cache(maxsize=64)
+def gauss(stages: int) -> Collocation:
+    """Return Gauss collocation, order 2s: symplectic, A-stable.
+
+    Examples
+    --------
+    >>> gauss(1).A, gauss(2).order
+    (array([[0.5]]), 4)
+    """
+    x, _ = np.polynomial.legendre.leggauss(stages)
+    return _collocation(0.5 * (x + 1.0), 2 * stages)
+
+
+@lru_cache(maxsize=64)
+def radau(stages: int) -> Collocation:
+    """Return Radau IIA collocation, order 2s - 1: the last stage is the end of the step, L-stable.
+
+    Examples
+    --------
+    >>> radau(2).nodes.round(12), radau(2).order
+    (array([0.33333333, 1.        ]), 3)
+    """
+    if stages == 1:
+        return _collocation(np.array([1.0]), 1)
+    # the nodes inside are the zeros of the Jacobi polynomial P^(1,0) (Golub and Welsch)
+    k = np.arange(stages - 1, dtype=float)
+    diagonal = -1.0 / ((2 * k + 1) * (2 * k + 3))
+    j = np.arange(1, stages - 1, dtype=float)
+    off = np.sqrt(j * (j + 1) / (2 * j + 1) ** 2)
+    x = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1))
+    return _collocation(np.append(0.5 * (x + 1.0), 1.0), 2 * stages - 1)

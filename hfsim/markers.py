@@ -1,0 +1,175 @@
+"""Markers: points of bodies with a direction, as joints, springs, loads and channels see them.
+
+A marker answers, for a batch of absolute coordinates x (n_batch, n) and their rates u: where it is,
+how it is turned, how both depend on the coordinates of its body, and the part of their second
+derivative that does not come from the accelerations (the *bias*).  Only the columns of its own body
+appear in its Jacobians.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.rotations import normal
+
+Array = NDArray[np.float64]
+
+
+class Marker(Protocol):
+    """A point with a direction on a body."""
+
+    columns: slice
+    """Coordinates of its body in x; empty for the ground."""
+    linear: bool
+    """Whether the position is a linear function of the coordinates."""
+
+    def position(self, x: Array) -> Array:
+        """Return the position [m], shape (n_batch, 2)."""
+
+    def position_jacobian(self, x: Array) -> Array:
+        """Return its derivative by the body's coordinates, shape (n_batch or 1, 2, n_columns)."""
+
+    def position_bias(self, x: Array, u: Array) -> Array:
+        """Return its second time derivative at zero accelerations [m/s^2], shape (n_batch, 2)."""
+
+    def angle(self, x: Array) -> Array:
+        """Return the angle of its direction [rad], shape (n_batch,); full turns may be lost."""
+
+    def angle_jacobian(self, x: Array) -> Array:
+        """Return its derivative by the body's coordinates, shape (n_batch or 1, n_columns)."""
+
+    def angle_bias(self, x: Array, u: Array) -> Array:
+        """Return its second time derivative at zero accelerations [rad/s^2], shape (n_batch,)."""
+
+
+@dataclass(frozen=True)
+class GroundMarker:
+    """A point of the ground; it never moves."""
+
+    place: tuple[float, float] = (0.0, 0.0)
+    columns: slice = field(default_factory=lambda: slice(0, 0))
+    linear: bool = True
+
+    def position(self, x: Array) -> Array:
+        """Return the fixed place."""
+        return np.broadcast_to(np.array(self.place), (len(x), 2))
+
+    def position_jacobian(self, x: Array) -> Array:
+        """Return an empty matrix."""
+        return np.zeros((1, 2, 0))
+
+    def position_bias(self, x: Array, u: Array) -> Array:
+        """Return zero."""
+        return np.zeros((len(x), 2))
+
+    def angle(self, x: Array) -> Array:
+        """Return zero."""
+        return np.zeros(len(x))
+
+    def angle_jacobian(self, x: Array) -> Array:
+        """Return an empty row."""
+        return np.zeros((1, 0))
+
+    def angle_bias(self, x: Array, u: Array) -> Array:
+        """Return zero."""
+        return np.zeros(len(x))
+
+
+@dataclass(frozen=True)
+class NodalMarker:
+    """A material point of a body whose coordinates are absolute nodal vectors.
+
+    Attributes
+    ----------
+    columns : slice
+    place_row, slope_row : ndarray, shape (n_vectors,)
+        Shape rows of the position and of the slope vector that gives the direction.
+    """
+
+    columns: slice
+    place_row: Array
+    slope_row: Array
+    linear: bool = True
+
+    def _nodes(self, x: Array) -> Array:
+        return x[:, self.columns].reshape(len(x), -1, 2)
+
+    def position(self, x: Array) -> Array:
+        """Return N x."""
+        return np.asarray(self.place_row @ self._nodes(x))
+
+    def position_jacobian(self, x: Array) -> Array:
+        """Return N, the same for every state."""
+        return np.kron(self.place_row, np.eye(2))[None]
+
+    def position_bias(self, x: Array, u: Array) -> Array:
+        """Return zero: the position is linear."""
+        return np.zeros((len(x), 2))
+
+    def _slope(self, x: Array) -> Array:
+        return np.asarray(self.slope_row @ self._nodes(x))
+
+    def angle(self, x: Array) -> Array:
+        """Return the angle of the slope vector."""
+        t = self._slope(x)
+        return np.asarray(np.arctan2(t[:, 1], t[:, 0]))
+
+    def angle_jacobian(self, x: Array) -> Array:
+        """Return the row of (t x N')/|t|^2."""
+        t = self._slope(x)
+        turn = normal(t) / np.sum(t * t, axis=-1, keepdims=True)
+        return np.asarray((self.slope_row[:, None] * turn[:, None, :]).reshape(len(x), -1))
+
+    def angle_bias(self, x: Array, u: Array) -> Array:
+        """Return -2 (t.t')(t x t')/|t|^4."""
+        t, dt = self._slope(x), self._slope(u)
+        square = np.sum(t * t, axis=-1)
+        return np.asarray(-2.0 * np.sum(t * dt, -1) * np.sum(normal(t) * dt, -1) / square**2)
+
+
+@dataclass(frozen=True)
+class RigidMarker:
+    """A point of a rigid body with coordinates (x, y, angle)."""
+
+    columns: slice
+    offset: tuple[float, float] = (0.0, 0.0)
+    linear: bool = False
+
+    def _arm(self, x: Array) -> Array:
+        angle = x[:, self.columns.start + 2]
+        c, s = np.cos(angle), np.sin(angle)
+        a, b = self.offset
+        return np.stack([c * a - s * b, s * a + c * b], axis=-1)
+
+    def position(self, x: Array) -> Array:
+        """Return r + A c."""
+        i = self.columns.start
+        return np.asarray(x[:, i : i + 2] + self._arm(x))
+
+    def position_jacobian(self, x: Array) -> Array:
+        """Return (1, A c turned by a quarter)."""
+        J = np.zeros((len(x), 2, 3))
+        J[:, 0, 0] = J[:, 1, 1] = 1.0
+        J[:, :, 2] = normal(self._arm(x))
+        return J
+
+    def position_bias(self, x: Array, u: Array) -> Array:
+        """Return the centripetal acceleration."""
+        omega = u[:, self.columns.start + 2]
+        return np.asarray(-(omega**2)[:, None] * self._arm(x))
+
+    def angle(self, x: Array) -> Array:
+        """Return the body's angle, with its full turns."""
+        return np.asarray(x[:, self.columns.start + 2])
+
+    def angle_jacobian(self, x: Array) -> Array:
+        """Return (0, 0, 1)."""
+        return np.array([[0.0, 0.0, 1.0]])
+
+    def angle_bias(self, x: Array, u: Array) -> Array:
+        """Return zero."""
+        return np.zeros(len(x))

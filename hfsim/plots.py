@@ -1,0 +1,384 @@
+"""Runs to pictures (PNG); the only module that imports matplotlib."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
+
+from hfsim.solution import Channel, Run
+from hfsim.studies.compare import Comparison, ending, percent
+
+_DPI = 110
+_SIZE = (8.0, 4.6)
+"""Width and height of a plot against time [inch]."""
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+"""Okabe and Ito's colours, which colour-blind readers can tell apart."""
+_MODEL_COLOURS = {"linear": "#D55E00", "lowOrder": "#0072B2", "exact": "#CC79A7", "ancf": "#009E73"}
+_FRAMES = 20
+"""Number of shapes in a stroboscopic picture."""
+_TIME_COLOURS = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
+"""Early to late, without the palest yellow, which is lost on white."""
+_OFF_SCALE = 1e3
+"""Relative differences above this are drawn here."""
+_CLIP = 3.0
+"""Height of an overlay's axis at most, in ranges of the reference."""
+
+_QUANTITIES = {
+    "position": (r"\.[xyz]", "position"),
+    "deflection": (r"\.deflection", "deflection"),
+    "elongation": (r"\.elongation", "elongation"),
+    "angle": (r"\.angle", "angle"),
+    "angular_velocity": (r"\.angular_velocity", "angular velocity"),
+    "energy": (r"energy\.\w+", "energy"),
+    "constraint": (r"constraint\.\w+", "constraint violation"),
+}
+"""File stem: (pattern of the end of a channel's name, words for titles and axes)."""
+_UNIT_WORDS = {"m/s": "velocity", "m": "length", "N": "force", "N m": "moment"}
+"""Words for channels that only their unit tells apart."""
+
+
+def draw_run(run: Run, folder: Path) -> list[str]:
+    """Draw one run: channels against time, paths of points, shapes of the bodies.
+
+    Parameters
+    ----------
+    run : Run
+        A run with finite values only.
+    folder : Path
+        Where the PNG files go; made if anything is drawn.
+
+    Returns
+    -------
+    list of str
+        File names written; only plots for which channels or outlines exist, none for an empty run.
+    """
+    if not len(run.t):
+        return []
+    figures = {
+        **_time_figures(run),
+        "path": _path_figure(run),
+        "shapes": _shapes_figure(run),
+    }
+    return _save({name: figure for name, figure in figures.items() if figure is not None}, folder)
+
+
+def draw_comparison(runs: Sequence[Run], comparison: Comparison, folder: Path) -> list[str]:
+    """Draw every channel over all models, and each model's error against its cost.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        The compared runs with finite values only, the reference among them.
+    comparison : Comparison
+        What `hfsim.studies.compare.compare` found.
+    folder : Path
+        Where the PNG files go.
+
+    Returns
+    -------
+    list of str
+        File names written.
+    """
+    truth = next(run for run in runs if run.model == comparison.reference)
+    if not len(truth.t):
+        return []
+    figures = {_slug(channel.name): _overlay_figure(runs, truth, channel) for channel in truth.channels}
+    cost = _cost_figure(comparison)
+    if cost is not None:
+        figures["error_against_cost"] = cost
+    return _save(figures, folder)
+
+
+def _save(figures: dict[str, Figure], folder: Path) -> list[str]:
+    if figures:
+        folder.mkdir(parents=True, exist_ok=True)
+    for name, figure in figures.items():
+        canvas: Any = FigureCanvasAgg(figure)
+        canvas.print_png(folder / f"{name}.png")  # savefig would draw everything twice
+    return [f"{name}.png" for name in figures]
+
+
+def _slug(name: str) -> str:
+    return re.sub(r"[^\w.+-]", "_", name)
+
+
+def _figure(size: tuple[float, float] = _SIZE) -> Figure:
+    return Figure(figsize=size, dpi=_DPI, layout="constrained")
+
+
+def _rows(figure: Figure, count: int) -> list[Axes]:
+    return list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
+
+
+def _dress(axes: Axes, x_label: str, y_label: str) -> None:
+    axes.set_xlabel(x_label)
+    axes.set_ylabel(y_label)
+    axes.grid(True, color="0.9", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.ticklabel_format(axis="y", scilimits=(-3, 4))
+
+
+def _title(figure: Figure, text: str) -> None:
+    figure.axes[0].set_title(text, fontsize=12, loc="left", pad=10)
+
+
+def _headline(run: Run, words: str) -> str:
+    title = f"{run.name}, {run.model}: {words}"
+    return title if run.status == "done" else f"{title} ({_ended(run)})"
+
+
+def _ended(run: Run) -> str:
+    return f"{ending(run.status)} at {run.stop_time:.3g} s"
+
+
+def _with_unit(words: str, unit: str) -> str:
+    return f"{words} [{unit}]" if unit else words
+
+
+# --- one run against time ------------------------------------------------------------------------
+
+
+def _time_figures(run: Run) -> dict[str, Figure | None]:
+    figures: dict[str, Figure | None] = {}
+    rest = list(run.channels)
+    for stem, (pattern, words) in _QUANTITIES.items():
+        chosen = [c for c in rest if re.search(rf"{pattern}$", c.name)]
+        rest = [c for c in rest if c not in chosen]
+        if chosen:
+            draw = _position_figure if stem == "position" else _channels_figure
+            figures[stem] = draw(run, chosen, words)
+    for unit in dict.fromkeys(channel.unit for channel in rest):
+        chosen = [c for c in rest if c.unit == unit]
+        name = _slug("other_" + (unit or "number").replace("/", "_per_"))
+        figures[name] = _channels_figure(run, chosen, _UNIT_WORDS.get(unit, "other outputs"))
+    return figures
+
+
+def _position_figure(run: Run, channels: Sequence[Channel], words: str) -> Figure:
+    directions = sorted({channel.name[-1] for channel in channels})
+    figure = _figure((_SIZE[0], 1.4 + 2.4 * len(directions)))
+    rows = _rows(figure, len(directions))
+    points = list(dict.fromkeys(channel.name[:-2] for channel in channels))
+    for axes, direction in zip(rows, directions, strict=True):
+        for channel in (c for c in channels if c.name.endswith(f".{direction}")):
+            colour = _COLOURS[points.index(channel.name[:-2]) % len(_COLOURS)]
+            axes.plot(run.t, channel.values, color=colour, label=channel.name[:-2])
+        _dress(axes, "", _with_unit(direction, channels[0].unit))
+    rows[-1].set_xlabel("time [s]")
+    _outside_legend(figure, rows)
+    what = f"{words} of {points[0]}" if len(points) == 1 else f"{words} of points"
+    _title(figure, _headline(run, what))
+    return figure
+
+
+def _channels_figure(run: Run, channels: Sequence[Channel], words: str) -> Figure:
+    units = list(dict.fromkeys(channel.unit for channel in channels))
+    figure = _figure((_SIZE[0], 2.2 + 2.4 * len(units)))
+    rows = _rows(figure, len(units))
+    for axes, unit in zip(rows, units, strict=True):
+        for i, channel in enumerate(c for c in channels if c.unit == unit):
+            axes.plot(run.t, channel.values, color=_COLOURS[i % len(_COLOURS)], label=channel.name)
+        _dress(axes, "", _with_unit(words, unit))
+    rows[-1].set_xlabel("time [s]")
+    single = len(channels) == 1
+    if not single:
+        _outside_legend(figure, rows)
+    _title(figure, _headline(run, channels[0].name if single else words))
+    return figure
+
+
+def _outside_legend(figure: Figure, rows: Sequence[Axes]) -> None:
+    """Put one legend right of the axes, where it cannot cover data; a single label needs none."""
+    found = {
+        label: handle
+        for axes in rows
+        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    if len(found) > 1:
+        figure.legend(list(found.values()), list(found), loc="outside right upper", frameon=False)
+
+
+# --- one run in the plane ------------------------------------------------------------------------
+
+
+def _path_figure(run: Run) -> Figure | None:
+    columns = {channel.name: channel.values for channel in run.channels}
+    points = [name[:-2] for name in columns if name.endswith(".x") and f"{name[:-2]}.y" in columns]
+    if not points or len(run.t) < 2:
+        return None
+    tracks = [np.column_stack([columns[f"{point}.x"], columns[f"{point}.y"]]) for point in points]
+    figure, axes = _plane(np.vstack(tracks))
+    for i, (point, track) in enumerate(zip(points, tracks, strict=True)):
+        colour = _COLOURS[i % len(_COLOURS)]
+        axes.plot(*track.T, color=colour, linewidth=1.3, label=point)
+        axes.plot(*track[0], "o", color=colour, markerfacecolor="white")
+        axes.plot(*track[-1], "s", color=colour)
+    axes.plot([], [], "o", color="0.3", markerfacecolor="white", label="start")
+    axes.plot([], [], "s", color="0.3", label="end")
+    _outside_legend(figure, [axes])
+    what = f"path of {points[0]}" if len(points) == 1 else "paths of points"
+    _title(figure, _headline(run, what))
+    return figure
+
+
+def _shapes_figure(run: Run) -> Figure | None:
+    outlines = {body: points[..., :2] for body, points in run.outlines.items() if points.size}
+    if not outlines:
+        return None
+    frames = np.unique(np.linspace(0, len(run.t) - 1, _FRAMES).round().astype(int))
+    figure, axes = _plane(np.vstack([points[frames].reshape(-1, 2) for points in outlines.values()]))
+    lines = LineCollection([], cmap=_TIME_COLOURS, linewidths=1.6, capstyle="round")
+    lines.set_segments([points[k] for k in frames for points in outlines.values()])
+    lines.set_array(np.repeat(run.t[frames], len(outlines)))
+    axes.add_collection(lines, autolim=False)
+    for points in outlines.values():
+        ends = points[frames][:, [0, -1]].reshape(-1, 2)
+        axes.scatter(ends[:, 0], ends[:, 1], s=7, c=np.repeat(run.t[frames], 2), cmap=_TIME_COLOURS, zorder=3)
+    figure.colorbar(lines, ax=axes, label="time [s]", fraction=0.04, pad=0.02)
+    _title(figure, _headline(run, "shapes of the bodies"))
+    return figure
+
+
+def _plane(points: np.ndarray) -> tuple[Figure, Axes]:
+    """Return a figure with equal axes, shaped to hold `points`, shape (n, 2) [m]."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = np.maximum(high - low, 0.12 * max(float((high - low).max()), 1e-9))
+    middle = 0.5 * (low + high)
+    half = 0.55 * size
+    ratio = float(size[1] / size[0])
+    width = float(np.clip(6.0 / ratio, 4.0, 8.0))
+    figure = _figure((width + 1.4, float(np.clip(width * ratio, 2.0, 6.5)) + 1.0))
+    axes = figure.subplots()
+    _dress(axes, "x [m]", "y [m]")
+    axes.set_aspect("equal")
+    axes.set_xlim(middle[0] - half[0], middle[0] + half[0])
+    axes.set_ylim(middle[1] - half[1], middle[1] + half[1])
+    return figure, axes
+
+
+# --- several models ------------------------------------------------------------------------------
+
+
+def _overlay_figure(runs: Sequence[Run], truth: Run, channel: Channel) -> Figure:
+    figure = _figure((9.0, 4.6))
+    axes = figure.subplots()
+    curves = [(run, values) for run in runs if (values := _values(run, channel.name)) is not None]
+    low, high, clipped = overlay_limits(channel.values, [values for _, values in curves])
+    for run, values in curves:
+        if run is not truth:
+            _draw_model(axes, run, values, (low, high))
+    label = f"{truth.model} (reference)" + ("" if truth.status == "done" else f" ({_ended(truth)})")
+    axes.plot(truth.t, channel.values, "--", color="black", linewidth=1.5, label=label, zorder=5)
+    axes.set_ylim(low, high)
+    _dress(axes, "time [s]", _with_unit(channel.name, channel.unit))
+    _outside_legend(figure, [axes])
+    note = f"\n(axis cut at {_CLIP:.0f} x the reference's range)" if clipped else ""
+    _title(figure, f"{truth.name}: {channel.name} by model{note}")
+    return figure
+
+
+def _values(run: Run, name: str) -> np.ndarray | None:
+    found = next((channel.values for channel in run.channels if channel.name == name), None)
+    return found if found is not None and len(found) else None
+
+
+def _draw_model(axes: Axes, run: Run, values: np.ndarray, limits: tuple[float, float]) -> None:
+    low, high = limits
+    room = 2.0 * (high - low)
+    shown = np.clip(values, low - room, high + room)  # 1e200 would overflow the drawing library
+    colour = _MODEL_COLOURS.get(run.model, _COLOURS[4])
+    broke = run.status != "done"
+    label = f"{run.model} ({_ended(run)})" if broke else run.model
+    axes.plot(run.t, shown, color=colour, linewidth=1.8, label=None if broke else label)
+    if not broke:
+        return
+    axes.plot([], [], color=colour, linewidth=1.8, marker="X", markersize=9, label=label)
+    edge = np.clip(values[-1], low, high)
+    axes.plot(
+        run.t[-1], edge, "X", color=colour, markersize=10, markeredgecolor="white", clip_on=False, zorder=6
+    )
+
+
+def overlay_limits(reference: np.ndarray, curves: Sequence[np.ndarray]) -> tuple[float, float, bool]:
+    """Return the limits of an overlay's axis, in which a diverging model cannot squash the others.
+
+    Parameters
+    ----------
+    reference : ndarray, shape (n,)
+        Values of the reference.
+    curves : sequence of ndarray
+        Values of all models.
+
+    Returns
+    -------
+    low, high : float
+        At most three ranges of the reference around its middle.
+    clipped : bool
+        Whether some curve leaves them.
+
+    Examples
+    --------
+    >>> overlay_limits(np.array([0.0, 1.0]), [np.array([0.0, 100.0])])
+    (-0.05, 2.0, True)
+    """
+    low, high = float(reference.min()), float(reference.max())
+    span = max(high - low, 1e-9 * max(abs(low), abs(high)), 1e-15)
+    middle = 0.5 * (low + high)
+    floor, ceiling = middle - 0.5 * _CLIP * span, middle + 0.5 * _CLIP * span
+    bottom = min([low, *(float(values.min()) for values in curves)])
+    top = max([high, *(float(values.max()) for values in curves)])
+    clipped = bottom < floor or top > ceiling
+    margin = 0.05 * span
+    bottom, top = max(bottom - margin, floor), min(top + margin, ceiling)
+    return bottom, top, clipped
+
+
+def _cost_figure(comparison: Comparison) -> Figure | None:
+    shown = [
+        m for m in comparison.models if m.model != comparison.reference and m.worst and m.solve_cpu > 0.0
+    ]
+    if not shown:
+        return None
+    figure = _figure((8.4, 4.6))
+    axes = figure.subplots()
+    for m in shown:
+        error = float(np.clip(m.worst.max_relative if m.worst else 0.0, 1e-16, _OFF_SCALE))
+        marker = "X" if m.broke_down else "o"
+        colour = _MODEL_COLOURS.get(m.model, _COLOURS[4])
+        label = f"{m.model} ({ending(m.status)} at {m.stop_time:.3g} s)" if m.broke_down else m.model
+        if error == _OFF_SCALE:
+            label += ", off scale"
+        axes.loglog([m.solve_cpu], [error], marker, color=colour, markersize=10, label=label)
+    cost = comparison.result(comparison.reference).solve_cpu
+    if cost > 0.0:
+        axes.axvline(cost, color="black", linestyle="--", label=f"cost of {comparison.reference} (reference)")
+    axes.axhline(
+        comparison.max_error, color="0.5", linestyle=":", label=f"bound {percent(comparison.max_error)}"
+    )
+    _dress_log(axes)
+    _outside_legend(figure, [axes])
+    _title(figure, f"{comparison.name}: error against cost")
+    return figure
+
+
+def _dress_log(axes: Axes) -> None:
+    axes.set_xlabel("CPU time of the solution [s]")
+    axes.set_ylabel("largest relative difference [-]")
+    axes.grid(True, which="major", color="0.9", linewidth=0.8)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.margins(0.15)
+    low, high = axes.get_xlim()
+    axes.set_xlim(10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high)))  # whole decades: few ticks
+    axes.xaxis.set_minor_formatter(NullFormatter())

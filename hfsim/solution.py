@@ -1,0 +1,87 @@
+"""What a simulation hands back: times, named columns with units, outlines and statistics."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One output column.
+
+    Attributes
+    ----------
+    name : str
+        Name as in the deck, e.g. ``b1.tip.x``.
+    unit : str
+        SI unit, e.g. ``m``; empty for a pure number.
+    values : ndarray, shape (n_times,)
+        One value for every output time, in `unit`.
+    """
+
+    name: str
+    unit: str
+    values: ndarray
+
+
+@dataclass(frozen=True)
+class Run:
+    """What one simulated model of one scene gives.
+
+    Attributes
+    ----------
+    name : str
+        Name of the deck.
+    model, method : str
+        What was really used; never ``auto``.
+    status : str
+        ``done``, ``failed``, ``limit`` or ``interrupted``.
+    reason : str
+        Why it ended early; empty when done.
+    t : ndarray, shape (n_times,)
+        Output times that were reached [s].
+    channels : tuple of Channel
+        Columns in the order of the deck.
+    outlines : dict of str to ndarray, shape (n_times, n_points, 2)
+        Absolute points [m] of each body's centre line (beam) or of the polyline through
+        its frame points (rigid body).
+    statistics : dict
+        JSON-ready facts: ``cpu_s`` and ``wall_s`` (by phase), ``steps``, ``energy_drift``, ``warnings``...
+    failure : dict or None
+        JSON-ready facts about a failure (``time``, ``item``, ``kind``...), or None.
+    exit_code : int
+        Exit code this run alone would end the program with.
+    """
+
+    name: str
+    model: str
+    method: str
+    status: str
+    reason: str
+    t: ndarray
+    channels: tuple[Channel, ...]
+    outlines: dict[str, ndarray]
+    statistics: dict[str, Any]
+    failure: dict[str, Any] | None
+    exit_code: int
+
+    @property
+    def end_time(self) -> float:
+        """Last output time that was reached [s]; 0 when there is none."""
+        return float(self.t[-1]) if len(self.t) else 0.0
+
+    @property
+    def stop_time(self) -> float:
+        """When the computation stopped [s]: the time of the failure where one is known, else `end_time`."""
+        time = (self.failure or {}).get("time")
+        return float(time) if isinstance(time, (int, float)) else self.end_time
+
+    def phase_cpu(self, phase: str) -> float:
+        """CPU time of one phase (``build``, ``solve``, ...) [s]; 0 when it was not measured."""
+        times = self.statistics.get("cpu_s")
+        value = times.get(phase) if isinstance(times, dict) else None
+        return float(value) if isinstance(value, (int, float)) else 0.0

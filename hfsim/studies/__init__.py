@@ -1,0 +1,1 @@
+"""Studies: loops over `hfsim.simulate` and the pure functions that judge their results."""

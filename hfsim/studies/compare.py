@@ -1,0 +1,442 @@
+"""Several models of one scene held against a reference model: differences and the verdict.
+
+Pure functions from runs to numbers; nothing is computed, printed or written here.
+
+A difference is judged relative to the reference channel's own range. A range that is tiny against the
+scene (a deflection of micrometres on a beam of metres) would make round-off look like an error, so the
+scale of a channel never falls below `SMALL` times the scale of all channels with its unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from hfsim.solution import Channel, Run
+
+SMALL = 1e-3
+"""Range of a channel, relative to the scale of its unit, below which it is too small to be judged by."""
+
+_TINY = 1e-12
+"""Smallest scale of any channel, in its unit: nothing is divided by zero."""
+
+_NATURAL = {"rad": 1.0}
+"""Units with a scale of their own, whatever the scene."""
+
+_NOT_JUDGED = "constraint."
+"""Channels that tell of a solver's quality, not of the motion."""
+
+
+@dataclass(frozen=True)
+class ChannelScale:
+    """What differences in one channel are divided by.
+
+    Attributes
+    ----------
+    channel, unit : str
+        Name and SI unit.
+    reference_range : float
+        Largest minus smallest value of the reference over its whole span, in `unit`.
+    scale : float
+        Divisor, in `unit`: the range, or more where that is too small to judge by.
+    small : bool
+        Whether the range was too small to judge by.
+    judged : bool
+        Whether the channel counts for the verdict.
+    """
+
+    channel: str
+    unit: str
+    reference_range: float
+    scale: float
+    small: bool
+    judged: bool
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One channel of one model against the reference, over the time both have reached.
+
+    Attributes
+    ----------
+    channel, unit : str
+        Name and SI unit.
+    max_abs, rms : float
+        Largest and root-mean-square difference, in `unit`.
+    max_relative : float
+        `max_abs` divided by the channel's scale [-].
+    time_of_max : float
+        When the difference is largest [s].
+    first_exceeded : float or None
+        When it first passes the bound [s]; None if never.
+    """
+
+    channel: str
+    unit: str
+    max_abs: float
+    max_relative: float
+    rms: float
+    time_of_max: float
+    first_exceeded: float | None
+
+
+@dataclass(frozen=True)
+class ModelResult:
+    """One model in a comparison.
+
+    Attributes
+    ----------
+    model, method, status, reason : str
+        As in `Run`.
+    stop_time : float
+        When its computation stopped [s].
+    solve_cpu : float
+        CPU time of the solve phase, median of the repeats [s].
+    cpu_s : dict of str to float
+        CPU time of each phase of its first run [s].
+    repeats : int
+        How often it was run for `solve_cpu`.
+    differences : tuple of Difference
+        One for each channel of the reference; empty when there is no common time.
+    worst : Difference or None
+        The judged one with the largest `max_relative`.
+    adequate : bool
+        Whether it reached the end and stayed within the bound in every judged channel.
+    """
+
+    model: str
+    method: str
+    status: str
+    reason: str
+    stop_time: float
+    solve_cpu: float
+    cpu_s: dict[str, float]
+    repeats: int
+    differences: tuple[Difference, ...]
+    worst: Difference | None
+    adequate: bool
+
+    @property
+    def broke_down(self) -> bool:
+        """Whether it did not reach the end."""
+        return self.status != "done"
+
+    @property
+    def first_exceeded(self) -> Difference | None:
+        """The difference that passes the bound first, if any does."""
+        passed = [d for d in self.differences if d.first_exceeded is not None]
+        return min(passed, key=lambda d: d.first_exceeded or 0.0, default=None)
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All models against the reference.
+
+    Attributes
+    ----------
+    name : str
+        Name of the deck.
+    reference : str
+        The reference model.
+    duration : float
+        Span of the reference [s].
+    max_error : float
+        The bound [-], relative to each channel's scale.
+    scales : tuple of ChannelScale
+        One for each channel.
+    models : tuple of ModelResult
+        In the order in which they were asked for, the reference included.
+    verdict : str or None
+        The cheapest adequate model; None if the reference itself failed.
+    """
+
+    name: str
+    reference: str
+    duration: float
+    max_error: float
+    scales: tuple[ChannelScale, ...]
+    models: tuple[ModelResult, ...]
+    verdict: str | None
+
+    def result(self, model: str) -> ModelResult:
+        """Return the result of one model.
+
+        Raises
+        ------
+        KeyError
+            If the model was not compared.
+        """
+        for result in self.models:
+            if result.model == model:
+                return result
+        raise KeyError(model)
+
+    @property
+    def status(self) -> str:
+        """Status of the reference run: without it there is nothing to compare with."""
+        return self.result(self.reference).status
+
+    @property
+    def sentence(self) -> str:
+        """The verdict in one sentence."""
+        if self.verdict is None:
+            failed = self.result(self.reference)
+            return f"verdict: none, because the reference {self.reference} {how_it_ended(failed)}"
+        bound = f"{100 * self.max_error:.3g} %"
+        best = self.result(self.verdict)
+        if best.model != self.reference:
+            return f"verdict: {best.model} is the cheapest model within {bound} {_worst_of(best)}"
+        others = [m for m in self.models if m.model != self.reference]
+        if not others:
+            return f"verdict: only {self.reference} was run, nothing to compare it with"
+        if any(m.adequate for m in others):
+            return f"verdict: {best.model}, the reference, is itself the cheapest model within {bound}"
+        return f"verdict: {best.model}, the reference: no other model stays within {bound}"
+
+
+def _worst_of(result: ModelResult) -> str:
+    if result.worst is None:
+        return "(no channel could be judged)"
+    return f"(worst channel {result.worst.channel}: {percent(result.worst.max_relative)})"
+
+
+def how_it_ended(result: ModelResult) -> str:
+    """Return how a model that did not reach the end stopped, with the time and the reason."""
+    reason = f": {result.reason}" if result.reason else ""
+    return f"{ending(result.status)} at {result.stop_time:.3g} s{reason}"
+
+
+def ending(status: str) -> str:
+    """Return the verb for an early end."""
+    return {"failed": "broke down", "limit": "reached a limit", "interrupted": "was interrupted"}.get(
+        status, "stopped"
+    )
+
+
+def percent(fraction: float) -> str:
+    """Return a fraction in per cent with two digits, however large or small.
+
+    Examples
+    --------
+    >>> percent(0.000312), percent(83.0), percent(0.0), percent(1e-15)
+    ('0.031 %', '8300 %', '0 %', '1e-13 %')
+    """
+    value = 100.0 * fraction
+    if value == 0.0:
+        return "0 %"
+    if 1e-3 <= abs(value) < 1e5:
+        return f"{float(f'{value:.2g}'):.10g} %"
+    return f"{value:.0e} %"
+
+
+def channel_scales(reference: Run) -> tuple[ChannelScale, ...]:
+    """Return what differences in each channel of the reference are judged against.
+
+    Parameters
+    ----------
+    reference : Run
+        A run with at least one output time.
+
+    Returns
+    -------
+    tuple of ChannelScale
+        The scale of a unit is the largest magnitude in any channel with it; for lengths, the largest
+        range of any channel or extent of the bodies (where the origin lies must not matter); for
+        angles at least one radian.
+    """
+    units = {channel.unit for channel in reference.channels}
+    common = {unit: _unit_scale(reference, unit) for unit in units}
+    return tuple(_scale_of(channel, common[channel.unit]) for channel in reference.channels)
+
+
+def _unit_scale(run: Run, unit: str) -> float:
+    values = [c.values for c in run.channels if c.unit == unit and not c.name.startswith(_NOT_JUDGED)]
+    if unit == "m":
+        sizes = [float(np.ptp(v)) for v in values]
+        sizes += [float(np.ptp(points[0], axis=0).max()) for points in run.outlines.values() if points.size]
+    else:
+        sizes = [float(np.abs(v).max()) for v in values]
+    return max([_NATURAL.get(unit, 0.0), *sizes])
+
+
+def _scale_of(channel: Channel, common: float) -> ChannelScale:
+    span = float(np.ptp(channel.values))
+    floor = max(SMALL * common, _TINY)
+    judged = not channel.name.startswith(_NOT_JUDGED)
+    return ChannelScale(channel.name, channel.unit, span, max(span, floor), span < floor, judged)
+
+
+def difference(run: Run, reference: Run, scale: ChannelScale, max_error: float) -> Difference | None:
+    """Return how far one channel of `run` is from the reference.
+
+    Parameters
+    ----------
+    run, reference : Run
+        Runs of the same scene; `run` may have ended early.
+    scale : ChannelScale
+        The channel and what to divide by.
+    max_error : float
+        Bound on the relative difference [-].
+
+    Returns
+    -------
+    Difference or None
+        None when `run` lacks the channel or shares no time with the reference. Between its own
+        output times `run` is interpolated linearly; on a shared output grid nothing is.
+    """
+    own = {channel.name: channel.values for channel in run.channels}.get(scale.channel)
+    times = common_times(run, reference)
+    if own is None or not len(times):
+        return None
+    other = {channel.name: channel.values for channel in reference.channels}[scale.channel]
+    error = np.abs(np.interp(times, run.t, own) - other[: len(times)])
+    worst = int(error.argmax())
+    passed = (error > max_error * scale.scale) & scale.judged
+    return Difference(
+        channel=scale.channel,
+        unit=scale.unit,
+        max_abs=float(error[worst]),
+        max_relative=float(error[worst]) / scale.scale,
+        rms=_rms(error),
+        time_of_max=float(times[worst]),
+        first_exceeded=float(times[passed.argmax()]) if passed.any() else None,
+    )
+
+
+def _rms(error: np.ndarray) -> float:
+    largest = float(error.max())
+    if largest == 0.0:
+        return 0.0
+    return largest * float(np.sqrt(np.mean((error / largest) ** 2)))  # a diverged model must not overflow
+
+
+def common_times(run: Run, reference: Run) -> np.ndarray:
+    """Return the output times of the reference that `run` reached too, shape (n,) [s]."""
+    if not len(run.t) or not len(reference.t):
+        return np.empty(0)
+    slack = 1e-9 * float(reference.t[-1] - reference.t[0])
+    times: np.ndarray = reference.t[reference.t <= run.t[-1] + slack]
+    return times
+
+
+def compare(
+    runs: Sequence[Run],
+    reference: str,
+    max_error: float,
+    solve_cpu: Mapping[str, Sequence[float]] | None = None,
+) -> Comparison:
+    """Hold several models of one scene against one of them.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        One for each model, `reference` among them.
+    reference : str
+        Model that counts as the truth.
+    max_error : float
+        Largest difference of an adequate model, relative to each channel's scale [-].
+    solve_cpu : mapping of str to sequence of float, optional
+        CPU times of repeated solves by model [s]; their median replaces the run's own time.
+
+    Returns
+    -------
+    Comparison
+        A model that broke down is a result like any other.
+
+    Raises
+    ------
+    ValueError
+        If the reference is not among the runs.
+    """
+    by_model = {run.model: run for run in runs}
+    if reference not in by_model:
+        raise ValueError(f"the reference {reference} was not run")
+    truth = by_model[reference]
+    scales = channel_scales(truth) if len(truth.t) else ()
+    repeats = solve_cpu or {}
+    models = tuple(_judge(run, truth, scales, max_error, repeats.get(run.model, ())) for run in runs)
+    return Comparison(
+        name=truth.name,
+        reference=reference,
+        duration=truth.end_time,
+        max_error=max_error,
+        scales=scales,
+        models=models,
+        verdict=cheapest(models) if truth.status == "done" else None,
+    )
+
+
+def _judge(
+    run: Run, truth: Run, scales: Sequence[ChannelScale], max_error: float, repeats: Sequence[float]
+) -> ModelResult:
+    found = [difference(run, truth, scale, max_error) for scale in scales]
+    differences = tuple(d for d in found if d is not None)
+    counted = {scale.channel for scale in scales if scale.judged}
+    judged = [d for d in differences if d.channel in counted]
+    worst = max(judged, key=lambda d: d.max_relative, default=None)
+    complete = run.status == "done" and len(judged) == len(counted)
+    return ModelResult(
+        model=run.model,
+        method=run.method,
+        status=run.status,
+        reason=run.reason,
+        stop_time=run.stop_time,
+        solve_cpu=float(np.median(repeats)) if len(repeats) else run.phase_cpu("solve"),
+        cpu_s={phase: run.phase_cpu(phase) for phase in run.statistics.get("cpu_s") or {}},
+        repeats=max(1, len(repeats)),
+        differences=differences,
+        worst=worst,
+        adequate=complete and (worst is None or worst.max_relative <= max_error),
+    )
+
+
+def cheapest(models: Sequence[ModelResult]) -> str | None:
+    """Return the adequate model with the least solve CPU time; None if there is none."""
+    adequate = [m for m in models if m.adequate]
+    return min(adequate, key=lambda m: m.solve_cpu).model if adequate else None
+
+
+CSV_COLUMNS = (
+    "model",
+    "channel",
+    "unit",
+    "max_abs",
+    "max_relative",
+    "rms",
+    "time_of_max",
+    "first_exceeded",
+    "reference_range",
+    "scale",
+    "small",
+    "judged",
+    "status",
+    "stop_time",
+    "solve_cpu",
+    "adequate",
+)
+"""Columns of ``compare.csv``."""
+
+
+def as_rows(comparison: Comparison) -> list[dict[str, object]]:
+    """Return one row for each model and channel, with the keys `CSV_COLUMNS`."""
+    scales = {scale.channel: asdict(scale) for scale in comparison.scales}
+    rows: list[dict[str, object]] = []
+    for model in comparison.models:
+        facts = {
+            key: getattr(model, key) for key in ("model", "status", "stop_time", "solve_cpu", "adequate")
+        }
+        # a model that broke down at once shares no time with the reference and still gets its rows
+        found = {d.channel: asdict(d) for d in model.differences}
+        rows += [{**scale, **found.get(name, {}), **facts} for name, scale in scales.items()]
+    return rows
+
+
+def as_facts(comparison: Comparison) -> dict[str, Any]:
+    """Return the comparison as JSON-ready facts (``compare.json``)."""
+    facts = asdict(comparison)
+    facts["models"] = {model.pop("model"): model for model in facts["models"]}
+    facts["scales"] = {scale.pop("channel"): scale for scale in facts["scales"]}
+    return {"status": comparison.status, **facts, "sentence": comparison.sentence}

@@ -1,0 +1,170 @@
+"""Quantities with units: text such as ``"12 deg"`` or ``"7 GPa"`` to SI numbers.
+
+Inside hfsim everything is SI; this table is the edge where it is converted.
+"""
+
+from __future__ import annotations
+
+import re
+from decimal import Decimal
+
+_PI = "3.14159265358979323846264338328"
+_DEGREE = str(Decimal(_PI) / 180)
+_TURN = str(Decimal(_PI) * 2)
+_RPM = str(Decimal(_PI) / 30)
+
+_LENGTHS = {"m": "1", "km": "1e3", "cm": "1e-2", "mm": "1e-3", "um": "1e-6", "in": "0.0254", "ft": "0.3048"}
+_METRIC = ("m", "cm", "mm")
+_FORCES = {"N": "1", "kN": "1e3", "MN": "1e6", "mN": "1e-3"}
+_MOMENTS = {"N*m": "1", "kN*m": "1e3", "MN*m": "1e6", "N*mm": "1e-3", "mN*m": "1e-3"}
+_ANGLES = {"rad": "1", "mrad": "1e-3", "deg": _DEGREE, "°": _DEGREE, "rev": _TURN}
+
+
+def _power(exponent: int) -> dict[str, str]:
+    return {f"{unit}{exponent}": str(Decimal(_LENGTHS[unit]) ** exponent) for unit in _METRIC}
+
+
+def _per(units: dict[str, str], divisor: str) -> dict[str, str]:
+    return {f"{unit}/{divisor}": factor for unit, factor in units.items()}
+
+
+UNITS: dict[str, dict[str, str]] = {
+    "length": _LENGTHS,
+    "angle": _ANGLES,
+    "time": {"s": "1", "ms": "1e-3", "us": "1e-6", "min": "60", "h": "3600"},
+    "mass": {"kg": "1", "g": "1e-3", "t": "1e3"},
+    "force": _FORCES,
+    "moment": _MOMENTS,
+    "pressure": {"Pa": "1", "kPa": "1e3", "MPa": "1e6", "GPa": "1e9", "N/m2": "1", "N/mm2": "1e6"},
+    "density": {"kg/m3": "1", "g/cm3": "1e3", "t/m3": "1e3", "kg/l": "1e3"},
+    "area": _power(2),
+    "second_moment": _power(4),
+    "inertia": {"kg*m2": "1", "g*m2": "1e-3", "kg*cm2": "1e-4", "kg*mm2": "1e-6"},
+    "velocity": {"m/s": "1", "mm/s": "1e-3", "cm/s": "1e-2", "km/s": "1e3", "km/h": str(1 / Decimal("3.6"))},
+    "acceleration": {"m/s2": "1", "mm/s2": "1e-3", "g0": "9.80665"},
+    "angular_velocity": {"rpm": _RPM, "rev/min": _RPM, **_per(_ANGLES, "s")},
+    "frequency": {"Hz": "1", "kHz": "1e3", "1/s": "1"},
+    "stiffness": {**_per(_FORCES, "m"), "N/mm": "1e3", "kN/mm": "1e6"},
+    "damping": _per({"N*s": "1", "kN*s": "1e3"}, "m"),
+    "rotational_stiffness": {
+        **_per(_MOMENTS, "rad"),
+        **{f"{unit}/deg": str(Decimal(factor) / Decimal(_DEGREE)) for unit, factor in _MOMENTS.items()},
+    },
+    "rotational_damping": _per({"N*m*s": "1", "kN*m*s": "1e3"}, "rad"),
+    "dimensionless": {"%": "0.01"},
+}
+"""Factor to SI of each unit, by dimension; powers without a caret, products with an optional ``*``."""
+
+SI_UNITS: dict[str, str] = {
+    "length": "m",
+    "angle": "rad",
+    "time": "s",
+    "mass": "kg",
+    "force": "N",
+    "moment": "N m",
+    "pressure": "Pa",
+    "density": "kg/m^3",
+    "area": "m^2",
+    "second_moment": "m^4",
+    "inertia": "kg m^2",
+    "velocity": "m/s",
+    "acceleration": "m/s^2",
+    "angular_velocity": "rad/s",
+    "frequency": "Hz",
+    "stiffness": "N/m",
+    "damping": "N s/m",
+    "rotational_stiffness": "N m/rad",
+    "rotational_damping": "N m s/rad",
+    "dimensionless": "-",
+}
+"""The SI unit of each dimension, as messages show it."""
+
+_QUANTITY = re.compile(r"\s*([-+]?(?:\.\d+|\d+\.?\d*)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.ASCII)
+
+
+class UnitError(ValueError):
+    """Text that is no quantity of the dimension asked for; ``hint`` says what would be."""
+
+    def __init__(self, message: str, hint: str) -> None:
+        super().__init__(message)
+        self.hint = hint
+
+
+def describe(dimension: str) -> str:
+    """Return a dimension and its SI unit in words.
+
+    Examples
+    --------
+    >>> describe("angular_velocity")
+    'an angular velocity [rad/s]'
+    """
+    if dimension == "dimensionless":
+        return "a number"
+    words = dimension.replace("_", " ")
+    return f"{'an' if words[0] in 'aeiou' else 'a'} {words} [{SI_UNITS[dimension]}]"
+
+
+def parse_quantity(text: str, dimension: str) -> float:
+    """Return a quantity with a unit in SI.
+
+    Parameters
+    ----------
+    text : str
+        A number and a unit.
+    dimension : str
+        A key of `UNITS`.
+
+    Raises
+    ------
+    UnitError
+        The text is no quantity, or its unit is unknown or of another dimension.
+
+    Examples
+    --------
+    >>> parse_quantity("9 mm", "length")
+    0.009
+    >>> parse_quantity("2.5 kg/m^3", "density")
+    2.5
+    """
+    match = _QUANTITY.match(text)
+    expected = f"must be {describe(dimension)}"
+    if match is None:
+        raise UnitError(f"{expected}, not '{text}'", _known_units(dimension))
+    number, unit = match.groups()
+    if not unit:
+        raise UnitError(f"{expected}, not the text '{text}'", f"without quotes, {number} is taken in SI")
+    factor = _factor(unit, dimension)
+    if factor is None:
+        raise UnitError(f"{expected}, '{unit}' is {_kind_of(unit)}", _known_units(dimension, unit))
+    try:
+        return float(Decimal(number) * Decimal(factor))
+    except (ArithmeticError, OverflowError) as error:
+        raise UnitError(f"{expected}, '{text}' is out of range", "") from error
+
+
+def _plain(unit: str) -> str:
+    """Return a unit as the table writes it: ``kg/m³`` and ``kg / m^3`` are ``kg/m3``, ``N m`` is ``N*m``."""
+    unit = unit.translate(str.maketrans("²³⁴µμ·", "234uu*", "^"))
+    return re.sub(r"\s*([/*])\s*|\s+", lambda match: match.group(1) or "*", unit)
+
+
+def _factor(unit: str, dimension: str) -> str | None:
+    plain = _plain(unit)
+    for known, factor in UNITS[dimension].items():
+        if plain in (known, known.replace("*", "", 1), known.replace("*", "")):
+            return factor
+    return None
+
+
+def _known_units(dimension: str, unit: str = "") -> str:
+    for known in UNITS[dimension]:
+        if known.lower() == _plain(unit).lower():
+            return f"did you mean '{known}'?"
+    return f"units: {', '.join(UNITS[dimension])}"
+
+
+def _kind_of(unit: str) -> str:
+    for dimension in UNITS:
+        if _factor(unit, dimension) is not None:
+            return f"a unit of {dimension.replace('_', ' ')}"
+    return "not a known unit"
