@@ -31,6 +31,10 @@ class Constraint(Protocol):
     def constant(self) -> bool:
         """Whether the Jacobian is the same for every state and time."""
 
+    @property
+    def driven(self) -> bool:
+        """Whether it depends on time by itself, so that it can do work."""
+
     def residual(self, t: Array, x: Array) -> Array:
         """Return Phi, shape (n_batch, rows)."""
 
@@ -42,6 +46,9 @@ class Constraint(Protocol):
 
     def acceleration(self, t: Array, x: Array, u: Array) -> Array:
         """Return what Phi_x x'' must be, shape (n_batch, rows)."""
+
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return the force [N], (n_batch, 2), and moment [N m], (n_batch,), on the second body."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +63,11 @@ class Coincide:
     def constant(self) -> bool:
         """Whether both positions are linear functions of the coordinates."""
         return self.first.linear and self.second.linear
+
+    @property
+    def driven(self) -> bool:
+        """Return False."""
+        return False
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return the distance vector [m]."""
@@ -73,6 +85,10 @@ class Coincide:
         """Return the difference of the position biases."""
         return self.first.position_bias(x, u) - self.second.position_bias(x, u)
 
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return minus the multipliers as a force."""
+        return -multipliers, np.zeros(len(x))
+
 
 @dataclass(frozen=True)
 class RelativeAngle:
@@ -88,6 +104,11 @@ class RelativeAngle:
     def constant(self) -> bool:
         """Return False: the angle of a slope vector is not linear."""
         return False
+
+    @property
+    def driven(self) -> bool:
+        """Whether there is a law of time."""
+        return self.law is not None
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return the angle error [rad], within half a turn."""
@@ -107,6 +128,10 @@ class RelativeAngle:
         target = self.first.angle_bias(x, u) - self.second.angle_bias(x, u)
         return (target + self.law.acceleration(t) if self.law else target)[:, None]
 
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return minus the multiplier as a moment."""
+        return np.zeros((len(x), 2)), -multipliers[:, 0]
+
 
 @dataclass(frozen=True)
 class Along:
@@ -122,6 +147,11 @@ class Along:
     def constant(self) -> bool:
         """Return False: the direction turns."""
         return False
+
+    @property
+    def driven(self) -> bool:
+        """Whether there is a law of time."""
+        return self.law is not None
 
     def _geometry(self, x: Array) -> tuple[Array, Array, Array]:
         axis = rotate(self.first.angle(x), np.array(self.direction))
@@ -159,9 +189,19 @@ class Along:
         bias += np.sum(side * gap, -1) * a.angle_bias(x, u) - spin**2 * np.sum(axis * gap, -1)
         return (self.law.acceleration(t) - bias if self.law else -bias)[:, None]
 
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return a force along the direction, minus the multiplier in size, acting at the second point."""
+        return -multipliers * self._geometry(x)[0], np.zeros(len(x))
+
 
 def _apply(J: Array, u: Array) -> Array:
     """Return J u for Jacobians (n_batch or 1, ..., n) and rates (n_batch, n)."""
     if J.ndim == 2:
         return np.asarray(np.sum(J * u, axis=-1))
     return np.asarray((J @ u[..., None])[..., 0])
+
+
+def unit(axis: tuple[float, ...]) -> tuple[float, float]:
+    """Return a planar direction with length one."""
+    length = float(np.hypot(axis[0], axis[1]))
+    return axis[0] / length, axis[1] / length

@@ -26,6 +26,8 @@ class Marker(Protocol):
     """Coordinates of its body in x; empty for the ground."""
     linear: bool
     """Whether the position is a linear function of the coordinates."""
+    keeps_turns: bool
+    """Whether the angle counts full turns."""
 
     def position(self, x: Array) -> Array:
         """Return the position [m], shape (n_batch, 2)."""
@@ -53,6 +55,7 @@ class GroundMarker:
     place: tuple[float, float] = (0.0, 0.0)
     columns: slice = field(default_factory=lambda: slice(0, 0))
     linear: bool = True
+    keeps_turns: bool = True
 
     def position(self, x: Array) -> Array:
         """Return the fixed place."""
@@ -94,6 +97,7 @@ class NodalMarker:
     place_row: Array
     slope_row: Array
     linear: bool = True
+    keeps_turns: bool = False
 
     def _nodes(self, x: Array) -> Array:
         return x[:, self.columns].reshape(len(x), -1, 2)
@@ -138,6 +142,7 @@ class RigidMarker:
     columns: slice
     offset: tuple[float, float] = (0.0, 0.0)
     linear: bool = False
+    keeps_turns: bool = True
 
     def _arm(self, x: Array) -> Array:
         angle = x[:, self.columns.start + 2]

@@ -8,8 +8,6 @@ asked.
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,10 +20,20 @@ class ForcePart:
     Shapes: t (n_batch,), x and u (n_batch, n); energies [J] and powers [W] have shape (n_batch,).
     """
 
-    uses_rates: ClassVar[bool] = False
-    """Whether the force depends on u."""
-    dissipates: ClassVar[bool] = False
-    """Whether the force resists u by itself, so that stiff methods need its derivative by u."""
+    @property
+    def uses_rates(self) -> bool:
+        """Whether the force depends on u."""
+        return False
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether the force resists u by itself, so that stiff methods need its derivative by u."""
+        return self.uses_rates
+
+    @property
+    def exchanges_power(self) -> bool:
+        """Whether `power` can be other than zero."""
+        return self.dissipates
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the generalised force to ``out``, shape (n_batch, n)."""

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hfsim.constraints import Constraint
+from hfsim.errors import SolverFailure
 from hfsim.models.frame import FrameChart, Frames
 from hfsim.parts import ForcePart
 
@@ -29,10 +30,15 @@ Array = NDArray[np.float64]
 class VariableMass(Protocol):
     """A body whose mass matrix depends on its coordinates."""
 
+    name: str
+    model: str
     columns: slice
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix, shape (n_batch, n_columns, n_columns)."""
+
+    def smallest_inertia(self, x: Array) -> float:
+        """Return the smallest eigenvalue of the mass matrix relative to the undeformed body's."""
 
 
 @dataclass(frozen=True)
@@ -106,6 +112,11 @@ class System:
         """Whether stiff methods need the derivative of the forces by the rates."""
         return any(f.dissipates for f in self.forces)
 
+    @cached_property
+    def exchanges_power(self) -> bool:
+        """Whether energy can enter or leave: loads, dampers, drivers."""
+        return any(f.exchanges_power for f in self.forces) or any(c.driven for c in self.constraints)
+
     def force(self, t: Array, x: Array, u: Array) -> Array:
         """Return the generalised force of all parts, shape (n_batch, n)."""
         f = np.zeros_like(x)
@@ -132,9 +143,9 @@ class System:
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power put in by loads, dampers and drivers [W], shape (n_batch,)."""
         power = np.asarray(sum((f.power(t, x, u) for f in self.forces), np.zeros(len(x))))
-        rate = self.constraint_rate(t)
-        if not np.any(rate):
+        if not any(c.driven for c in self.constraints):
             return power
+        rate = self.constraint_rate(t)
         _, multipliers = self.solve(t, x, u, self.force(t, x, u))
         return np.asarray(power + np.sum(multipliers * rate, axis=-1))
 
@@ -255,6 +266,36 @@ class System:
         for chart, frame in zip(self.charts, frames, strict=True):
             chart.relative_acceleration(frame, v, ax, a)
         return a
+
+    # ------------------------------------------------------------------ trust in a state
+
+    def verify(self, t: float, q: Array) -> None:
+        """Check that a state can be trusted.
+
+        Raises
+        ------
+        SolverFailure
+            If a mass matrix is no longer positive definite.
+        """
+        for body in self.variable_mass:
+            if body.smallest_inertia(q[None]) <= 0.0:
+                raise self._broken_mass(body, t)
+
+    def explained(self, failure: SolverFailure, q: Array) -> SolverFailure:
+        """Return a failure with its cause, if the last good state shows one."""
+        for body in self.variable_mass:
+            if body.smallest_inertia(q[None]) < 1e-2:
+                return self._broken_mass(body, failure.time)
+        return failure
+
+    def _broken_mass(self, body: VariableMass, t: float) -> SolverFailure:
+        return SolverFailure(
+            reason=f"the mass matrix of body '{body.name}' in model {body.model} stops being positive "
+            f"definite at t = {t:.4g} s: the terms it leaves out are no longer small",
+            time=t,
+            item=f"bodies.{body.name}",
+            kind="model",
+        )
 
     # ------------------------------------------------------------------ projection
 

@@ -8,8 +8,9 @@ G = V V^T (design, section 3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from functools import reduce
+from typing import Any, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,10 @@ class Stiffness:
     height: float
     width: float
 
+    def without_bending(self) -> Stiffness:
+        """Return the same with EI = 0."""
+        return replace(self, bending=0.0)
+
 
 @dataclass(frozen=True)
 class Inertia:
@@ -65,21 +70,39 @@ class ElasticLaw(Protocol):
     def hessian(self, V: Array) -> Array:
         """Return the second derivative, shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
 
+    def joined(self, other: Self) -> Self:
+        """Return one law for the elements of this one followed by those of another of the same kind."""
+
 
 class Element(Protocol):
-    """An element between two nodes with ``per_node`` vectors at each."""
+    """An element between two nodes with some vectors at each: a position and gradients."""
 
-    per_node: int
-    length: float
+    @property
+    def per_node(self) -> int:
+        """Number of vectors at each node."""
+
+    @property
+    def length(self) -> float:
+        """Undeformed length [m]."""
 
     def differences(self) -> Array:
         """Return the matrix, shape (n_vectors, 2 per_node), from nodal vectors to difference vectors."""
 
-    def shape(self, xi: float, eta: float, derivative: tuple[int, int]) -> Array:
+    def shape(self, xi: float, eta: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
         """Return the shape row, shape (2 per_node,), or a derivative of it with respect to (x, y)."""
 
     def mass(self, inertia: Inertia) -> Array:
         """Return the mass matrix of one vector component, shape (2 per_node, 2 per_node) [kg]."""
+
+    def law(
+        self,
+        stiffness: Stiffness,
+        count: int,
+        strain: str = "green",
+        curvature: str = "linear",
+        points: tuple[int, int] = (5, 5),
+    ) -> ElasticLaw:
+        """Return the elastic law of ``count`` equal elements."""
 
 
 @dataclass(frozen=True)
@@ -103,6 +126,15 @@ class GramLaw:
     linear: Array
     constant: Array
     scale: Array
+
+    def joined(self, other: GramLaw) -> GramLaw:
+        """Return the law of this one's elements followed by the other's."""
+        return GramLaw(
+            quadratic=self.quadratic,
+            linear=np.concatenate([self.linear, other.linear]),
+            constant=np.concatenate([self.constant, other.constant]),
+            scale=np.concatenate([self.scale, other.scale]),
+        )
 
     def _products(self, V: Array) -> Array:
         G = V @ V.swapaxes(-1, -2)
@@ -131,3 +163,9 @@ class GramLaw:
         change *= scale[..., None, None]
         geometric = H[..., :, None, :, None] * np.eye(d)[:, None, :]
         return np.asarray((change + geometric).reshape(*V.shape[:-2], n * d, n * d))
+
+
+def join_laws(laws: list[Any]) -> ElasticLaw:
+    """Return one law for the elements of several of the same kind, in their order."""
+    joined: ElasticLaw = reduce(lambda a, b: a.joined(b), laws)
+    return joined

@@ -5,7 +5,7 @@ Energy per length EA/2 strain^2 + EI/2 curvature^2 (design, decision 3).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,7 +17,7 @@ from hfsim.shapes import gauss_legendre, hermite
 Array = NDArray[np.float64]
 
 
-def _rows(points: Array, derivative: int) -> Array:
+def difference_rows(points: Array, derivative: int) -> Array:
     """Derivatives of the centre line with respect to xi, as rows over (chord, first slope, last slope)."""
     return hermite(points, derivative)[:, [2, 1, 3]]
 
@@ -26,7 +26,7 @@ def _rows(points: Array, derivative: int) -> Array:
 def _gram_tables() -> tuple[Array, Array, Array]:
     """Integrals over the unit element: strain products, strain, curvature products; all exact."""
     x, w = gauss_legendre(5)
-    slope, bend = _rows(x, 1), _rows(x, 2)
+    slope, bend = difference_rows(x, 1), difference_rows(x, 2)
     beta = np.einsum("qa,qb->qab", slope, slope).reshape(len(x), 9)
     gamma = np.einsum("qa,qb->qab", bend, bend).reshape(len(x), 9)
     return np.asarray((beta.T * w) @ beta), np.asarray(w @ beta), np.asarray(w @ gamma)
@@ -66,6 +66,14 @@ class QuadratureLaw:
     axial_points: int
     bending_points: int
 
+    def joined(self, other: QuadratureLaw) -> QuadratureLaw:
+        """Return the law of this one's elements followed by the other's."""
+        return replace(
+            self,
+            axial=np.concatenate([self.axial, other.axial]),
+            bending=np.concatenate([self.bending, other.bending]),
+        )
+
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_elements)."""
         w, s = self._slopes(V)
@@ -84,11 +92,11 @@ class QuadratureLaw:
 
     def _slopes(self, V: Array) -> tuple[Array, Array]:
         x, w = gauss_legendre(self.axial_points)
-        return w, _rows(x, 1) @ V
+        return w, difference_rows(x, 1) @ V
 
     def _bends(self, V: Array) -> tuple[Array, Array, Array]:
         x, w = gauss_legendre(self.bending_points)
-        return w, _rows(x, 1) @ V, _rows(x, 2) @ V
+        return w, difference_rows(x, 1) @ V, difference_rows(x, 2) @ V
 
     def _strain(self, s: Array) -> tuple[Array, Array, Array]:
         """Strain, and the factors of s and of the unit tensor in its first and second derivative."""
@@ -100,14 +108,14 @@ class QuadratureLaw:
 
     def _axial_gradient(self, V: Array) -> Array:
         x, w = gauss_legendre(self.axial_points)
-        s = _rows(x, 1) @ V
+        s = difference_rows(x, 1) @ V
         strain, first, _ = self._strain(s)
         weight = self.axial[:, None] * w * strain * first
-        return np.asarray(_rows(x, 1).T @ (weight[..., None] * s))
+        return np.asarray(difference_rows(x, 1).T @ (weight[..., None] * s))
 
     def _axial_hessian(self, V: Array) -> Array:
         x, w = gauss_legendre(self.axial_points)
-        rows = _rows(x, 1)
+        rows = difference_rows(x, 1)
         s = rows @ V
         strain, first, second = self._strain(s)
         dyad = (first**2 + strain * second)[..., None, None] * s[..., :, None] * s[..., None, :]
@@ -125,7 +133,7 @@ class QuadratureLaw:
 
     def _bending_gradient(self, V: Array) -> Array:
         x, w = gauss_legendre(self.bending_points)
-        slope, bend = _rows(x, 1), _rows(x, 2)
+        slope, bend = difference_rows(x, 1), difference_rows(x, 2)
         weight = self.bending[:, None] * w
         if not self.exact_curvature:
             return np.asarray(bend.T @ (weight[..., None] * (bend @ V)))
@@ -135,7 +143,7 @@ class QuadratureLaw:
 
     def _bending_hessian(self, V: Array) -> Array:
         x, w = gauss_legendre(self.bending_points)
-        slope, bend = _rows(x, 1), _rows(x, 2)
+        slope, bend = difference_rows(x, 1), difference_rows(x, 2)
         weight = (self.bending[:, None] * w)[..., None, None]
         if not self.exact_curvature:
             unit = np.broadcast_to(np.eye(V.shape[-1]), (*V.shape[:-2], len(x), 2, 2))

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
-from hfsim.laws import ScaleLaw
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.laws import Law, ScaleLaw
+from hfsim.markers import Marker
+from hfsim.parts import ForcePart
+from hfsim.rotations import rotate
 from hfsim.spec import Flag, ForceVector, Spec
+
+
+Array = NDArray[np.float64]
 
 
 class ForceSpec(Spec):
@@ -25,3 +35,40 @@ class ForceSpec(Spec):
 
     law: ScaleLaw | None = None
     """Factor over time [-]; 1 without it."""
+
+    def build(self, marker: Marker) -> PointForce:
+        """Return the force at a marker."""
+        law = self.law.build() if self.law else None
+        return PointForce(marker, (self.force[0], self.force[1]), self.follower, law)
+
+
+@dataclass(frozen=True)
+class PointForce(ForcePart):
+    """A force on a point, fixed in direction or turning with the frame there; its work is power put in."""
+
+    marker: Marker
+    force: tuple[float, float]
+    follower: bool
+    law: Law | None
+
+    @property
+    def exchanges_power(self) -> bool:
+        """Return True: a load does work."""
+        return True
+
+    def _force(self, t: Array, x: Array) -> Array:
+        force = np.broadcast_to(np.array(self.force), (len(x), 2))
+        if self.follower:
+            force = rotate(self.marker.angle(x), force)
+        return force if self.law is None else force * self.law.value(t)[:, None]
+
+    def _generalised(self, t: Array, x: Array) -> Array:
+        return np.asarray((self._force(t, x)[:, None, :] @ self.marker.position_jacobian(x))[:, 0])
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the generalised force."""
+        out[:, self.marker.columns] += self._generalised(t, x)
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return force times velocity."""
+        return np.asarray(np.sum(self._generalised(t, x) * u[:, self.marker.columns], axis=-1))

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
-from hfsim.laws import ScaleLaw
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.laws import Law, ScaleLaw
+from hfsim.markers import Marker
+from hfsim.parts import ForcePart
 from hfsim.spec import Moment, Spec
+
+
+Array = NDArray[np.float64]
 
 
 class MomentSpec(Spec):
@@ -22,3 +31,33 @@ class MomentSpec(Spec):
 
     law: ScaleLaw | None = None
     """Factor over time [-]; 1 without it."""
+
+    def build(self, marker: Marker) -> PointMoment:
+        """Return the moment at a marker."""
+        return PointMoment(marker, self.moment, self.law.build() if self.law else None)
+
+
+@dataclass(frozen=True)
+class PointMoment(ForcePart):
+    """A moment on the direction of a marker; its work is power put in."""
+
+    marker: Marker
+    moment: float
+    law: Law | None
+
+    @property
+    def exchanges_power(self) -> bool:
+        """Return True: a load does work."""
+        return True
+
+    def _generalised(self, t: Array, x: Array) -> Array:
+        moment = self.moment * (1.0 if self.law is None else self.law.value(t)[:, None])
+        return np.asarray(moment * self.marker.angle_jacobian(x))
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the generalised force."""
+        out[:, self.marker.columns] += self._generalised(t, x)
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return moment times angular velocity."""
+        return np.asarray(np.sum(self._generalised(t, x) * u[:, self.marker.columns], axis=-1))

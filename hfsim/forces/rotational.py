@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.markers import Marker
+from hfsim.parts import ForcePart
+from hfsim.rotations import wrap
 from hfsim.spec import Angle, Between, RotationalDamping, RotationalStiffness, Spec
+
+
+Array = NDArray[np.float64]
 
 
 class RotationalSpec(Spec):
@@ -24,3 +34,53 @@ class RotationalSpec(Spec):
 
     rest_angle: Angle = 0.0
     """Angle of B relative to A without moment [rad]."""
+
+    def build(self, first: Marker, second: Marker) -> RotationalSpring:
+        """Return the force between two markers."""
+        return RotationalSpring(first, second, self.stiffness, self.damping, self.rest_angle)
+
+
+@dataclass(frozen=True)
+class RotationalSpring(ForcePart):
+    """Moment -k (angle - rest) - d angle' on the second body, the opposite on the first.
+
+    The angle counts full turns between rigid bodies; where a beam's slope gives it, it is taken
+    within half a turn of the rest angle.
+    """
+
+    first: Marker
+    second: Marker
+    stiffness: float
+    damping: float
+    rest_angle: float
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether there is a damper."""
+        return self.damping > 0.0
+
+    def _deflection(self, x: Array) -> Array:
+        angle = self.second.angle(x) - self.first.angle(x) - self.rest_angle
+        return angle if self.first.keeps_turns and self.second.keeps_turns else wrap(angle)
+
+    def _rate(self, x: Array, u: Array) -> Array:
+        return np.asarray(
+            np.sum(self.second.angle_jacobian(x) * u[:, self.second.columns], axis=-1)
+            - np.sum(self.first.angle_jacobian(x) * u[:, self.first.columns], axis=-1)
+        )
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the moments of spring and damper."""
+        moment = -self.stiffness * self._deflection(x)
+        if self.damping:
+            moment = moment - self.damping * self._rate(x, u)
+        out[:, self.second.columns] += moment[:, None] * self.second.angle_jacobian(x)
+        out[:, self.first.columns] -= moment[:, None] * self.first.angle_jacobian(x)
+
+    def potential_energy(self, t: Array, x: Array) -> Array:
+        """Return 1/2 k deflection^2."""
+        return 0.5 * self.stiffness * self._deflection(x) ** 2
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return minus the power lost in the damper."""
+        return -self.damping * self._rate(x, u) ** 2

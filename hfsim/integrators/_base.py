@@ -5,14 +5,14 @@ The loop around the steps is shared (`integrate`); a method makes one step at a 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hfsim.errors import LimitReached, SolverFailure
+from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._tableau import legendre
 
 Array = NDArray[np.float64]
@@ -121,39 +121,48 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
     return np.asarray(np.linalg.solve(matrix, rhs))
 
 
-@dataclass
+@dataclass(frozen=True)
 class Attempt:
     """The outcome of trying one step.
 
     Attributes
     ----------
-    converged : bool
-        False: the nonlinear equations were not solved; the step counts for nothing.
     error : float
-        Estimated error relative to the tolerance; the step is kept if it is at most 1.
+        Estimated local error relative to the tolerance; with a free step length the step is kept
+        if it is at most 1.  Infinite where the nonlinear equations were not solved.
+    growth : float
+        Factor by which the method would change the step.
     q, v : ndarray, shape (n,)
         State at the end of the step.
-    series : ndarray
+    series : ndarray, shape (m, n)
         For `Segment`.
-    growth : float
-        By how much the method would like to change the step.
     """
 
-    converged: bool
-    error: float = 0.0
-    q: Array | None = None
-    v: Array | None = None
-    series: Array | None = None
-    growth: float = 1.0
+    error: float
+    growth: float
+    q: Array
+    v: Array
+    series: Array
+
+    @property
+    def solved(self) -> bool:
+        """Whether the equations of the step were solved."""
+        return bool(np.isfinite(self.error))
+
+
+def unsolved(growth: float = 0.5) -> Attempt:
+    """Return the outcome of a step whose equations could not be solved."""
+    nothing = np.zeros(0)
+    return Attempt(np.inf, growth, nothing, nothing, nothing)
 
 
 class Method(Protocol):
     """One-step view of an integrator; what it remembers between steps is its own."""
 
-    adaptive: bool
+    name: str
 
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
-        """Take the initial state; return a first step to try."""
+        """Take the initial state; return a first step length to try."""
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h."""
@@ -164,18 +173,135 @@ class Method(Protocol):
 
 @dataclass
 class Trajectory:
-    """All kept steps of a run, readable at any time."""
+    """All kept steps of a run, readable at any time between its start and its end."""
 
+    t_start: float
+    t_end: float
+    q: Array
+    v: Array
+    """State at ``t_end``."""
     segments: list[Segment] = field(default_factory=list)
-    t_end: float = 0.0
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return (q, v) at sorted times, shape (n_times, n) each."""
+        if not self.segments:
+            return np.repeat(self.q[None], len(times), 0), np.repeat(self.v[None], len(times), 0)
         starts = np.array([s.t for s in self.segments])
         owner = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
-        n = len(self.segments[0].q)
-        q, v = np.empty((len(times), n)), np.empty((len(times), n))
+        q, v = np.empty((len(times), len(self.q))), np.empty((len(times), len(self.q)))
+        edges = np.searchsorted(owner, np.arange(len(starts) + 1))
         for k in np.unique(owner):
-            mine = owner == k
+            mine = slice(edges[k], edges[k + 1])
             q[mine], v[mine] = self.segments[k].at(times[mine])
         return q, v
+
+    def step_ends(self) -> Array:
+        """Return all step boundaries, the start and the end included."""
+        return np.array([s.t for s in self.segments] + [self.t_end])
+
+
+@dataclass(frozen=True)
+class Limits:
+    """When a run ends early.
+
+    Attributes
+    ----------
+    step : float or None
+        Fixed step length [s].
+    max_steps : int or None
+    smallest : float
+        Step length, relative to the duration, below which a run with free steps has failed.
+    """
+
+    step: float | None = None
+    max_steps: int | None = None
+    smallest: float = 1e-11
+
+
+def integrate(
+    problem: Problem,
+    method: Method,
+    start: tuple[float, Array, Array],
+    t_end: float,
+    limits: Limits,
+    watch: Callable[[float, Array, Array], None],
+) -> tuple[Trajectory, HfsimError | KeyboardInterrupt | None]:
+    """Make steps until ``t_end``.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : Method
+    start : (t, q, v)
+    t_end : float
+    limits : Limits
+    watch : callable
+        Called with every kept state; may raise to end the run.
+
+    Returns
+    -------
+    trajectory : Trajectory
+        All kept steps, also those before a failure.
+    stop : exception or None
+        What ended the run before ``t_end``: `SolverFailure`, `LimitReached` or KeyboardInterrupt.
+    """
+    t, q, v = start
+    trajectory = Trajectory(t, t, q, v)
+    try:
+        with np.errstate(all="ignore"):
+            for segment, end in _steps(problem, method, start, t_end, limits):
+                watch(end[0], end[1], end[2])
+                trajectory.segments.append(segment)
+                trajectory.t_end, trajectory.q, trajectory.v = end
+    except (SolverFailure, LimitReached, KeyboardInterrupt) as stop:
+        return trajectory, stop
+    return trajectory, None
+
+
+def _steps(
+    problem: Problem, method: Method, start: tuple[float, Array, Array], t_end: float, limits: Limits
+) -> Iterator[tuple[Segment, tuple[float, Array, Array]]]:
+    """Yield each kept step and the projected state at its end."""
+    t, q, v = start
+    duration = t_end - t
+    wish = method.start(problem, t, q, v)
+    if not np.isfinite(wish):
+        raise SolverFailure("the accelerations at the start are not finite", t)
+    while t < t_end * (1.0 - 1e-14):
+        if limits.max_steps is not None and problem.counts.steps >= limits.max_steps:
+            raise LimitReached(f"{limits.max_steps} steps were made", t)
+        h = _fitted(limits.step or wish, t_end - t, limits.step is not None)
+        attempt = _attempt(method, t, q, v, h)
+        if not attempt.solved and limits.step is not None:
+            raise SolverFailure(f"the equations of a step of {h:g} s could not be solved", t)
+        if not attempt.solved or (limits.step is None and attempt.error > 1.0):
+            problem.counts.rejected += 1
+            wish = h * min(max(attempt.growth, 0.1), 0.9)
+            if wish < limits.smallest * duration:
+                raise SolverFailure(f"the step length fell to {wish:.1e} s", t)
+            continue
+        segment = Segment(t, h, q, v, attempt.series)
+        t = t_end if h == t_end - t else t + h
+        projected = problem.project(np.array([t]), attempt.q[None], attempt.v[None])
+        q, v = projected[0][0], projected[1][0]
+        method.accept(t, q, v)
+        problem.counts.steps += 1
+        wish = h * min(max(attempt.growth, 0.2), 5.0) if h >= 0.5 * wish else wish
+        yield segment, (t, q, v)
+
+
+def _fitted(wish: float, rest: float, fixed: bool) -> float:
+    """Return the next step length: the wish, shortened so that the end is met without a sliver."""
+    if rest <= wish * (1.0 + 1e-9):
+        return rest
+    return 0.5 * rest if not fixed and rest < 2.0 * wish else wish
+
+
+def _attempt(method: Method, t: float, q: Array, v: Array, h: float) -> Attempt:
+    try:
+        attempt = method.attempt(t, q, v, h)
+    except np.linalg.LinAlgError:
+        return unsolved()
+    if attempt.solved and not (np.isfinite(attempt.q).all() and np.isfinite(attempt.v).all()):
+        return unsolved()
+    return attempt

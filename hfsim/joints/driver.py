@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Literal
 
+from hfsim.constraints import Along, Constraint, RelativeAngle, unit
 from hfsim.laws import AngleLaw, PositionLaw
+from hfsim.markers import Marker
 from hfsim.spec import Axis, Between, Complaint, Spec
 
 
@@ -31,3 +33,10 @@ class DriverSpec(Spec):
         """Yield a driver of nothing or of two things."""
         if (self.angle is None) == (self.position is None):
             yield Complaint((), "a driver needs an angle or a position, one of the two")
+
+    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return the one equation that imposes the law."""
+        if self.angle is not None:
+            return (RelativeAngle(first, second, 0.0, self.angle.build()),)
+        assert self.position is not None
+        return (Along(first, second, unit(self.axis), self.position.build()),)

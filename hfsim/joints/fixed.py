@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from hfsim.constraints import Coincide, Constraint, RelativeAngle
+from hfsim.markers import Marker
 from hfsim.spec import Angle, Between, Spec
 
 
@@ -18,3 +20,7 @@ class FixedSpec(Spec):
 
     angle: Angle = 0.0
     """Angle of B's frame relative to A's at the joint [rad]."""
+
+    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return the equations of this joint."""
+        return (Coincide(first, second), RelativeAngle(first, second, self.angle))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from hfsim.constraints import Along, Constraint, RelativeAngle, unit
+from hfsim.markers import Marker
 from hfsim.spec import Angle, Axis, Between, Spec
 
 
@@ -21,3 +23,8 @@ class PrismaticSpec(Spec):
 
     angle: Angle = 0.0
     """Angle of B's frame relative to A's at the joint [rad]."""
+
+    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return the equations of this joint: no distance across the axis, no turning."""
+        along = unit(self.axis)
+        return (Along(first, second, (-along[1], along[0])), RelativeAngle(first, second, self.angle))

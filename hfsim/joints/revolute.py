@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from hfsim.constraints import Coincide, Constraint
+from hfsim.markers import Marker
 from hfsim.spec import Between, Spec
 
 
@@ -15,3 +17,7 @@ class RevoluteSpec(Spec):
 
     between: Between
     """The two points, [A, B]."""
+
+    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return the equations of this joint."""
+        return (Coincide(first, second),)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hfsim.elements import ElasticLaw
+from hfsim.elements.cable import difference_rows
 from hfsim.models.frame import relative_nodes
 from hfsim.parts import ForcePart
 from hfsim.rotations import as_complex, as_vectors
+from hfsim.shapes import gauss_legendre
 
 Array = NDArray[np.float64]
 
@@ -77,12 +78,7 @@ class LinearElasticForce(ForcePart):
     positions: Array
 
     @property
-    def uses_rates(self) -> bool:  # type: ignore[override]
-        """Whether there is damping."""
-        return bool(self.damping.any())
-
-    @property
-    def dissipates(self) -> bool:  # type: ignore[override]
+    def uses_rates(self) -> bool:
         """Whether there is damping."""
         return bool(self.damping.any())
 
@@ -152,8 +148,25 @@ class KelvinVoigtForce(ForcePart):
     bend: Array
     axial: Array
     bending: Array
-    uses_rates: ClassVar[bool] = True
-    dissipates: ClassVar[bool] = True
+
+    @property
+    def uses_rates(self) -> bool:
+        """Return True."""
+        return True
+
+    @classmethod
+    def of(cls, gather: Array, count: int, axial: float, bending: float) -> KelvinVoigtForce:
+        """Return the force of ``count`` equal elements from EA le tau_a and EI / le tau_b [J s]."""
+        x, w = gauss_legendre(5)
+        return cls(
+            gather=gather,
+            scatter=np.ascontiguousarray(gather.T),
+            shape=(count, 3, 2),
+            slope=difference_rows(x, 1),
+            bend=difference_rows(x, 2),
+            axial=np.tile(axial * w, (count, 1)),
+            bending=np.tile(bending * w, (count, 1)),
+        )
 
     def _measures(self, x: Array, u: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
         V = (x @ self.gather).reshape(len(x), *self.shape)

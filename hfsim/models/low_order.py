@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hfsim.models.mesh import BeamMesh
+from hfsim.parts import ForcePart
 from hfsim.rotations import normal, rotate
 from hfsim.shapes import gauss_legendre
 
@@ -21,7 +22,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class LowOrderBeam:
+class LowOrderBeam(ForcePart):
     """One beam in the coordinates (r0, theta, w, v).
 
     The elastic coordinates are the nodal values and slopes of w (root value left out) followed by
@@ -29,6 +30,7 @@ class LowOrderBeam:
 
     Attributes
     ----------
+    name : str
     mesh : BeamMesh
         Of cable elements.
     columns : slice
@@ -43,6 +45,7 @@ class LowOrderBeam:
         Keep the terms of third and fourth order too.
     """
 
+    name: str
     mesh: BeamMesh
     columns: slice
     axial: float
@@ -51,7 +54,17 @@ class LowOrderBeam:
     bending_damping: float
     gravity: tuple[float, float]
     whole: bool = False
-    uses_rates: bool = True
+    model: str = "lowOrder"
+
+    @property
+    def uses_rates(self) -> bool:
+        """Return True: its inertia force is counted among the forces."""
+        return True
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether there is damping."""
+        return self.axial_damping > 0.0 or self.bending_damping > 0.0
 
     @property
     def n_w(self) -> int:
@@ -150,6 +163,22 @@ class LowOrderBeam:
         M[:, 3 + nw :, 3 + nw :] = (N_v.T * m) @ N_v + np.einsum("q,bqi,bqj->bij", m, f.Hv, f.Hv, optimize=True)
         upper = np.triu(M)
         return np.asarray(upper + np.triu(M, 1).swapaxes(1, 2))
+
+    def smallest_inertia(self, x: Array) -> float:
+        """Return the smallest eigenvalue of the mass matrix relative to that of the undeformed beam.
+
+        The matrices are compared in the metric of the undeformed one, where all its eigenvalues are 1.
+        """
+        factor = self._undeformed_factor
+        turned = x.copy()
+        turned[:, self.columns.start + 2] = 0.0
+        M = self.mass(turned)
+        scaled = np.linalg.solve(factor, np.linalg.solve(factor, M).swapaxes(1, 2))
+        return float(np.linalg.eigvalsh(scaled).min())
+
+    @cached_property
+    def _undeformed_factor(self) -> Array:
+        return np.linalg.cholesky(self.mass(np.zeros((1, self.columns.stop)))[0])
 
     def _rotary(self, f: _Fields) -> Array:
         """Return s'.s' at the quadrature points; the w v^2 and v^4 parts only when whole."""
@@ -259,6 +288,7 @@ class LowOrderMarker:
     beam: LowOrderBeam
     place: float
     linear: bool = False
+    keeps_turns: bool = True
 
     @property
     def columns(self) -> slice:

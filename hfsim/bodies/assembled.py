@@ -1,0 +1,162 @@
+"""Assembled bodies: where their coordinates stand, their markers, their placement as rigid bodies.
+
+What joints, the initial state and the channels need to know of a body, whatever its model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.markers import Marker, NodalMarker, RigidMarker
+from hfsim.models.low_order import LowOrderBeam, LowOrderMarker
+from hfsim.models.mesh import BeamMesh
+from hfsim.rotations import normal, rotate
+
+Array = NDArray[np.float64]
+Place = tuple[float, float]
+
+
+class Body(Protocol):
+    """A body of an assembled scene.
+
+    Attributes
+    ----------
+    name : str
+    columns : slice
+        Its coordinates in x.
+    angle_column : int or None
+        Coordinate of the state that is its frame angle with all turns; None where it has to be
+        measured from the nodal vectors.
+    points : dict
+        Named points in the undeformed body frame [m].
+    """
+
+    name: str
+    columns: slice
+    angle_column: int | None
+    points: dict[str, Place]
+
+    def marker(self, place: Place) -> Marker:
+        """Return the marker of a material point."""
+
+    def placed(self, origin: Array, angle: float) -> Array:
+        """Return the coordinates of the undeformed body at an origin (2,) and angle, (n_columns,)."""
+
+    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+        """Return the rates of the undeformed body in rigid motion, (n_columns,)."""
+
+    def outline(self, x: Array) -> Array:
+        """Return points along the body for pictures, shape (n_batch, n_points, 2)."""
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A rigid body with coordinates (x, y, angle); its origin is its centre of mass."""
+
+    name: str
+    columns: slice
+    points: dict[str, Place] = field(default_factory=dict)
+
+    @property
+    def angle_column(self) -> int | None:
+        """The third coordinate."""
+        return int(self.columns.start) + 2
+
+    def marker(self, place: Place) -> Marker:
+        """Return the marker of a point of the body."""
+        return RigidMarker(self.columns, place)
+
+    def placed(self, origin: Array, angle: float) -> Array:
+        """Return (x, y, angle)."""
+        return np.array([*origin, angle])
+
+    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+        """Return (vx, vy, omega)."""
+        return np.array([*velocity, omega])
+
+    def outline(self, x: Array) -> Array:
+        """Return the polyline from the centre of mass through the named points."""
+        places = [(0.0, 0.0), *self.points.values()]
+        return np.stack([self.marker(place).position(x) for place in places], axis=1)
+
+
+@dataclass(frozen=True)
+class NodalBeam:
+    """A beam in absolute nodal coordinates: models exact, linear and ancf."""
+
+    name: str
+    columns: slice
+    mesh: BeamMesh
+    framed: bool
+    points: dict[str, Place]
+
+    @property
+    def angle_column(self) -> int | None:
+        """The third coordinate of the state, if the state has a body frame."""
+        return int(self.columns.start) + 2 if self.framed else None
+
+    def marker(self, place: Place) -> Marker:
+        """Return the marker of a material point; its direction is that of the beam's axis there."""
+        return NodalMarker(
+            self.columns, self.mesh.shape(*place), self.mesh.shape(place[0], place[1], (1, 0))
+        )
+
+    def placed(self, origin: Array, angle: float) -> Array:
+        """Return the turned and shifted undeformed nodal vectors."""
+        turned = rotate(np.full(self.mesh.n_vectors, angle), self.mesh.undeformed)
+        return np.asarray(turned + self.mesh.positions[:, None] * origin).ravel()
+
+    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+        """Return the rates of the nodal vectors."""
+        turned = rotate(np.full(self.mesh.n_vectors, angle), self.mesh.undeformed)
+        return np.asarray(omega * normal(turned) + self.mesh.positions[:, None] * velocity).ravel()
+
+    def outline(self, x: Array) -> Array:
+        """Return points of the centre line."""
+        rows = np.array([self.mesh.shape(float(a)) for a in _outline_places(self.mesh)])
+        return np.asarray(rows @ x[:, self.columns].reshape(len(x), -1, 2))
+
+
+@dataclass(frozen=True)
+class LowOrderBody:
+    """A beam of the model lowOrder."""
+
+    name: str
+    beam: LowOrderBeam
+    points: dict[str, Place]
+
+    @property
+    def columns(self) -> slice:
+        """Coordinates of the beam."""
+        return self.beam.columns
+
+    @property
+    def angle_column(self) -> int | None:
+        """The third coordinate."""
+        return int(self.columns.start) + 2
+
+    def marker(self, place: Place) -> Marker:
+        """Return the marker of a point of the centre line."""
+        return LowOrderMarker(self.beam, place[0])
+
+    def placed(self, origin: Array, angle: float) -> Array:
+        """Return (origin, angle, no deformation)."""
+        return np.concatenate([origin, [angle], np.zeros(self.beam.n_w + self.beam.n_v)])
+
+    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+        """Return (velocity, omega, no deformation)."""
+        return np.concatenate([velocity, [omega], np.zeros(self.beam.n_w + self.beam.n_v)])
+
+    def outline(self, x: Array) -> Array:
+        """Return points of the centre line."""
+        places = _outline_places(self.beam.mesh)
+        return np.stack([LowOrderMarker(self.beam, float(a)).position(x) for a in places], axis=1)
+
+
+def _outline_places(mesh: BeamMesh) -> Array:
+    per_element = max(1, min(8, 200 // mesh.count))
+    return np.linspace(0.0, mesh.length, mesh.count * per_element + 1)

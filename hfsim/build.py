@@ -1,0 +1,379 @@
+"""From a deck to an assembled scene: coordinates numbered, names resolved, equations put together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.bodies import BeamSpec, RigidSpec
+from hfsim.bodies.assembled import Body, LowOrderBody, NodalBeam, RigidBody
+from hfsim.constraints import Constraint
+from hfsim.deck import Deck, LoadedDeck
+from hfsim.elements import ELEMENTS, Inertia, Stiffness, join_laws
+from hfsim.forces import TwoPointSpec
+from hfsim.markers import GroundMarker, Marker
+from hfsim.models import MODELS, Model
+from hfsim.models.elastic import ConstantForce, ElasticForce, KelvinVoigtForce, LinearElasticForce
+from hfsim.models.frame import FrameChart
+from hfsim.models.low_order import LowOrderBeam
+from hfsim.models.mesh import BeamMesh
+from hfsim.parts import ForcePart
+from hfsim.spec import split_point
+from hfsim.start import Start, starting_state
+from hfsim.system import System, VariableMass
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A deck with one model, ready to be simulated.
+
+    Attributes
+    ----------
+    loaded : LoadedDeck
+    model : str
+    system : System
+    bodies : dict of str to Body
+    joints : dict of str to tuple of int
+        Which constraints of the system each joint is made of.
+    q, v : ndarray, shape (n,)
+        State at the start, consistent with the joints.
+    start_angles : dict of str to float
+        Angle of each body frame at the start, with the full turns the deck states [rad].
+    """
+
+    loaded: LoadedDeck
+    model: str
+    system: System
+    bodies: dict[str, Body]
+    joints: dict[str, tuple[int, ...]]
+    q: Array
+    v: Array
+    start_angles: dict[str, float]
+
+    @property
+    def deck(self) -> Deck:
+        """The deck."""
+        return self.loaded.deck
+
+    def marker(self, point: str) -> Marker:
+        """Return the marker of a point such as ``b1.tip``."""
+        return find_marker(point, self.bodies, self.deck)
+
+
+def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
+    """Assemble a scene.
+
+    Parameters
+    ----------
+    loaded : LoadedDeck
+    model : str, optional
+        Instead of the deck's.
+
+    Raises
+    ------
+    DeckError
+        If the initial state contradicts the joints, or joints are redundant.
+    """
+    deck = loaded.deck
+    name = model or deck.solve.model
+    bodies, meshes = _bodies(deck, MODELS[name])
+    joints, constraints = _joints(deck, bodies)
+    start = Start(
+        bodies=bodies,
+        initial=deck.initial,
+        constraints=constraints,
+        joints=joints,
+        refuse=loaded.problem,
+    )
+    x, u, angles = starting_state(start)
+    system = _system(deck, MODELS[name], bodies, meshes, constraints, x)
+    _check_independent(loaded, system, joints, x)
+    near = np.zeros((1, system.n))
+    for body in bodies.values():
+        if body.angle_column is not None:
+            near[0, body.angle_column] = angles[body.name]
+    q, v = system.state(x[None], u[None], near)
+    q, v = system.project(np.zeros(1), q, v)
+    return Scene(loaded, name, system, bodies, joints, q[0], v[0], angles)
+
+
+def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:
+    """Return the marker of ``BODY``, ``BODY.root``, ``BODY.tip``, ``BODY.name``, ``ground`` or ``ground.name``."""
+    owner, name = split_point(point)
+    if owner == "ground":
+        place = deck.ground.points[name] if name else (0.0, 0.0)
+        return GroundMarker((place[0], place[1]))
+    body = bodies[owner]
+    return body.marker(body.points[name] if name else (0.0, 0.0))
+
+
+def _bodies(deck: Deck, model: Model) -> tuple[dict[str, Body], dict[str, BeamMesh]]:
+    """Number the coordinates: each body has a run of its own in x."""
+    bodies: dict[str, Body] = {}
+    meshes: dict[str, BeamMesh] = {}
+    at = 0
+    for name, spec in deck.bodies.items():
+        points = {key: (place[0], place[1]) for key, place in spec.points.items()}
+        if isinstance(spec, RigidSpec):
+            bodies[name] = RigidBody(name, slice(at, at + 3), points)
+            at += 3
+            continue
+        mesh = meshes[name] = _mesh(deck, spec)
+        points |= {"root": (0.0, 0.0), "tip": (spec.length, 0.0)}
+        columns = slice(at, at + 2 * mesh.n_vectors)
+        at = columns.stop
+        if model.strain == "low_order":
+            bodies[name] = LowOrderBody(name, _low_order_beam(deck, name, mesh, columns), points)
+        else:
+            bodies[name] = NodalBeam(name, columns, mesh, model.frame, points)
+    return bodies, meshes
+
+
+def _mesh(deck: Deck, spec: BeamSpec) -> BeamMesh:
+    material, section = deck.materials[spec.material], deck.sections[spec.section]
+    rotary = material.density * section.second_moment if spec.rotary_inertia else 0.0
+    inertia = Inertia(material.density * section.area, rotary, section.height)
+    return BeamMesh(ELEMENTS[spec.element](spec.length / spec.elements), spec.elements, inertia)
+
+
+def _stiffness(deck: Deck, spec: BeamSpec) -> Stiffness:
+    material, section = deck.materials[spec.material], deck.sections[spec.section]
+    return Stiffness(
+        axial=material.youngs_modulus * section.area,
+        bending=material.youngs_modulus * section.second_moment,
+        lame_lambda=material.lame_lambda,
+        lame_mu=material.lame_mu,
+        height=section.height,
+        width=section.width,
+    )
+
+
+def _low_order_beam(deck: Deck, name: str, mesh: BeamMesh, columns: slice) -> LowOrderBeam:
+    spec = deck.bodies[name]
+    assert isinstance(spec, BeamSpec)
+    material, stiffness = deck.materials[spec.material], _stiffness(deck, spec)
+    return LowOrderBeam(
+        name=name,
+        mesh=mesh,
+        columns=columns,
+        axial=stiffness.axial,
+        bending=stiffness.bending,
+        axial_damping=material.axial_damping,
+        bending_damping=material.bending_damping,
+        gravity=(deck.gravity[0], deck.gravity[1]),
+        whole=spec.truncation == "none",
+    )
+
+
+def _joints(deck: Deck, bodies: dict[str, Body]) -> tuple[dict[str, tuple[int, ...]], tuple[Constraint, ...]]:
+    joints: dict[str, tuple[int, ...]] = {}
+    constraints: list[Constraint] = []
+    for name, spec in deck.joints.items():
+        first, second = (find_marker(point, bodies, deck) for point in spec.between)
+        rows = spec.build(first, second)
+        joints[name] = tuple(range(len(constraints), len(constraints) + len(rows)))
+        constraints.extend(rows)
+    return joints, tuple(constraints)
+
+
+def _system(
+    deck: Deck,
+    model: Model,
+    bodies: dict[str, Body],
+    meshes: dict[str, BeamMesh],
+    constraints: tuple[Constraint, ...],
+    x: Array,
+) -> System:
+    n = len(x)
+    mass = _constant_mass(deck, bodies, n)
+    variable = [body.beam for body in bodies.values() if isinstance(body, LowOrderBody)]
+    forces: list[ForcePart] = [*variable, *_weight(deck, bodies, mass), *_beam_forces(deck, model, bodies, n)]
+    forces += _springs_and_loads(deck, bodies, x)
+    beams = [body for body in bodies.values() if isinstance(body, NodalBeam)]
+    masses: tuple[VariableMass, ...] = tuple(variable)
+    charts = tuple(_charts(beams)) if model.frame else ()
+    return System(n, charts, mass, masses, tuple(forces), constraints)
+
+
+def _constant_mass(deck: Deck, bodies: dict[str, Body], n: int) -> Array:
+    mass = np.zeros((n, n))
+    for name, body in bodies.items():
+        spec = deck.bodies[name]
+        if isinstance(body, NodalBeam):
+            mass[body.columns, body.columns] = np.kron(body.mesh.mass, np.eye(2))
+        elif isinstance(spec, RigidSpec):
+            mass[body.columns, body.columns] = np.diag([spec.mass, spec.mass, spec.inertia])
+    return mass
+
+
+def _weight(deck: Deck, bodies: dict[str, Body], mass: Array) -> Iterable[ForcePart]:
+    """Weight as mass times a uniform field of accelerations; nothing without gravity."""
+    if not any(deck.gravity):
+        return
+    field = np.zeros(len(mass))
+    for body in bodies.values():
+        if isinstance(body, NodalBeam):
+            field[body.columns] = np.kron(body.mesh.positions, deck.gravity)
+        elif isinstance(body, RigidBody):
+            field[body.columns] = [*deck.gravity, 0.0]
+    yield ConstantForce(mass @ field)
+
+
+def _charts(beams: list[NodalBeam]) -> Iterable[FrameChart]:
+    """Beams with equal numbers of nodal vectors that stand side by side share a chart."""
+    run: list[NodalBeam] = []
+    for beam in [*beams, None]:
+        if run and (beam is None or not _alike(run[-1], beam)):
+            columns = slice(run[0].columns.start, run[-1].columns.stop)
+            yield FrameChart(columns, len(run), run[0].mesh.positions)
+            run = []
+        if beam is not None:
+            run.append(beam)
+
+
+def _alike(a: NodalBeam, b: NodalBeam) -> bool:
+    return a.columns.stop == b.columns.start and np.array_equal(a.mesh.positions, b.mesh.positions)
+
+
+def _beam_forces(deck: Deck, model: Model, bodies: dict[str, Body], n: int) -> Iterable[ForcePart]:
+    beams = [body for body in bodies.values() if isinstance(body, NodalBeam)]
+    if model.strain == "linear":
+        for body in beams:
+            yield _linear_force(deck, body)
+        return
+    groups: dict[object, list[NodalBeam]] = {}
+    for body in beams:
+        groups.setdefault(_law_kind(deck, body), []).append(body)
+    for group in groups.values():
+        yield _elastic_force(deck, group, n)
+    for body in beams:
+        material = deck.materials[_spec(deck, body).material]
+        if material.axial_damping or material.bending_damping:
+            yield _kelvin_voigt(deck, body, n)
+
+
+def _spec(deck: Deck, body: Body) -> BeamSpec:
+    spec = deck.bodies[body.name]
+    assert isinstance(spec, BeamSpec)
+    return spec
+
+
+def _law_kind(deck: Deck, body: NodalBeam) -> object:
+    """Return what must be equal for two beams to share one batched law."""
+    spec = _spec(deck, body)
+    if spec.element == "continuum":
+        return (spec.element, _stiffness(deck, spec), body.mesh.element.length)
+    quadrature = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else None
+    return (spec.element, spec.strain, spec.curvature, quadrature)
+
+
+def _elastic_force(deck: Deck, group: list[NodalBeam], n: int) -> ElasticForce:
+    laws, columns, count = [], [], 0
+    for body in group:
+        spec = _spec(deck, body)
+        points = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (5, 5)
+        laws.append(
+            body.mesh.element.law(_stiffness(deck, spec), spec.elements, spec.strain, spec.curvature, points)
+        )
+        columns.append(_gather(body, n))
+        count += spec.elements
+    gather = np.concatenate(columns, axis=1)
+    vectors = gather.shape[1] // (2 * count)
+    return ElasticForce(gather, np.ascontiguousarray(gather.T), join_laws(laws), (count, vectors, 2))
+
+
+def _gather(body: NodalBeam, n: int) -> Array:
+    local = np.kron(body.mesh.differences, np.eye(2))
+    gather = np.zeros((n, len(local)))
+    gather[body.columns] = local.T
+    return gather
+
+
+def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
+    """Linearise the element's own energy about the undeformed state."""
+    spec, mesh = _spec(deck, body), body.mesh
+    material = deck.materials[spec.material]
+    local = np.kron(mesh.differences, np.eye(2))
+    straight = (mesh.differences @ mesh.undeformed).reshape(1, spec.elements, -1, 2)
+
+    def matrix(stiffness: Stiffness) -> Array:
+        H = mesh.element.law(stiffness, spec.elements).hessian(straight)[0]
+        k = H.shape[-1]
+        return sum(
+            (local[e * k : (e + 1) * k].T @ H[e] @ local[e * k : (e + 1) * k] for e in range(spec.elements)),
+            np.zeros((local.shape[1], local.shape[1])),
+        )
+
+    K = matrix(_stiffness(deck, spec))
+    damping = np.zeros_like(K)
+    if material.axial_damping or material.bending_damping:
+        axial = matrix(_stiffness(deck, spec).without_bending())
+        damping = material.axial_damping * axial + material.bending_damping * (K - axial)
+    return LinearElasticForce(body.columns, K, damping, mesh.undeformed, mesh.positions)
+
+
+def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
+    spec = _spec(deck, body)
+    material, stiffness = deck.materials[spec.material], _stiffness(deck, spec)
+    gather = _gather(body, n)
+    return KelvinVoigtForce.of(
+        gather=gather,
+        count=spec.elements,
+        axial=stiffness.axial * body.mesh.element.length * material.axial_damping,
+        bending=stiffness.bending / body.mesh.element.length * material.bending_damping,
+    )
+
+
+def _springs_and_loads(deck: Deck, bodies: dict[str, Body], x: Array) -> list[ForcePart]:
+    forces: list[ForcePart] = []
+    for spring in deck.springs.values():
+        first, second = (find_marker(point, bodies, deck) for point in spring.between)
+        if isinstance(spring, TwoPointSpec):
+            gap = second.position(x[None]) - first.position(x[None])
+            forces.append(spring.build(first, second, float(np.linalg.norm(gap))))
+        else:
+            forces.append(spring.build(first, second))
+    forces += [load.build(find_marker(load.at, bodies, deck)) for load in deck.loads.values()]
+    return forces
+
+
+def _check_independent(
+    loaded: LoadedDeck, system: System, joints: dict[str, tuple[int, ...]], x: Array
+) -> None:
+    """Refuse joints that block the same motion twice: no multipliers would be determined.
+
+    Raises
+    ------
+    DeckError
+        Naming the joints whose equations depend on one another.
+    """
+    if not system.n_rows:
+        return
+    Phi_x = system.jacobian(x[None])[0]
+    rows = Phi_x / np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
+    left, sizes, _ = np.linalg.svd(rows, full_matrices=True)
+    rank = int(np.sum(sizes > 1e-9 * sizes[0]))
+    if rank == system.n_rows:
+        return
+    weight = np.abs(left[:, rank:]).max(axis=1)
+    involved = [
+        name
+        for name, members in joints.items()
+        if any(weight[system.rows[k]].max() > 1e-6 for k in members)
+    ]
+    last = involved[-1]
+    raise loaded.problem(
+        f"joints.{last}",
+        f"blocks what {_listed(involved[:-1]) or 'it'} already block{'s' if len(involved) == 2 else ''}: "
+        f"{system.n_rows - rank} of {system.n_rows} joint equations are redundant",
+        "remove a joint or free one of its motions",
+    )
+
+
+def _listed(names: list[str]) -> str:
+    return ", ".join(f"'{name}'" for name in names)

@@ -1,0 +1,32 @@
+"""Displacements seen from the body frame, the same for every model."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.channels._base import Samples
+from hfsim.rotations import rotate
+from hfsim.spec import split_point
+
+Array = NDArray[np.float64]
+
+
+def _relative(samples: Samples, point: str) -> Array:
+    """Return the position of a point in its body frame, shape (n_times, 2)."""
+    body, _ = split_point(point)
+    origin = samples.scene.marker(body).position(samples.x)
+    gap = samples.scene.marker(point).position(samples.x) - origin
+    return rotate(-samples.frame_angle(body), gap)
+
+
+def deflection(samples: Samples, point: str, quantity: str) -> Array:
+    """Return the distance of a point from the first axis of its body frame, across it [m]."""
+    return _relative(samples, point)[:, 1]
+
+
+def elongation(samples: Samples, point: str, quantity: str) -> Array:
+    """Return the displacement of a point along the first axis of its body frame [m]."""
+    body, name = split_point(point)
+    place = samples.scene.bodies[body].points[name][0] if name else 0.0
+    return np.asarray(_relative(samples, point)[:, 0] - place)

@@ -1,0 +1,78 @@
+"""Integrators: one file each; `METHODS` names them all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from hfsim.integrators._base import Counts, Limits, Method, Problem, Segment, Trajectory, integrate
+from hfsim.integrators._tableau import gauss, radau
+from hfsim.integrators.collocation import CollocationMethod
+from hfsim.integrators.explicit import Explicit
+from hfsim.integrators.gear import Gear
+from hfsim.integrators.generalized_alpha import GeneralizedAlpha
+
+if TYPE_CHECKING:
+    from hfsim.deck import SolveSpec
+
+
+def default_stages(tolerance: float) -> int:
+    """Return the number of collocation stages that suits a tolerance: more for tighter ones.
+
+    Examples
+    --------
+    >>> default_stages(1e-3), default_stages(1e-8)
+    (8, 16)
+    """
+    return 8 if tolerance > 3e-4 else 12 if tolerance > 3e-6 else 16
+
+
+def _gauss(solve: SolveSpec) -> Method:
+    return CollocationMethod("gauss", gauss(solve.stages or default_stages(solve.tolerance)), solve.tolerance)
+
+
+def _radau(solve: SolveSpec) -> Method:
+    stages = solve.stages or default_stages(solve.tolerance) // 2
+    return CollocationMethod("radau", radau(stages), solve.tolerance)
+
+
+def _gear(solve: SolveSpec) -> Method:
+    return Gear(solve.tolerance, solve.step, solve.order)
+
+
+def _generalized_alpha(solve: SolveSpec) -> Method:
+    return GeneralizedAlpha(solve.tolerance, solve.rho_inf)
+
+
+def _explicit(solve: SolveSpec) -> Method:
+    return Explicit(solve.tolerance)
+
+
+METHODS: dict[str, Callable[[SolveSpec], Method]] = {
+    "gauss": _gauss,
+    "radau": _radau,
+    "gear": _gear,
+    "generalized_alpha": _generalized_alpha,
+    "explicit": _explicit,
+}
+
+
+def choose(solve: SolveSpec, dissipates: bool) -> Method:
+    """Return the method a deck asks for; ``auto`` is gauss, or radau where dampers ask for damping."""
+    name = solve.method
+    if name == "auto":
+        name = "radau" if dissipates else "gauss"
+    return METHODS[name](solve)
+
+
+__all__ = [
+    "METHODS",
+    "Counts",
+    "Limits",
+    "Method",
+    "Problem",
+    "Segment",
+    "Trajectory",
+    "choose",
+    "integrate",
+]

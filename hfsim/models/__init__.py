@@ -1,0 +1,31 @@
+"""The four models: which coordinates the state has, and which strain measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Model:
+    """One model of a flexible body.
+
+    Attributes
+    ----------
+    frame : bool
+        Whether the state has a body frame and coordinates relative to it.
+    strain : str
+        ``exact`` as the element says; ``linear`` about the undeformed state in the body frame;
+        ``low_order`` in the axial variable w with the foreshortening in the kinematics.
+    """
+
+    frame: bool
+    strain: Literal["exact", "linear", "low_order"]
+
+
+MODELS: dict[str, Model] = {
+    "linear": Model(frame=True, strain="linear"),
+    "lowOrder": Model(frame=True, strain="low_order"),
+    "exact": Model(frame=True, strain="exact"),
+    "ancf": Model(frame=False, strain="exact"),
+}

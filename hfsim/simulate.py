@@ -1,0 +1,248 @@
+"""From a deck to results: build, integrate, sample, judge. The pipeline to read first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.balance import balance, step_samples
+from hfsim.build import Scene, build
+from hfsim.channels import CHANNELS, Samples
+from hfsim.deck import LoadedDeck, SolveSpec
+from hfsim.errors import HfsimError, LimitReached, SolverFailure
+from hfsim.integrators import Limits, Problem, Trajectory, choose, integrate
+from hfsim.solution import Channel, Run
+
+Array = NDArray[np.float64]
+Progress = Callable[[float], None]
+
+
+@dataclass
+class Clock:
+    """CPU and wall time by phase [s]."""
+
+    cpu: dict[str, float] = field(default_factory=dict)
+    wall: dict[str, float] = field(default_factory=dict)
+
+    @contextmanager
+    def phase(self, name: str) -> Iterator[None]:
+        """Measure what happens inside the with block."""
+        cpu, wall = time.process_time(), time.perf_counter()
+        try:
+            yield
+        finally:
+            self.cpu[name] = self.cpu.get(name, 0.0) + time.process_time() - cpu
+            self.wall[name] = self.wall.get(name, 0.0) + time.perf_counter() - wall
+
+
+@dataclass(frozen=True)
+class Integration:
+    """A trajectory, what it cost and what stopped it."""
+
+    trajectory: Trajectory
+    problem: Problem
+    method: str
+    stop: HfsimError | KeyboardInterrupt | None
+
+
+def simulate(
+    loaded: LoadedDeck,
+    model: str | None = None,
+    progress: Progress | None = None,
+    error_estimate: bool = True,
+) -> Run:
+    """Simulate one scene with one model.
+
+    Parameters
+    ----------
+    loaded : LoadedDeck
+    model : str, optional
+        Instead of the deck's.
+    progress : callable, optional
+        Called with the share of the duration that is done, 0 to 1.
+    error_estimate : bool
+        Whether to measure the error of the integration by a second, tighter one.
+
+    Returns
+    -------
+    Run
+        A failure of solver or model is not raised but told in it, with what was computed until then.
+
+    Raises
+    ------
+    DeckError
+        If the scene cannot be assembled.
+    """
+    clock = Clock()
+    with clock.phase("build"):
+        scene = build(loaded, model)
+    with clock.phase("solve"):
+        done = run_integration(scene, scene.deck.solve, progress)
+        samples = sample(scene, done.trajectory)
+        channels = compute_channels(samples)
+    statistics = _statistics(scene, done)
+    if error_estimate and done.trajectory.segments and not isinstance(done.stop, KeyboardInterrupt):
+        with clock.phase("error_estimate"):
+            statistics |= _measured_error(scene, done, samples, channels)
+    statistics["cpu_s"], statistics["wall_s"] = clock.cpu, clock.wall
+    status, reason, failure, code = _outcome(done.stop)
+    return Run(
+        name=scene.deck.name,
+        model=scene.model,
+        method=done.method,
+        status=status,
+        reason=reason,
+        t=samples.t,
+        channels=channels,
+        outlines={name: body.outline(samples.x) for name, body in scene.bodies.items()},
+        statistics=statistics,
+        failure=failure,
+        exit_code=code,
+    )
+
+
+def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
+    """Assemble a scene without running it and return its sizes.
+
+    Raises
+    ------
+    DeckError
+        If it cannot be assembled.
+    """
+    scene = build(loaded, model)
+    deck, system = scene.deck, scene.system
+    kinds = [spec.type for spec in deck.bodies.values()]
+    return {
+        "name": deck.name,
+        "model": scene.model,
+        "bodies": {kind: kinds.count(kind) for kind in ("beam", "rigid") if kind in kinds},
+        "joints": len(deck.joints),
+        "springs": len(deck.springs),
+        "loads": len(deck.loads),
+        "unknowns": system.n,
+        "multipliers": system.n_rows,
+        "degrees_of_freedom": system.n - system.n_rows,
+    }
+
+
+def run_integration(scene: Scene, solve: SolveSpec, progress: Progress | None = None) -> Integration:
+    """Integrate a scene from its start over its duration."""
+    system, duration = scene.system, solve.duration
+    problem = Problem(system.acceleration, system.project, system.dissipates)
+    method = choose(solve, system.dissipates)
+
+    def watch(t: float, q: Array, v: Array) -> None:
+        system.verify(t, q)
+        if progress is not None:
+            progress(t / duration)
+
+    limits = Limits(solve.step, solve.max_steps)
+    trajectory, stop = integrate(problem, method, (0.0, scene.q, scene.v), duration, limits, watch)
+    if isinstance(stop, SolverFailure) and not stop.item:
+        stop = system.explained(stop, trajectory.q)
+    return Integration(trajectory, problem, method.name, stop)
+
+
+def sample(scene: Scene, trajectory: Trajectory) -> Samples:
+    """Read the trajectory at the output times and move the states onto the joints."""
+    count = int(np.floor(scene.deck.solve.duration / scene.deck.interval * (1.0 + 1e-12)))
+    times = scene.deck.interval * np.arange(count + 1)
+    times[-1] = min(times[-1], scene.deck.solve.duration)
+    times = times[times <= trajectory.t_end]
+    return samples_at(scene, trajectory, times)
+
+
+def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> Samples:
+    """Return samples at sorted times."""
+    q, v = trajectory.at(times)
+    q, v = scene.system.project(times, q, v)
+    turns = _turns(scene, trajectory, times)
+    return Samples(scene, times, q, v, turns)
+
+
+def _turns(scene: Scene, trajectory: Trajectory, times: Array) -> dict[str, Array]:
+    """Count full turns of bodies whose angle is measured from slopes, along all steps."""
+    names = [name for name, body in scene.bodies.items() if body.angle_column is None]
+    if not names or not len(times):
+        return {}
+    ends = trajectory.step_ends()
+    inner = (ends[:-1, None] + np.diff(ends)[:, None] * np.array([0.25, 0.5, 0.75])).ravel()
+    every = np.unique(np.concatenate([ends, inner, times]))
+    x = scene.system.absolute(trajectory.at(every)[0])
+    at = np.searchsorted(every, times)
+    turns = {}
+    for name in names:
+        angle = np.unwrap(scene.marker(name).angle(x))
+        start = scene.start_angles[name]
+        turns[name] = (angle + 2.0 * np.pi * np.round((start - angle[0]) / (2.0 * np.pi)))[at]
+    return turns
+
+
+def compute_channels(samples: Samples) -> tuple[Channel, ...]:
+    """Return the columns that the deck asks for."""
+    columns = []
+    for name in samples.scene.deck.channels:
+        subject, _, quantity = name.rpartition(".")
+        kind = CHANNELS[quantity]
+        unit = "m" if name == "constraint.position" else kind.unit
+        columns.append(Channel(name, unit, np.ascontiguousarray(kind.compute(samples, subject, quantity))))
+    return tuple(columns)
+
+
+def _statistics(scene: Scene, done: Integration) -> dict[str, Any]:
+    counts, system = done.problem.counts, scene.system
+    facts: dict[str, Any] = {
+        "steps": counts.steps,
+        "rejected": counts.rejected,
+        "newton_iterations": counts.iterations,
+        "evaluations": counts.evaluations,
+        "evaluation_calls": counts.calls,
+        "factorisations": counts.factorisations,
+        "unknowns": system.n,
+        "multipliers": system.n_rows,
+        "warnings": [],
+    }
+    return facts | balance(system, step_samples(done.trajectory))
+
+
+def _measured_error(scene: Scene, done: Integration, samples: Samples, channels: tuple[Channel, ...]) -> dict[str, Any]:
+    """Integrate again, tighter and with Gauss collocation, and return the largest differences."""
+    solve = scene.deck.solve
+    tighter = max(min(solve.tolerance, 1e-6) * 1e-2, 1e-13)
+    update = {"method": "gauss", "tolerance": tighter, "step": None, "stages": None, "duration": done.trajectory.t_end}
+    again = run_integration(scene, solve.model_copy(update=update))
+    reference = compute_channels(samples_at(scene, again.trajectory, samples.t[samples.t <= again.trajectory.t_end]))
+    errors, relative = {}, 0.0
+    for mine, better in zip(channels, reference, strict=True):
+        n = len(better.values)
+        if not n or mine.name.startswith("constraint."):
+            continue
+        error = float(np.abs(mine.values[:n] - better.values).max())
+        errors[mine.name] = error
+        span = float(np.ptp(better.values))
+        if span > 0.0:
+            relative = max(relative, error / span)
+    return {
+        "error_estimate": relative,
+        "error_by_channel": errors,
+        "error_estimate_by": f"difference to a second run, gauss at tolerance {tighter:g}",
+    }
+
+
+def _outcome(stop: HfsimError | KeyboardInterrupt | None) -> tuple[str, str, dict[str, Any] | None, int]:
+    """Return status, reason, failure facts and exit code."""
+    if stop is None:
+        return "done", "", None, 0
+    if isinstance(stop, KeyboardInterrupt):
+        return "interrupted", "interrupted from the keyboard", None, 130
+    if isinstance(stop, LimitReached):
+        return "limit", stop.reason, None, stop.exit_code
+    assert isinstance(stop, SolverFailure)
+    failure = {"class": stop.kind, "item": stop.item, "time": stop.time, "evidence": stop.evidence}
+    return "failed", stop.reason, failure, stop.exit_code
