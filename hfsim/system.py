@@ -26,6 +26,10 @@ from hfsim.parts import ForcePart
 
 Array = NDArray[np.float64]
 
+NEARLY_SINGULAR = 0.02
+"""Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a collapse of the
+step length is put down to it."""
+
 
 class VariableMass(Protocol):
     """A body whose mass matrix depends on its coordinates."""
@@ -34,11 +38,12 @@ class VariableMass(Protocol):
     model: str
     columns: slice
 
+    @property
+    def truncated(self) -> bool:
+        """Whether its inertia force leaves out terms, so that it does not keep the energy."""
+
     def mass(self, x: Array) -> Array:
         """Return the mass matrix, shape (n_batch, n_columns, n_columns)."""
-
-    def smallest_inertia(self, x: Array) -> float:
-        """Return the smallest eigenvalue of the mass matrix relative to the undeformed body's."""
 
 
 @dataclass(frozen=True)
@@ -208,15 +213,12 @@ class System:
         Y = Phi_x @ self._inverse_mass
         return np.asarray(self._inverse_mass - Y.T @ np.linalg.solve(Y @ Phi_x.T, Y))
 
-    def _divide_by_mass(self, x: Array, rows: Array) -> Array:
-        """Return rows M^-1 for ``rows`` of shape (n_batch or 1, m, n)."""
-        out = rows @ self._inverse_mass
+    def mass(self, x: Array) -> Array:
+        """Return the mass matrix M_g of eq. (38), shape (n_batch, n, n)."""
+        M = np.repeat(self.constant_mass[None], len(x), axis=0)
         for body in self.variable_mass:
-            if len(out) < len(x):
-                out = np.repeat(out, len(x), axis=0)
-            part = np.broadcast_to(rows[..., body.columns], (len(x), rows.shape[1], body.columns.stop - body.columns.start))
-            out[..., body.columns] = np.linalg.solve(body.mass(x), part.swapaxes(1, 2)).swapaxes(1, 2)
-        return np.asarray(out)
+            M[:, body.columns, body.columns] = body.mass(x)
+        return M
 
     def solve(self, t: Array, x: Array, u: Array, f: Array) -> tuple[Array, Array]:
         """Solve eq. (37).
@@ -229,18 +231,33 @@ class System:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If a mass matrix or the constraints are singular in this state.
+            If the equations are singular in this state.
         """
-        free = self._divide_by_mass(x, f[:, None, :])[:, 0]
-        if not self.constraints:
-            return free, np.zeros((len(x), 0))
         Phi_x = self.jacobian(x)
         gamma = self._stack(len(x), lambda c: c.acceleration(t, x, u))
-        Y = self._divide_by_mass(x, Phi_x)
-        S = Y @ Phi_x.swapaxes(1, 2)
+        return self._constrained(x, Phi_x, f, gamma)
+
+    def _constrained(self, x: Array, Phi_x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Solve M a + Phi_x^T lambda = f, Phi_x a = gamma."""
+        if self.variable_mass:
+            return self._solve_whole(x, Phi_x, f, gamma)
+        free = f @ self._inverse_mass
+        if not self.constraints:
+            return free, gamma
+        Y = Phi_x @ self._inverse_mass
         gap = (Phi_x @ free[..., None])[..., 0] - gamma
-        multipliers = np.linalg.solve(S, gap[..., None])[..., 0]
+        multipliers = np.linalg.solve(Y @ Phi_x.swapaxes(1, 2), gap[..., None])[..., 0]
         return free - (multipliers[:, None, :] @ Y)[:, 0], multipliers
+
+    def _solve_whole(self, x: Array, Phi_x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Solve with the whole matrix of eq. (37): a mass matrix may be indefinite where joints hold it."""
+        n, m = self.n, self.n_rows
+        matrix = np.zeros((len(x), n + m, n + m))
+        matrix[:, :n, :n] = self.mass(x)
+        matrix[:, n:, :n] = Phi_x
+        matrix[:, :n, n:] = Phi_x.swapaxes(1, 2)
+        solution = np.linalg.solve(matrix, np.concatenate([f, gamma], axis=1)[..., None])[..., 0]
+        return solution[:, :n], solution[:, n:]
 
     def acceleration(self, t: Array, q: Array, v: Array) -> Array:
         """Return q'' for a batch of states: the one operation that carries every integrator.
@@ -269,33 +286,40 @@ class System:
 
     # ------------------------------------------------------------------ trust in a state
 
-    def verify(self, t: float, q: Array) -> None:
-        """Check that a state can be trusted.
+    def admissible(self, q: Array) -> bool:
+        """Whether the mass matrix is positive definite for all motions that the joints allow, in q (n,)."""
+        return not self.variable_mass or self._smallest_inertia(q)[0] > 0.0
 
-        Raises
-        ------
-        SolverFailure
-            If a mass matrix is no longer positive definite.
-        """
-        for body in self.variable_mass:
-            if body.smallest_inertia(q[None]) <= 0.0:
-                raise self._broken_mass(body, t)
-
-    def explained(self, failure: SolverFailure, q: Array) -> SolverFailure:
-        """Return a failure with its cause, if the last good state shows one."""
-        for body in self.variable_mass:
-            if body.smallest_inertia(q[None]) < 1e-2:
-                return self._broken_mass(body, failure.time)
-        return failure
-
-    def _broken_mass(self, body: VariableMass, t: float) -> SolverFailure:
+    def breakdown(self, t: float, q: Array) -> SolverFailure | None:
+        """Return why no step leads on from a state (n,), if the mass matrix has become nearly singular."""
+        if not self.variable_mass:
+            return None
+        size, motion = self._smallest_inertia(q)
+        if size > NEARLY_SINGULAR * self._smallest_inertia(np.zeros_like(q))[0]:
+            return None
+        body = max(self.variable_mass, key=lambda one: float(np.sum(motion[one.columns] ** 2)))
         return SolverFailure(
             reason=f"the mass matrix of body '{body.name}' in model {body.model} stops being positive "
-            f"definite at t = {t:.4g} s: the terms it leaves out are no longer small",
+            f"definite at t = {t:.4g} s: the terms the model leaves out are no longer small",
             time=t,
             item=f"bodies.{body.name}",
             kind="model",
+            evidence={"smallest_eigenvalue": size},
         )
+
+    def _smallest_inertia(self, q: Array) -> tuple[float, Array]:
+        """Return the smallest eigenvalue of the mass matrix among allowed motions, and that motion.
+
+        Coordinates are scaled so that the undeformed mass matrix has a unit diagonal.
+        """
+        x = self.absolute(q[None])
+        scale = 1.0 / np.sqrt(np.diag(self.mass(np.zeros_like(x))[0]))
+        M = self.mass(x)[0] * np.outer(scale, scale)
+        Z = np.eye(self.n)
+        if self.constraints:
+            Z = np.linalg.qr((self.jacobian(x)[0] * scale).T, mode="complete")[0][:, self.n_rows :]
+        sizes, motions = np.linalg.eigh(Z.T @ M @ Z)
+        return float(sizes[0]), Z @ motions[:, 0]
 
     # ------------------------------------------------------------------ projection
 
@@ -325,7 +349,4 @@ class System:
 
     def _correction(self, x: Array, gap: Array) -> Array:
         """Return the smallest move, measured by the mass matrix, that changes Phi by ``gap``."""
-        Phi_x = self.jacobian(x)
-        Y = self._divide_by_mass(x, Phi_x)
-        factor = np.linalg.solve(Y @ Phi_x.swapaxes(1, 2), gap[..., None])
-        return np.asarray((Y.swapaxes(1, 2) @ factor)[..., 0])
+        return self._constrained(x, self.jacobian(x), np.zeros_like(x), gap)[0]

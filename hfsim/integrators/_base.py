@@ -44,11 +44,17 @@ class Problem:
         (t, q, v) -> (q, v) moved onto the constraints; batch axis as above.
     dissipates : bool
         Whether stiff methods need the derivative of the accelerations by v.
+    admissible : callable
+        q, shape (n,) -> whether the equations make sense there; no step ends where they do not.
+    breakdown : callable
+        (t, q) -> the failure that explains why steps get ever shorter near this state, or None.
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
     project: Callable[[Array, Array, Array], tuple[Array, Array]]
     dissipates: bool
+    admissible: Callable[[Array], bool] = lambda q: True
+    breakdown: Callable[[float, Array], SolverFailure | None] = lambda t, q: None
     counts: Counts = field(default_factory=Counts)
 
     def evaluate(self, t: Array, q: Array, v: Array) -> Array:
@@ -209,13 +215,15 @@ class Limits:
     step : float or None
         Fixed step length [s].
     max_steps : int or None
-    smallest : float
-        Step length, relative to the duration, below which a run with free steps has failed.
+    short, shortest : float
+        Step lengths, relative to the duration: below the first a known cause ends the run, below the
+        second the run has failed whatever the cause.
     """
 
     step: float | None = None
     max_steps: int | None = None
-    smallest: float = 1e-11
+    short: float = 1e-6
+    shortest: float = 1e-11
 
 
 def integrate(
@@ -250,9 +258,9 @@ def integrate(
     try:
         with np.errstate(all="ignore"):
             for segment, end in _steps(problem, method, start, t_end, limits):
-                watch(end[0], end[1], end[2])
                 trajectory.segments.append(segment)
                 trajectory.t_end, trajectory.q, trajectory.v = end
+                watch(*end)
     except (SolverFailure, LimitReached, KeyboardInterrupt) as stop:
         return trajectory, stop
     return trajectory, None
@@ -271,14 +279,14 @@ def _steps(
         if limits.max_steps is not None and problem.counts.steps >= limits.max_steps:
             raise LimitReached(f"{limits.max_steps} steps were made", t)
         h = _fitted(limits.step or wish, t_end - t, limits.step is not None)
-        attempt = _attempt(method, t, q, v, h)
+        attempt = _attempt(problem, method, t, q, v, h)
         if not attempt.solved and limits.step is not None:
-            raise SolverFailure(f"the equations of a step of {h:g} s could not be solved", t)
+            why = f"the equations of a step of {h:g} s could not be solved"
+            raise problem.breakdown(t, q) or SolverFailure(why, t)
         if not attempt.solved or (limits.step is None and attempt.error > 1.0):
             problem.counts.rejected += 1
             wish = h * min(max(attempt.growth, 0.1), 0.9)
-            if wish < limits.smallest * duration:
-                raise SolverFailure(f"the step length fell to {wish:.1e} s", t)
+            _refuse_collapse(problem, limits, wish / duration, t, q)
             continue
         segment = Segment(t, h, q, v, attempt.series)
         t = t_end if h == t_end - t else t + h
@@ -297,11 +305,23 @@ def _fitted(wish: float, rest: float, fixed: bool) -> float:
     return 0.5 * rest if not fixed and rest < 2.0 * wish else wish
 
 
-def _attempt(method: Method, t: float, q: Array, v: Array, h: float) -> Attempt:
+def _refuse_collapse(problem: Problem, limits: Limits, relative: float, t: float, q: Array) -> None:
+    """Raise the cause when steps have become too short to go on."""
+    if relative > limits.short:
+        return
+    cause = problem.breakdown(t, q)
+    if cause is not None:
+        raise cause
+    if relative < limits.shortest:
+        raise SolverFailure(f"the step length fell below {limits.shortest:g} of the duration", t)
+
+
+def _attempt(problem: Problem, method: Method, t: float, q: Array, v: Array, h: float) -> Attempt:
     try:
         attempt = method.attempt(t, q, v, h)
     except np.linalg.LinAlgError:
         return unsolved()
-    if attempt.solved and not (np.isfinite(attempt.q).all() and np.isfinite(attempt.v).all()):
-        return unsolved()
-    return attempt
+    if not attempt.solved:
+        return attempt
+    finite = np.isfinite(attempt.q).all() and np.isfinite(attempt.v).all()
+    return attempt if finite and problem.admissible(attempt.q) else unsolved()
