@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.integrators import Trajectory
 from hfsim.shapes import gauss_legendre
 from hfsim.system import System
-
-Array = NDArray[np.float64]
 
 MAX_STATES = 4000
 """States looked at in one batch."""

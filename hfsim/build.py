@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.bodies import BeamSpec, RigidSpec
 from hfsim.bodies.assembled import Body, LowOrderBody, NodalBeam, RigidBody
 from hfsim.constraints import Constraint
@@ -24,8 +24,6 @@ from hfsim.parts import ForcePart
 from hfsim.spec import split_point
 from hfsim.start import Start, starting_state
 from hfsim.system import System, VariableMass
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -103,7 +101,7 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
 
 
 def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:
-    """Return the marker of ``BODY``, ``BODY.root``, ``BODY.tip``, ``BODY.name``, ``ground`` or ``ground.name``."""
+    """Return the marker of a point as decks name it: ``BODY``, ``BODY.tip``, ``ground.name``."""
     owner, name = split_point(point)
     if owner == "ground":
         place = deck.ground.points[name] if name else (0.0, 0.0)
@@ -362,9 +360,7 @@ def _check_independent(
         return
     weight = np.abs(left[:, rank:]).max(axis=1)
     involved = [
-        name
-        for name, members in joints.items()
-        if any(weight[system.rows[k]].max() > 1e-6 for k in members)
+        name for name, members in joints.items() if any(weight[system.rows[k]].max() > 1e-6 for k in members)
     ]
     last = involved[-1]
     raise loaded.problem(

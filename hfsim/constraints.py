@@ -11,21 +11,27 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.laws import Law
 from hfsim.markers import Marker
 from hfsim.rotations import normal, rotate, wrap
-
-Array = NDArray[np.float64]
 
 
 class Constraint(Protocol):
     """Rows of Phi that tie a second marker to a first."""
 
-    first: Marker
-    second: Marker
-    rows: int
+    @property
+    def first(self) -> Marker:
+        """Marker on the first body."""
+
+    @property
+    def second(self) -> Marker:
+        """Marker on the second body."""
+
+    @property
+    def rows(self) -> int:
+        """Number of equations."""
 
     @property
     def constant(self) -> bool:
@@ -126,7 +132,7 @@ class RelativeAngle:
     def acceleration(self, t: Array, x: Array, u: Array) -> Array:
         """Return the difference of the angle biases plus the law's acceleration."""
         target = self.first.angle_bias(x, u) - self.second.angle_bias(x, u)
-        return (target + self.law.acceleration(t) if self.law else target)[:, None]
+        return np.asarray(target + self.law.acceleration(t) if self.law else target)[:, None]
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return minus the multiplier as a moment."""
@@ -187,7 +193,7 @@ class Along:
         gap_bias = b.position_bias(x, u) - a.position_bias(x, u)
         bias = np.sum(axis * gap_bias + 2.0 * spin[:, None] * side * gap_rate, axis=-1)
         bias += np.sum(side * gap, -1) * a.angle_bias(x, u) - spin**2 * np.sum(axis * gap, -1)
-        return (self.law.acceleration(t) - bias if self.law else -bias)[:, None]
+        return np.asarray(self.law.acceleration(t) - bias if self.law else -bias)[:, None]
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return a force along the direction, minus the multiplier in size, acting at the second point."""

@@ -69,7 +69,7 @@ class DeckError(HfsimError):
 
 
 @dataclass
-class SolverFailure(HfsimError):
+class SolverFailure(HfsimError):  # noqa: N818
     """The integration could not go on: the solver failed or the model broke down."""
 
     exit_code = 3
@@ -84,13 +84,13 @@ class SolverFailure(HfsimError):
         return self.reason
 
 
-class ToleranceMissed(HfsimError):
+class ToleranceMissed(HfsimError):  # noqa: N818
     """A tolerance the user stated was missed."""
 
     exit_code = 4
 
 
-class LimitReached(HfsimError):
+class LimitReached(HfsimError):  # noqa: N818
     """A stated limit (steps, time) ended the run before its end."""
 
     exit_code = 5

@@ -15,14 +15,13 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from annotated_types import MinLen
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field
 
+from hfsim.arrays import Array
 from hfsim.deck_source import Path
 from hfsim.spec import Angle, Complaint, Number, PositiveFrequency, PositiveTime, Spec, Time, refuse_all
 from hfsim.units import UnitError, parse_quantity
-
-Array = NDArray[np.float64]
 
 
 class Law(ABC):
@@ -82,10 +81,10 @@ class StepLaw(Law):
         x = np.clip((t - self.start) / duration, 0.0, 1.0)
         rise = self.high - self.low
         if order == 0:
-            return self.low + rise * x**3 * (10 - 15 * x + 6 * x**2)
+            return np.asarray(self.low + rise * x**3 * (10 - 15 * x + 6 * x**2))
         if order == 1:
-            return rise / duration * 30 * (x * (1 - x)) ** 2
-        return rise / duration**2 * 60 * x * (1 - x) * (1 - 2 * x)
+            return np.asarray(rise / duration * 30 * (x * (1 - x)) ** 2)
+        return np.asarray(rise / duration**2 * 60 * x * (1 - x) * (1 - 2 * x))
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ class SineLaw(Law):
     def _derivative(self, t: Array, order: int) -> Array:
         # Each derivative turns the phase by a quarter and brings one factor w.
         oscillation = self.amplitude * self.w**order * np.sin(self.w * t + self.phase + order * math.pi / 2)
-        return oscillation + (self.offset if order == 0 else 0.0)
+        return np.asarray(oscillation + (self.offset if order == 0 else 0.0))
 
 
 class LawSpec(Spec):

@@ -12,22 +12,25 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.rotations import normal
-
-Array = NDArray[np.float64]
 
 
 class Marker(Protocol):
     """A point with a direction on a body."""
 
-    columns: slice
-    """Coordinates of its body in x; empty for the ground."""
-    linear: bool
-    """Whether the position is a linear function of the coordinates."""
-    keeps_turns: bool
-    """Whether the angle counts full turns."""
+    @property
+    def columns(self) -> slice:
+        """Coordinates of its body in x; empty for the ground."""
+
+    @property
+    def linear(self) -> bool:
+        """Whether the position is a linear function of the coordinates."""
+
+    @property
+    def keeps_turns(self) -> bool:
+        """Whether the angle counts full turns."""
 
     def position(self, x: Array) -> Array:
         """Return the position [m], shape (n_batch, 2)."""

@@ -9,9 +9,8 @@ asked.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hfsim.arrays import Array
 
 
 class ForcePart:

@@ -7,10 +7,8 @@ product for a whole batch of vectors.  Spatial rotations will stand beside these
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from hfsim.arrays import Array, ComplexArray
 
 QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """``a @ QUARTER_TURN`` is the planar cross product of the unit normal with ``a``."""
@@ -40,8 +38,8 @@ def rotate(angle: Array, a: Array) -> Array:
 
     Examples
     --------
-    >>> rotate(np.array(np.pi / 2), np.array([1.0, 0.0])).round(12)
-    array([0., 1.])
+    >>> rotate(np.array([np.pi / 2]), np.array([[1.0, 0.0]])).round(12)
+    array([[0., 1.]])
     """
     return as_vectors(np.exp(1j * angle) * as_complex(a))
 

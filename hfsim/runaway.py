@@ -5,12 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.errors import SolverFailure
 from hfsim.system import System
-
-Array = NDArray[np.float64]
 
 LIMIT = 10.0
 """Energy out of nothing, relative to all that was ever there, at which a model has broken down."""
@@ -61,9 +59,9 @@ class EnergyWatch:
     def _failure(self, t: float, x: Array, u: Array, gained: float) -> SolverFailure:
         body = max(self._truncated, key=lambda one: float(np.abs(u[:, one.columns]).max()))
         return SolverFailure(
-            reason=f"the inertia force of body '{body.name}' in model {body.model} feeds energy that nothing "
-            f"supplies at t = {t:.4g} s: {gained:.3g} J where at most {self._most:.3g} J can be; the terms the "
-            "model leaves out are no longer small",
+            reason=f"the inertia force of body '{body.name}' in model {body.model} feeds energy that "
+            f"nothing supplies at t = {t:.4g} s: {gained:.3g} J where at most {self._most:.3g} J can be; "
+            "the terms the model leaves out are no longer small",
             time=t,
             item=f"bodies.{body.name}",
             kind="model",

@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.channels import CHANNELS, Samples
@@ -20,7 +20,6 @@ from hfsim.integrators import Limits, Problem, Trajectory, choose, integrate
 from hfsim.runaway import EnergyWatch
 from hfsim.solution import Channel, Run
 
-Array = NDArray[np.float64]
 Progress = Callable[[float], None]
 
 
@@ -215,14 +214,18 @@ def _statistics(scene: Scene, done: Integration) -> dict[str, Any]:
     return facts | balance(system, step_samples(done.trajectory))
 
 
-def _measured_error(scene: Scene, done: Integration, samples: Samples, channels: tuple[Channel, ...]) -> dict[str, Any]:
+def _measured_error(
+    scene: Scene, done: Integration, samples: Samples, channels: tuple[Channel, ...]
+) -> dict[str, Any]:
     """Integrate again, tighter and with Gauss collocation, and return the largest differences."""
     solve = scene.deck.solve
     tighter = max(min(solve.tolerance, 1e-6) * 1e-2, 1e-13)
-    update = {"method": "gauss", "tolerance": tighter, "step": None, "stages": None, "duration": done.trajectory.t_end}
-    again = run_integration(scene, solve.model_copy(update=update))
-    reference = compute_channels(samples_at(scene, again.trajectory, samples.t[samples.t <= again.trajectory.t_end]))
-    errors, relative = {}, {}
+    update = {"method": "gauss", "tolerance": tighter, "step": None, "stages": None}
+    update |= {"duration": done.trajectory.t_end, "max_steps": None}
+    again = run_integration(scene, solve.model_copy(update=update)).trajectory
+    reference = compute_channels(samples_at(scene, again, samples.t[samples.t <= again.t_end]))
+    errors: dict[str, float] = {}
+    relative: dict[str, float] = {}
     for mine, better in zip(channels, reference, strict=True):
         n = len(better.values)
         if not n or mine.name.startswith("constraint."):

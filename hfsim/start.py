@@ -9,16 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array, BoolArray
 from hfsim.bodies.assembled import Body
 from hfsim.constraints import Constraint, RelativeAngle
 from hfsim.deck import InitialSpec
 from hfsim.errors import DeckError
-
-Array = NDArray[np.float64]
 
 TOLERANCE = 1e-9
 """Violation of a joint, in metres or radians and per second, that counts as a contradiction."""
@@ -61,16 +60,16 @@ class _Rigid:
 
     origins: Array
     angles: Array
-    free_origins: NDArray[np.bool_]
-    free_angles: NDArray[np.bool_]
+    free_origins: BoolArray
+    free_angles: BoolArray
 
-    def add(self, step: Array, columns: NDArray[np.bool_]) -> None:
+    def add(self, step: Array, columns: BoolArray) -> None:
         full = np.zeros(columns.shape)
         full[columns] = step
         self.origins += full[:, :2]
         self.angles += full[:, 2]
 
-    def columns(self, angles: bool) -> NDArray[np.bool_]:
+    def columns(self, angles: bool) -> BoolArray:
         """Return which of (origin x, origin y, angle) of each body may move, shape (n, 3)."""
         free = np.repeat(self.free_origins[:, None], 3, axis=1)
         free[:, 2] = self.free_angles & angles
@@ -111,7 +110,9 @@ def _first_guess(start: Start, angle: str, origin: str, step: Callable[[Relative
     n = len(start.bodies)
     angles, origins = start.stated(angle), start.stated(origin)
     owner = {body.columns.start: k for k, body in enumerate(start.bodies.values())}
-    known: dict[int | None, float] = {None: 0.0, **angles}
+    known: dict[int | None, float] = {None: 0.0}
+    for k, value in angles.items():
+        known[k] = value
     ties = [c for c in start.constraints if isinstance(c, RelativeAngle)]
     for _ in ties:
         for tie in ties:
@@ -209,7 +210,7 @@ def _settle_rates(start: Start, place: _Rigid, rates: _Rigid, x: Array) -> None:
 def _refuse(start: Start, gap: Array, what: str, units: tuple[str, str]) -> None:
     """Raise the error that names the joint with the largest violation."""
     ends = np.cumsum([0] + [c.rows for c in start.constraints])
-    sizes = [float(np.abs(gap[a:b]).max()) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    sizes = [float(np.abs(gap[a:b]).max()) for a, b in pairwise(ends)]
     worst = int(np.argmax(sizes))
     name = next(name for name, members in start.joints.items() if worst in members)
     unit = units[1] if isinstance(start.constraints[worst], RelativeAngle) else units[0]

@@ -14,29 +14,36 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.constraints import Constraint
 from hfsim.errors import SolverFailure
 from hfsim.models.frame import FrameChart, Frames
 from hfsim.parts import ForcePart
 
-Array = NDArray[np.float64]
-
-NEARLY_SINGULAR = 0.02
-"""Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a collapse of the
-step length is put down to it."""
+NEARLY_SINGULAR = 0.2
+"""Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a failure is put
+down to it."""
 
 
 class VariableMass(Protocol):
     """A body whose mass matrix depends on its coordinates."""
 
-    name: str
-    model: str
-    columns: slice
+    @property
+    def name(self) -> str:
+        """Name in the deck."""
+
+    @property
+    def model(self) -> str:
+        """Name of its model."""
+
+    @property
+    def columns(self) -> slice:
+        """Its coordinates in x."""
 
     @property
     def truncated(self) -> bool:
@@ -160,7 +167,7 @@ class System:
     def rows(self) -> tuple[slice, ...]:
         """Rows of each constraint in Phi."""
         ends = np.cumsum([0] + [c.rows for c in self.constraints])
-        return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
 
     @property
     def n_rows(self) -> int:

@@ -9,36 +9,34 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.markers import Marker, NodalMarker, RigidMarker
 from hfsim.models.low_order import LowOrderBeam, LowOrderMarker
 from hfsim.models.mesh import BeamMesh
 from hfsim.rotations import normal, rotate
 
-Array = NDArray[np.float64]
 Place = tuple[float, float]
 
 
 class Body(Protocol):
-    """A body of an assembled scene.
+    """A body of an assembled scene."""
 
-    Attributes
-    ----------
-    name : str
-    columns : slice
-        Its coordinates in x.
-    angle_column : int or None
-        Coordinate of the state that is its frame angle with all turns; None where it has to be
-        measured from the nodal vectors.
-    points : dict
-        Named points in the undeformed body frame [m].
-    """
+    @property
+    def name(self) -> str:
+        """Name in the deck."""
 
-    name: str
-    columns: slice
-    angle_column: int | None
-    points: dict[str, Place]
+    @property
+    def columns(self) -> slice:
+        """Its coordinates in x."""
+
+    @property
+    def angle_column(self) -> int | None:
+        """Coordinate of the state that is its frame angle with all turns; None where slopes give it."""
+
+    @property
+    def points(self) -> dict[str, Place]:
+        """Named points in the undeformed body frame [m]."""
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point."""
@@ -101,9 +99,7 @@ class NodalBeam:
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point; its direction is that of the beam's axis there."""
-        return NodalMarker(
-            self.columns, self.mesh.shape(*place), self.mesh.shape(place[0], place[1], (1, 0))
-        )
+        return NodalMarker(self.columns, self.mesh.shape(*place), self.mesh.shape(place[0], place[1], (1, 0)))
 
     def placed(self, origin: Array, angle: float) -> Array:
         """Return the turned and shifted undeformed nodal vectors."""

@@ -7,12 +7,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.build import Scene
 from hfsim.rotations import wrap
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.channels._base import Samples
 from hfsim.rotations import rotate
 from hfsim.spec import split_point
-
-Array = NDArray[np.float64]
 
 
 def _relative(samples: Samples, point: str) -> Array:

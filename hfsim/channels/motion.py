@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.channels._base import Samples
-
-Array = NDArray[np.float64]
 
 
 def _position(samples: Samples, point: str, axis: int) -> Array:

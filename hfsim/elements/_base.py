@@ -13,9 +13,8 @@ from functools import reduce
 from typing import Any, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from hfsim.arrays import Array
 
 
 @dataclass(frozen=True)
@@ -76,6 +75,8 @@ class ElasticLaw(Protocol):
 
 class Element(Protocol):
     """An element between two nodes with some vectors at each: a position and gradients."""
+
+    def __init__(self, length: float) -> None: ...
 
     @property
     def per_node(self) -> int:

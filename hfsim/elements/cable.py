@@ -9,12 +9,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.elements._base import ElasticLaw, GramLaw, Inertia, Stiffness
 from hfsim.shapes import gauss_legendre, hermite
-
-Array = NDArray[np.float64]
 
 
 def difference_rows(points: Array, derivative: int) -> Array:

@@ -9,12 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.elements._base import ElasticLaw, GramLaw, Inertia, Stiffness
 from hfsim.shapes import gauss_legendre, hermite
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -93,9 +91,8 @@ class Continuum:
         to_nodes = np.linalg.pinv(self.differences())
         a, b = by_x @ to_nodes, by_y @ to_nodes
         products = [_symmetric_product(a, a), _symmetric_product(b, b), _symmetric_product(a, b)]
-        normal = stiffness.lame_lambda + 2.0 * stiffness.lame_mu
-        E = np.array([[normal, stiffness.lame_lambda, 0.0], [stiffness.lame_lambda, normal, 0.0], [0.0, 0.0, 0.0]])
-        E[2, 2] = stiffness.lame_mu
+        normal, lame = stiffness.lame_lambda + 2.0 * stiffness.lame_mu, stiffness.lame_lambda
+        E = np.array([[normal, lame, 0.0], [lame, normal, 0.0], [0.0, 0.0, stiffness.lame_mu]])
         # strain = half * (product - offset); the shear strain 2 e12 is the whole product
         half, offset = np.array([0.5, 0.5, 1.0]), np.array([1.0, 1.0, 0.0])
         E = E * np.outer(half, half)

@@ -6,16 +6,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.laws import Law, ScaleLaw
 from hfsim.markers import Marker
 from hfsim.parts import ForcePart
 from hfsim.rotations import rotate
 from hfsim.spec import Flag, ForceVector, Spec
-
-
-Array = NDArray[np.float64]
 
 
 class ForceSpec(Spec):

@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.markers import Marker
 from hfsim.parts import ForcePart
 from hfsim.rotations import wrap
 from hfsim.spec import Angle, Between, RotationalDamping, RotationalStiffness, Spec
-
-
-Array = NDArray[np.float64]
 
 
 class RotationalSpec(Spec):

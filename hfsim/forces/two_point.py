@@ -6,14 +6,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.markers import Marker
 from hfsim.parts import ForcePart
 from hfsim.spec import Between, Damping, NonNegativeLength, Spec, Stiffness
-
-
-Array = NDArray[np.float64]
 
 
 class TwoPointSpec(Spec):

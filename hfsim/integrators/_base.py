@@ -10,12 +10,10 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._tableau import legendre
-
-Array = NDArray[np.float64]
 
 
 @dataclass
@@ -61,11 +59,11 @@ class Problem:
         """Return accelerations of a batch and count the call."""
         self.counts.calls += 1
         self.counts.evaluations += len(q)
-        return self.acceleration(t, q, v)
+        return np.asarray(self.acceleration(t, q, v))
 
     def single(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations of one state, shape (n,)."""
-        return self.evaluate(np.array([t]), q[None], v[None])[0]
+        return np.asarray(self.evaluate(np.array([t]), q[None], v[None])[0])
 
     def jacobians(self, t: float, q: Array, v: Array) -> tuple[Array, Array | None]:
         """Return the derivatives of the accelerations by q and v, shape (n, n), from one batched call.

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from hfsim.arrays import Array, ComplexArray
 
 
 def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:
@@ -35,8 +33,8 @@ def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:
     double = np.empty((len(theta), count))
     double[:, 0] = 0.5 * theta**2
     # the integral of P_k is a difference of P_(k+1) and P_(k-1), which are integrated in turn
-    for degree in range(1, count):
-        double[:, degree] = (integrals[:, degree + 1] - integrals[:, degree - 1]) / (2.0 * (2.0 * degree + 1.0))
+    for d in range(1, count):
+        double[:, d] = (integrals[:, d + 1] - integrals[:, d - 1]) / (2.0 * (2.0 * d + 1.0))
     return P[:, :count], integrals[:, :count], double
 
 

@@ -19,13 +19,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array, ComplexArray
 from hfsim.integrators._base import Attempt, Problem, unsolved
 from hfsim.integrators._tableau import Collocation
-
-Array = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 MAX_ITERATIONS = 20
 
@@ -87,7 +84,7 @@ class CollocationMethod:
     def _growth(self, error: float, h: float) -> float:
         growth = 0.9 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 1))
         if error > 1.0:
-            return growth
+            return float(growth)
         most = 1.25 if self._iterations <= 6 else 1.0 if self._iterations <= 9 else 0.85
         return float(min(growth, most, self._cap / h))
 
@@ -173,12 +170,12 @@ class ModalDerivative:
         omega = np.where(np.abs(omega) * h < 1e-6, 1e-6 / h, omega)
         phase = (h * table.nodes)[:, None] * omega
         swing = (self.L @ a0) * np.cos(phase) - (self.L @ v) * (self.w2 / omega) * np.sin(phase)
-        return self._back(swing)
+        return self._back(swing.astype(complex))
 
     def correction(self, table: Collocation, h: float) -> Callable[[Array], Array]:
         """Divide each mode and pole by 1 + (h pole)^2 w2."""
         if self._divisor is None or self._divisor[0] != h:
-            self._divisor = (h, 1.0 / (1.0 + (h * table.poles[:, None]) ** 2 * self.w2))
+            self._divisor = (h, np.asarray(1.0 / (1.0 + (h * table.poles[:, None]) ** 2 * self.w2), complex))
         divisor, left, right, L = self._divisor[1], 2.0 * table.left, table.right, self.L.T
 
         def correct(r: Array) -> Array:

@@ -11,12 +11,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem
 from hfsim.integrators._tableau import legendre
-
-Array = NDArray[np.float64]
 
 
 @lru_cache(maxsize=1)

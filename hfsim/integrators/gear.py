@@ -11,13 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem, two_point_series, unsolved
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod
-
-Array = NDArray[np.float64]
 
 MAX_ORDER = 5
 MAX_ITERATIONS = 8
@@ -172,7 +170,7 @@ class Gear:
         if self.order is not None:
             best = min(best, self.order)
         self._next_order = best
-        return growth.get(best, growth[k])
+        return float(growth.get(best, growth[k]))
 
     def _solve(self, t: float) -> Array | None:
         """Return d = y - predicted, shape (2, n), by simplified Newton iteration on v."""

@@ -8,11 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem, two_point_series, unsolved
-
-Array = NDArray[np.float64]
 
 MAX_ITERATIONS = 10
 

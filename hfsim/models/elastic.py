@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array, ComplexArray
 from hfsim.elements import ElasticLaw
 from hfsim.elements.cable import difference_rows
 from hfsim.models.frame import relative_nodes
 from hfsim.parts import ForcePart
 from hfsim.rotations import as_complex, as_vectors
 from hfsim.shapes import gauss_legendre
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -85,14 +83,14 @@ class LinearElasticForce(ForcePart):
     def _nodes(self, x: Array) -> Array:
         return x[:, self.columns].reshape(len(x), -1, 2)
 
-    def _deformation(self, x: Array) -> tuple[Array, Array, Array]:
+    def _deformation(self, x: Array) -> tuple[Array, ComplexArray, ComplexArray]:
         """Return p - p0 flattened, the relative vectors and the frame's first axis as complex."""
         origin, tangent, z = relative_nodes(self._nodes(x))
         p = (z - self.positions * origin) * tangent.conj()
         flat = (as_vectors(p) - self.undeformed).reshape(len(x), -1)
         return flat, p, tangent
 
-    def _rates(self, x: Array, u: Array, p: Array, tangent: Array) -> Array:
+    def _rates(self, x: Array, u: Array, p: ComplexArray, tangent: ComplexArray) -> Array:
         w = as_complex(self._nodes(u))
         local = (w - self.positions * w[:, :1]) * tangent.conj()
         omega = local[:, 1:2].imag / p[:, 1:2].real

@@ -11,14 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.models.mesh import BeamMesh
 from hfsim.parts import ForcePart
 from hfsim.rotations import normal, rotate
 from hfsim.shapes import gauss_legendre
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -129,7 +127,7 @@ class LowOrderBeam(ForcePart):
         return b[:, :2], b[:, 2], b[:, 3 : 3 + self.n_w], b[:, 3 + self.n_w :]
 
     def _fields(self, x: Array, u: Array) -> _Fields:
-        _, mass, N_w, N_v, H = self._points
+        _, _, N_w, N_v, H = self._points
         _, _, w, v = self.split(x)
         _, _, dw, dv = self.split(u)
         Hv = (v @ H).reshape(len(x), -1, self.n_v)
@@ -155,10 +153,8 @@ class LowOrderBeam(ForcePart):
         axial = place + f.w - f.short
         M[:, 0, 0] = M[:, 1, 1] = m.sum()
         M[:, :2, 2] = rotate(theta, np.stack([-(f.v @ m), axial @ m], axis=-1))
-        along = np.concatenate(
-            [np.broadcast_to(m @ N_w, (len(x), nw)), -(m @ f.Hv)], axis=1
-        )
-        across = np.concatenate([np.zeros((len(x), nw)), np.broadcast_to(m @ N_v, (len(x), self.n_v))], axis=1)
+        along = np.concatenate([np.broadcast_to(m @ N_w, (len(x), nw)), -(m @ f.Hv)], axis=1)
+        across = np.tile(np.concatenate([np.zeros(nw), m @ N_v]), (len(x), 1))
         M[:, :2, 3:] = rotate(theta[:, None], np.stack([along, across], axis=-1)).swapaxes(1, 2)
         M[:, 2, 2] = self._rotary(f) @ m
         M[:, 2, 3 : 3 + nw] = -(f.v * m) @ N_w
@@ -199,10 +195,9 @@ class LowOrderBeam(ForcePart):
         theta = self.split(x)[1]
         omega = u[:, self.columns.start + 2][:, None]
         axial = place + f.w - f.short
-        accel = np.stack(
-            [-(omega**2) * axial - 2.0 * omega * f.dv - f.ddshort, -(omega**2) * f.v + 2.0 * omega * (f.dw - f.dshort)],
-            axis=-1,
-        )
+        along = -(omega**2) * axial - 2.0 * omega * f.dv - f.ddshort
+        across = -(omega**2) * f.v + 2.0 * omega * (f.dw - f.dshort)
+        accel = np.stack([along, across], axis=-1)
         Q = np.zeros((len(x), 3 + self.n_w + self.n_v))
         Q[:, :2] = -rotate(theta, m @ accel)
         rotary = 2.0 * omega * (place * (f.dw - f.dshort) + f.w * f.dw + f.v * f.dv)
@@ -292,8 +287,8 @@ class LowOrderMarker:
     @cached_property
     def _rows(self) -> tuple[Array, Array, Array]:
         """Shape row, its derivative by x, and H, all at the place of the marker."""
-        mesh = self.beam.mesh
-        return mesh.shape(self.place), mesh.shape(self.place, 0.0, (1, 0)), self.beam.foreshortening(self.place)
+        beam, place = self.beam, self.place
+        return beam.mesh.shape(place), beam.mesh.shape(place, 0.0, (1, 0)), beam.foreshortening(place)
 
     def _arm(self, x: Array) -> tuple[Array, Array]:
         """Return s', shape (n_batch, 2), and its derivative by (w, v)."""

@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hfsim.arrays import Array
 from hfsim.elements import Element
 from hfsim.elements._base import Inertia
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
