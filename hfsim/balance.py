@@ -15,6 +15,9 @@ from hfsim.system import System
 MAX_STATES = 4000
 """States looked at in one batch."""
 
+INNER_POINTS = 16
+"""Gauss points in a step at which power is looked at: as many as the method with the longest steps has stages."""
+
 
 @dataclass(frozen=True)
 class StepSamples:
@@ -24,7 +27,7 @@ class StepSamples:
     ----------
     t : ndarray, shape (n_steps + 1,)
     q, v : ndarray, shape (n_steps + 1, n)
-    inner : ndarray, shape (n_steps, 4)
+    inner : ndarray, shape (n_steps, INNER_POINTS)
         Gauss points of each step; ``weights`` [s] of the same shape.
     """
 
@@ -38,7 +41,7 @@ class StepSamples:
 
 def step_samples(trajectory: Trajectory) -> StepSamples:
     """Collect the states at the ends of the steps."""
-    places, weights = gauss_legendre(4)
+    places, weights = gauss_legendre(INNER_POINTS)
     segments = trajectory.segments
     t = trajectory.step_ends()
     h = np.diff(t)[:, None]
@@ -66,7 +69,7 @@ def balance(system: System, steps: StepSamples) -> dict[str, Any]:
             np.stack([system.kinetic_energy(x, u), system.strain_energy(x), system.potential_energy(t, x)])
         )
         gap = system.residual(t, x)
-        drift = (system.jacobian(x) @ u[..., None])[..., 0] + system.constraint_rate(t)
+        drift = system.drift(t, x, u)
         violations.append((np.abs(gap).max(initial=0.0), np.abs(drift).max(initial=0.0)))
     kinds = np.concatenate(energies, axis=1)
     total = kinds.sum(axis=0)
@@ -97,6 +100,6 @@ def _work(system: System, steps: StepSamples) -> Array:
         q, v = steps.trajectory.at(times)
         q, v = system.project(times, q, v)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
-        powers.append(system.power(times, x, u).reshape(-1, 4))
+        powers.append(system.power(times, x, u).reshape(-1, INNER_POINTS))
     gained = np.sum(np.concatenate(powers) * steps.weights, axis=1) if powers else np.zeros(0)
     return np.concatenate([[0.0], np.cumsum(gained)])

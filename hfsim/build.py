@@ -20,6 +20,7 @@ from hfsim.models.elastic import ConstantForce, ElasticForce, KelvinVoigtForce, 
 from hfsim.models.frame import FrameChart
 from hfsim.models.low_order import LowOrderBeam
 from hfsim.models.mesh import BeamMesh
+from hfsim.models.natural import NaturalBeams, NaturalIncrements
 from hfsim.parts import ForcePart
 from hfsim.spec import split_point
 from hfsim.start import Start, starting_state
@@ -194,8 +195,18 @@ def _system(
     forces += _springs_and_loads(deck, bodies, x)
     beams = [body for body in bodies.values() if isinstance(body, NodalBeam)]
     masses: tuple[VariableMass, ...] = tuple(variable)
-    charts = tuple(_charts(beams)) if model.frame else ()
-    return System(n, charts, mass, masses, tuple(forces), constraints)
+    runs = list(_runs(beams))
+    charts = tuple(FrameChart(_columns(run), len(run), run[0].mesh.element.per_node) for run in runs)
+    natural = tuple(_natural(run, model) for run in runs) if model.strain == "exact" else ()
+    return System(
+        n=n,
+        charts=charts if model.frame else (),
+        constant_mass=mass,
+        variable_mass=masses,
+        forces=tuple(forces),
+        constraints=constraints,
+        natural=NaturalIncrements(natural),
+    )
 
 
 def _constant_mass(deck: Deck, bodies: dict[str, Body], n: int) -> Array:
@@ -222,20 +233,30 @@ def _weight(deck: Deck, bodies: dict[str, Body], mass: Array) -> Iterable[ForceP
     yield ConstantForce(mass @ field)
 
 
-def _charts(beams: list[NodalBeam]) -> Iterable[FrameChart]:
-    """Beams with equal numbers of nodal vectors that stand side by side share a chart."""
+def _runs(beams: list[NodalBeam]) -> Iterable[list[NodalBeam]]:
+    """Yield beams that stand side by side and have alike meshes together: one batched map serves them."""
     run: list[NodalBeam] = []
-    for beam in [*beams, None]:
-        if run and (beam is None or not _alike(run[-1], beam)):
-            columns = slice(run[0].columns.start, run[-1].columns.stop)
-            yield FrameChart(columns, len(run), run[0].mesh.positions)
+    for beam in beams:
+        if run and not _alike(run[-1], beam):
+            yield run
             run = []
-        if beam is not None:
-            run.append(beam)
+        run.append(beam)
+    if run:
+        yield run
+
+
+def _columns(run: list[NodalBeam]) -> slice:
+    return slice(run[0].columns.start, run[-1].columns.stop)
+
+
+def _natural(run: list[NodalBeam], model: Model) -> NaturalBeams:
+    element = run[0].mesh.element
+    return NaturalBeams(_columns(run), len(run), element.per_node, element.length, model.frame)
 
 
 def _alike(a: NodalBeam, b: NodalBeam) -> bool:
-    return a.columns.stop == b.columns.start and np.array_equal(a.mesh.positions, b.mesh.positions)
+    side_by_side = a.columns.stop == b.columns.start
+    return side_by_side and np.array_equal(a.mesh.undeformed, b.mesh.undeformed)
 
 
 def _beam_forces(deck: Deck, model: Model, bodies: dict[str, Body], n: int) -> Iterable[ForcePart]:
@@ -299,19 +320,23 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
     local = np.kron(mesh.differences, np.eye(2))
     straight = (mesh.differences @ mesh.undeformed).reshape(1, spec.elements, -1, 2)
 
-    def matrix(stiffness: Stiffness) -> Array:
-        H = mesh.element.law(stiffness, spec.elements).hessian(straight)[0]
+    points = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (5, 5)
+
+    def matrix(stiffness: Stiffness, curvature: str) -> Array:
+        H = mesh.element.law(stiffness, spec.elements, spec.strain, curvature, points).hessian(straight)[0]
         k = H.shape[-1]
         return sum(
             (local[e * k : (e + 1) * k].T @ H[e] @ local[e * k : (e + 1) * k] for e in range(spec.elements)),
             np.zeros((local.shape[1], local.shape[1])),
         )
 
-    K = matrix(_stiffness(deck, spec))
+    K = matrix(_stiffness(deck, spec), spec.curvature)
     damping = np.zeros_like(K)
     if material.axial_damping or material.bending_damping:
-        axial = matrix(_stiffness(deck, spec).without_bending())
-        damping = material.axial_damping * axial + material.bending_damping * (K - axial)
+        # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
+        axial = matrix(_stiffness(deck, spec).without_bending(), "exact")
+        both = matrix(_stiffness(deck, spec), "exact")
+        damping = material.axial_damping * axial + material.bending_damping * (both - axial)
     return LinearElasticForce(body.columns, K, damping, mesh.undeformed, mesh.positions)
 
 

@@ -9,6 +9,7 @@ appear in its Jacobians.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
@@ -111,6 +112,10 @@ class NodalMarker:
 
     def position_jacobian(self, x: Array) -> Array:
         """Return N, the same for every state."""
+        return self._place_jacobian
+
+    @cached_property
+    def _place_jacobian(self) -> Array:
         return np.kron(self.place_row, np.eye(2))[None]
 
     def position_bias(self, x: Array, u: Array) -> Array:

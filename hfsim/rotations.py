@@ -25,7 +25,7 @@ def as_complex(a: Array) -> ComplexArray:
     -------
     ndarray of complex, shape (...)
     """
-    return np.ascontiguousarray(a).view(np.complex128)[..., 0]
+    return np.ascontiguousarray(a, dtype=float).view(np.complex128)[..., 0]
 
 
 def as_vectors(z: ComplexArray) -> Array:

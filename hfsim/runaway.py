@@ -10,8 +10,9 @@ from hfsim.arrays import Array
 from hfsim.errors import SolverFailure
 from hfsim.system import System
 
-LIMIT = 10.0
-"""Energy out of nothing, relative to all that was ever there, at which a model has broken down."""
+LIMIT = 100.0
+"""Energy out of nothing, relative to all that was ever there, at which a model has broken down; large enough
+for a mass matrix that turns singular to be seen first."""
 
 
 @dataclass

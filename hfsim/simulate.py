@@ -135,7 +135,12 @@ def run_integration(scene: Scene, solve: SolveSpec, progress: Progress | None = 
     """Integrate a scene from its start over its duration."""
     system, duration = scene.system, solve.duration
     problem = Problem(
-        system.acceleration, system.project, system.dissipates, system.admissible, system.breakdown
+        acceleration=system.acceleration,
+        project=system.project,
+        dissipates=system.dissipates,
+        admissible=system.admissible,
+        breakdown=system.breakdown,
+        increments=system.natural,
     )
     method = choose(solve, system.dissipates)
 

@@ -23,6 +23,7 @@ from hfsim.arrays import Array
 from hfsim.constraints import Constraint
 from hfsim.errors import SolverFailure
 from hfsim.models.frame import FrameChart, Frames
+from hfsim.models.natural import NaturalIncrements
 from hfsim.parts import ForcePart
 
 NEARLY_SINGULAR = 0.2
@@ -68,6 +69,8 @@ class System:
     variable_mass : tuple of VariableMass
     forces : tuple of ForcePart
     constraints : tuple of Constraint
+    natural : NaturalIncrements
+        Coordinates for Newton corrections of the state.
     """
 
     n: int
@@ -76,6 +79,7 @@ class System:
     variable_mass: tuple[VariableMass, ...]
     forces: tuple[ForcePart, ...]
     constraints: tuple[Constraint, ...]
+    natural: NaturalIncrements
 
     # ------------------------------------------------------------------ coordinates
 
@@ -85,32 +89,36 @@ class System:
 
     def absolute(self, q: Array, frames: list[Frames] | None = None) -> Array:
         """Return the absolute coordinates x(q), shape (n_batch, n)."""
-        if not self.charts:
-            return q
-        x = q.copy()
-        for chart, frame in zip(self.charts, frames or self.frames(q), strict=True):
-            chart.absolute(frame, q, x)
-        return x
+        frames = self.frames(q) if frames is None else frames
+        return self._charted(q, [c.absolute(f) for c, f in zip(self.charts, frames, strict=True)])
 
     def absolute_velocity(self, q: Array, v: Array, frames: list[Frames] | None = None) -> Array:
         """Return the rates of the absolute coordinates."""
-        if not self.charts:
-            return v
-        u = v.copy()
-        for chart, frame in zip(self.charts, frames or self.frames(q), strict=True):
-            chart.absolute_velocity(frame, v, u)
-        return u
+        frames = self.frames(q) if frames is None else frames
+        return self._charted(v, [c.absolute_velocity(f, v) for c, f in zip(self.charts, frames, strict=True)])
+
+    def relative_acceleration(self, frames: list[Frames], v: Array, ax: Array) -> Array:
+        """Return q'' that belongs to absolute accelerations."""
+        parts = zip(self.charts, frames, strict=True)
+        return self._charted(ax, [c.relative_acceleration(f, v, ax) for c, f in parts])
 
     def state(self, x: Array, u: Array, near: Array) -> tuple[Array, Array]:
         """Return (q, v) of absolute coordinates and rates; frame angles are taken near those of ``near``."""
-        if not self.charts:
-            return x, u
-        q, v = x.copy(), u.copy()
-        for chart in self.charts:
-            chart.hybrid(x, near, q)
-        for chart, frame in zip(self.charts, self.frames(q), strict=True):
-            chart.hybrid_velocity(frame, u, v)
+        q = self._charted(x, [chart.hybrid(x, near) for chart in self.charts])
+        frames = self.frames(q)
+        v = self._charted(u, [c.hybrid_velocity(f, u) for c, f in zip(self.charts, frames, strict=True)])
         return q, v
+
+    def _charted(self, given: Array, blocks: list[Array]) -> Array:
+        """Return ``given`` with the columns of the charts replaced."""
+        if not blocks:
+            return given
+        if blocks[0].shape == given.shape:
+            return blocks[0]
+        out = given.copy()
+        for chart, block in zip(self.charts, blocks, strict=True):
+            out[:, chart.columns] = block
+        return out
 
     # ------------------------------------------------------------------ forces and energies
 
@@ -180,7 +188,20 @@ class System:
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return Phi, shape (n_batch, n_rows)."""
+        if self._constraints_constant:
+            return np.asarray(x @ self._constant_jacobian[0].T + self._offset)
         return self._stack(len(x), lambda c: c.residual(t, x))
+
+    @cached_property
+    def _offset(self) -> Array:
+        """Residual of linear constraints at the origin of the coordinates."""
+        return self._stack(1, lambda c: c.residual(np.zeros(1), np.zeros((1, self.n))))
+
+    def drift(self, t: Array, x: Array, u: Array) -> Array:
+        """Return Phi' = Phi_x u + Phi_t, shape (n_batch, n_rows)."""
+        if self._constraints_constant:
+            return np.asarray(u @ self._constant_jacobian[0].T)
+        return np.asarray((self.jacobian(x) @ u[..., None])[..., 0] + self.constraint_rate(t))
 
     def constraint_rate(self, t: Array) -> Array:
         """Return Phi_t, shape (n_batch, n_rows)."""
@@ -194,7 +215,14 @@ class System:
 
     def jacobian(self, x: Array) -> Array:
         """Return Phi_x, shape (n_batch, n_rows, n); one matrix where it is the same for all states."""
-        Phi_x = np.zeros((1 if self._constraints_constant else len(x), self.n_rows, self.n))
+        return self._constant_jacobian if self._constraints_constant else self._assembled_jacobian(x)
+
+    @cached_property
+    def _constant_jacobian(self) -> Array:
+        return self._assembled_jacobian(np.zeros((1, self.n)))
+
+    def _assembled_jacobian(self, x: Array) -> Array:
+        Phi_x = np.zeros((len(x), self.n_rows, self.n))
         for constraint, rows in zip(self.constraints, self.rows, strict=True):
             first, second = constraint.jacobians(x)
             Phi_x[:, rows, constraint.first.columns] += first
@@ -216,7 +244,7 @@ class System:
         """Matrix W with x'' = f W, if neither the mass nor the constraint Jacobian ever changes."""
         if self.variable_mass or not self._constraints_constant:
             return None
-        Phi_x = self.jacobian(np.zeros((1, self.n)))[0]
+        Phi_x = self._constant_jacobian[0]
         Y = Phi_x @ self._inverse_mass
         return np.asarray(self._inverse_mass - Y.T @ np.linalg.solve(Y @ Phi_x.T, Y))
 
@@ -284,12 +312,7 @@ class System:
         f = self.force(t, x, u)
         constant = self._constant_solution
         ax = f @ constant if constant is not None else self.solve(t, x, u, f)[0]
-        if not self.charts:
-            return ax
-        a = ax.copy()
-        for chart, frame in zip(self.charts, frames, strict=True):
-            chart.relative_acceleration(frame, v, ax, a)
-        return a
+        return self.relative_acceleration(frames, v, ax)
 
     # ------------------------------------------------------------------ trust in a state
 
@@ -342,18 +365,23 @@ class System:
         """
         if not self.constraints:
             return q, v
-        x, u = self.absolute(q), self.absolute_velocity(q, v)
+        frames = self.frames(q)
+        x, u = self.absolute(q, frames), self.absolute_velocity(q, v, frames)
         moved = False
         for _ in range(8):
             gap = self.residual(t, x)
-            if np.abs(gap).max(initial=0.0) <= tolerance * max(1.0, np.abs(x).max()):
+            if _largest(gap) <= tolerance * max(1.0, _largest(x)):
                 break
             x, moved = x - self._correction(x, gap), True
-        drift = (self.jacobian(x) @ u[..., None])[..., 0] + self.constraint_rate(t)
-        if np.abs(drift).max(initial=0.0) > tolerance * max(1.0, np.abs(u).max()):
+        drift = self.drift(t, x, u)
+        if _largest(drift) > tolerance * max(1.0, _largest(u)):
             u, moved = u - self._correction(x, drift), True
         return self.state(x, u, q) if moved else (q, v)
 
     def _correction(self, x: Array, gap: Array) -> Array:
         """Return the smallest move, measured by the mass matrix, that changes Phi by ``gap``."""
         return self._constrained(x, self.jacobian(x), np.zeros_like(x), gap)[0]
+
+
+def _largest(a: Array) -> float:
+    return float(np.abs(a).max(initial=0.0))

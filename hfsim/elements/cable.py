@@ -30,6 +30,11 @@ def _gram_tables() -> tuple[Array, Array, Array]:
     return np.asarray((beta.T * w) @ beta), np.asarray(w @ beta), np.asarray(w @ gamma)
 
 
+def mean_square_slope() -> Array:
+    """Return the matrix g, shape (3, 3), with mean of r'.r' over an element = sum g_ab V_a . V_b."""
+    return _gram_tables()[1].reshape(3, 3)
+
+
 def green_linear_law(stiffness: Stiffness, length: float, count: int) -> GramLaw:
     """Energy with Green strain (eq. 47 on the centre line) and curvature r''; polynomial, so exact."""
     quadratic, strain, curvature = _gram_tables()

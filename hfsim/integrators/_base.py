@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -30,6 +30,50 @@ class Counts:
     factorisations: int = 0
 
 
+class Increments(Protocol):
+    """Coordinates for Newton corrections in which the derivative of the accelerations changes little.
+
+    ``geometry`` gives what the other maps need of a batch of states; all arrays are (n_batch, n).
+    """
+
+    def geometry(self, q: Array) -> Any:
+        """Return what belongs to these states."""
+
+    def to_natural(self, at: Any, dq: Array) -> Array:
+        """Return small changes of the states in natural coordinates."""
+
+    def from_natural(self, at: Any, y: Array) -> Array:
+        """Return small natural increments as changes of the states."""
+
+    def advance(self, at: Any, y: Array) -> Array:
+        """Return finite natural increments as changes of the states."""
+
+    def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Return the first and second time derivatives of the natural coordinates."""
+
+
+@dataclass(frozen=True)
+class PlainIncrements:
+    """The state coordinates themselves."""
+
+    def geometry(self, q: Array) -> None:
+        """Return nothing."""
+
+    def to_natural(self, at: None, dq: Array) -> Array:
+        """Return ``dq``."""
+        return dq
+
+    def from_natural(self, at: None, y: Array) -> Array:
+        """Return ``y``."""
+        return y
+
+    advance = from_natural
+
+    def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Return ``(v, a)``."""
+        return v, a
+
+
 @dataclass
 class Problem:
     """Equations of motion q'' = a(t, q, v) with the manifold their solutions stay on.
@@ -46,6 +90,8 @@ class Problem:
         q, shape (n,) -> whether the equations make sense there; no step ends where they do not.
     breakdown : callable
         (t, q) -> the failure that explains why steps get ever shorter near this state, or None.
+    increments : Increments
+        Coordinates for Newton corrections.
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
@@ -53,6 +99,7 @@ class Problem:
     dissipates: bool
     admissible: Callable[[Array], bool] = lambda q: True
     breakdown: Callable[[float, Array], SolverFailure | None] = lambda t, q: None
+    increments: Increments = field(default_factory=PlainIncrements)
     counts: Counts = field(default_factory=Counts)
 
     def evaluate(self, t: Array, q: Array, v: Array) -> Array:

@@ -64,6 +64,10 @@ class Collocation:
         The same up to the end of the step.
     to_legendre : ndarray, shape (s, s)
         From stage values to coefficients of the Legendre basis.
+    A2_inverse : ndarray, shape (s, s)
+    end_rate : ndarray, shape (s,)
+        From displacements at the stages, beyond uniform motion, to the velocity at the end of the step
+        (times h): b A2^-1.
     poles, left, right
         ``A = left @ diag(poles) @ right``; of each complex pair only one is kept, so that
         ``A z = 2 Re(left @ (poles * (right @ z)))`` with a real pole counted half.
@@ -76,6 +80,8 @@ class Collocation:
     b: Array
     b2: Array
     to_legendre: Array
+    A2_inverse: Array
+    end_rate: Array
     poles: ComplexArray
     left: ComplexArray
     right: ComplexArray
@@ -96,14 +102,18 @@ def _collocation(nodes: Array, order: int) -> Collocation:
     keep = poles.imag > -1e-12
     left, right = vectors[:, keep], np.linalg.inv(vectors)[keep]
     half = np.where(np.abs(poles[keep].imag) < 1e-12, 0.5, 1.0)
+    A2 = A @ A
+    b, b2 = (once_end @ to_legendre)[0], (twice_end @ to_legendre)[0]
     return Collocation(
         nodes=nodes,
         order=order,
         A=A,
-        A2=A @ A,
-        b=(once_end @ to_legendre)[0],
-        b2=(twice_end @ to_legendre)[0],
+        A2=A2,
+        b=b,
+        b2=b2,
         to_legendre=to_legendre,
+        A2_inverse=np.linalg.inv(A2),
+        end_rate=np.linalg.solve(A2.T, b),
         poles=poles[keep].astype(complex),
         left=(left * half).astype(complex),
         right=right.astype(complex),

@@ -29,10 +29,13 @@ class Frames:
         exp(i theta), the rotation into inertial axes.
     p : ndarray of complex, shape (n_batch, n_bodies, n_vectors)
         All nodal vectors in body axes, those of the root included.
+    origin : ndarray of complex, shape (n_batch, n_bodies, 1)
+        Root positions, inertial axes.
     """
 
     turn: ComplexArray
     p: ComplexArray
+    origin: ComplexArray
 
 
 @dataclass(frozen=True)
@@ -45,8 +48,8 @@ class FrameChart:
         Where the coordinates of these beams stand, in q and in x alike.
     bodies : int
         Number of beams.
-    positions : ndarray, shape (n_vectors,)
-        One for nodal positions, zero for gradient vectors.
+    per_node : int
+        Vectors at each node, the first of them a position.
 
     Notes
     -----
@@ -56,76 +59,78 @@ class FrameChart:
 
     columns: slice
     bodies: int
-    positions: Array
-
-    def _split(self, q: Array) -> Array:
-        return q[:, self.columns].reshape(len(q), self.bodies, -1)
+    per_node: int
 
     def _complex(self, q: Array) -> ComplexArray:
-        return np.ascontiguousarray(self._split(q)).view(np.complex128)
+        block = np.ascontiguousarray(q[:, self.columns])
+        return block.view(np.complex128).reshape(len(q), self.bodies, -1)
 
-    def _put(self, z: ComplexArray, out: Array) -> None:
-        out[:, self.columns] = z.reshape(len(out), -1).view(np.float64)
+    def _flat(self, z: ComplexArray) -> Array:
+        return z.reshape(len(z), -1).view(np.float64)
 
-    def _relative(self, b: Array) -> ComplexArray:
-        """Return nodal vectors in the body frame, or their rates, as complex numbers."""
-        p = b.copy()
-        p[..., :2] = 0.0
-        p[..., 2] = b[..., 3]
-        p[..., 3] = 0.0
-        return p.view(np.complex128)
+    def _relative(self, c: ComplexArray) -> ComplexArray:
+        """Return nodal vectors in the body frame, or their rates."""
+        p = c.copy()
+        p[..., 0] = 0.0
+        p[..., 1] = c.imag[..., 1]
+        return p
 
     def frames(self, q: Array) -> Frames:
         """Return the frames and relative nodal vectors of a batch of states."""
-        b = self._split(q)
-        return Frames(turn=np.exp(1j * b[..., 2:3]), p=self._relative(b))
+        c = self._complex(q)
+        return Frames(turn=np.exp(1j * c.real[..., 1:2]), p=self._relative(c), origin=c[..., :1])
 
-    def absolute(self, frames: Frames, q: Array, x: Array) -> None:
-        """Write absolute nodal coordinates into ``x``, eq. (2)."""
+    def absolute(self, frames: Frames) -> Array:
+        """Return absolute nodal coordinates, eq. (2), shape (n_batch, n_columns)."""
         z = frames.p * frames.turn
-        z += self.positions * self._complex(q)[..., :1]
-        self._put(z, x)
+        z[..., :: self.per_node] += frames.origin
+        return self._flat(z)
 
-    def absolute_velocity(self, frames: Frames, v: Array, u: Array) -> None:
-        """Write the rates of the absolute nodal coordinates into ``u``, eq. (4)."""
-        w = self._split(v)
-        z = (self._relative(w) + (1j * w[..., 2:3]) * frames.p) * frames.turn
-        z += self.positions * self._complex(v)[..., :1]
-        self._put(z, u)
+    def absolute_velocity(self, frames: Frames, v: Array) -> Array:
+        """Return the rates of the absolute nodal coordinates, eq. (4)."""
+        w = self._complex(v)
+        z = (self._relative(w) + (1j * w.real[..., 1:2]) * frames.p) * frames.turn
+        z[..., :: self.per_node] += w[..., :1]
+        return self._flat(z)
 
-    def relative_acceleration(self, frames: Frames, v: Array, ax: Array, a: Array) -> None:
-        """Write q'' into ``a`` from the absolute accelerations ``ax``: eq. (5) solved for q''."""
-        w = self._split(v)
+    def relative_acceleration(self, frames: Frames, v: Array, ax: Array) -> Array:
+        """Return q'' from the absolute accelerations ``ax``: eq. (5) solved for q''."""
+        w = self._complex(v)
         z = self._complex(ax)
-        origin = z[..., :1]
-        omega = w[..., 2:3]
-        g = (z - self.positions * origin) * frames.turn.conj()
+        omega = w.real[..., 1:2]
+        g = self._in_frame(frames, z)
         g -= (2j * omega) * self._relative(w)
         spin = g.imag[..., 1:2] / frames.p.real[..., 1:2]
         g += (omega * omega - 1j * spin) * frames.p
-        self._write(g, origin, spin, a)
+        return self._joined(g, z, spin)
 
-    def hybrid(self, x: Array, near: Array, q: Array) -> None:
-        """Write hybrid coordinates into ``q``; of all full turns the angle nearest to ``near`` is taken."""
+    def _in_frame(self, frames: Frames, z: ComplexArray) -> ComplexArray:
+        """Return vectors relative to the first position, turned into the body frame."""
+        g = z * frames.turn.conj()
+        g[..., :: self.per_node] -= g[..., :1].copy()
+        return g
+
+    def _joined(self, g: ComplexArray, z: ComplexArray, angle: Array) -> Array:
+        """Return (r0, theta, p), or rates of them, with ``g`` holding p for all nodal vectors."""
+        g[..., :1] = z[..., :1]
+        g.imag[..., 1:2] = g.real[..., 1:2]
+        g.real[..., 1:2] = angle
+        return self._flat(g)
+
+    def hybrid(self, x: Array, near: Array) -> Array:
+        """Return hybrid coordinates; of all full turns the angle nearest to that of ``near`` is taken."""
         z = self._complex(x)
-        origin = z[..., :1]
-        guess = self._split(near)[..., 2:3]
+        guess = self._complex(near).real[..., 1:2]
         angle = guess + wrap(np.angle(z[..., 1:2]) - guess)
-        self._write((z - self.positions * origin) * np.exp(-1j * angle), origin, angle, q)
+        frames = Frames(turn=np.exp(1j * angle), p=z, origin=z[..., :1])
+        return self._joined(self._in_frame(frames, z), z, angle)
 
-    def hybrid_velocity(self, frames: Frames, u: Array, v: Array) -> None:
-        """Write the rates of the hybrid coordinates into ``v`` from those of the absolute ones."""
+    def hybrid_velocity(self, frames: Frames, u: Array) -> Array:
+        """Return the rates of the hybrid coordinates from those of the absolute ones."""
         z = self._complex(u)
-        origin = z[..., :1]
-        g = (z - self.positions * origin) * frames.turn.conj()
+        g = self._in_frame(frames, z)
         omega = g.imag[..., 1:2] / frames.p.real[..., 1:2]
-        self._write(g - (1j * omega) * frames.p, origin, omega, v)
-
-    def _write(self, g: ComplexArray, origin: ComplexArray, angle: Array, out: Array) -> None:
-        """Write (r0, theta, p), or rates of them, with ``g`` holding p for all nodal vectors."""
-        g[..., :1] = origin
-        g[..., 1:2] = angle + 1j * g.real[..., 1:2]
-        self._put(g, out)
+        return self._joined(g - (1j * omega) * frames.p, z, omega)
 
 
 def relative_nodes(x: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:

@@ -1,0 +1,101 @@
+# ruff: noqa: E501
+# ruff: noqa: E402
+"""Measure the speed goals in one run: ``python tests/benchmarks/speed.py``.
+
+CPU time, median of five repeats, BLAS on one thread. Prints a table against the goals; no test.
+"""
+
+from __future__ import annotations
+
+import os  # first: the libraries read these names when they are imported
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_name] = "1"
+
+import resource
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+
+from hfsim.deck import load_deck
+from hfsim.simulate import simulate
+from hfsim.solution import Run
+
+ROOT = Path(__file__).resolve().parent.parent.parent
+REPEATS = 5
+SCENES = {
+    "pendulum": ("b1", 1.0, 1e-8, 0.040, (1e-4, 1e-6, 1e-7, 1e-8, 1e-10)),
+    "two_beams_relative": ("b2", 2.0, 1e-6, 1.5, (1e-4, 1e-5, 1e-6, 1e-7, 1e-8)),
+}
+"""Case: body with the tip, duration [s], goal of the tip's error [m] and of the CPU time [s], tolerances."""
+PROGRAMS = {
+    ("--help",): 0.2,
+    ("check", "cases/pendulum.yaml"): 0.5,
+    ("run", "cases/pendulum.yaml", "--no-plots"): 1.0,
+}
+"""Arguments of hfsim: goal of the CPU time of the whole process [s]."""
+
+
+def solve(case: str, duration: float, tolerance: float) -> Run:
+    """Simulate a case once."""
+    settings = [f"solve.duration={duration}", f"solve.tolerance={tolerance}"]
+    return simulate(load_deck(ROOT / "cases" / f"{case}.yaml", settings), error_estimate=False)
+
+
+def tip(run: Run, body: str) -> np.ndarray:
+    """Return the path of a body's tip, shape (2, n_times)."""
+    values = {channel.name: channel.values for channel in run.channels}
+    return np.stack([values[f"{body}.tip.x"], values[f"{body}.tip.y"]])
+
+
+def measure_scene(case: str) -> None:
+    """Print solve times and errors of a case over its tolerances, and whether one meets both goals."""
+    body, duration, error_goal, time_goal, tolerances = SCENES[case]
+    reference = tip(solve(case, duration, 1e-12), body)
+    doubt = np.abs(tip(solve(case, duration, 1e-11), body) - reference).max()
+    print(f"\n{case}, {duration:g} s (reference good to about {doubt:.1e} m)")
+    print(f"  {'tolerance':>9}  {'solve CPU [s]':>13}  {'tip error [m]':>13}  {'steps':>6}")
+    met = None
+    for tolerance in tolerances:
+        runs = [solve(case, duration, tolerance) for _ in range(REPEATS)]
+        cpu = median(run.phase_cpu("solve") for run in runs)
+        error = np.abs(tip(runs[0], body) - reference).max()
+        print(f"  {tolerance:9.0e}  {cpu:13.4f}  {error:13.2e}  {runs[0].statistics['steps']:6d}")
+        if error < error_goal and (met is None or cpu < met):
+            met = cpu
+    verdict = (
+        "no tolerance reaches the error"
+        if met is None
+        else f"{met:.3f} s: {'met' if met <= time_goal else 'MISSED'}"
+    )
+    print(f"  goal: error below {error_goal:g} m in at most {time_goal:g} s: {verdict}")
+
+
+def measure_program(arguments: tuple[str, ...], goal: float) -> None:
+    """Print the CPU time of a whole process."""
+    times = []
+    for _ in range(REPEATS):
+        with tempfile.TemporaryDirectory() as folder:
+            extra = ("-o", f"{folder}/out", "-q") if arguments[0] == "run" else ()
+            before = resource.getrusage(resource.RUSAGE_CHILDREN)
+            command = [sys.executable, "-m", "hfsim", *arguments, *extra]
+            subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+            after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    cpu = median(times)
+    print(
+        f"  hfsim {' '.join(arguments):<42} {cpu:6.3f} s  (goal {goal:g} s: {'met' if cpu <= goal else 'MISSED'})"
+    )
+
+
+if __name__ == "__main__":
+    print("CPU time, median of", REPEATS)
+    for name in SCENES:
+        measure_scene(name)
+    print("\nwhole processes")
+    for words, seconds in PROGRAMS.items():
+        measure_program(words, seconds)

@@ -1,0 +1,212 @@
+# ruff: noqa: E501
+"""Imports point downwards only; what is heavy is imported where it is needed."""
+
+import ast
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parent.parent / "hfsim"
+GROUND = {
+    "arrays",
+    "errors",
+    "rotations",
+    "shapes",
+    "spec",
+    "units",
+    "deck_source",
+    "solution",
+    "parts",
+    "__init__",
+}
+ALLOWED = {
+    "__init__": set(),
+    "__main__": {"cli"},
+    "arrays": set(),
+    "errors": set(),
+    "rotations": {"arrays"},
+    "shapes": {"arrays"},
+    "units": set(),
+    "solution": {"arrays"},
+    "deck_source": {"errors", "units"},
+    "spec": {"deck_source", "units", "errors"},
+    "parts": {"arrays"},
+    "progress": set(),
+    "laws": GROUND,
+    "materials": GROUND,
+    "markers": GROUND,
+    "constraints": GROUND | {"laws", "markers"},
+    "elements": GROUND | {"materials"},
+    "models": GROUND | {"elements", "materials", "markers"},
+    "bodies": GROUND | {"models", "markers", "materials"},
+    "joints": GROUND | {"constraints", "laws", "markers"},
+    "forces": GROUND | {"laws", "markers"},
+    "integrators": GROUND | {"deck"},
+    "system": GROUND | {"constraints", "models"},
+    "deck": GROUND | {"bodies", "forces", "joints", "laws", "materials"},
+    "start": GROUND | {"bodies", "constraints", "deck"},
+    "build": GROUND
+    | {"bodies", "constraints", "deck", "elements", "forces", "markers", "models", "start", "system"},
+    "channels": GROUND | {"build"},
+    "balance": GROUND | {"integrators", "system"},
+    "runaway": GROUND | {"system"},
+    "simulate": GROUND | {"balance", "build", "channels", "deck", "integrators", "runaway", "system"},
+    "writers": GROUND,
+    "runfolder": GROUND | {"writers", "plots"},
+    "plots": GROUND | {"studies"},
+    "studies": GROUND | {"simulate", "deck", "writers"},
+    "cli": {"__init__", "commands"},
+    "commands": None,
+}
+"""What each module or sub-package may import; None: everything. Layers as in the README: ground, parts, assembly, front."""
+
+
+def files():
+    return sorted(path for path in PACKAGE.rglob("*.py") if "cases" not in path.parts)
+
+
+def area(path):
+    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+
+
+def imports(tree):
+    """Yield (module, at module level?, for type checkers only?) of every import."""
+    deferred, typing_only = set(), set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            deferred |= {id(child) for child in ast.walk(node)}
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+            typing_only |= {id(child) for child in ast.walk(node)}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "write absolute imports"
+            names = [f"hfsim.{a.name}" for a in node.names] if node.module == "hfsim" else [node.module]
+        elif isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        else:
+            continue
+        for name in names:
+            yield name, id(node) not in deferred, id(node) in typing_only
+
+
+def cases():
+    return [pytest.param(path, id=str(path.relative_to(PACKAGE))) for path in files()]
+
+
+@pytest.mark.parametrize("path", cases())
+def test_imports_point_downwards(path):
+    assert area(path) in ALLOWED, "say in the table what this module may import"
+    allowed = ALLOWED[area(path)]
+    for name, _, typing_only in imports(ast.parse(path.read_text())):
+        if not name.startswith("hfsim.") or typing_only:
+            continue
+        target = name.split(".")[1]
+        target = target if (PACKAGE / target).is_dir() or (PACKAGE / f"{target}.py").exists() else "__init__"
+        assert allowed is None or target in allowed | {area(path)}, f"{area(path)} must not import {target}"
+
+
+@pytest.mark.parametrize("path", cases())
+def test_siblings_share_only_a_base(path):
+    """Files of a package of parts import no other one, save its bases."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    if parts[0] not in ("joints", "forces", "channels") or parts[-1] == "__init__":
+        return
+    for name, _, _ in imports(ast.parse(path.read_text())):
+        if name.startswith(f"hfsim.{parts[0]}."):
+            assert name.split(".")[-1].startswith("_"), name
+
+
+@pytest.mark.parametrize("path", cases())
+def test_heavy_packages_stay_where_they_belong(path):
+    for name, at_module_level, typing_only in imports(ast.parse(path.read_text())):
+        package = name.split(".")[0]
+        if package == "matplotlib":
+            assert area(path) == "plots"
+        if package == "scipy":
+            assert not at_module_level or typing_only
+
+
+def test_the_table_is_not_circular():
+    done, left = {"commands"}, {key for key, value in ALLOWED.items() if value is not None}
+    # integrators know the deck's solve entry by type only, which the table counts all the same
+    while left:
+        ready = {
+            k
+            for k in left
+            if (ALLOWED[k] & ALLOWED.keys()) - {k} <= done | (GROUND if k not in GROUND else set())
+        }
+        assert ready, f"a circle among {sorted(left)}"
+        done, left = done | ready, left - ready
+
+
+def modules_after(code):
+    script = f"import sys\n{code}\nprint(*sorted({{name.split('.')[0] for name in sys.modules}}))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_help_imports_only_click():
+    loaded = modules_after(
+        "from hfsim.cli import app\ntry:\n    app(['--help'])\nexcept SystemExit:\n    pass"
+    )
+    assert "click" in loaded
+    assert not loaded & {"numpy", "scipy", "matplotlib", "pydantic", "yaml"}
+
+
+def test_check_and_run_need_neither_scipy_nor_matplotlib(tmp_path):
+    code = (
+        "from hfsim.cli import app\n"
+        "try:\n"
+        f"    app(['run', 'pendulum', '--set', 'solve.duration=0.02', '--no-plots', '-q', '-o', {str(tmp_path / 'o')!r}])\n"
+        "except SystemExit as stop:\n"
+        "    assert stop.code == 0"
+    )
+    loaded = modules_after(code)
+    assert "numpy" in loaded
+    assert not loaded & {"scipy", "matplotlib"}
+
+
+# README and .ci/run ----------------------------------------------------------------------------------
+
+ROOT = PACKAGE.parent
+
+
+def test_ci_runs_the_commands_of_the_readme():
+    set_up = re.findall(r"```sh\n(.*?)\n```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert len(set_up) == 2
+    script = (ROOT / ".ci" / "run").read_text()
+    run = [" ".join(line.split()) for line in script.splitlines()]
+    called = {shlex.split(line)[-1] for line in run if line.startswith("timed bash -c ")}
+    assert called == set(set_up)
+    assert "set -euo pipefail" in run
+
+
+def test_the_deck_of_the_readme_runs():
+    from hfsim.deck import parse_deck
+    from hfsim.simulate import simulate
+
+    deck = re.search(r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert deck
+    result = simulate(parse_deck(deck.group(1), "readme.yaml", ["solve.duration=0.05"]), error_estimate=False)
+    assert result.status == "done"
+
+
+def test_the_readme_names_all_there_is():
+    from hfsim.channels import CHANNELS
+    from hfsim.cli import COMMANDS
+    from hfsim.integrators import METHODS
+    from hfsim.laws import LAWS
+    from hfsim.models import MODELS
+
+    text = (ROOT / "README.md").read_text()
+    cases = [path.stem for path in (ROOT / "cases").glob("*.yaml")]
+    for name in [*METHODS, *MODELS, *LAWS, *cases]:
+        assert f"`{name}`" in text, name
+    for name in CHANNELS:
+        assert f".{name}" in text, name
+    for name in COMMANDS:
+        assert f"hfsim {name}" in text, name

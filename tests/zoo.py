@@ -1,0 +1,89 @@
+"""One vector of coordinates with every kind of body in it, and every kind of marker on them."""
+
+import numpy as np
+
+from hfsim.elements import Cable, Continuum, Inertia, Stiffness
+from hfsim.markers import GroundMarker, NodalMarker, RigidMarker
+from hfsim.models.low_order import LowOrderBeam, LowOrderMarker
+from hfsim.models.mesh import BeamMesh
+
+STIFFNESS = Stiffness(axial=300.0, bending=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2)
+INERTIA = Inertia(per_length=1.7, rotary=0.0, height=0.3)
+
+CABLE = BeamMesh(Cable(0.6), 2, INERTIA)
+CONTINUUM = BeamMesh(Continuum(0.6), 2, INERTIA)
+
+HUB, PLATE = slice(0, 3), slice(3, 6)
+ROPE = slice(6, 6 + 2 * CABLE.n_vectors)
+BLOCK = slice(ROPE.stop, ROPE.stop + 2 * CONTINUUM.n_vectors)
+BLADE = slice(BLOCK.stop, BLOCK.stop + 2 * CABLE.n_vectors)
+N = BLADE.stop
+
+LOW_ORDER = LowOrderBeam(
+    name="blade",
+    mesh=CABLE,
+    columns=BLADE,
+    axial=300.0,
+    bending=2.0,
+    axial_damping=0.0,
+    bending_damping=0.0,
+    gravity=(0.0, 0.0),
+)
+
+
+def nodal(mesh, columns, x, y=0.0):
+    """Marker of a material point of a beam in nodal coordinates."""
+    return NodalMarker(columns, mesh.shape(x, y), mesh.shape(x, y, (1, 0)))
+
+
+MARKERS = {
+    "ground": GroundMarker((0.3, -0.2)),
+    "hub": RigidMarker(HUB),
+    "plate": RigidMarker(PLATE, (0.4, -0.3)),
+    "rope_tip": nodal(CABLE, ROPE, 1.2),
+    "rope_inside": nodal(CABLE, ROPE, 0.4),
+    "block": nodal(CONTINUUM, BLOCK, 0.8, 0.1),
+    "blade_root": LowOrderMarker(LOW_ORDER, 0.0),
+    "blade": LowOrderMarker(LOW_ORDER, 0.9),
+}
+
+PAIRS = [
+    ("ground", "hub"),
+    ("ground", "rope_tip"),
+    ("ground", "blade"),
+    ("hub", "ground"),
+    ("hub", "plate"),
+    ("plate", "rope_inside"),
+    ("rope_tip", "block"),
+    ("block", "rope_inside"),
+    ("block", "blade"),
+    ("blade", "plate"),
+    ("blade_root", "rope_tip"),
+    ("rope_inside", "rope_tip"),
+]
+"""First and second marker; the last pair shares its body."""
+
+
+def random_state(rng, size=0.15):
+    """Coordinates (N,) of bodies that are placed, turned and deformed at random."""
+    x = rng.normal(size=N)
+    for mesh, columns in ((CABLE, ROPE), (CONTINUUM, BLOCK)):
+        angle, place = rng.uniform(-1.2, 1.2), rng.normal(size=2)
+        vectors = mesh.undeformed + size * rng.normal(size=mesh.undeformed.shape)
+        c, s = np.cos(angle), np.sin(angle)
+        x[columns] = (vectors @ np.array([[c, s], [-s, c]]) + mesh.positions[:, None] * place).ravel()
+    x[BLADE.start + 3 : BLADE.stop] *= size
+    return x
+
+
+def rigid_motion(x, velocity, omega):
+    """Rates (N,) of all bodies in one common rigid motion about the inertial origin."""
+    u = np.zeros(N)
+    for columns in (HUB, PLATE, BLADE):
+        i = columns.start
+        u[i : i + 3] = [velocity[0] - omega * x[i + 1], velocity[1] + omega * x[i], omega]
+    for mesh, columns in ((CABLE, ROPE), (CONTINUUM, BLOCK)):
+        z = x[columns].reshape(-1, 2)
+        turned = omega * np.stack([-z[:, 1], z[:, 0]], axis=-1)
+        u[columns] = (turned + mesh.positions[:, None] * np.asarray(velocity)).ravel()
+    return u
