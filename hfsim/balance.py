@@ -16,7 +16,7 @@ MAX_STATES = 4000
 """States looked at in one batch."""
 
 INNER_POINTS = 16
-"""Gauss points in a step at which power is looked at: as many as the method with the longest steps has stages."""
+"""Gauss points in a step at which power is looked at: as many as the longest steps have stages."""
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,8 @@ def test_hub_and_beams_with_two_elements(model, angle, deflection, digits):
 
 
 def two_beams(model, duration, interval=0.01):
-    settings = (f"solve.duration={duration}", f"output.interval={interval}", *TWO_ELEMENTS)
+    settings = ("solve.tolerance=1e-8", f"solve.duration={duration}", *TWO_ELEMENTS)
+    settings += (f"output.interval={interval}",)
     return run("two_beams", *settings, model=model)
 
 

@@ -156,6 +156,25 @@ output: {{interval: 0.05, channels: [wheel.angle, wheel.angular_velocity, car.x,
     assert channel(result, "pull.force_y") == pytest.approx(1.5 * 0.8 * acceleration, abs=1e-5)
 
 
+def test_a_bead_flies_out_along_a_turning_rod():
+    text = """
+bodies: {arm: {type: rigid, mass: 1.0, inertia: 2.0}, bead: {type: rigid, mass: 0.5, inertia: 0.1}}
+joints:
+  axle: {type: revolute, between: [ground, arm]}
+  motor: {type: driver, between: [ground, arm], angle: {type: constant_rate, rate: 2.0}}
+  rod: {type: prismatic, between: [arm, bead]}
+initial: {bead: {position: [0.5, 0.0], velocity: [0.0, 1.0]}}
+solve: {duration: 1.0}
+output: {interval: 0.05, channels: [bead.x, bead.y, bead.angle]}
+"""
+    result = run(text)
+    r = 0.5 * np.cosh(2.0 * result.t)
+    assert channel(result, "bead.x") == pytest.approx(r * np.cos(2.0 * result.t), abs=1e-8)
+    assert channel(result, "bead.y") == pytest.approx(r * np.sin(2.0 * result.t), abs=1e-8)
+    assert channel(result, "bead.angle") == pytest.approx(2.0 * result.t, abs=1e-9)
+    assert result.statistics["energy_drift"] < 1e-8
+
+
 def damped(t, m, c, k, x0):
     d, w = 0.5 * c / m, np.sqrt(k / m - 0.25 * (c / m) ** 2)
     return x0 * np.exp(-d * t) * (np.cos(w * t) + d / w * np.sin(w * t))

@@ -9,7 +9,7 @@ G = V V^T (design, section 3).
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -110,7 +110,9 @@ class Element(Protocol):
 class GramLaw:
     """An energy that is quadratic in the products of difference vectors.
 
-    U = scale (1/2 g^T C g + c^T g + constant) with g the entries of G = V V^T.
+    U = scale (1/2 d^T C d + c^T d) with d = g - g0, g the entries of G = V V^T and g0 those of the
+    undeformed element.  The energy is summed from d: g itself is so close to g0 in stiff bodies that
+    nothing but rounding would be left of its differences.
 
     Attributes
     ----------
@@ -118,14 +120,15 @@ class GramLaw:
         C, symmetric, also under exchange of the two vectors of each product.
     linear : ndarray, shape (n_elements, n_vectors**2)
         c of each element.
-    constant : ndarray, shape (n_elements,)
+    reference : ndarray, shape (n_vectors**2,)
+        g0.
     scale : ndarray, shape (n_elements,)
         [J].
     """
 
     quadratic: Array
     linear: Array
-    constant: Array
+    reference: Array
     scale: Array
 
     def joined(self, other: GramLaw) -> GramLaw:
@@ -133,35 +136,46 @@ class GramLaw:
         return GramLaw(
             quadratic=self.quadratic,
             linear=np.concatenate([self.linear, other.linear]),
-            constant=np.concatenate([self.constant, other.constant]),
+            reference=self.reference,
             scale=np.concatenate([self.scale, other.scale]),
         )
+
+    @cached_property
+    def linear_at_zero(self) -> Array:
+        """The linear term where g, not d, multiplies C."""
+        return self.linear - self.reference @ self.quadratic
+
+    @cached_property
+    def _twice(self) -> Array:
+        return 2.0 * self.scale[:, None]
 
     def _products(self, V: Array) -> Array:
         G = V @ V.swapaxes(-1, -2)
         return G.reshape(*G.shape[:-2], -1)
 
+    def _coefficients(self, V: Array) -> Array:
+        """Return 2 dU/dG [J], shape (..., n_elements, n_vectors, n_vectors)."""
+        H = self._products(V) @ self.quadratic
+        H += self.linear_at_zero
+        H *= self._twice
+        return H.reshape(*V.shape[:-1], V.shape[-2])
+
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_elements)."""
-        g = self._products(V)
-        return np.asarray(
-            self.scale * (np.sum((0.5 * (g @ self.quadratic) + self.linear) * g, axis=-1) + self.constant)
-        )
+        d = self._products(V) - self.reference
+        return np.asarray(self.scale * np.sum((0.5 * (d @ self.quadratic) + self.linear) * d, axis=-1))
 
     def gradient(self, V: Array) -> Array:
         """Return dU/dV [J], same shape as V."""
-        H = (self._products(V) @ self.quadratic + self.linear) * (2.0 * self.scale[:, None])
-        n = V.shape[-2]
-        return np.asarray(H.reshape(*V.shape[:-2], n, n) @ V)
+        return np.asarray(self._coefficients(V) @ V)
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J]: the products' own change and the change of the vectors they multiply."""
         n, d = V.shape[-2:]
-        scale = 2.0 * self.scale[:, None, None]
-        H = (self._products(V) @ self.quadratic + self.linear).reshape(*V.shape[:-2], n, n) * scale
+        H = self._coefficients(V)
         C = self.quadratic.reshape(n, n, n, n)
         change = 2.0 * np.einsum("abcd,...bi,...dj->...aicj", C, V, V, optimize=True)
-        change *= scale[..., None, None]
+        change *= self._twice[..., None, None, None]
         geometric = H[..., :, None, :, None] * np.eye(d)[:, None, :]
         return np.asarray((change + geometric).reshape(*V.shape[:-2], n * d, n * d))
 

@@ -37,13 +37,12 @@ def mean_square_slope() -> Array:
 
 def green_linear_law(stiffness: Stiffness, length: float, count: int) -> GramLaw:
     """Energy with Green strain (eq. 47 on the centre line) and curvature r''; polynomial, so exact."""
-    quadratic, strain, curvature = _gram_tables()
+    quadratic, _, curvature = _gram_tables()
     ratio = stiffness.bending / (stiffness.axial * length**2)
-    row = -0.25 * strain + 0.5 * ratio * curvature
     return GramLaw(
         quadratic=0.25 * quadratic,
-        linear=np.tile(row, (count, 1)),
-        constant=np.full(count, 0.125),
+        linear=np.tile(0.5 * ratio * curvature, (count, 1)),
+        reference=np.ones(9),
         scale=np.full(count, stiffness.axial * length),
     )
 

@@ -93,21 +93,20 @@ class Continuum:
         products = [_symmetric_product(a, a), _symmetric_product(b, b), _symmetric_product(a, b)]
         normal, lame = stiffness.lame_lambda + 2.0 * stiffness.lame_mu, stiffness.lame_lambda
         E = np.array([[normal, lame, 0.0], [lame, normal, 0.0], [0.0, 0.0, stiffness.lame_mu]])
-        # strain = half * (product - offset); the shear strain 2 e12 is the whole product
-        half, offset = np.array([0.5, 0.5, 1.0]), np.array([1.0, 1.0, 0.0])
+        # a normal strain is half the change of its product, the shear strain 2 e12 the whole
+        half = np.array([0.5, 0.5, 1.0])
         E = E * np.outer(half, half)
         size = a.shape[1] ** 2
-        quadratic, linear = np.zeros((size, size)), np.zeros(size)
+        quadratic = np.zeros((size, size))
         for i in range(3):
             for j in range(3):
                 quadratic += E[i, j] * (products[i].T * weights) @ products[j]
-                linear -= E[i, j] * offset[j] * (weights @ products[i])
-        constant = 0.5 * float(offset @ E @ offset) * float(weights.sum())
+        undeformed = np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
         scale = stiffness.axial * self.length
         return GramLaw(
             quadratic=quadratic / scale,
-            linear=np.tile(linear / scale, (count, 1)),
-            constant=np.full(count, constant / scale),
+            linear=np.zeros((count, size)),
+            reference=(undeformed @ undeformed.T).ravel(),
             scale=np.full(count, scale),
         )
 

@@ -252,7 +252,7 @@ class GramStiffness:
         """Return K, shape (..., n, n)."""
         V, law = self._vectors(p), self.law
         G = V @ V.swapaxes(-1, -2)
-        flat = G.reshape(*G.shape[:-2], -1) @ law.quadratic + law.linear
+        flat = G.reshape(*G.shape[:-2], -1) @ law.quadratic + law.linear_at_zero
         H = (2.0 * law.scale[:, None] * flat).reshape(G.shape)
         return _both_components(self.differences.T @ H @ self.differences)
 

@@ -317,9 +317,7 @@ def _steps(
     """Yield each kept step and the projected state at its end."""
     t, q, v = start
     duration = t_end - t
-    wish = method.start(problem, t, q, v)
-    if not np.isfinite(wish):
-        raise SolverFailure("the accelerations at the start are not finite", t)
+    wish = _first_step(problem, method, t, q, v)
     while t < t_end * (1.0 - 1e-14):
         if limits.max_steps is not None and problem.counts.steps >= limits.max_steps:
             raise LimitReached(f"{limits.max_steps} steps were made", t)
@@ -341,6 +339,16 @@ def _steps(
         problem.counts.steps += 1
         wish = h * min(max(attempt.growth, 0.2), 5.0) if h >= 0.5 * wish else wish
         yield segment, (t, q, v)
+
+
+def _first_step(problem: Problem, method: Method, t: float, q: Array, v: Array) -> float:
+    try:
+        wish = method.start(problem, t, q, v)
+    except np.linalg.LinAlgError:
+        wish = np.nan
+    if not np.isfinite(wish):
+        raise SolverFailure("the accelerations at the start are not finite", t)
+    return wish
 
 
 def _fitted(wish: float, rest: float, fixed: bool) -> float:
@@ -367,6 +375,6 @@ def _attempt(problem: Problem, method: Method, t: float, q: Array, v: Array, h: 
     except np.linalg.LinAlgError:
         return unsolved()
     if not attempt.solved:
-        return attempt
+        return attempt if np.isfinite(attempt.growth) else unsolved()
     finite = np.isfinite(attempt.q).all() and np.isfinite(attempt.v).all()
     return attempt if finite and problem.admissible(attempt.q) else unsolved()

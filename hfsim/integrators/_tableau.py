@@ -95,7 +95,7 @@ class Collocation:
 def _collocation(nodes: Array, order: int) -> Collocation:
     s = len(nodes)
     values, once, _ = legendre(nodes, s)
-    _, once_end, twice_end = legendre(np.array([1.0]), s)
+    _, once_end, _ = legendre(np.array([1.0]), s)
     to_legendre = np.linalg.inv(values)
     A = once @ to_legendre
     poles, vectors = np.linalg.eig(A)
@@ -103,14 +103,14 @@ def _collocation(nodes: Array, order: int) -> Collocation:
     left, right = vectors[:, keep], np.linalg.inv(vectors)[keep]
     half = np.where(np.abs(poles[keep].imag) < 1e-12, 0.5, 1.0)
     A2 = A @ A
-    b, b2 = (once_end @ to_legendre)[0], (twice_end @ to_legendre)[0]
+    b = (once_end @ to_legendre)[0]
     return Collocation(
         nodes=nodes,
         order=order,
         A=A,
         A2=A2,
         b=b,
-        b2=b2,
+        b2=b @ A,
         to_legendre=to_legendre,
         A2_inverse=np.linalg.inv(A2),
         end_rate=np.linalg.solve(A2.T, b),

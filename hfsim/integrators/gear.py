@@ -101,7 +101,7 @@ class Gear:
             growth = self._choose_order(error)
         return Attempt(
             error=error,
-            growth=min(growth, 5.0) if not 1.0 < growth < 1.2 else 1.0,
+            growth=1.0 if error <= 1.0 and growth < 1.2 else min(growth, 5.0),
             q=q1,
             v=v1,
             series=two_point_series(h, (q1, v1, a1), (q, v, self._a)),
