@@ -24,7 +24,7 @@ def default_stages(tolerance: float) -> int:
     >>> default_stages(1e-3), default_stages(1e-8)
     (8, 16)
     """
-    return 8 if tolerance > 3e-4 else 12 if tolerance > 3e-6 else 16
+    return 8 if tolerance > 3e-4 else 12 if tolerance > 3e-5 else 16
 
 
 def _gauss(solve: SolveSpec) -> Method:
