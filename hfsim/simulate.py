@@ -22,6 +22,9 @@ from hfsim.solution import Channel, Run
 
 Progress = Callable[[float], None]
 
+LARGE_DRIFT = 1e-3
+"""Energy drift from which a run warns."""
+
 
 @dataclass
 class Clock:
@@ -214,9 +217,22 @@ def _statistics(scene: Scene, done: Integration) -> dict[str, Any]:
         "factorisations": counts.factorisations,
         "unknowns": system.n,
         "multipliers": system.n_rows,
-        "warnings": [],
     }
-    return facts | balance(system, step_samples(done.trajectory))
+    facts |= balance(system, step_samples(done.trajectory))
+    facts["warnings"] = _warnings(scene, done, facts["energy_drift"])
+    return facts
+
+
+def _warnings(scene: Scene, done: Integration, drift: float) -> list[str]:
+    """Return what a user should know before trusting the curves."""
+    if drift < LARGE_DRIFT or done.stop is not None:
+        return []
+    truncated = [body.name for body in scene.system.variable_mass if body.truncated]
+    if truncated:
+        why = f"{scene.model} leaves out inertia terms of {', '.join(truncated)}; compare with exact"
+    else:
+        why = f"method {done.method} does not resolve the motion; lower the tolerance or take gauss"
+    return [f"the energy balance is off by {drift:.2g} of the energies that change: {why}"]
 
 
 def _measured_error(

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk
 
 from hfsim.build import build
-from hfsim.deck import parse_deck
+from hfsim.deck import load_deck, parse_deck
 from hfsim.errors import DeckError
 from hfsim.simulate import simulate
 
@@ -750,3 +750,11 @@ def test_full_turns_of_a_stated_angle_are_kept():
     text = CHAIN + f"initial: {{c: {{angle: {4 * np.pi + 0.3}}}}}\n" + TAIL
     for model in MODELS:
         assert start(text, model)["c.angle"] == pytest.approx(4 * np.pi + 0.3, abs=1e-12)
+
+
+def test_a_run_that_loses_its_energy_says_so():
+    coarse = simulate(load_deck(CASES / "pendulum.yaml", ("solve.method=gear", "solve.tolerance=1e-3")))
+    assert coarse.statistics["energy_drift"] > 1e-3
+    assert "energy balance" in coarse.statistics["warnings"][0]
+    fine = simulate(load_deck(CASES / "pendulum.yaml", ("solve.tolerance=1e-6",)), error_estimate=False)
+    assert fine.statistics["warnings"] == []

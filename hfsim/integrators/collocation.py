@@ -25,6 +25,8 @@ from hfsim.integrators._base import Attempt, Increments, PlainIncrements, Proble
 from hfsim.integrators._tableau import Collocation
 
 MAX_ITERATIONS = 20
+LINEAR = 1e-3
+"""Natural increments below which their linear map to the state is good enough."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
 
@@ -39,20 +41,17 @@ class CollocationMethod:
     table : Collocation
     tolerance : float
         Local error per step: metre, radian or slope, relative above 1.
-    refresh : int
-        Steps after which the derivative is renewed even if it still serves.
     """
 
     name: str
     table: Collocation
     tolerance: float
-    refresh: int = 2
 
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
         """Take the initial state; return the time in which the fastest mode turns by one radian a stage."""
         self._problem = problem
         self._derivative = derivative(problem, t, q, v, PlainIncrements())
-        self._age = 0
+        self._old = False
         self._cap = np.inf
         return min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
 
@@ -60,9 +59,12 @@ class CollocationMethod:
         """Solve the stage equations for one step and estimate its error."""
         a = self._guess(q, v, self._problem.single(t, q, v), h)
         table = self.table
-        if self._age >= self.refresh:
-            # it will serve this step and the next: taken where they meet
-            self._renew(t + h, q + h * v + h * h * (table.A2[-1] @ a), v + h * (table.A[-1] @ a), h)
+        if self._old:
+            middle = table.stages // 2
+            tau = h * table.nodes[middle]
+            self._renew(
+                t + tau, q + tau * v + h * h * (table.A2[middle] @ a), v + h * (table.A[middle] @ a), h
+            )
         solved = self._solve(t, q, v, h, a)
         if solved is None:
             self._cap = 0.7 * h
@@ -80,8 +82,8 @@ class CollocationMethod:
         )
 
     def accept(self, t: float, q: Array, v: Array) -> None:
-        """Count the steps the derivative has served; let a step length that once failed come back slowly."""
-        self._age += 1
+        """Ask for a new derivative; let a step length that once failed come back slowly."""
+        self._old = True
         self._cap *= 1.05
 
     def _growth(self, error: float, h: float) -> float:
@@ -104,35 +106,37 @@ class CollocationMethod:
         stiff = h * self._derivative.fastest > STIFF * self.table.stages
         increments = self._problem.increments if stiff else PlainIncrements()
         self._derivative = derivative(self._problem, t, q, v, increments)
-        self._age = 0
+        self._old = False
 
     def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         """Return the stage accelerations, or None if the iteration does not converge."""
         table, problem, natural = self.table, self._problem, self._derivative.increments
         times, uniform = t + h * table.nodes, q + (h * table.nodes)[:, None] * v
-        A, A2, back = h * table.A, h * h * table.A2, table.A2_inverse / h**2
+        scaled = np.concatenate([h * h * table.A2, h * table.A])
+        A2, back, s = h * h * table.A2, table.A2_inverse / h**2, table.stages
+        plain = isinstance(natural, PlainIncrements)
         correct = self._derivative.correction(table, h)
         goal = 1e-3 * self.tolerance * (1.0 + float(np.abs(q).max()))
         last = rate = np.inf
         for k in range(MAX_ITERATIONS):
-            Q = uniform + A2 @ a
+            moved = scaled @ a
+            Q = uniform + moved[:s]
             at = natural.geometry(Q)
-            r = A2 @ (problem.evaluate(times, Q, v + A @ a) - a)
+            r = A2 @ (problem.evaluate(times, Q, v + moved[s:]) - a)
             y, change = correct(natural.to_natural(at, r))
-            size = np.abs(y).max()
-            if not size < 10.0:
-                return None
-            a = a + back @ (natural.advance(at, y) if size > 1e-3 else natural.from_natural(at, y))
+            if plain:
+                a = a + back @ y
+            else:
+                small = np.abs(y).max() < LINEAR
+                a = a + back @ (natural.from_natural(at, y) if small else natural.advance(at, y))
             problem.counts.iterations += 1
             self._iterations = k + 1
             ratio = change / last
             rate = ratio if k <= 1 else max(ratio, 0.5 * rate)
             settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
             if change < 0.05 * goal or settled:
-                if k > 0 and rate > 0.35:
-                    self._age = self.refresh
                 return a if np.isfinite(a).all() else None
-            if not np.isfinite(change) or (k > 3 and ratio > 0.9):
+            if not change < 1e3 or (k > 3 and ratio > 0.9):
                 return None
             last = change
         return None
@@ -161,21 +165,27 @@ def derivative(problem: Problem, t: float, q: Array, v: Array, natural: Incremen
     """Compute the derivative of the accelerations at a state, in natural coordinates, for corrections."""
     by_q, by_v = problem.jacobians(t, q, v)
     problem.counts.factorisations += 1
+    if not isinstance(natural, PlainIncrements):
+        by_q, by_v = _in_natural(natural, q, by_q, by_v)
+    if by_v is not None:
+        return DenseDerivative(natural, by_q, by_v)
+    w2, R = np.linalg.eig(-by_q)
+    L = np.linalg.inv(R)
+    if np.abs(L).max() * len(q) < 1e10:
+        return ModalDerivative(natural, w2, R, L)
+    return DenseDerivative(natural, by_q, np.zeros_like(by_q))
+
+
+def _in_natural(natural: Increments, q: Array, by_q: Array, by_v: Array | None) -> tuple[Array, Array | None]:
+    """Return derivatives by state coordinates as derivatives by natural coordinates."""
     n = len(q)
     at = natural.geometry(np.repeat(q[None], n, axis=0))
     unit = natural.from_natural(at, np.eye(n)).T
 
-    def in_natural(J: Array) -> Array:
+    def turned(J: Array) -> Array:
         return natural.to_natural(at, np.ascontiguousarray((J @ unit).T)).T
 
-    if by_v is not None:
-        return DenseDerivative(natural, in_natural(by_q), in_natural(by_v))
-    J = in_natural(by_q)
-    w2, R = np.linalg.eig(-J)
-    L = np.linalg.inv(R)
-    if np.isfinite(L).all() and np.linalg.norm(L) * np.linalg.norm(R) < 1e12:
-        return ModalDerivative(natural, w2, R, L)
-    return DenseDerivative(natural, J, np.zeros_like(J))
+    return turned(by_q), None if by_v is None else turned(by_v)
 
 
 @dataclass

@@ -99,9 +99,9 @@ class FrameChart:
         z = self._complex(ax)
         omega = w.real[..., 1:2]
         g = self._in_frame(frames, z)
-        g -= (2j * omega) * self._relative(w)
+        g -= self._relative(w) * (2j * omega)
         spin = g.imag[..., 1:2] / frames.p.real[..., 1:2]
-        g += (omega * omega - 1j * spin) * frames.p
+        g += frames.p * (omega * omega - 1j * spin)
         return self._joined(g, z, spin)
 
     def _in_frame(self, frames: Frames, z: ComplexArray) -> ComplexArray:
@@ -112,10 +112,11 @@ class FrameChart:
 
     def _joined(self, g: ComplexArray, z: ComplexArray, angle: Array) -> Array:
         """Return (r0, theta, p), or rates of them, with ``g`` holding p for all nodal vectors."""
-        g[..., :1] = z[..., :1]
-        g.imag[..., 1:2] = g.real[..., 1:2]
-        g.real[..., 1:2] = angle
-        return self._flat(g)
+        g[..., 0] = z[..., 0]
+        flat = g.view(np.float64)
+        flat[..., 3] = flat[..., 2]
+        flat[..., 2] = angle[..., 0]
+        return flat.reshape(len(flat), -1)
 
     def hybrid(self, x: Array, near: Array) -> Array:
         """Return hybrid coordinates; of all full turns the angle nearest to that of ``near`` is taken."""
