@@ -149,14 +149,17 @@ class RigidMarker:
 
     columns: slice
     offset: tuple[float, float] = (0.0, 0.0)
-    linear: bool = False
     keeps_turns: bool = True
 
+    @property
+    def linear(self) -> bool:
+        """Whether the point is the centre of mass."""
+        return self.offset == (0.0, 0.0)
+
     def _arm(self, x: Array) -> Array:
-        angle = x[:, self.columns.start + 2]
-        c, s = np.cos(angle), np.sin(angle)
-        a, b = self.offset
-        return np.stack([c * a - s * b, s * a + c * b], axis=-1)
+        turn = np.exp(1j * x[:, self.columns.start + 2])
+        turn *= complex(*self.offset)
+        return np.asarray(turn[:, None].view(np.float64))
 
     def position(self, x: Array) -> Array:
         """Return r + A c."""
@@ -165,6 +168,8 @@ class RigidMarker:
 
     def position_jacobian(self, x: Array) -> Array:
         """Return (1, A c turned by a quarter)."""
+        if self.linear:
+            return np.eye(2, 3)[None]
         J = np.zeros((len(x), 2, 3))
         J[:, 0, 0] = J[:, 1, 1] = 1.0
         J[:, :, 2] = normal(self._arm(x))

@@ -52,7 +52,7 @@ def rotation_matrix(angle: Array) -> Array:
 
 def normal(a: Array) -> Array:
     """Turn planar vectors (..., 2) by a quarter turn: (a, b) becomes (-b, a)."""
-    return np.stack([-a[..., 1], a[..., 0]], axis=-1)
+    return np.asarray(a @ QUARTER_TURN)
 
 
 def wrap(angle: Array) -> Array:

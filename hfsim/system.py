@@ -222,12 +222,29 @@ class System:
         return self._assembled_jacobian(np.zeros((1, self.n)))
 
     def _assembled_jacobian(self, x: Array) -> Array:
-        Phi_x = np.zeros((len(x), self.n_rows, self.n))
-        for constraint, rows in zip(self.constraints, self.rows, strict=True):
-            first, second = constraint.jacobians(x)
-            Phi_x[:, rows, constraint.first.columns] += first
-            Phi_x[:, rows, constraint.second.columns] += second
+        Phi_x = np.repeat(self._constant_rows, len(x), axis=0)
+        for constraint, rows in self._changing:
+            self._add_rows(constraint, rows, x, Phi_x)
         return Phi_x
+
+    @cached_property
+    def _changing(self) -> tuple[tuple[Constraint, slice], ...]:
+        """Constraints whose Jacobian depends on the state, with their rows."""
+        pairs = zip(self.constraints, self.rows, strict=True)
+        return tuple((c, rows) for c, rows in pairs if not c.constant)
+
+    @cached_property
+    def _constant_rows(self) -> Array:
+        Phi_x = np.zeros((1, self.n_rows, self.n))
+        for constraint, rows in zip(self.constraints, self.rows, strict=True):
+            if constraint.constant:
+                self._add_rows(constraint, rows, np.zeros((1, self.n)), Phi_x)
+        return Phi_x
+
+    def _add_rows(self, constraint: Constraint, rows: slice, x: Array, Phi_x: Array) -> None:
+        first, second = constraint.jacobians(x)
+        Phi_x[:, rows, constraint.first.columns] += first
+        Phi_x[:, rows, constraint.second.columns] += second
 
     # ------------------------------------------------------------------ equations of motion
 
@@ -268,9 +285,10 @@ class System:
         numpy.linalg.LinAlgError
             If the equations are singular in this state.
         """
-        Phi_x = self.jacobian(x)
-        gamma = self._stack(len(x), lambda c: c.acceleration(t, x, u))
-        return self._constrained(x, Phi_x, f, gamma)
+        gamma = np.zeros((len(x), self.n_rows))
+        for constraint, rows in self._changing:
+            gamma[:, rows] = constraint.acceleration(t, x, u)
+        return self._constrained(x, self.jacobian(x), f, gamma)
 
     def _constrained(self, x: Array, Phi_x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Solve M a + Phi_x^T lambda = f, Phi_x a = gamma."""

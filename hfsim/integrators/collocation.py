@@ -25,6 +25,8 @@ from hfsim.integrators._base import Attempt, Increments, PlainIncrements, Proble
 from hfsim.integrators._tableau import Collocation
 
 MAX_ITERATIONS = 20
+SERVES_WELL = 5
+"""Iterations in a step up to which its derivative is kept for one more."""
 LINEAR = 1e-3
 """Natural increments below which their linear map to the state is good enough."""
 STIFF = 2.0
@@ -51,7 +53,7 @@ class CollocationMethod:
         """Take the initial state; return the time in which the fastest mode turns by one radian a stage."""
         self._problem = problem
         self._derivative = derivative(problem, t, q, v, PlainIncrements())
-        self._old = False
+        self._old = self._served = False
         self._cap = np.inf
         return min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
 
@@ -82,15 +84,20 @@ class CollocationMethod:
         )
 
     def accept(self, t: float, q: Array, v: Array) -> None:
-        """Ask for a new derivative; let a step length that once failed come back slowly."""
-        self._old = True
+        """Ask for a new derivative every other step, or at once if it served badly.
+
+        A step length that once failed comes back slowly.
+        """
+        self._old = self._served or self._iterations > SERVES_WELL
+        self._served = True
         self._cap *= 1.05
 
     def _growth(self, error: float, h: float) -> float:
         growth = 0.9 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 1))
         if error > 1.0:
             return float(growth)
-        most = 1.25 if self._iterations <= 6 else 1.0 if self._iterations <= 9 else 0.85
+        # long steps with many iterations cost less than short ones with few, up to a point
+        most = 1.25 if self._iterations <= 8 else 1.0 if self._iterations <= 11 else 0.85
         return float(min(growth, most, self._cap / h))
 
     def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
@@ -106,7 +113,7 @@ class CollocationMethod:
         stiff = h * self._derivative.fastest > STIFF * self.table.stages
         increments = self._problem.increments if stiff else PlainIncrements()
         self._derivative = derivative(self._problem, t, q, v, increments)
-        self._old = False
+        self._old = self._served = False
 
     def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         """Return the stage accelerations, or None if the iteration does not converge."""
