@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from hfsim.bodies import BeamSpec, RigidSpec
 from hfsim.bodies.assembled import Body, LowOrderBody, NodalBeam, RigidBody
 from hfsim.constraints import Constraint
 from hfsim.deck import Deck, LoadedDeck
-from hfsim.elements import ELEMENTS, Inertia, Stiffness, join_laws
+from hfsim.elements import ELEMENTS, Inertia, Measures, Stiffness, join_laws
 from hfsim.forces import TwoPointSpec
 from hfsim.markers import GroundMarker, Marker
 from hfsim.models import MODELS, Model
@@ -152,6 +152,12 @@ def _stiffness(deck: Deck, spec: BeamSpec) -> Stiffness:
     )
 
 
+def _measures(spec: BeamSpec) -> Measures:
+    if spec.quadrature is None:
+        return Measures(spec.strain, spec.curvature)
+    return Measures(spec.strain, spec.curvature, spec.quadrature.axial, spec.quadrature.bending)
+
+
 def _low_order_beam(deck: Deck, name: str, mesh: BeamMesh, columns: slice) -> LowOrderBeam:
     spec = deck.bodies[name]
     assert isinstance(spec, BeamSpec)
@@ -287,18 +293,14 @@ def _law_kind(deck: Deck, body: NodalBeam) -> object:
     spec = _spec(deck, body)
     if spec.element == "continuum":
         return (spec.element, _stiffness(deck, spec), body.mesh.element.length)
-    quadrature = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else None
-    return (spec.element, spec.strain, spec.curvature, quadrature)
+    return (spec.element, _measures(spec))
 
 
 def _elastic_force(deck: Deck, group: list[NodalBeam], n: int) -> ElasticForce:
     laws, columns, count = [], [], 0
     for body in group:
         spec = _spec(deck, body)
-        points = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (5, 5)
-        laws.append(
-            body.mesh.element.law(_stiffness(deck, spec), spec.elements, spec.strain, spec.curvature, points)
-        )
+        laws.append(body.mesh.element.law(_stiffness(deck, spec), spec.elements, _measures(spec)))
         columns.append(_gather(body, n))
         count += spec.elements
     gather = np.concatenate(columns, axis=1)
@@ -320,10 +322,9 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
     local = np.kron(mesh.differences, np.eye(2))
     straight = (mesh.differences @ mesh.undeformed).reshape(1, spec.elements, -1, 2)
 
-    points = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (5, 5)
-
     def matrix(stiffness: Stiffness, curvature: str) -> Array:
-        H = mesh.element.law(stiffness, spec.elements, spec.strain, curvature, points).hessian(straight)[0]
+        measures = replace(_measures(spec), curvature=curvature)
+        H = mesh.element.law(stiffness, spec.elements, measures).hessian(straight)[0]
         k = H.shape[-1]
         return sum(
             (local[e * k : (e + 1) * k].T @ H[e] @ local[e * k : (e + 1) * k] for e in range(spec.elements)),

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from hfsim.clock import PhaseClock
 from hfsim.errors import HfsimError
 from hfsim.solution import Run
 from hfsim.writers import Provenance, finite_part, summary_of, write_history, write_json, write_resolved
@@ -71,31 +72,17 @@ class RunFolder:
 
 
 @dataclass
-class Stopwatch:
-    """CPU and wall time of the phases of one job [s], beginning with the process itself.
+class Stopwatch(PhaseClock):
+    """Phases of one job, beginning with the process itself.
 
     Attributes
     ----------
     cpu_start, wall_start : float
-        Readings of ``time.process_time`` and ``time.perf_counter`` where the job began.
-    cpu, wall : dict of str to float
-        Time of each phase.
+        Readings of ``time.process_time`` and ``time.perf_counter`` where the job began [s].
     """
 
     cpu_start: float = 0.0
     wall_start: float = field(default_factory=time.perf_counter)
-    cpu: dict[str, float] = field(default_factory=dict)
-    wall: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def phase(self, name: str) -> Iterator[None]:
-        """Add the time of the block to the phase `name`."""
-        cpu, wall = time.process_time(), time.perf_counter()
-        try:
-            yield
-        finally:
-            self.cpu[name] = self.cpu.get(name, 0.0) + time.process_time() - cpu
-            self.wall[name] = self.wall.get(name, 0.0) + time.perf_counter() - wall
 
     def added_to(self, run: Run) -> Run:
         """Return `run` with these phases and ``total`` (since the start) in its statistics."""

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,6 +12,7 @@ from hfsim.arrays import Array
 from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.channels import CHANNELS, Samples
+from hfsim.clock import PhaseClock
 from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators import Limits, Problem, Trajectory, choose, integrate
@@ -24,24 +23,6 @@ Progress = Callable[[float], None]
 
 LARGE_DRIFT = 1e-3
 """Energy drift from which a run warns."""
-
-
-@dataclass
-class Clock:
-    """CPU and wall time by phase [s]."""
-
-    cpu: dict[str, float] = field(default_factory=dict)
-    wall: dict[str, float] = field(default_factory=dict)
-
-    @contextmanager
-    def phase(self, name: str) -> Iterator[None]:
-        """Measure what happens inside the with block."""
-        cpu, wall = time.process_time(), time.perf_counter()
-        try:
-            yield
-        finally:
-            self.cpu[name] = self.cpu.get(name, 0.0) + time.process_time() - cpu
-            self.wall[name] = self.wall.get(name, 0.0) + time.perf_counter() - wall
 
 
 @dataclass(frozen=True)
@@ -82,7 +63,7 @@ def simulate(
     DeckError
         If the scene cannot be assembled.
     """
-    clock = Clock()
+    clock = PhaseClock()
     with clock.phase("build"):
         scene = build(loaded, model)
     with clock.phase("solve"):

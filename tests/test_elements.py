@@ -16,7 +16,7 @@ from analytical import (
     turned,
 )
 
-from hfsim.elements import ELEMENTS, Inertia, Stiffness, join_laws
+from hfsim.elements import ELEMENTS, Inertia, Measures, Stiffness, join_laws
 from hfsim.models.mesh import BeamMesh
 
 LENGTH = 0.7
@@ -49,7 +49,7 @@ class Energy:
 
     def __init__(self, name, strain, curvature, points=(5, 5)):
         self.element = ELEMENTS[name](LENGTH)
-        self.law = self.element.law(STIFFNESS, 1, strain, curvature, points)
+        self.law = self.element.law(STIFFNESS, 1, Measures(strain, curvature, *points))
         self.D = self.element.differences()
 
     def _vectors(self, p):
@@ -151,7 +151,7 @@ def test_laws_of_many_elements_act_one_by_one(rng):
         other = Stiffness(**{**STIFFNESS.__dict__, "bending": 5.0, "axial": 80.0})
         if name == "continuum":
             other = STIFFNESS
-        laws = [element.law(s, n, strain, curvature) for s, n in ((STIFFNESS, 2), (other, 1))]
+        laws = [element.law(s, n, Measures(strain, curvature)) for s, n in ((STIFFNESS, 2), (other, 1))]
         V = element.differences() @ np.array([bent(element, rng) for _ in range(3)])
         joined = join_laws(laws)
         for method in ("energy", "gradient", "hessian"):
@@ -256,7 +256,7 @@ def test_refinement_of_a_circular_arc_converges(strain, curvature):
     k, length, errors = 1.5, 1.0, []
     for count in (2, 4, 8, 16):
         mesh = BeamMesh(ELEMENTS["cable"](length / count), count, INERTIA)
-        law = mesh.element.law(STIFFNESS, count, strain, curvature)
+        law = mesh.element.law(STIFFNESS, count, Measures(strain, curvature))
         V = (mesh.differences @ arc(mesh.element, count, k, length)).reshape(1, count, -1, 2)
         errors.append(abs(law.energy(V).sum() - arc_energy(k, STIFFNESS.bending, length)))
     rates = np.log2(np.array(errors[:-1]) / errors[1:])

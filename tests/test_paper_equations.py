@@ -16,7 +16,7 @@ from analytical import (
 
 from hfsim.build import build
 from hfsim.deck import parse_deck
-from hfsim.elements import ELEMENTS, Inertia, Stiffness
+from hfsim.elements import ELEMENTS, Inertia, Measures, Stiffness
 from hfsim.elements.separation import STIFFNESS_FORMS, GramStiffness, SeparatedStiffness
 from hfsim.models import paper
 from hfsim.models.mesh import BeamMesh
@@ -318,7 +318,7 @@ def test_forms_agree_on_batches_of_states_and_elements(name, rng):
 def test_a_law_by_quadrature_has_no_form_in_products():
     class Odd(ELEMENTS["cable"]):
         def law(self, stiffness, count):
-            return super().law(stiffness, count, "engineering")
+            return super().law(stiffness, count, Measures("engineering"))
 
     with pytest.raises(TypeError, match="no energy in products"):
         GramStiffness.of(Odd(LE), STIFFNESS)

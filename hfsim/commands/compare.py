@@ -220,7 +220,7 @@ def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
     from hfsim.simulate import simulate
 
     deck = plan.decks[model]
-    watch = Stopwatch(0.0, STARTED) if first else Stopwatch(time.process_time())
+    watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
     provenance = provenance_of(deck, plan.argument, with_model(plan.overrides, model))
     log = RunLog(plan.talk.detail)
     log.add(command_line())

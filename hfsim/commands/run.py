@@ -153,7 +153,7 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     from hfsim.simulate import simulate
 
     # the first deck also pays for starting the program
-    watch = Stopwatch(0.0, STARTED) if first else Stopwatch(time.process_time())
+    watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
     provenance = provenance_of(job.loaded, job.argument, settings.overrides)
     log = RunLog(settings.talk.detail)
     log.add(command_line())

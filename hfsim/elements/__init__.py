@@ -1,9 +1,19 @@
 """Beam elements: a table of shape functions, a mass matrix and an elastic energy each."""
 
-from hfsim.elements._base import ElasticLaw, Element, Inertia, Stiffness, join_laws
+from hfsim.elements._base import ElasticLaw, Element, Inertia, Measures, Stiffness, join_laws
 from hfsim.elements.cable import Cable
 from hfsim.elements.continuum import Continuum
 
 ELEMENTS: dict[str, type[Element]] = {"cable": Cable, "continuum": Continuum}
 
-__all__ = ["ELEMENTS", "Cable", "Continuum", "ElasticLaw", "Element", "Inertia", "Stiffness", "join_laws"]
+__all__ = [
+    "ELEMENTS",
+    "Cable",
+    "Continuum",
+    "ElasticLaw",
+    "Element",
+    "Inertia",
+    "Measures",
+    "Stiffness",
+    "join_laws",
+]

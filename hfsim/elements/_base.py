@@ -54,6 +54,29 @@ class Inertia:
     height: float
 
 
+@dataclass(frozen=True)
+class Measures:
+    """Which strain and curvature a cable element has, and how its integrals are done.
+
+    Attributes
+    ----------
+    strain : str
+        ``green`` or ``engineering``.
+    curvature : str
+        ``linear`` (r'') or ``exact``.
+    axial_points, bending_points : int
+        Gauss points an element where the energy is no polynomial.
+    """
+
+    strain: str = "green"
+    curvature: str = "linear"
+    axial_points: int = 5
+    bending_points: int = 5
+
+
+USUAL = Measures()
+
+
 class ElasticLaw(Protocol):
     """Elastic energy of many elements as a function of their difference vectors.
 
@@ -95,14 +118,7 @@ class Element(Protocol):
     def mass(self, inertia: Inertia) -> Array:
         """Return the mass matrix of one vector component, shape (2 per_node, 2 per_node) [kg]."""
 
-    def law(
-        self,
-        stiffness: Stiffness,
-        count: int,
-        strain: str = "green",
-        curvature: str = "linear",
-        points: tuple[int, int] = (5, 5),
-    ) -> ElasticLaw:
+    def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` equal elements."""
 
 

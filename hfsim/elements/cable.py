@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from hfsim.arrays import Array
-from hfsim.elements._base import ElasticLaw, GramLaw, Inertia, Stiffness
+from hfsim.elements._base import USUAL, ElasticLaw, GramLaw, Inertia, Measures, Stiffness
 from hfsim.shapes import gauss_legendre, hermite
 
 
@@ -209,22 +209,15 @@ class Cable:
         line = inertia.per_length * (N.T * w) @ N + inertia.rotary * (Nx.T * w) @ Nx
         return np.asarray(self.length * line)
 
-    def law(
-        self,
-        stiffness: Stiffness,
-        count: int,
-        strain: str = "green",
-        curvature: str = "linear",
-        points: tuple[int, int] = (5, 5),
-    ) -> ElasticLaw:
+    def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` equal elements."""
-        if strain == "green" and curvature == "linear":
+        if measures.strain == "green" and measures.curvature == "linear":
             return green_linear_law(stiffness, self.length, count)
         return QuadratureLaw(
             axial=np.full(count, stiffness.axial * self.length),
             bending=np.full(count, stiffness.bending / self.length),
-            engineering=strain == "engineering",
-            exact_curvature=curvature == "exact",
-            axial_points=points[0],
-            bending_points=points[1],
+            engineering=measures.strain == "engineering",
+            exact_curvature=measures.curvature == "exact",
+            axial_points=measures.axial_points,
+            bending_points=measures.bending_points,
         )

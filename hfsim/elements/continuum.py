@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.arrays import Array
-from hfsim.elements._base import ElasticLaw, GramLaw, Inertia, Stiffness
+from hfsim.elements._base import USUAL, ElasticLaw, GramLaw, Inertia, Measures, Stiffness
 from hfsim.shapes import gauss_legendre, hermite
 
 
@@ -78,14 +78,7 @@ class Continuum:
         by_y = np.array([self.shape(float(a), float(b), (0, 1)) for a, b in places])
         return volume * np.outer(wx, wy).ravel(), by_x, by_y
 
-    def law(
-        self,
-        stiffness: Stiffness,
-        count: int,
-        strain: str = "green",
-        curvature: str = "linear",
-        points: tuple[int, int] = (5, 5),
-    ) -> ElasticLaw:
+    def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the energy (21)-(23) of ``count`` equal elements as a form in products of vectors."""
         weights, by_x, by_y = self.strain_table(stiffness)
         to_nodes = np.linalg.pinv(self.differences())
