@@ -338,7 +338,7 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
         axial = matrix(_stiffness(deck, spec).without_bending(), "exact")
         both = matrix(_stiffness(deck, spec), "exact")
         damping = material.axial_damping * axial + material.bending_damping * (both - axial)
-    return LinearElasticForce(body.columns, K, damping, mesh.undeformed, mesh.positions)
+    return LinearElasticForce(body.name, body.columns, K, damping, mesh.undeformed, mesh.positions)
 
 
 def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:

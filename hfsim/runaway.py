@@ -1,4 +1,4 @@
-"""Watch for models whose truncated inertia forces feed energy that nothing supplies."""
+"""Watches for models that run away: energy out of nothing, displacements out of all proportion."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ import numpy as np
 
 from hfsim.arrays import Array
 from hfsim.errors import SolverFailure
+from hfsim.models.elastic import LinearElasticForce
 from hfsim.system import System
 
 LIMIT = 100.0
 """Energy out of nothing, relative to all that was ever there, at which a model has broken down; large enough
 for a mass matrix that turns singular to be seen first."""
+LIMIT_LENGTHS = 10.0
+"""Displacement over length at which a beam of the model linear has broken down."""
 
 
 @dataclass
@@ -68,3 +71,41 @@ class EnergyWatch:
             kind="model",
             evidence={"energy_gained": gained, "energy_due": self._most},
         )
+
+
+@dataclass
+class DisplacementWatch:
+    """Ends a run of the model linear whose beams deflect out of all proportion.
+
+    Without the stiffening by tension a fast beam bends outwards for ever, growing exponentially: what
+    follows is neither mechanics nor worth the steps it takes.
+    """
+
+    system: System
+
+    def __post_init__(self) -> None:
+        self._linear = [part for part in self.system.forces if isinstance(part, LinearElasticForce)]
+
+    def __call__(self, t: float, q: Array, v: Array) -> None:
+        """Look at a kept state.
+
+        Raises
+        ------
+        SolverFailure
+            If a beam deflects by more than `LIMIT_LENGTHS` times its length.
+        """
+        if not self._linear:
+            return
+        x = self.system.absolute(q[None])
+        for part in self._linear:
+            lengths = part.displacement(x)
+            if lengths > LIMIT_LENGTHS:
+                why = "the stiffening that the model leaves out is what would hold it"
+                raise SolverFailure(
+                    reason=f"body '{part.name}' in model linear deflects by {lengths:.3g} times its length "
+                    f"at t = {t:.4g} s: {why}",
+                    time=t,
+                    item=f"bodies.{part.name}",
+                    kind="model",
+                    evidence={"displacement_over_length": lengths},
+                )

@@ -16,7 +16,7 @@ from hfsim.clock import PhaseClock
 from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators import Limits, Problem, Trajectory, choose, integrate
-from hfsim.runaway import EnergyWatch
+from hfsim.runaway import DisplacementWatch, EnergyWatch
 from hfsim.solution import Channel, Run
 
 Progress = Callable[[float], None]
@@ -128,14 +128,15 @@ def run_integration(scene: Scene, solve: SolveSpec, progress: Progress | None = 
     )
     method = choose(solve, system.dissipates)
 
-    energy_watch = EnergyWatch(system)
-    energy_watch(0.0, scene.q, scene.v)
+    watches = (EnergyWatch(system), DisplacementWatch(system))
 
     def watch(t: float, q: Array, v: Array) -> None:
-        energy_watch(t, q, v)
+        for look in watches:
+            look(t, q, v)
         if progress is not None:
             progress(t / duration)
 
+    watch(0.0, scene.q, scene.v)
     limits = Limits(solve.step, solve.max_steps)
     trajectory, stop = integrate(problem, method, (0.0, scene.q, scene.v), duration, limits, watch)
     return Integration(trajectory, problem, method.name, stop)

@@ -758,3 +758,23 @@ def test_a_run_that_loses_its_energy_says_so():
     assert "energy balance" in coarse.statistics["warnings"][0]
     fine = simulate(load_deck(CASES / "pendulum.yaml", ("solve.tolerance=1e-6",)), error_estimate=False)
     assert fine.statistics["warnings"] == []
+
+
+BLADE = """
+name: blade
+materials: {alu: {density: 1200, youngs_modulus: 2.8e9}}
+sections: {s: {shape: rectangle, width: 0.05, height: 0.02}}
+bodies: {blade: {type: beam, material: alu, section: s, length: 2.0, elements: 4}}
+joints:
+  mount: {type: revolute, between: [ground, blade.root]}
+  motor: {type: driver, between: [ground, blade.root], angle: {type: spin_up, rate: "120 rpm", time: 1}}
+solve: {duration: 4, tolerance: 1e-4}
+"""
+
+
+def test_linear_above_the_critical_speed_ends_with_the_body_and_the_reason():
+    fast = simulate(scene(BLADE), "linear", error_estimate=False)
+    assert (fast.status, fast.exit_code) == ("failed", 3)
+    assert fast.failure["class"] == "model" and fast.failure["item"] == "bodies.blade"
+    assert "times its length" in fast.reason
+    assert simulate(scene(BLADE), "exact", error_estimate=False).status == "done"

@@ -61,6 +61,8 @@ class LinearElasticForce(ForcePart):
 
     Attributes
     ----------
+    name : str
+        Of the beam.
     columns : slice
     stiffness, damping : ndarray, shape (n_vectors * 2, n_vectors * 2)
         Over all relative nodal coordinates [N/m and the like]; damping multiplies their rates.
@@ -69,6 +71,7 @@ class LinearElasticForce(ForcePart):
         One for nodal positions, zero for gradients.
     """
 
+    name: str
     columns: slice
     stiffness: Array
     damping: Array
@@ -95,6 +98,11 @@ class LinearElasticForce(ForcePart):
         local = (w - self.positions * w[:, :1]) * tangent.conj()
         omega = local[:, 1:2].imag / p[:, 1:2].real
         return as_vectors(local - 1j * omega * p).reshape(len(x), -1)
+
+    def displacement(self, x: Array) -> float:
+        """Return the largest nodal displacement in the body frame over the length of the beam."""
+        moved = np.abs(self._deformation(x)[0].reshape(-1, 2)) * np.tile(self.positions, len(x))[:, None]
+        return float(moved.max() / self.undeformed[:, 0].max())
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add -K (p - p0) - D p', with no force on the frame coordinates."""
