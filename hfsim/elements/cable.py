@@ -20,13 +20,19 @@ def difference_rows(points: Array, derivative: int) -> Array:
     return hermite(points, derivative)[:, [2, 1, 3]]
 
 
+@lru_cache(maxsize=32)
+def gauss_rows(points: int) -> tuple[Array, Array, Array]:
+    """Return Gauss weights and the rows of r' and r'' (times le) at the Gauss points of an element."""
+    x, w = gauss_legendre(points)
+    return w, difference_rows(x, 1), difference_rows(x, 2)
+
+
 @lru_cache(maxsize=1)
 def _gram_tables() -> tuple[Array, Array, Array]:
     """Integrals over the unit element: strain products, strain, curvature products; all exact."""
-    x, w = gauss_legendre(5)
-    slope, bend = difference_rows(x, 1), difference_rows(x, 2)
-    beta = np.einsum("qa,qb->qab", slope, slope).reshape(len(x), 9)
-    gamma = np.einsum("qa,qb->qab", bend, bend).reshape(len(x), 9)
+    w, slope, bend = gauss_rows(5)
+    beta = np.einsum("qa,qb->qab", slope, slope).reshape(len(w), 9)
+    gamma = np.einsum("qa,qb->qab", bend, bend).reshape(len(w), 9)
     return np.asarray((beta.T * w) @ beta), np.asarray(w @ beta), np.asarray(w @ gamma)
 
 
@@ -78,10 +84,11 @@ class QuadratureLaw:
 
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_elements)."""
-        w, s = self._slopes(V)
-        strain = self._strain(s)[0]
-        wb, sb, c = self._bends(V)
-        kappa2 = self._curvature(sb, c)[0] ** 2 if self.exact_curvature else np.sum(c * c, axis=-1)
+        w, slope, _ = gauss_rows(self.axial_points)
+        strain = self._strain(slope @ V)[0]
+        wb, slope, bend = gauss_rows(self.bending_points)
+        c = bend @ V
+        kappa2 = self._curvature(slope @ V, c)[0] ** 2 if self.exact_curvature else np.sum(c * c, axis=-1)
         return np.asarray(0.5 * self.axial * (strain**2 @ w) + 0.5 * self.bending * (kappa2 @ wb))
 
     def gradient(self, V: Array) -> Array:
@@ -92,14 +99,6 @@ class QuadratureLaw:
         """Return d2U/dV2 [J], shape (..., n_elements, n_vectors n_dim, n_vectors n_dim)."""
         return self._axial_hessian(V) + self._bending_hessian(V)
 
-    def _slopes(self, V: Array) -> tuple[Array, Array]:
-        x, w = gauss_legendre(self.axial_points)
-        return w, difference_rows(x, 1) @ V
-
-    def _bends(self, V: Array) -> tuple[Array, Array, Array]:
-        x, w = gauss_legendre(self.bending_points)
-        return w, difference_rows(x, 1) @ V, difference_rows(x, 2) @ V
-
     def _strain(self, s: Array) -> tuple[Array, Array, Array]:
         """Strain, and the factors of s and of the unit tensor in its first and second derivative."""
         square = np.sum(s * s, axis=-1)
@@ -109,15 +108,14 @@ class QuadratureLaw:
         return stretch - 1.0, 1.0 / stretch, -1.0 / stretch**3
 
     def _axial_gradient(self, V: Array) -> Array:
-        x, w = gauss_legendre(self.axial_points)
-        s = difference_rows(x, 1) @ V
+        w, slope, _ = gauss_rows(self.axial_points)
+        s = slope @ V
         strain, first, _ = self._strain(s)
         weight = self.axial[:, None] * w * strain * first
-        return np.asarray(difference_rows(x, 1).T @ (weight[..., None] * s))
+        return np.asarray(slope.T @ (weight[..., None] * s))
 
     def _axial_hessian(self, V: Array) -> Array:
-        x, w = gauss_legendre(self.axial_points)
-        rows = difference_rows(x, 1)
+        w, rows, _ = gauss_rows(self.axial_points)
         s = rows @ V
         strain, first, second = self._strain(s)
         dyad = (first**2 + strain * second)[..., None, None] * s[..., :, None] * s[..., None, :]
@@ -134,8 +132,7 @@ class QuadratureLaw:
         return kappa, by_s - (2.0 * kappa / square)[..., None] * s, by_c
 
     def _bending_gradient(self, V: Array) -> Array:
-        x, w = gauss_legendre(self.bending_points)
-        slope, bend = difference_rows(x, 1), difference_rows(x, 2)
+        w, slope, bend = gauss_rows(self.bending_points)
         weight = self.bending[:, None] * w
         if not self.exact_curvature:
             return np.asarray(bend.T @ (weight[..., None] * (bend @ V)))
@@ -144,11 +141,10 @@ class QuadratureLaw:
         return np.asarray(slope.T @ (moment * by_s) + bend.T @ (moment * by_c))
 
     def _bending_hessian(self, V: Array) -> Array:
-        x, w = gauss_legendre(self.bending_points)
-        slope, bend = difference_rows(x, 1), difference_rows(x, 2)
+        w, slope, bend = gauss_rows(self.bending_points)
         weight = (self.bending[:, None] * w)[..., None, None]
         if not self.exact_curvature:
-            unit = np.broadcast_to(np.eye(V.shape[-1]), (*V.shape[:-2], len(x), 2, 2))
+            unit = np.broadcast_to(np.eye(V.shape[-1]), (*V.shape[:-2], len(w), 2, 2))
             return _congruence(bend, bend, weight * unit)
         s, c = slope @ V, bend @ V
         square = np.sum(s * s, axis=-1)[..., None, None]

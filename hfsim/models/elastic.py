@@ -8,11 +8,10 @@ import numpy as np
 
 from hfsim.arrays import Array, ComplexArray
 from hfsim.elements import ElasticLaw
-from hfsim.elements.cable import difference_rows
+from hfsim.elements.cable import gauss_rows
 from hfsim.models.frame import relative_nodes
 from hfsim.parts import ForcePart
 from hfsim.rotations import as_complex, as_vectors
-from hfsim.shapes import gauss_legendre
 
 
 @dataclass(frozen=True)
@@ -163,13 +162,13 @@ class KelvinVoigtForce(ForcePart):
     @classmethod
     def of(cls, gather: Array, count: int, axial: float, bending: float) -> KelvinVoigtForce:
         """Return the force of ``count`` equal elements from EA le tau_a and EI / le tau_b [J s]."""
-        x, w = gauss_legendre(5)
+        w, slope, bend = gauss_rows(5)
         return cls(
             gather=gather,
             scatter=np.ascontiguousarray(gather.T),
             shape=(count, 3, 2),
-            slope=difference_rows(x, 1),
-            bend=difference_rows(x, 2),
+            slope=slope,
+            bend=bend,
             axial=np.tile(axial * w, (count, 1)),
             bending=np.tile(bending * w, (count, 1)),
         )
