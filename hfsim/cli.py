@@ -18,6 +18,7 @@ from hfsim import __version__
 COMMANDS = {
     "run": "Simulate decks: CSV, plots, summary.",
     "compare": "One scene with several models: differences, run times, verdict.",
+    "bench": "Error against run time: methods, tolerances, models, meshes.",
     "check": "Validate and assemble decks; run nothing, write nothing.",
 }
 """Sub-command: its line in ``hfsim --help``; a module of `hfsim.commands` has a function of that name."""

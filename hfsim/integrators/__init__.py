@@ -32,7 +32,7 @@ def _gauss(solve: SolveSpec) -> Method:
 
 
 def _radau(solve: SolveSpec) -> Method:
-    stages = solve.stages or default_stages(solve.tolerance) // 2
+    stages = solve.stages or max(6, default_stages(solve.tolerance) // 2)
     return CollocationMethod("radau", radau(stages), solve.tolerance)
 
 
