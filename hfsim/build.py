@@ -80,7 +80,8 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
     """
     deck = loaded.deck
     name = model or deck.solve.model
-    bodies, meshes = _bodies(deck, MODELS[name])
+    kind = MODELS[name].stepping_in(deck.solve.coordinates)
+    bodies, meshes = _bodies(deck, kind)
     joints, constraints = _joints(deck, bodies)
     start = Start(
         bodies=bodies,
@@ -90,7 +91,7 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
         refuse=loaded.problem,
     )
     x, u, angles = starting_state(start)
-    system = _system(deck, MODELS[name], bodies, meshes, constraints, x)
+    system = _system(deck, kind, bodies, meshes, constraints, x)
     _check_independent(loaded, system, joints, x)
     near = np.zeros((1, system.n))
     for body in bodies.values():

@@ -131,6 +131,10 @@ class SolveSpec(Spec):
     rho_inf: UnitInterval = 0.8
     """Spectral radius at infinite frequency of the method generalized_alpha [-]."""
 
+    coordinates: Literal["frame", "absolute"] = "frame"
+    """Coordinates the steps are made in: the model's own with a body frame, or absolute nodal ones that are
+    mapped to the frame for output; lowOrder has only its own."""
+
     max_steps: Count | None = None
     """Steps after which the run stops [-]."""
 

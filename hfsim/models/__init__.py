@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 
@@ -21,6 +21,16 @@ class Model:
 
     frame: bool
     strain: Literal["exact", "linear", "low_order"]
+
+    def stepping_in(self, coordinates: Literal["frame", "absolute"]) -> Model:
+        """Return the model with its state in the coordinates asked for, where it has them.
+
+        A body frame is a change of variables of absolute nodal coordinates, so that steps can be made
+        in either; the axial variable of ``low_order`` is not.
+        """
+        if coordinates == "frame" or self.strain == "low_order":
+            return self
+        return replace(self, frame=False)
 
 
 MODELS: dict[str, Model] = {
