@@ -84,12 +84,6 @@ class SolverFailure(HfsimError):  # noqa: N818
         return self.reason
 
 
-class ToleranceMissed(HfsimError):  # noqa: N818
-    """A tolerance the user stated was missed."""
-
-    exit_code = 4
-
-
 class LimitReached(HfsimError):  # noqa: N818
     """A stated limit (steps, time) ended the run before its end."""
 

@@ -120,7 +120,8 @@ class CollocationMethod:
         table, problem, natural = self.table, self._problem, self._derivative.increments
         times, uniform = t + h * table.nodes, q + (h * table.nodes)[:, None] * v
         scaled = np.concatenate([h * h * table.A2, h * table.A])
-        A2, back, s = h * h * table.A2, table.A2_inverse / h**2, table.stages
+        back, s = table.A2_inverse / h**2, table.stages
+        A2 = scaled[:s]
         plain = isinstance(natural, PlainIncrements)
         correct = self._derivative.correction(table, h)
         goal = 1e-3 * self.tolerance * (1.0 + float(np.abs(q).max()))
