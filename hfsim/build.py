@@ -4,19 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
 from hfsim.bodies import BeamSpec, RigidSpec
 from hfsim.bodies.assembled import Body, LowOrderBody, NodalBeam, RigidBody
 from hfsim.constraints import Constraint
 from hfsim.deck import Deck, LoadedDeck
 from hfsim.elements import ELEMENTS, Inertia, Measures, Stiffness, join_laws
+from hfsim.elimination import eliminate
+from hfsim.equations import Equations, VariableMass
 from hfsim.forces import TwoPointSpec
 from hfsim.markers import GroundMarker, Marker
+from hfsim.matrices import DENSE_UP_TO, Entries, Matrix, assemble
 from hfsim.models import MODELS, Model
-from hfsim.models.elastic import ConstantForce, ElasticForce, KelvinVoigtForce, LinearElasticForce
+from hfsim.models.elastic import (
+    Connectivity,
+    ConstantForce,
+    ElasticForce,
+    KelvinVoigtForce,
+    LinearElasticForce,
+)
 from hfsim.models.frame import FrameChart
 from hfsim.models.low_order import LowOrderBeam
 from hfsim.models.mesh import BeamMesh
@@ -24,7 +34,7 @@ from hfsim.models.natural import NaturalBeams, NaturalIncrements
 from hfsim.parts import ForcePart
 from hfsim.spec import split_point
 from hfsim.start import Start, starting_state
-from hfsim.system import System, VariableMass
+from hfsim.system import System
 
 
 @dataclass(frozen=True)
@@ -94,7 +104,7 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
     system = _system(deck, kind, bodies, meshes, constraints, x)
     _check_independent(loaded, system, joints, x)
     near = np.zeros((1, system.n))
-    for body in bodies.values():
+    for body in bodies.values() if system.charts else ():
         if body.angle_column is not None:
             near[0, body.angle_column] = angles[body.name]
     q, v = system.state(x[None], u[None], near)
@@ -196,7 +206,8 @@ def _system(
     x: Array,
 ) -> System:
     n = len(x)
-    mass = _constant_mass(deck, bodies, n)
+    sparse = n > DENSE_UP_TO and not model.frame
+    mass = _constant_mass(deck, bodies, n, sparse)
     variable = [body.beam for body in bodies.values() if isinstance(body, LowOrderBody)]
     forces: list[ForcePart] = [*variable, *_weight(deck, bodies, mass), *_beam_forces(deck, model, bodies, n)]
     forces += _springs_and_loads(deck, bodies, x)
@@ -204,34 +215,37 @@ def _system(
     masses: tuple[VariableMass, ...] = tuple(variable)
     runs = list(_runs(beams))
     charts = tuple(FrameChart(_columns(run), len(run), run[0].mesh.element.per_node) for run in runs)
-    natural = tuple(_natural(run, model) for run in runs) if model.strain == "exact" else ()
+    free = eliminate(bodies, () if model.frame else constraints, sparse)
+    natural = NaturalIncrements(
+        tuple(_natural(run, model) for run in runs), free.reduction, free.ties, free.natural_columns
+    )
     return System(
-        n=n,
         charts=charts if model.frame else (),
-        constant_mass=mass,
-        variable_mass=masses,
         forces=tuple(forces),
-        constraints=constraints,
-        natural=NaturalIncrements(natural),
+        equations=Equations(mass, masses, constraints, free.reduction),
+        natural=natural if model.strain == "exact" else None,
     )
 
 
-def _constant_mass(deck: Deck, bodies: dict[str, Body], n: int) -> Array:
-    mass = np.zeros((n, n))
+def _constant_mass(deck: Deck, bodies: dict[str, Body], n: int, sparse: bool) -> Matrix:
+    parts = []
     for name, body in bodies.items():
         spec = deck.bodies[name]
         if isinstance(body, NodalBeam):
-            mass[body.columns, body.columns] = np.kron(body.mesh.mass, np.eye(2))
+            block = np.kron(body.mesh.element.mass(body.mesh.inertia), np.eye(2))
+            columns = _element_columns(body)
+            parts.append(Entries.of_block(columns, columns, np.tile(block, (len(columns), 1, 1))))
         elif isinstance(spec, RigidSpec):
-            mass[body.columns, body.columns] = np.diag([spec.mass, spec.mass, spec.inertia])
-    return mass
+            columns = np.arange(body.columns.start, body.columns.stop)
+            parts.append(Entries(columns, columns, np.array([spec.mass, spec.mass, spec.inertia])))
+    return assemble(parts, (n, n), sparse)
 
 
-def _weight(deck: Deck, bodies: dict[str, Body], mass: Array) -> Iterable[ForcePart]:
+def _weight(deck: Deck, bodies: dict[str, Body], mass: Matrix) -> Iterable[ForcePart]:
     """Weight as mass times a uniform field of accelerations; nothing without gravity."""
     if not any(deck.gravity):
         return
-    field = np.zeros(len(mass))
+    field = np.zeros(mass.shape[0])
     for body in bodies.values():
         if isinstance(body, NodalBeam):
             field[body.columns] = np.kron(body.mesh.positions, deck.gravity)
@@ -298,22 +312,25 @@ def _law_kind(deck: Deck, body: NodalBeam) -> object:
 
 
 def _elastic_force(deck: Deck, group: list[NodalBeam], n: int) -> ElasticForce:
-    laws, columns, count = [], [], 0
+    laws, parts = [], []
     for body in group:
         spec = _spec(deck, body)
         laws.append(body.mesh.element.law(_stiffness(deck, spec), spec.elements, _measures(spec)))
-        columns.append(_gather(body, n))
-        count += spec.elements
-    gather = np.concatenate(columns, axis=1)
-    vectors = gather.shape[1] // (2 * count)
-    return ElasticForce(gather, np.ascontiguousarray(gather.T), join_laws(laws), (count, vectors, 2))
+        parts.append(_connectivity(body, n))
+    return ElasticForce(reduce(lambda a, b: a.joined(b), parts), join_laws(laws))
 
 
-def _gather(body: NodalBeam, n: int) -> Array:
-    local = np.kron(body.mesh.differences, np.eye(2))
-    gather = np.zeros((n, len(local)))
-    gather[body.columns] = local.T
-    return gather
+def _connectivity(body: NodalBeam, n: int) -> Connectivity:
+    columns = _element_columns(body)
+    local = np.kron(body.mesh.element.differences(), np.eye(2))
+    return Connectivity(n, columns, np.tile(local, (len(columns), 1, 1)))
+
+
+def _element_columns(body: NodalBeam) -> IntArray:
+    """Return the coordinates of each element, shape (n_elements, k)."""
+    element = body.mesh.element
+    first = body.columns.start + 2 * element.per_node * np.arange(body.mesh.count)
+    return np.asarray(first[:, None] + np.arange(2 * element.differences().shape[1]))
 
 
 def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
@@ -345,10 +362,8 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
 def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
     spec = _spec(deck, body)
     material, stiffness = deck.materials[spec.material], _stiffness(deck, spec)
-    gather = _gather(body, n)
     return KelvinVoigtForce.of(
-        gather=gather,
-        count=spec.elements,
+        elements=_connectivity(body, n),
         axial=stiffness.axial * body.mesh.element.length * material.axial_damping,
         bending=stiffness.bending / body.mesh.element.length * material.bending_damping,
     )
@@ -377,25 +392,31 @@ def _check_independent(
     DeckError
         Naming the joints whose equations depend on one another.
     """
-    if not system.n_rows:
+    if not system.n_rows or _null_space(system.equations, x).shape[1] == 0:
         return
-    Phi_x = system.jacobian(x[None])[0]
-    rows = Phi_x / np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
-    left, sizes, _ = np.linalg.svd(rows, full_matrices=True)
-    rank = int(np.sum(sizes > 1e-9 * sizes[0]))
-    if rank == system.n_rows:
-        return
-    weight = np.abs(left[:, rank:]).max(axis=1)
+    equations = system.unreduced
+    weight = np.abs(_null_space(equations, x)).max(axis=1)
     involved = [
-        name for name, members in joints.items() if any(weight[system.rows[k]].max() > 1e-6 for k in members)
+        name
+        for name, members in joints.items()
+        if any(weight[equations.rows[k]].max() > 1e-6 for k in members)
     ]
-    last = involved[-1]
+    last, surplus = involved[-1], _null_space(equations, x).shape[1]
     raise loaded.problem(
         f"joints.{last}",
         f"blocks what {_listed(involved[:-1]) or 'it'} already block{'s' if len(involved) == 2 else ''}: "
-        f"{system.n_rows - rank} of {system.n_rows} joint equations are redundant",
+        f"{surplus} of {equations.n_rows} joint equations are redundant",
         "remove a joint or free one of its motions",
     )
+
+
+def _null_space(equations: Equations, x: Array) -> Array:
+    """Return combinations of joint equations that say nothing, as columns of shape (n_rows,)."""
+    Phi_x = equations.jacobians(x[None])[0]
+    size = np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
+    left, sizes, _ = np.linalg.svd((Phi_x / size) @ equations.reduction.basis, full_matrices=True)
+    rank = int(np.sum(sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)))
+    return np.asarray(left[:, rank:])
 
 
 def _listed(names: list[str]) -> str:

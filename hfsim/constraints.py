@@ -14,7 +14,9 @@ import numpy as np
 
 from hfsim.arrays import Array
 from hfsim.laws import Law
-from hfsim.markers import Marker
+from hfsim.markers import Marker, joint_support
+from hfsim.matrices import Entries
+from hfsim.parts import DIFFERENCE
 from hfsim.rotations import normal, rotate, wrap
 
 
@@ -55,6 +57,20 @@ class Constraint(Protocol):
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return the force [N], (n_batch, 2), and moment [N m], (n_batch,), on the second body."""
+
+
+def geometric_stiffness(constraint: Constraint, x: Array, multipliers: Array) -> Entries:
+    """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows); by differences."""
+    markers = constraint.first, constraint.second
+    columns = joint_support(*markers)
+    step = DIFFERENCE * np.maximum(1.0, np.abs(x[0, columns]))
+    moved = np.repeat(x, len(columns) + 1, axis=0)
+    moved[np.arange(len(columns)), columns] += step
+    force = np.zeros_like(moved)
+    for marker, J in zip(markers, constraint.jacobians(moved), strict=True):
+        force[:, marker.columns] += (multipliers @ J)[:, 0]
+    force = force[:, columns]
+    return Entries.of_block(columns, columns, ((force[:-1] - force[-1]) / step[:, None]).T)
 
 
 @dataclass(frozen=True)

@@ -125,13 +125,13 @@ class SolveSpec(Spec):
     order: Annotated[Count, Le(5)] | None = None
     """Order of the method gear [-]."""
 
-    stages: Annotated[Count, Le(16)] | None = None
+    stages: Annotated[Count, Le(24)] | None = None
     """Stages of the methods gauss and radau [-]."""
 
     rho_inf: UnitInterval = 0.8
     """Spectral radius at infinite frequency of the method generalized_alpha [-]."""
 
-    coordinates: Literal["frame", "absolute"] = "frame"
+    coordinates: Literal["auto", "frame", "absolute"] = "auto"
     """Coordinates the steps are made in: the model's own with a body frame, or absolute nodal ones that are
     mapped to the frame for output; lowOrder has only its own."""
 

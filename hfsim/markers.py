@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
 from hfsim.rotations import normal
 
 
@@ -24,6 +24,10 @@ class Marker(Protocol):
     @property
     def columns(self) -> slice:
         """Coordinates of its body in x; empty for the ground."""
+
+    @property
+    def support(self) -> IntArray:
+        """Those of its body's coordinates that position and angle depend on, as columns of x."""
 
     @property
     def linear(self) -> bool:
@@ -52,6 +56,15 @@ class Marker(Protocol):
         """Return its second time derivative at zero accelerations [rad/s^2], shape (n_batch,)."""
 
 
+ROUNDING = 1e-13
+"""Entries of shape rows that are zero but for rounding."""
+
+
+def joint_support(*markers: Marker) -> IntArray:
+    """Return the coordinates that any of some markers depends on, as columns of x."""
+    return np.unique(np.concatenate([marker.support for marker in markers]))
+
+
 @dataclass(frozen=True)
 class GroundMarker:
     """A point of the ground; it never moves."""
@@ -60,6 +73,11 @@ class GroundMarker:
     columns: slice = field(default_factory=lambda: slice(0, 0))
     linear: bool = True
     keeps_turns: bool = True
+
+    @property
+    def support(self) -> IntArray:
+        """Return no columns."""
+        return np.zeros(0, dtype=np.intp)
 
     def position(self, x: Array) -> Array:
         """Return the fixed place."""
@@ -102,6 +120,27 @@ class NodalMarker:
     slope_row: Array
     linear: bool = True
     keeps_turns: bool = False
+
+    @cached_property
+    def support(self) -> IntArray:
+        """Columns of the nodal vectors with an entry in either row."""
+        involved = (np.abs(self.place_row) > ROUNDING) | (np.abs(self.slope_row) > ROUNDING)
+        return np.asarray(self.columns.start + np.flatnonzero(np.repeat(involved, 2)))
+
+    @cached_property
+    def place_columns(self) -> IntArray | None:
+        """The two coordinates that are the position; None between nodes."""
+        return self._vector_columns(self.place_row)
+
+    @cached_property
+    def slope_columns(self) -> IntArray | None:
+        """The two coordinates that are the slope vector; None between nodes."""
+        return self._vector_columns(self.slope_row)
+
+    def _vector_columns(self, row: Array) -> IntArray | None:
+        k = int(np.argmax(np.abs(row)))
+        alone = np.abs(row - np.eye(len(row))[k]).max() <= ROUNDING
+        return self.columns.start + 2 * k + np.arange(2) if alone else None
 
     def _nodes(self, x: Array) -> Array:
         return x[:, self.columns].reshape(len(x), -1, 2)
@@ -150,6 +189,16 @@ class RigidMarker:
     columns: slice
     offset: tuple[float, float] = (0.0, 0.0)
     keeps_turns: bool = True
+
+    @property
+    def support(self) -> IntArray:
+        """The three coordinates."""
+        return np.arange(self.columns.start, self.columns.stop)
+
+    @property
+    def place_columns(self) -> IntArray | None:
+        """The two coordinates that are the position; None away from the centre of mass."""
+        return self.columns.start + np.arange(2) if self.linear else None
 
     @property
     def linear(self) -> bool:

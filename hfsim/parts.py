@@ -10,7 +10,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
+from hfsim.matrices import NOTHING, Entries
+
+DIFFERENCE = 1e-7
+"""Step of difference quotients, relative to coordinates larger than 1."""
 
 
 class ForcePart:
@@ -34,9 +38,36 @@ class ForcePart:
         """Whether `power` can be other than zero."""
         return self.dissipates
 
+    @property
+    def support(self) -> IntArray:
+        """Coordinates in x that the force depends on or acts on."""
+        raise NotImplementedError
+
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the generalised force to ``out``, shape (n_batch, n)."""
         raise NotImplementedError
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state, (1,) and (1, n); by differences."""
+        return self._difference(t, x, u, x)
+
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by u in one state."""
+        return self._difference(t, x, u, u) if self.uses_rates else NOTHING
+
+    def _difference(self, t: Array, x: Array, u: Array, varied: Array) -> Entries:
+        """Return the derivative by ``varied``, which is x or u, from one batched call."""
+        columns = self.support
+        count = len(columns)
+        step = DIFFERENCE * np.maximum(1.0, np.abs(varied[0, columns]))
+        moved = np.repeat(varied, count + 1, axis=0)
+        moved[np.arange(count), columns] += step
+        still = np.broadcast_to(u if varied is x else x, moved.shape)
+        out = np.zeros_like(moved)
+        states = (moved, still) if varied is x else (still, moved)
+        self.add_force(np.repeat(t, count + 1), *states, out)
+        out = out[:, columns]
+        return Entries.of_block(columns, columns, ((out[-1] - out[:-1]) / step[:, None]).T)
 
     def strain_energy(self, x: Array) -> Array:
         """Return the energy stored in deformed bodies."""

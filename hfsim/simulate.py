@@ -15,7 +15,7 @@ from hfsim.channels import CHANNELS, Samples
 from hfsim.clock import PhaseClock
 from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.integrators import Limits, Problem, Trajectory, choose, integrate
+from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose, integrate
 from hfsim.runaway import DisplacementWatch, EnergyWatch
 from hfsim.solution import Channel, Run
 
@@ -124,7 +124,8 @@ def run_integration(scene: Scene, solve: SolveSpec, progress: Progress | None = 
         dissipates=system.dissipates,
         admissible=system.admissible,
         breakdown=system.breakdown,
-        increments=system.natural,
+        linearized=system.linearized if system.linearizes else None,
+        increments=system.natural or PlainIncrements(),
     )
     method = choose(solve, system.dissipates)
 

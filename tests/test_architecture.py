@@ -21,6 +21,9 @@ GROUND = {
     "deck_source",
     "solution",
     "parts",
+    "matrices",
+    "reduction",
+    "linearized",
     "__init__",
 }
 ALLOWED = {
@@ -34,7 +37,10 @@ ALLOWED = {
     "solution": {"arrays"},
     "deck_source": {"errors", "units"},
     "spec": {"deck_source", "units", "errors"},
-    "parts": {"arrays"},
+    "matrices": {"arrays"},
+    "reduction": {"arrays", "matrices"},
+    "linearized": {"matrices"},
+    "parts": {"arrays", "matrices"},
     "progress": set(),
     "clock": set(),
     "laws": GROUND,
@@ -47,11 +53,14 @@ ALLOWED = {
     "joints": GROUND | {"constraints", "laws", "markers"},
     "forces": GROUND | {"laws", "markers"},
     "integrators": GROUND | {"deck"},
-    "system": GROUND | {"constraints", "models"},
+    "equations": GROUND | {"constraints"},
+    "elimination": GROUND | {"bodies", "constraints", "markers", "models"},
+    "system": GROUND | {"constraints", "equations", "models"},
     "deck": GROUND | {"bodies", "forces", "joints", "laws", "materials"},
     "start": GROUND | {"bodies", "constraints", "deck"},
     "build": GROUND
-    | {"bodies", "constraints", "deck", "elements", "forces", "markers", "models", "start", "system"},
+    | {"bodies", "constraints", "deck", "elements", "elimination", "equations"}
+    | {"forces", "markers", "models", "start", "system"},
     "channels": GROUND | {"build"},
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},

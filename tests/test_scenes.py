@@ -438,7 +438,7 @@ def test_momentum_of_a_flying_beam(model):
     q, v = done.trajectory.at(np.linspace(0.0, 0.6, 30))
     x, u = system.absolute(q), system.absolute_velocity(q, v)
     beam = built.bodies["b1"]
-    momentum = (u @ system.constant_mass).reshape(len(u), -1, 2)
+    momentum = (u @ system.equations.constant_mass).reshape(len(u), -1, 2)
     nodes = x.reshape(len(x), -1, 2)
     linear = np.einsum("a,baj->bj", beam.mesh.positions, momentum)
     angular = np.sum(nodes[:, :, 0] * momentum[:, :, 1] - nodes[:, :, 1] * momentum[:, :, 0], axis=1)
@@ -629,9 +629,9 @@ def start(text, model="exact"):
     turns = {name: np.array([angle]) for name, angle in built.start_angles.items()}
     samples = Samples(built, np.zeros(1), built.q[None], built.v[None], turns)
     x, u = samples.x, samples.u
-    if built.system.n_rows:
+    if built.system.unreduced.n_rows:
         assert np.abs(built.system.residual(np.zeros(1), x)).max() < 1e-13
-        rate = (built.system.jacobian(x) @ u[..., None])[..., 0] + built.system.constraint_rate(np.zeros(1))
+        rate = (built.system.unreduced.jacobians(x) @ u[..., None])[..., 0] + built.system.unreduced.rate(np.zeros(1))
         assert np.abs(rate).max() < 1e-12
     return {c.name: c.values[0] for c in compute_channels(samples)}
 

@@ -10,7 +10,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
 from hfsim.markers import Marker, NodalMarker, RigidMarker
 from hfsim.models.low_order import LowOrderBeam, LowOrderMarker
 from hfsim.models.mesh import BeamMesh
@@ -38,6 +38,10 @@ class Body(Protocol):
     def points(self) -> dict[str, Place]:
         """Named points in the undeformed body frame [m]."""
 
+    @property
+    def position_columns(self) -> IntArray:
+        """Coordinates that are positions, shape (n, 2), that of the origin first; none in body frames."""
+
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point."""
 
@@ -63,6 +67,11 @@ class RigidBody:
     def angle_column(self) -> int | None:
         """The third coordinate."""
         return int(self.columns.start) + 2
+
+    @property
+    def position_columns(self) -> IntArray:
+        """The centre of mass."""
+        return np.asarray(self.columns.start + np.arange(2)[None])
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a point of the body."""
@@ -96,6 +105,12 @@ class NodalBeam:
     def angle_column(self) -> int | None:
         """The third coordinate of the state, if the state has a body frame."""
         return int(self.columns.start) + 2 if self.framed else None
+
+    @property
+    def position_columns(self) -> IntArray:
+        """Those of the nodes."""
+        vectors = np.flatnonzero(self.mesh.positions)
+        return np.asarray(self.columns.start + 2 * vectors[:, None] + np.arange(2))
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point; its direction is that of the beam's axis there."""
@@ -135,6 +150,11 @@ class LowOrderBody:
         """The third coordinate."""
         return int(self.columns.start) + 2
 
+    @property
+    def position_columns(self) -> IntArray:
+        """None: its coordinates are relative to a frame."""
+        return np.zeros((0, 2), dtype=np.intp)
+
     def marker(self, place: Place) -> Marker:
         """Return the marker of a point of the centre line."""
         return LowOrderMarker(self.beam, place[0])
@@ -155,4 +175,4 @@ class LowOrderBody:
 
 def _outline_places(mesh: BeamMesh) -> Array:
     per_element = max(1, min(8, 200 // mesh.count))
-    return np.linspace(0.0, mesh.length, mesh.count * per_element + 1)
+    return np.linspace(0.0, mesh.length, min(mesh.count * per_element, 400) + 1)

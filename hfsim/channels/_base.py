@@ -44,15 +44,14 @@ class Samples:
 
     @cached_property
     def multipliers(self) -> Array:
-        """Lagrange multipliers, shape (n_times, n_rows)."""
-        system = self.scene.system
-        return system.solve(self.t, self.x, self.u, system.force(self.t, self.x, self.u))[1]
+        """Lagrange multipliers of all joints, shape (n_times, n_rows)."""
+        return self.scene.system.multipliers(self.t, self.x, self.u)
 
     def frame_angle(self, body: str) -> Array:
         """Return the angle of a body frame [rad], continuous over full turns."""
         column = self.scene.bodies[body].angle_column
         if column is not None:
-            return self.q[:, column]
+            return (self.q if self.scene.system.charts else self.x)[:, column]
         measured = self.scene.marker(body).angle(self.x)
         near = self.turns[body]
         return np.asarray(near + wrap(measured - near))

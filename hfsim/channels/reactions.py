@@ -12,7 +12,7 @@ def _reaction(samples: Samples, joint: str) -> tuple[Array, Array]:
     system = samples.scene.system
     force, moment = np.zeros((len(samples.t), 2)), np.zeros(len(samples.t))
     for k in samples.scene.joints[joint]:
-        f, m = system.constraints[k].reaction(samples.x, samples.multipliers[:, system.rows[k]])
+        f, m = system.constraints[k].reaction(samples.x, samples.multipliers[:, system.unreduced.rows[k]])
         force, moment = force + f, moment + m
     return force, moment
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
 from hfsim.laws import Law, ScaleLaw
 from hfsim.markers import Marker
 from hfsim.parts import ForcePart
@@ -47,6 +48,11 @@ class PointForce(ForcePart):
     force: tuple[float, float]
     follower: bool
     law: Law | None
+
+    @cached_property
+    def support(self) -> IntArray:
+        """Coordinates of its point."""
+        return self.marker.support
 
     @property
     def exchanges_power(self) -> bool:

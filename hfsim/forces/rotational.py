@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
-from hfsim.arrays import Array
-from hfsim.markers import Marker
+from hfsim.arrays import Array, IntArray
+from hfsim.markers import Marker, joint_support
 from hfsim.parts import ForcePart
 from hfsim.rotations import wrap
 from hfsim.spec import Angle, Between, RotationalDamping, RotationalStiffness, Spec
@@ -50,6 +51,11 @@ class RotationalSpring(ForcePart):
     stiffness: float
     damping: float
     rest_angle: float
+
+    @cached_property
+    def support(self) -> IntArray:
+        """Coordinates of both points."""
+        return joint_support(self.first, self.second)
 
     @property
     def uses_rates(self) -> bool:

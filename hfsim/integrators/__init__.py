@@ -5,7 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from hfsim.integrators._base import Counts, Limits, Method, Problem, Segment, Trajectory, integrate
+from hfsim.integrators._base import (
+    Counts,
+    Limits,
+    Method,
+    PlainIncrements,
+    Problem,
+    Segment,
+    Trajectory,
+    integrate,
+)
 from hfsim.integrators._tableau import gauss, radau
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.integrators.explicit import Explicit
@@ -70,6 +79,7 @@ __all__ = [
     "Counts",
     "Limits",
     "Method",
+    "PlainIncrements",
     "Problem",
     "Segment",
     "Trajectory",

@@ -14,6 +14,7 @@ import numpy as np
 from hfsim.arrays import Array
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._tableau import legendre
+from hfsim.linearized import Linearized
 
 
 @dataclass
@@ -90,6 +91,8 @@ class Problem:
         q, shape (n,) -> whether the equations make sense there; no step ends where they do not.
     breakdown : callable
         (t, q) -> the failure that explains why steps get ever shorter near this state, or None.
+    linearized : callable or None
+        (t, q, v) -> the equations linearised at a state; without it derivatives come from differences.
     increments : Increments
         Coordinates for Newton corrections.
     """
@@ -99,6 +102,7 @@ class Problem:
     dissipates: bool
     admissible: Callable[[Array], bool] = lambda q: True
     breakdown: Callable[[float, Array], SolverFailure | None] = lambda t, q: None
+    linearized: Callable[[float, Array, Array], Linearized] | None = None
     increments: Increments = field(default_factory=PlainIncrements)
     counts: Counts = field(default_factory=Counts)
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 
 import numpy as np
 
 from hfsim.arrays import Array, ComplexArray
+from hfsim.integrators._poles import legendre_modes
 
 
 def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:
@@ -92,16 +94,17 @@ class Collocation:
         return len(self.nodes)
 
 
-def _collocation(nodes: Array, order: int) -> Collocation:
+def _collocation(nodes: Array, order: int, last: Fraction) -> Collocation:
+    """Return a method from its nodes and the last entry of its integration matrix in the Legendre basis."""
     s = len(nodes)
     values, once, _ = legendre(nodes, s)
     _, once_end, _ = legendre(np.array([1.0]), s)
     to_legendre = np.linalg.inv(values)
     A = once @ to_legendre
-    poles, vectors = np.linalg.eig(A)
-    keep = poles.imag > -1e-12
-    left, right = vectors[:, keep], np.linalg.inv(vectors)[keep]
-    half = np.where(np.abs(poles[keep].imag) < 1e-12, 0.5, 1.0)
+    poles, vectors, readings = legendre_modes(s, last)
+    left, right = values @ vectors, readings @ to_legendre
+    size = np.sqrt(np.abs(left).max(axis=0) / np.abs(right).max(axis=1))
+    half = np.where(np.abs(poles.imag) < 1e-12, 0.5, 1.0)
     A2 = A @ A
     b = (once_end @ to_legendre)[0]
     return Collocation(
@@ -114,9 +117,9 @@ def _collocation(nodes: Array, order: int) -> Collocation:
         to_legendre=to_legendre,
         A2_inverse=np.linalg.inv(A2),
         end_rate=np.linalg.solve(A2.T, b),
-        poles=poles[keep].astype(complex),
-        left=(left * half).astype(complex),
-        right=right.astype(complex),
+        poles=poles,
+        left=left * (half / size),
+        right=right * size[:, None],
     )
 
 
@@ -130,7 +133,7 @@ def gauss(stages: int) -> Collocation:
     (array([[0.5]]), 4)
     """
     x, _ = np.polynomial.legendre.leggauss(stages)
-    return _collocation(0.5 * (x + 1.0), 2 * stages)
+    return _collocation(0.5 * (x + 1.0), 2 * stages, Fraction(0))
 
 
 @lru_cache(maxsize=64)
@@ -143,11 +146,12 @@ def radau(stages: int) -> Collocation:
     (array([0.33333333, 1.        ]), 3)
     """
     if stages == 1:
-        return _collocation(np.array([1.0]), 1)
+        return _collocation(np.array([1.0]), 1, Fraction(1, 2))
     # the nodes inside are the zeros of the Jacobi polynomial P^(1,0) (Golub and Welsch)
     k = np.arange(stages - 1, dtype=float)
     diagonal = -1.0 / ((2 * k + 1) * (2 * k + 3))
     j = np.arange(1, stages - 1, dtype=float)
     off = np.sqrt(j * (j + 1) / (2 * j + 1) ** 2)
     x = np.linalg.eigvalsh(np.diag(diagonal) + np.diag(off, 1) + np.diag(off, -1))
-    return _collocation(np.append(0.5 * (x + 1.0), 1.0), 2 * stages - 1)
+    last = Fraction(1, 2 * (2 * stages - 1))
+    return _collocation(np.append(0.5 * (x + 1.0), 1.0), 2 * stages - 1, last)

@@ -14,15 +14,14 @@ anywhere, and the iteration would not converge at large steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray
-from hfsim.integrators._base import Attempt, Increments, PlainIncrements, Problem, unsolved
+from hfsim.arrays import Array
+from hfsim.integrators._base import Attempt, PlainIncrements, Problem, unsolved
 from hfsim.integrators._tableau import Collocation
+from hfsim.integrators.derivative import derivative
 
 MAX_ITERATIONS = 20
 SERVES_WELL = 5
@@ -52,7 +51,7 @@ class CollocationMethod:
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
         """Take the initial state; return the time in which the fastest mode turns by one radian a stage."""
         self._problem = problem
-        self._derivative = derivative(problem, t, q, v, PlainIncrements())
+        self._derivative = derivative(problem, t, q, v)
         self._old = self._served = False
         self._cap = np.inf
         return min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
@@ -111,8 +110,7 @@ class CollocationMethod:
     def _renew(self, t: float, q: Array, v: Array, h: float) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         stiff = h * self._derivative.fastest > STIFF * self.table.stages
-        increments = self._problem.increments if stiff else PlainIncrements()
-        self._derivative = derivative(self._problem, t, q, v, increments)
+        self._derivative = derivative(self._problem, t, q, v, self._problem.increments if stiff else None)
         self._old = self._served = False
 
     def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
@@ -148,130 +146,3 @@ class CollocationMethod:
                 return None
             last = change
         return None
-
-
-class Derivative(Protocol):
-    """Derivative of the accelerations in natural coordinates, in the form that corrections need."""
-
-    increments: Increments
-    """The coordinates it is written in."""
-    fastest: float
-    """Largest circular frequency in it [rad/s]."""
-
-    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
-        """Return natural displacements at the stages, (s, n), from rates at the start of the step."""
-
-    def correction(self, table: Collocation, h: float) -> Callable[[Array], tuple[Array, float]]:
-        """Return the map from residuals at the stages to corrections and the size of their consequence.
-
-        The consequence is the displacement to which the change of the velocity at the end of the step
-        leads: it is what an unfinished iteration does to the steps that follow.
-        """
-
-
-def derivative(problem: Problem, t: float, q: Array, v: Array, natural: Increments) -> Derivative:
-    """Compute the derivative of the accelerations at a state, in natural coordinates, for corrections."""
-    by_q, by_v = problem.jacobians(t, q, v)
-    problem.counts.factorisations += 1
-    if not isinstance(natural, PlainIncrements):
-        by_q, by_v = _in_natural(natural, q, by_q, by_v)
-    if by_v is not None:
-        return DenseDerivative(natural, by_q, by_v)
-    w2, R = np.linalg.eig(-by_q)
-    L = np.linalg.inv(R)
-    if np.abs(L).max() * len(q) < 1e10:
-        return ModalDerivative(natural, w2, R, L)
-    return DenseDerivative(natural, by_q, np.zeros_like(by_q))
-
-
-def _in_natural(natural: Increments, q: Array, by_q: Array, by_v: Array | None) -> tuple[Array, Array | None]:
-    """Return derivatives by state coordinates as derivatives by natural coordinates."""
-    n = len(q)
-    at = natural.geometry(np.repeat(q[None], n, axis=0))
-    unit = natural.from_natural(at, np.eye(n)).T
-
-    def turned(J: Array) -> Array:
-        return natural.to_natural(at, np.ascontiguousarray((J @ unit).T)).T
-
-    return turned(by_q), None if by_v is None else turned(by_v)
-
-
-@dataclass
-class ModalDerivative:
-    """J = -R diag(w2) L, where nothing dissipates: every mode is corrected by itself."""
-
-    increments: Increments
-    w2: Array | ComplexArray
-    R: Array | ComplexArray
-    L: Array | ComplexArray
-
-    def __post_init__(self) -> None:
-        self.fastest = float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
-        # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
-        self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
-        self._divisor: tuple[float, ComplexArray] | None = None
-
-    def _real(self, z: ComplexArray) -> Array | ComplexArray:
-        """Drop the imaginary part where the modes are real, so that what follows is real too."""
-        return z.real if np.isrealobj(self.R) else z
-
-    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
-        """Let each mode swing freely from its velocity and acceleration at the start of the step."""
-        omega = np.sqrt(self.w2.astype(complex))
-        omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
-        half = (0.5 * h * table.nodes)[:, None] * omega
-        sine = np.sin(half) / omega
-        swing = (self.L @ y1) * (2.0 * sine * np.cos(half)) + (self.L @ y2) * (2.0 * sine * sine)
-        return np.asarray((self._real(swing) @ self.R.T).real)
-
-    def correction(self, table: Collocation, h: float) -> Callable[[Array], tuple[Array, float]]:
-        """Divide each mode and pole by 1 + (h pole)^2 w2."""
-        if self._divisor is None or self._divisor[0] != h:
-            self._divisor = (h, np.asarray(1.0 / (1.0 + (h * table.poles[:, None]) ** 2 * self.w2), complex))
-        divisor, left, right = self._divisor[1], 2.0 * table.left, table.right
-        L, R, end_rate, per_rate = self.L.T, self.R.T, table.end_rate / h, self._per_rate
-
-        def correct(r: Array) -> tuple[Array, float]:
-            z = right @ (r @ L)
-            z *= divisor
-            modes = self._real(left @ z)
-            # back in coordinates: amplitudes of nearly parallel modes mean nothing one by one
-            consequence = ((end_rate @ modes) * per_rate) @ R
-            return (modes @ R).real, float(np.abs(consequence.real).max())
-
-        return correct
-
-
-@dataclass
-class DenseDerivative:
-    """J by q and by v as matrices: one complex inverse for each pole of the method and step length."""
-
-    increments: Increments
-    by_q: Array
-    by_v: Array
-
-    def __post_init__(self) -> None:
-        self.fastest = float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
-        self._inverse: tuple[float, ComplexArray] | None = None
-
-    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
-        """Keep the accelerations at the start of the step, less what dies out at once."""
-        matrix = np.eye(len(y1)) - h * self.by_v - h * h * self.by_q
-        damped = np.linalg.solve(matrix, y2 + h * (self.by_q @ y1))
-        tau = (h * table.nodes)[:, None]
-        return np.asarray(tau * y1 + 0.5 * tau**2 * damped)
-
-    def correction(self, table: Collocation, h: float) -> Callable[[Array], tuple[Array, float]]:
-        """Solve with I - (h pole)^2 J_q - h pole J_v."""
-        if self._inverse is None or self._inverse[0] != h:
-            mu = h * table.poles[:, None, None]
-            matrix = np.eye(len(self.by_q)) - mu**2 * self.by_q - mu * self.by_v
-            self._inverse = (h, np.linalg.inv(matrix))
-        inverse, left, right, end_rate = self._inverse[1], 2.0 * table.left, table.right, table.end_rate / h
-
-        def correct(r: Array) -> tuple[Array, float]:
-            y = (left @ (inverse @ (right @ r)[:, :, None])[:, :, 0]).real
-            # without modes every velocity error counts as if it were slow, which is on the safe side
-            return y, 0.5 * float(np.abs(end_rate @ y).max())
-
-        return correct

@@ -8,6 +8,7 @@ collocation, so that the order asked for holds from the start.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem, two_point_series, unsolved
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod
+from hfsim.integrators.derivative import Derivative, derivative
 
 MAX_ORDER = 5
 MAX_ITERATIONS = 8
@@ -60,8 +62,8 @@ class Gear:
         self._problem = problem
         a = problem.single(t, q, v)
         self._a = a
-        self._matrix: tuple[float, Array] | None = None
-        self._jacobians: tuple[Array, Array | None] | None = None
+        self._derivative: Derivative | None = None
+        self._solver: tuple[float, Callable[[Array], Array]] | None = None
         if self.step is not None:
             self._h = self.step
             self._k = self.order or MAX_ORDER
@@ -87,7 +89,7 @@ class Gear:
             self._rescale(h)
         d = self._solve(t + h)
         if d is None:
-            self._jacobians = None
+            self._derivative = None
             return unsolved(0.5)
         self._d = d
         k = self._k
@@ -179,28 +181,30 @@ class Gear:
         predicted = D[: k + 1].sum(axis=0)
         psi = np.tensordot(GAMMA[1 : k + 1], D[1 : k + 1], 1) / GAMMA[k]
         goal = 1e-3 if self.step is None else 0.1
-        for fresh in (self._jacobians is None, True):
+        for fresh in (self._derivative is None, True):
             if fresh:
-                self._jacobians = problem.jacobians(t, predicted[0], predicted[1])
-                self._matrix = None
-            d = self._iterate(t, c, predicted, psi, goal, self._newton_inverse(c))
+                self._derivative = derivative(problem, t, predicted[0], predicted[1])
+                self._solver = None
+            d = self._iterate(t, c, predicted, psi, goal, self._newton_solver(c))
             if d is not None or fresh:
                 return d
         return None
 
-    def _newton_inverse(self, c: float) -> Array:
-        if self._matrix is None or self._matrix[0] != c:
-            assert self._jacobians is not None
-            by_q, by_v = self._jacobians
-            matrix = np.eye(len(by_q)) - c * c * by_q
-            if by_v is not None:
-                matrix -= c * by_v
-            self._matrix = (c, np.linalg.inv(matrix))
+    def _newton_solver(self, c: float) -> Callable[[Array], Array]:
+        if self._solver is None or self._solver[0] != c:
+            assert self._derivative is not None
+            self._solver = (c, self._derivative.solver(c * c, c))
             self._problem.counts.factorisations += 1
-        return self._matrix[1]
+        return self._solver[1]
 
     def _iterate(
-        self, t: float, c: float, predicted: Array, psi: Array, goal: float, inverse: Array
+        self,
+        t: float,
+        c: float,
+        predicted: Array,
+        psi: Array,
+        goal: float,
+        solve: Callable[[Array], Array],
     ) -> Array | None:
         time = np.array([t])
         dv = np.zeros(predicted.shape[1])
@@ -209,7 +213,7 @@ class Gear:
             v = predicted[1] + dv
             dq = c * v - psi[0]
             a = self._problem.evaluate(time, (predicted[0] + dq)[None], v[None])[0]
-            step = inverse @ (c * a - psi[1] - dv)
+            step = solve(c * a - psi[1] - dv)
             dv = dv + step
             self._problem.counts.iterations += 1
             change = self._size(np.stack([c * step, step]), 1.0)

@@ -5,12 +5,14 @@ Second order, with numerical damping of high frequencies set by the spectral rad
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem, two_point_series, unsolved
+from hfsim.integrators.derivative import Derivative, derivative
 
 MAX_ITERATIONS = 10
 
@@ -40,17 +42,17 @@ class GeneralizedAlpha:
         self._problem = problem
         self._a = problem.single(t, q, v)
         self._smooth = self._a
-        self._jacobians: tuple[Array, Array | None] | None = None
-        self._inverse: tuple[float, Array] | None = None
+        self._derivative: Derivative | None = None
+        self._solver: tuple[float, Callable[[Array], Array]] | None = None
         size = float((np.abs(self._a) / (self.tolerance * (1.0 + np.abs(q)))).max())
         return 0.5 / float(np.sqrt(max(size, 1e-6)))
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve a = a(t + h, q, v) at the end of the step."""
-        for fresh in (self._jacobians is None, True):
+        for fresh in (self._derivative is None, True):
             if fresh:
-                self._jacobians = self._problem.jacobians(t, q, v)
-                self._inverse = None
+                self._derivative = derivative(self._problem, t, q, v)
+                self._solver = None
             end = self._iterate(t + h, q, v, h)
             if end is not None:
                 return self._attempt_of(q, v, h, *end)
@@ -74,27 +76,24 @@ class GeneralizedAlpha:
             series=two_point_series(h, (q1, v1, a1), (q, v, self._a)),
         )
 
-    def _newton_inverse(self, h: float) -> Array:
-        if self._inverse is None or self._inverse[0] != h:
-            assert self._jacobians is not None
-            by_q, by_v = self._jacobians
+    def _newton_solver(self, h: float) -> Callable[[Array], Array]:
+        if self._solver is None or self._solver[0] != h:
+            assert self._derivative is not None
             factor = (1.0 - self._af) / (1.0 - self._am)
-            matrix = np.eye(len(by_q)) - self._beta * factor * h * h * by_q
-            if by_v is not None:
-                matrix -= self._gamma * factor * h * by_v
-            self._inverse = (h, np.linalg.inv(matrix))
+            solve = self._derivative.solver(self._beta * factor * h * h, self._gamma * factor * h)
+            self._solver = (h, solve)
             self._problem.counts.factorisations += 1
-        return self._inverse[1]
+        return self._solver[1]
 
     def _iterate(self, t: float, q: Array, v: Array, h: float) -> tuple[Array, Array, Array] | None:
-        inverse, time = self._newton_inverse(h), np.array([t])
+        solve, time = self._newton_solver(h), np.array([t])
         goal = 1e-3 * self.tolerance * (1.0 + float(np.abs(q).max()))
         a, last = self._a, np.inf
         for k in range(MAX_ITERATIONS):
             smooth = ((1.0 - self._af) * a + self._af * self._a - self._am * self._smooth) / (1.0 - self._am)
             q1 = q + h * v + h * h * ((0.5 - self._beta) * self._smooth + self._beta * smooth)
             v1 = v + h * ((1.0 - self._gamma) * self._smooth + self._gamma * smooth)
-            delta = inverse @ (self._problem.evaluate(time, q1[None], v1[None])[0] - a)
+            delta = solve(self._problem.evaluate(time, q1[None], v1[None])[0] - a)
             a = a + delta
             self._problem.counts.iterations += 1
             change = self._beta * h * h * float(np.abs(delta).max())

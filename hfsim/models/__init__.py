@@ -22,15 +22,16 @@ class Model:
     frame: bool
     strain: Literal["exact", "linear", "low_order"]
 
-    def stepping_in(self, coordinates: Literal["frame", "absolute"]) -> Model:
+    def stepping_in(self, coordinates: Literal["auto", "frame", "absolute"]) -> Model:
         """Return the model with its state in the coordinates asked for, where it has them.
 
         A body frame is a change of variables of absolute nodal coordinates, so that steps can be made
-        in either; the axial variable of ``low_order`` is not.
+        in either; the axial variable of ``low_order`` is not.  ``auto`` takes those in which the
+        stiffness changes least: nodal ones for ``exact``, the body frame for ``linear``.
         """
-        if coordinates == "frame" or self.strain == "low_order":
+        if self.strain == "low_order" or coordinates == "frame":
             return self
-        return replace(self, frame=False)
+        return replace(self, frame=coordinates == "auto" and self.strain == "linear")
 
 
 MODELS: dict[str, Model] = {

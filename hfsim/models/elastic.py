@@ -3,15 +3,72 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray
+from hfsim.arrays import Array, ComplexArray, IntArray
 from hfsim.elements import ElasticLaw
 from hfsim.elements.cable import gauss_rows
+from hfsim.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.models.frame import relative_nodes
-from hfsim.parts import ForcePart
+from hfsim.parts import DIFFERENCE, ForcePart
 from hfsim.rotations import as_complex, as_vectors
+
+
+@dataclass(frozen=True)
+class Connectivity:
+    """How the difference vectors of elements follow from the coordinates of a scene.
+
+    Attributes
+    ----------
+    n : int
+        Number of coordinates.
+    columns : ndarray of int, shape (n_elements, k)
+        Coordinates of each element.
+    local : ndarray, shape (n_elements, n_vectors * 2, k)
+        From them to its difference vectors.
+    """
+
+    n: int
+    columns: IntArray
+    local: Array
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Number of elements, of difference vectors of each, and of their components."""
+        return len(self.columns), self.local.shape[1] // 2, 2
+
+    @cached_property
+    def gather(self) -> Matrix:
+        """From coordinates to all difference vectors, ``x @ gather``."""
+        count, m, _ = self.local.shape
+        vectors = np.arange(count * m).reshape(count, m)
+        entries = Entries.of_block(self.columns, vectors, self.local.swapaxes(1, 2))
+        kept = entries.values != 0.0
+        return assemble([Entries(*(kind[kept] for kind in entries))], (self.n, count * m))
+
+    @cached_property
+    def scatter(self) -> Matrix:
+        """From derivatives by difference vectors to those by coordinates."""
+        return self.gather.T.tocsr() if is_sparse(self.gather) else np.ascontiguousarray(self.gather.T)
+
+    def vectors(self, x: Array) -> Array:
+        """Return the difference vectors, shape (n_batch, n_elements, n_vectors, 2)."""
+        return np.asarray(x @ self.gather).reshape(len(x), *self.shape)
+
+    def force(self, gradient: Array) -> Array:
+        """Return derivatives by the coordinates, shape (n_batch, n), from those by difference vectors."""
+        return np.asarray(gradient.reshape(len(gradient), -1) @ self.scatter)
+
+    def entries(self, blocks: Array) -> Entries:
+        """Return second derivatives by the coordinates from those by the vectors, (n_elements, m, m)."""
+        return Entries.of_block(self.columns, self.columns, self.local.swapaxes(1, 2) @ blocks @ self.local)
+
+    def joined(self, other: Connectivity) -> Connectivity:
+        """Return the connectivity of these elements followed by others of the same kind."""
+        columns = np.concatenate([self.columns, other.columns])
+        return Connectivity(self.n, columns, np.concatenate([self.local, other.local]))
 
 
 @dataclass(frozen=True)
@@ -20,38 +77,22 @@ class ElasticForce(ForcePart):
 
     The energy does not change with a rotation, so it is evaluated on absolute nodal vectors; in the
     body frame the same numbers would come out.
-
-    Attributes
-    ----------
-    gather : ndarray, shape (n, n_elements * n_vectors * 2)
-        From coordinates to difference vectors, ``x @ gather``.
-    law : ElasticLaw
-    shape : tuple of int
-        (n_elements, n_vectors, 2).
     """
 
-    gather: Array
-    scatter: Array
+    elements: Connectivity
     law: ElasticLaw
-    shape: tuple[int, int, int]
-
-    def _vectors(self, x: Array) -> Array:
-        return (x @ self.gather).reshape(len(x), *self.shape)
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus the derivative of the strain energy, eq. (24)."""
-        out -= self.law.gradient(self._vectors(x)).reshape(len(x), -1) @ self.scatter
+        out -= self.elements.force(self.law.gradient(self.elements.vectors(x)))
 
     def strain_energy(self, x: Array) -> Array:
         """Return the strain energy of all elements."""
-        return np.asarray(self.law.energy(self._vectors(x)).sum(axis=-1))
+        return np.asarray(self.law.energy(self.elements.vectors(x)).sum(axis=-1))
 
-    def tangent(self, x: Array) -> Array:
-        """Return minus the derivative of the force, shape (n_batch, n, n)."""
-        H = self.law.hessian(self._vectors(x))
-        count, k = self.shape[0], self.shape[1] * self.shape[2]
-        G = self.gather.reshape(len(self.gather), count, k)
-        return np.asarray(np.einsum("iea,beac,jec->bij", G, H, G, optimize=True))
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return the second derivative of the strain energy in one state."""
+        return self.elements.entries(self.law.hessian(self.elements.vectors(x))[0])
 
 
 @dataclass(frozen=True)
@@ -81,6 +122,11 @@ class LinearElasticForce(ForcePart):
     def uses_rates(self) -> bool:
         """Whether there is damping."""
         return bool(self.damping.any())
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return np.arange(self.columns.start, self.columns.stop)
 
     def _nodes(self, x: Array) -> Array:
         return x[:, self.columns].reshape(len(x), -1, 2)
@@ -138,17 +184,14 @@ class KelvinVoigtForce(ForcePart):
 
     Attributes
     ----------
-    gather, scatter, shape
-        As in `ElasticForce`.
+    elements : Connectivity
     slope, bend : ndarray, shape (n_points, 3)
         Rows of r' and r'' (times le) at the Gauss points of an element.
     axial, bending : ndarray, shape (n_elements, n_points)
         EA le tau_a w and EI / le tau_b w [J s].
     """
 
-    gather: Array
-    scatter: Array
-    shape: tuple[int, int, int]
+    elements: Connectivity
     slope: Array
     bend: Array
     axial: Array
@@ -160,22 +203,19 @@ class KelvinVoigtForce(ForcePart):
         return True
 
     @classmethod
-    def of(cls, gather: Array, count: int, axial: float, bending: float) -> KelvinVoigtForce:
-        """Return the force of ``count`` equal elements from EA le tau_a and EI / le tau_b [J s]."""
+    def of(cls, elements: Connectivity, axial: float, bending: float) -> KelvinVoigtForce:
+        """Return the force of equal elements from EA le tau_a and EI / le tau_b [J s]."""
         w, slope, bend = gauss_rows(5)
+        count = len(elements.columns)
         return cls(
-            gather=gather,
-            scatter=np.ascontiguousarray(gather.T),
-            shape=(count, 3, 2),
+            elements=elements,
             slope=slope,
             bend=bend,
             axial=np.tile(axial * w, (count, 1)),
             bending=np.tile(bending * w, (count, 1)),
         )
 
-    def _measures(self, x: Array, u: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
-        V = (x @ self.gather).reshape(len(x), *self.shape)
-        dV = (u @ self.gather).reshape(len(x), *self.shape)
+    def _measures(self, V: Array, dV: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
         s, c = self.slope @ V, self.bend @ V
         ds, dc = self.slope @ dV, self.bend @ dV
         square = np.sum(s * s, axis=-1, keepdims=True)
@@ -188,15 +228,41 @@ class KelvinVoigtForce(ForcePart):
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the damping force."""
-        s, by_s, by_c, strain_rate, curvature_rate, _ = self._measures(x, u)
+        out -= self.elements.force(self._gradient(self.elements.vectors(x), self.elements.vectors(u)))
+
+    def _gradient(self, V: Array, dV: Array) -> Array:
+        s, by_s, by_c, strain_rate, curvature_rate, _ = self._measures(V, dV)
         moment = (self.bending * curvature_rate)[..., None]
         tension = (self.axial * strain_rate)[..., None]
-        F = self.slope.T @ (tension * s + moment * by_s) + self.bend.T @ (moment * by_c)
-        out -= F.reshape(len(x), -1) @ self.scatter
+        return np.asarray(self.slope.T @ (tension * s + moment * by_s) + self.bend.T @ (moment * by_c))
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state; by differences, element by element."""
+        V, dV = self.elements.vectors(x), self.elements.vectors(u)
+        change = self._gradient(V + DIFFERENCE * self._units, dV) - self._gradient(V, dV)
+        return self._entries(change / DIFFERENCE)
+
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by u in one state: the force is linear in u."""
+        return self._entries(self._gradient(self.elements.vectors(x), self._units))
+
+    @cached_property
+    def _units(self) -> Array:
+        """Each component of the difference vectors by itself, in all elements at once, as a batch."""
+        count, n_vectors, n_dim = self.elements.shape
+        m = n_vectors * n_dim
+        units = np.broadcast_to(np.eye(m)[:, None], (m, count, m))
+        return units.reshape(m, count, n_vectors, n_dim)
+
+    def _entries(self, columns: Array) -> Entries:
+        """Return the entries of a matrix whose blocks are given column by column."""
+        m, count = columns.shape[:2]
+        return self.elements.entries(columns.reshape(m, count, m).transpose(1, 2, 0))
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return minus the dissipated power."""
-        _, _, _, strain_rate, curvature_rate, _ = self._measures(x, u)
+        V, dV = self.elements.vectors(x), self.elements.vectors(u)
+        _, _, _, strain_rate, curvature_rate, _ = self._measures(V, dV)
         lost = self.axial * strain_rate**2 + self.bending * curvature_rate**2
         return np.asarray(-lost.sum(axis=(-1, -2)))
 
@@ -210,6 +276,10 @@ class ConstantForce(ForcePart):
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the constant vector."""
         out += self.force
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return nothing: the force does not change."""
+        return NOTHING
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return minus the work of the force from the origin."""

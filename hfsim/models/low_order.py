@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
 from hfsim.models.mesh import BeamMesh
 from hfsim.parts import ForcePart
 from hfsim.rotations import normal, rotate
@@ -63,6 +63,11 @@ class LowOrderBeam(ForcePart):
     def uses_rates(self) -> bool:
         """Return True: its inertia force is counted among the forces."""
         return True
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return np.arange(self.columns.start, self.columns.stop)
 
     @property
     def dissipates(self) -> bool:
@@ -283,6 +288,11 @@ class LowOrderMarker:
     def columns(self) -> slice:
         """Coordinates of the beam."""
         return self.beam.columns
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return self.beam.support
 
     @cached_property
     def _rows(self) -> tuple[Array, Array, Array]:

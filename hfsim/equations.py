@@ -1,0 +1,304 @@
+"""Equations of motion with multipliers: M x'' + Phi_x^T lambda = f, Phi_x x'' = gamma (eq. 37).
+
+Masses, constraints and forces are those of the coordinates x; solved are the free coordinates z of a
+`Reduction`, so that only the constraints it has not taken care of need multipliers.  Small scenes are
+solved with dense matrices for all states at once, large ones with sparse factors, state by state where
+the matrix depends on the state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from hfsim.arrays import Array
+from hfsim.constraints import Constraint
+from hfsim.matrices import Entries, Matrix, assemble, factorised, is_sparse, saddle_point
+from hfsim.reduction import Reduction
+
+
+class VariableMass(Protocol):
+    """A body whose mass matrix depends on its coordinates."""
+
+    @property
+    def name(self) -> str:
+        """Name in the deck."""
+
+    @property
+    def model(self) -> str:
+        """Name of its model."""
+
+    @property
+    def columns(self) -> slice:
+        """Its coordinates in x."""
+
+    @property
+    def truncated(self) -> bool:
+        """Whether its inertia force leaves out terms, so that it does not keep the energy."""
+
+    def mass(self, x: Array) -> Array:
+        """Return the mass matrix, shape (n_batch, n_columns, n_columns)."""
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Mass and constraints of a scene, with a choice of free coordinates.
+
+    Attributes
+    ----------
+    constant_mass : Matrix, shape (n_x, n_x)
+        Zero in the rows of bodies with a variable mass matrix.
+    variable_mass : tuple of VariableMass
+    all_constraints : tuple of Constraint
+    reduction : Reduction
+        Which of them it eliminates is left out here.
+    """
+
+    constant_mass: Matrix
+    variable_mass: tuple[VariableMass, ...]
+    all_constraints: tuple[Constraint, ...]
+    reduction: Reduction
+
+    @cached_property
+    def n(self) -> int:
+        """Number of free coordinates."""
+        return int(self.reduction.basis.shape[1])
+
+    @cached_property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The constraints that need multipliers."""
+        gone = self.reduction.eliminated
+        return tuple(c for k, c in enumerate(self.all_constraints) if k not in gone)
+
+    @cached_property
+    def rows(self) -> tuple[slice, ...]:
+        """Rows of each constraint in Phi."""
+        ends = np.cumsum([0] + [c.rows for c in self.constraints])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @cached_property
+    def n_rows(self) -> int:
+        """Number of constraint equations."""
+        return sum(c.rows for c in self.constraints)
+
+    # ------------------------------------------------------------------ constraints
+
+    @cached_property
+    def constraints_constant(self) -> bool:
+        """Whether Phi_x is the same for every state."""
+        return all(c.constant for c in self.constraints)
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return Phi, shape (n_batch, n_rows)."""
+        if self.constraints_constant:
+            return np.asarray(x @ self._constant_transpose + self._origin_residual)
+        return self._stack(len(x), lambda c: c.residual(t, x))
+
+    def drift(self, t: Array, x: Array, u: Array) -> Array:
+        """Return Phi' = Phi_x u + Phi_t, shape (n_batch, n_rows)."""
+        if self.constraints_constant:
+            return np.asarray(u @ self._constant_transpose)
+        return self._stack(len(x), lambda c: _rate(c, t, x, u))
+
+    def rate(self, t: Array) -> Array:
+        """Return Phi_t, shape (n_batch, n_rows)."""
+        return self._stack(len(t), lambda c: c.rate(t))
+
+    def curvature(self, t: Array, x: Array, u: Array) -> Array:
+        """Return gamma of eq. (37), shape (n_batch, n_rows)."""
+        gamma = np.zeros((len(x), self.n_rows))
+        for constraint, rows in self.changing:
+            gamma[:, rows] = constraint.acceleration(t, x, u)
+        return gamma
+
+    @cached_property
+    def changing(self) -> tuple[tuple[Constraint, slice], ...]:
+        """Constraints whose Jacobian depends on the state, with their rows."""
+        pairs = zip(self.constraints, self.rows, strict=True)
+        return tuple((c, rows) for c, rows in pairs if not c.constant)
+
+    @cached_property
+    def _constant_transpose(self) -> Matrix:
+        jacobian = self.jacobian_at(np.zeros((1, self.reduction.basis.shape[0])), 0)
+        return jacobian.T.tocsr() if is_sparse(jacobian) else np.ascontiguousarray(jacobian.T)
+
+    @cached_property
+    def _origin_residual(self) -> Array:
+        """Residual of linear constraints at the origin of the coordinates."""
+        n_x = self.reduction.basis.shape[0]
+        return self._stack(1, lambda c: c.residual(np.zeros(1), np.zeros((1, n_x))))
+
+    def _stack(self, n_batch: int, rows_of: Callable[[Constraint], Array]) -> Array:
+        out = np.zeros((n_batch, self.n_rows))
+        for constraint, rows in zip(self.constraints, self.rows, strict=True):
+            out[:, rows] = rows_of(constraint)
+        return out
+
+    def jacobians(self, x: Array) -> Array:
+        """Return Phi_x by the coordinates x, dense, shape (n_batch or 1, n_rows, n_x)."""
+        if self.constraints_constant:
+            return self._constant_rows
+        Phi_x = np.repeat(self._constant_rows, len(x), axis=0)
+        for constraint, rows in self.changing:
+            _add_rows(constraint, rows, x, Phi_x)
+        return Phi_x
+
+    @cached_property
+    def _constant_rows(self) -> Array:
+        n_x = self.reduction.basis.shape[0]
+        Phi_x = np.zeros((1, self.n_rows, n_x))
+        for constraint, rows in zip(self.constraints, self.rows, strict=True):
+            if constraint.constant:
+                _add_rows(constraint, rows, np.zeros((1, n_x)), Phi_x)
+        return Phi_x
+
+    def jacobian_at(self, x: Array, k: int) -> Matrix:
+        """Return Phi_x of state k, shape (n_rows, n_x); dense or sparse as the mass matrix is."""
+        n_x = self.reduction.basis.shape[0]
+        parts: list[Entries] = []
+        for constraint, rows in zip(self.constraints, self.rows, strict=True):
+            place = np.arange(rows.start, rows.stop)
+            markers = constraint.first, constraint.second
+            for marker, block in zip(markers, constraint.jacobians(x[k : k + 1]), strict=True):
+                kept = marker.support
+                local = kept - marker.columns.start
+                parts.append(Entries.of_block(place, kept, block[0][:, local]))
+        return assemble(parts, (self.n_rows, n_x), is_sparse(self.constant_mass))
+
+    # ------------------------------------------------------------------ mass
+
+    @cached_property
+    def free_mass(self) -> Matrix:
+        """The constant mass matrix of the free coordinates."""
+        return self.reduction.reduced(self.constant_mass)
+
+    @cached_property
+    def _inverse_mass(self) -> Array:
+        """Inverse of the constant mass blocks; zero in the rows of variable bodies."""
+        M = self.free_mass
+        constant = M.any(axis=1)
+        inverse = np.zeros_like(M)
+        inverse[np.ix_(constant, constant)] = np.linalg.inv(M[np.ix_(constant, constant)])
+        return np.asarray(inverse)
+
+    def mass(self, x: Array) -> Array:
+        """Return the mass matrix M_g of eq. (38), dense, shape (n_batch, n_x, n_x)."""
+        constant = self.constant_mass.toarray() if is_sparse(self.constant_mass) else self.constant_mass
+        M = np.repeat(constant[None], len(x), axis=0)
+        for body in self.variable_mass:
+            M[:, body.columns, body.columns] = body.mass(x)
+        return M
+
+    def kinetic_energy(self, x: Array, u: Array) -> Array:
+        """Return the kinetic energy [J], shape (n_batch,)."""
+        energy = 0.5 * np.sum((u @ self.constant_mass) * u, axis=-1)
+        for body in self.variable_mass:
+            w = u[:, body.columns]
+            energy += 0.5 * np.einsum("bi,bij,bj->b", w, body.mass(x), w)
+        return np.asarray(energy)
+
+    # ------------------------------------------------------------------ solution
+
+    @cached_property
+    def solution(self) -> Array | None:
+        """Matrix W, shape (n_x, n), with z'' = f W, in small scenes whose matrices never change."""
+        if self.variable_mass or not self.constraints_constant or is_sparse(self.constant_mass):
+            return None
+        inverse = self._inverse_mass
+        if self.constraints:
+            Phi_z = self._constant_rows[0] @ self.reduction.basis
+            Y = Phi_z @ inverse
+            inverse = inverse - Y.T @ np.linalg.solve(Y @ Phi_z.T, Y)
+        return np.asarray(self.reduction.basis @ inverse)
+
+    def accelerations(self, t: Array, x: Array, u: Array, f: Array) -> Array:
+        """Return z'' for forces f on x, shape (n_batch, n)."""
+        if self.solution is not None:
+            return np.asarray(f @ self.solution)
+        return self.solve(t, x, u, f)[0]
+
+    def solve(self, t: Array, x: Array, u: Array, f: Array) -> tuple[Array, Array]:
+        """Solve eq. (37).
+
+        Returns
+        -------
+        accelerations : ndarray, shape (n_batch, n)
+            Of the free coordinates.
+        multipliers : ndarray, shape (n_batch, n_rows)
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the equations are singular in this state.
+        """
+        return self.constrained(x, self.reduction.free_force(f), self.curvature(t, x, u))
+
+    def constrained(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Solve M a + Phi_z^T lambda = f, Phi_z a = gamma for the free coordinates, f (n_batch, n)."""
+        if is_sparse(self.constant_mass) and not self.variable_mass:
+            return self._solve_sparse(x, f, gamma)
+        if self.variable_mass:
+            return self._solve_whole(x, f, gamma)
+        free = f @ self._inverse_mass
+        if not self.constraints:
+            return free, gamma
+        Phi_z = self._free_jacobians(x)
+        Y = Phi_z @ self._inverse_mass
+        gap = (Phi_z @ free[..., None])[..., 0] - gamma
+        multipliers = np.linalg.solve(Y @ Phi_z.swapaxes(1, 2), gap[..., None])[..., 0]
+        return free - (multipliers[:, None, :] @ Y)[:, 0], multipliers
+
+    def _free_jacobians(self, x: Array) -> Array:
+        Phi_x = self.jacobians(x)
+        return Phi_x if self.reduction.identity else Phi_x @ self.reduction.basis
+
+    def _solve_whole(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Solve with the whole matrix of eq. (37): a mass matrix may be indefinite where joints hold it."""
+        n, m = self.n, self.n_rows
+        Phi_z = self._free_jacobians(x)
+        matrix = np.zeros((len(x), n + m, n + m))
+        M, B = self.mass(x), self.reduction.basis
+        matrix[:, :n, :n] = M if self.reduction.identity else B.T @ M @ B
+        matrix[:, n:, :n] = Phi_z
+        matrix[:, :n, n:] = Phi_z.swapaxes(1, 2)
+        solution = np.linalg.solve(matrix, np.concatenate([f, gamma], axis=1)[..., None])[..., 0]
+        return solution[:, :n], solution[:, n:]
+
+    @cached_property
+    def _constant_factor(self) -> Callable[[Array], Array]:
+        """Factor of the whole matrix where it never changes."""
+        if not self.constraints:
+            return factorised(self.free_mass)
+        Phi_z = self._constant_transpose.T.tocsr() @ self.reduction.basis
+        return factorised(saddle_point(self.free_mass, Phi_z))
+
+    def _solve_sparse(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        rhs = np.concatenate([f, gamma], axis=1)
+        if self.constraints_constant:
+            solution = self._constant_factor(rhs)
+        else:
+            solution = np.array([self._factor_at(x, k)(rhs[k]) for k in range(len(rhs))])
+        return solution[:, : self.n], solution[:, self.n :]
+
+    def _factor_at(self, x: Array, k: int) -> Callable[[Array], Array]:
+        return factorised(saddle_point(self.free_mass, self.jacobian_at(x, k) @ self.reduction.basis))
+
+
+def _rate(constraint: Constraint, t: Array, x: Array, u: Array) -> Array:
+    """Return Phi' of one constraint, shape (n_batch, rows)."""
+    out = constraint.rate(t)
+    markers = constraint.first, constraint.second
+    for marker, J in zip(markers, constraint.jacobians(x), strict=True):
+        out = out + (J @ u[:, marker.columns, None])[..., 0]
+    return np.asarray(out)
+
+
+def _add_rows(constraint: Constraint, rows: slice, x: Array, Phi_x: Array) -> None:
+    first, second = constraint.jacobians(x)
+    Phi_x[:, rows, constraint.first.columns] += first
+    Phi_x[:, rows, constraint.second.columns] += second

@@ -1,0 +1,318 @@
+"""Derivatives of the accelerations in the forms that Newton corrections need.
+
+With few unknowns and no damping, J is taken apart into modes: a correction is then a division for each
+mode and stage, for any step length.  With damping it is kept as dense matrices, and with many unknowns
+as the sparse matrices it comes from, factorised for each pole of the method.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from hfsim.arrays import Array, ComplexArray
+from hfsim.integrators._base import Increments, PlainIncrements, Problem
+from hfsim.integrators._tableau import Collocation
+from hfsim.linearized import Linearized
+from hfsim.matrices import Matrix, factorised, is_sparse, saddle_point
+
+Correction = Callable[[Array], tuple[Array, float]]
+"""From residuals at the stages, (s, n), to corrections and the size of their consequence: the displacement
+to which the change of the velocity at the end of the step leads, which is what an unfinished iteration does
+to the steps that follow."""
+
+
+class Derivative(Protocol):
+    """Derivatives J_q and J_v of the accelerations at a state, in some coordinates for corrections."""
+
+    increments: Increments
+    """The coordinates it is written in."""
+    fastest: float
+    """Largest circular frequency in it [rad/s]."""
+
+    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
+        """Return displacements at the stages, (s, n), from rates at the start of the step."""
+
+    def correction(self, table: Collocation, h: float) -> Correction:
+        """Return the map from residuals at the stages to corrections."""
+
+    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
+        """Return the map r -> (I - by_q J_q - by_v J_v)^-1 r of single residuals (n,)."""
+
+
+def derivative(
+    problem: Problem, t: float, q: Array, v: Array, natural: Increments | None = None
+) -> Derivative:
+    """Compute the derivative of the accelerations at a state, for corrections in natural coordinates.
+
+    Parameters
+    ----------
+    problem : Problem
+    t : float
+    q, v : ndarray, shape (n,)
+    natural : Increments, optional
+        The state's own coordinates without it.
+    """
+    problem.counts.factorisations += 1
+    natural = natural or PlainIncrements()
+    if problem.linearized is None:
+        return _by_differences(problem, t, q, v, natural)
+    at = problem.linearized(t, q, v)
+    if is_sparse(at.mass):
+        return SparseDerivative(natural, q, at)
+    if at.damping is None:
+        return ModalDerivative.of(at, natural, q)
+    P = _mobility(at)
+    by_q, by_v = _in_natural(natural, q, -P @ at.stiffness), _in_natural(natural, q, -P @ at.damping)
+    return DenseDerivative(natural, by_q, by_v)
+
+
+def _by_differences(problem: Problem, t: float, q: Array, v: Array, natural: Increments) -> Derivative:
+    by_q, by_v = problem.jacobians(t, q, v)
+    by_q = _in_natural(natural, q, by_q)
+    if by_v is not None:
+        return DenseDerivative(natural, by_q, _in_natural(natural, q, by_v))
+    w2, R = np.linalg.eig(-by_q)
+    L = np.linalg.inv(R)
+    if np.abs(L).max() * len(q) < 1e10:
+        return ModalDerivative(natural, w2, R, L)
+    return DenseDerivative(natural, by_q, np.zeros_like(by_q))
+
+
+def _in_natural(natural: Increments, q: Array, J: Array) -> Array:
+    """Return a derivative by state coordinates as one by natural coordinates."""
+    if isinstance(natural, PlainIncrements):
+        return J
+    at = natural.geometry(q[None])
+    unit = natural.from_natural(at, np.eye(len(q))).T
+    return natural.to_natural(at, np.ascontiguousarray((J @ unit).T)).T
+
+
+def _allowed(jacobian: Array | None, n: int) -> Array:
+    """Return a basis of the motions that the constraints allow, as columns."""
+    if jacobian is None:
+        return np.eye(n)
+    return np.linalg.qr(jacobian.T, mode="complete")[0][:, len(jacobian) :]
+
+
+def _mobility(at: Linearized) -> Array:
+    """Return the map from forces to accelerations under the constraints."""
+    Z = _allowed(at.jacobian, len(at.mass))
+    return np.asarray(Z @ np.linalg.solve(Z.T @ at.mass @ Z, Z.T))
+
+
+@dataclass
+class ModalDerivative:
+    """J_q = -R S with S R = diag(w2), where nothing dissipates: every mode is corrected by itself.
+
+    Attributes
+    ----------
+    increments : Increments
+    w2 : ndarray, shape (n_modes,)
+        Squares of the circular frequencies.
+    R : ndarray, shape (n, n_modes)
+        Modes as columns.
+    L : ndarray, shape (n_modes, n)
+        L R = 1: with as many modes as coordinates the inverse of R.
+    S : ndarray, shape (n_modes, n), or None
+        Forces on the modes; None where they are w2 L because there are as many modes as coordinates.
+        Displacements that joints forbid have no modes, yet cause forces.
+    """
+
+    increments: Increments
+    w2: Array | ComplexArray
+    R: Array | ComplexArray
+    L: Array | ComplexArray
+    S: Array | None = None
+
+    def __post_init__(self) -> None:
+        self.fastest = float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
+        # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
+        self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
+        self._divisor: tuple[float, Any] | None = None
+
+    @classmethod
+    def of(cls, at: Linearized, natural: Increments, q: Array) -> ModalDerivative:
+        """Return the modes of a dense linearised system without damping.
+
+        Following loads make the stiffness unsymmetric; corrections do with its symmetric part.
+        """
+        Z = _allowed(at.jacobian, len(at.mass))
+        inverse_root = np.linalg.inv(np.linalg.cholesky(Z.T @ at.mass @ Z)) @ Z.T
+        K = inverse_root @ at.stiffness @ inverse_root.T
+        w2, U = np.linalg.eigh(0.5 * (K + K.T))
+        R = inverse_root.T @ U
+        L = R.T @ at.mass
+        S = R.T @ at.stiffness if R.shape[1] < len(R) else None
+        if not isinstance(natural, PlainIncrements):
+            geometry = natural.geometry(q[None])
+            R = np.ascontiguousarray(natural.to_natural(geometry, np.ascontiguousarray(R.T)).T)
+            unit = natural.from_natural(geometry, np.eye(len(q))).T
+            L, S = L @ unit, None if S is None else S @ unit
+        return cls(natural, w2, R, L, S)
+
+    def _real(self, z: ComplexArray) -> Array | ComplexArray:
+        """Drop the imaginary part where the modes are real, so that what follows is real too."""
+        return z.real if np.isrealobj(self.R) else z
+
+    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
+        """Let each mode swing freely from its velocity and acceleration at the start of the step."""
+        omega = np.sqrt(self.w2.astype(complex))
+        omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
+        half = (0.5 * h * table.nodes)[:, None] * omega
+        sine = np.sin(half) / omega
+        p1, p2 = self.L @ y1, self.L @ y2
+        swing = p1 * (2.0 * sine * np.cos(half)) + p2 * (2.0 * sine * sine)
+        y = (self._real(swing) @ self.R.T).real
+        if self.S is not None:
+            tau = (h * table.nodes)[:, None]
+            y = y + tau * (y1 - self.R @ p1).real + 0.5 * tau**2 * (y2 - self.R @ p2).real
+        return np.asarray(y)
+
+    def correction(self, table: Collocation, h: float) -> Correction:
+        """Divide each mode and pole by 1 + (h pole)^2 w2."""
+        if self._divisor is None or self._divisor[0] != h:
+            mu2 = (h * table.poles[:, None]) ** 2
+            divisor = 1.0 / (1.0 + mu2 * self.w2)
+            self._divisor = (h, np.asarray(divisor if self.S is None else -mu2 * divisor, complex))
+        divisor, left, right = self._divisor[1], 2.0 * table.left, table.right
+        read = (self.L if self.S is None else self.S).T
+        R, end_rate, per_rate, partial = self.R.T, table.end_rate / h, self._per_rate, self.S is not None
+
+        def correct(r: Array) -> tuple[Array, float]:
+            z = right @ (r @ read)
+            z *= divisor
+            modes = self._real(left @ z)
+            y = modes @ R
+            if partial:
+                y += r
+                modes = modes + r @ self.L.T
+            # back in coordinates: amplitudes of nearly parallel modes mean nothing one by one
+            consequence = ((end_rate @ modes) * per_rate) @ R
+            return y.real, float(np.abs(consequence.real).max())
+
+        return correct
+
+    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
+        """Return a product with the inverse, put together from the modes."""
+        divisor = 1.0 / (1.0 + by_q * self.w2)
+        if self.S is None:
+            inverse = ((self.R * divisor) @ self.L).real
+        else:
+            inverse = np.eye(len(self.R)) - (self.R * (by_q * divisor)) @ self.S
+        return lambda r: np.asarray(inverse @ r)
+
+
+@dataclass
+class DenseDerivative:
+    """J_q and J_v as matrices: one complex inverse for each pole of the method and step length."""
+
+    increments: Increments
+    by_q: Array
+    by_v: Array
+
+    def __post_init__(self) -> None:
+        self.fastest = float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
+        self._inverse: tuple[float, ComplexArray] | None = None
+
+    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
+        """Keep the accelerations at the start of the step, less what dies out at once."""
+        matrix = np.eye(len(y1)) - h * self.by_v - h * h * self.by_q
+        damped = np.linalg.solve(matrix, y2 + h * (self.by_q @ y1))
+        tau = (h * table.nodes)[:, None]
+        return np.asarray(tau * y1 + 0.5 * tau**2 * damped)
+
+    def correction(self, table: Collocation, h: float) -> Correction:
+        """Solve with I - (h pole)^2 J_q - h pole J_v."""
+        if self._inverse is None or self._inverse[0] != h:
+            mu = h * table.poles[:, None, None]
+            matrix = np.eye(len(self.by_q)) - mu**2 * self.by_q - mu * self.by_v
+            self._inverse = (h, np.linalg.inv(matrix))
+        inverse, left, right, end_rate = self._inverse[1], 2.0 * table.left, table.right, table.end_rate / h
+
+        def correct(r: Array) -> tuple[Array, float]:
+            y = (left @ (inverse @ (right @ r)[:, :, None])[:, :, 0]).real
+            # without modes every velocity error counts as if it were slow, which is on the safe side
+            return y, 0.5 * float(np.abs(end_rate @ y).max())
+
+        return correct
+
+    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
+        """Return a product with the inverse."""
+        inverse = np.linalg.inv(np.eye(len(self.by_q)) - by_q * self.by_q - by_v * self.by_v)
+        return lambda r: np.asarray(inverse @ r)
+
+
+@dataclass
+class SparseDerivative:
+    """A sparse linearised system: one complex factor for each pole of the method and step length.
+
+    Attributes
+    ----------
+    increments : Increments
+    q : ndarray, shape (n,)
+        The state it belongs to.
+    at : Linearized
+    """
+
+    increments: Increments
+    q: Array
+    at: Linearized
+
+    def __post_init__(self) -> None:
+        scale = 1.0 / np.sqrt(self.at.mass.diagonal())
+        # Gershgorin's bound with the mass on the diagonal alone
+        rows = scale * (abs(self.at.stiffness) @ scale)
+        self.fastest = float(np.sqrt(rows.max(initial=0.0)))
+        self._geometry: Any = self.increments.geometry(self.q[None])
+        self._factors: tuple[float, list[Callable[[Array], Array]]] | None = None
+
+    def _matrix(self, by_q: complex, by_v: complex) -> Matrix:
+        """Return M - by_q M J_q - by_v M J_v, bordered by the constraints."""
+        matrix = self.at.mass + by_q * self.at.stiffness
+        if self.at.damping is not None:
+            matrix = matrix + by_v * self.at.damping
+        return matrix if self.at.jacobian is None else saddle_point(matrix, self.at.jacobian)
+
+    def _right_side(self, r: Array) -> Array:
+        """Return what belongs to residuals (..., n) in the state's coordinates."""
+        weighted = r @ self.at.mass
+        if self.at.jacobian is None:
+            return np.asarray(weighted)
+        return np.concatenate([weighted, r @ self.at.jacobian.T], axis=-1)
+
+    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
+        """Return the stages of the linearised motion."""
+        tau = h * table.nodes[:, None]
+        uniform = tau * y1 + h * h * table.A2.sum(axis=1)[:, None] * y2
+        return self.correction(table, h)(uniform)[0]
+
+    def correction(self, table: Collocation, h: float) -> Correction:
+        """Solve with M + (h pole)^2 K + h pole D."""
+        if self._factors is None or self._factors[0] != h:
+            poles = [complex(h * pole) for pole in table.poles]
+            self._factors = (h, [factorised(self._matrix(mu**2, mu)) for mu in poles])
+        factors, left, right, end_rate = self._factors[1], 2.0 * table.left, table.right, table.end_rate / h
+        natural, geometry, n = self.increments, self._geometry, len(self.q)
+
+        def correct(r: Array) -> tuple[Array, float]:
+            rhs = right @ self._right_side(natural.from_natural(geometry, r))
+            solved = np.array([solve(b) for solve, b in zip(factors, rhs, strict=True)])[:, :n]
+            y = natural.to_natural(geometry, np.ascontiguousarray((left @ solved).real))
+            return y, 0.5 * float(np.abs(end_rate @ y).max())
+
+        return correct
+
+    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
+        """Return the solution with a real factor."""
+        solve = factorised(self._matrix(by_q, by_v))
+        natural, geometry = self.increments, self._geometry
+
+        def product(r: Array) -> Array:
+            rhs = self._right_side(natural.from_natural(geometry, r[None]))
+            return np.asarray(natural.to_natural(geometry, solve(rhs)[:, : len(r)])[0])
+
+        return product
