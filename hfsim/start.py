@@ -144,26 +144,26 @@ def _rate_coordinates(start: Start, place: _Rigid, rates: _Rigid) -> Array:
     return np.concatenate([body.moving(float(a), v, float(w)) for body, a, v, w in parts])
 
 
-def _motions(start: Start, place: _Rigid) -> Array:
-    """Return the change of the coordinates with each rigid freedom, shape (n_bodies, 3, n)."""
-    n = sum(body.columns.stop - body.columns.start for body in start.bodies.values())
-    motions = np.zeros((len(start.bodies), 3, n))
-    for k, (body, angle) in enumerate(zip(start.bodies.values(), place.angles, strict=True)):
-        for axis in range(2):
-            motions[k, axis, body.columns] = body.moving(float(angle), np.eye(2)[axis], 0.0)
-        motions[k, 2, body.columns] = body.moving(float(angle), np.zeros(2), 1.0)
+def _motions(start: Start, place: _Rigid) -> list[Array]:
+    """Return the change of each body's coordinates with its rigid freedoms, shape (n_columns, 3) each."""
+    motions = []
+    for body, angle in zip(start.bodies.values(), map(float, place.angles), strict=True):
+        shifts = [body.moving(angle, axis, 0.0) for axis in np.eye(2)]
+        motions.append(np.stack([*shifts, body.moving(angle, np.zeros(2), 1.0)], axis=1))
     return motions
 
 
-def _jacobian(start: Start, x: Array, motions: Array) -> Array:
+def _jacobian(start: Start, x: Array, motions: list[Array]) -> Array:
     """Return the derivative of all constraints by the rigid freedoms, shape (rows, n_bodies, 3)."""
+    owner = {body.columns.start: k for k, body in enumerate(start.bodies.values())}
     rows = []
     for c in start.constraints:
-        first, second = c.jacobians(x[None])
-        rows.append(
-            np.einsum("ri,kfi->rkf", second[0], motions[:, :, c.second.columns])
-            + np.einsum("ri,kfi->rkf", first[0], motions[:, :, c.first.columns])
-        )
+        block = np.zeros((c.rows, len(motions), 3))
+        for marker, J in zip((c.first, c.second), c.jacobians(x[None]), strict=True):
+            k = _owner(owner, marker.columns)
+            if k is not None:
+                block[:, k] += J[0] @ motions[k]
+        rows.append(block)
     return np.concatenate(rows)
 
 

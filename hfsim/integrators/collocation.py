@@ -28,6 +28,9 @@ SERVES_WELL = 5
 """Iterations in a step up to which its derivative is kept for one more."""
 LINEAR = 1e-3
 """Natural increments below which their linear map to the state is good enough."""
+ROUNDING = 1e-10
+"""Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more: in
+fine meshes the stiffest modes amplify it so far."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
 
@@ -123,6 +126,7 @@ class CollocationMethod:
         plain = isinstance(natural, PlainIncrements)
         correct = self._derivative.correction(table, h)
         goal = 1e-3 * self.tolerance * (1.0 + float(np.abs(q).max()))
+        rounding = ROUNDING * (1.0 + float(np.abs(q).max()))
         last = rate = np.inf
         for k in range(MAX_ITERATIONS):
             moved = scaled @ a
@@ -130,10 +134,11 @@ class CollocationMethod:
             at = natural.geometry(Q)
             r = A2 @ (problem.evaluate(times, Q, v + moved[s:]) - a)
             y, change = correct(natural.to_natural(at, r))
+            size = float(np.abs(y).max())
             if plain:
                 a = a + back @ y
             else:
-                small = np.abs(y).max() < LINEAR
+                small = size < LINEAR
                 a = a + back @ (natural.from_natural(at, y) if small else natural.advance(at, y))
             problem.counts.iterations += 1
             self._iterations = k + 1
@@ -143,6 +148,6 @@ class CollocationMethod:
             if change < 0.05 * goal or settled:
                 return a if np.isfinite(a).all() else None
             if not change < 1e3 or (k > 3 and ratio > 0.9):
-                return None
+                return a if size < rounding else None
             last = change
         return None

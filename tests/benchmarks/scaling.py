@@ -1,0 +1,122 @@
+"""Time and memory of a step against the size of the scene.
+
+    python tests/benchmarks/scaling.py
+
+Two families: the pendulum of one beam with 16 to 4096 elements, and a chain of 2 to 256 hinged beams of
+two elements each; model `exact`, methods gauss and gear at equal fixed steps.  Each step is scaled to the
+element length, so that the same number of them asks the same of Newton's method.  CPU time, median of
+repeats; memory by tracemalloc in a run of its own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+import tracemalloc
+
+import numpy as np
+
+from hfsim.build import build
+from hfsim.deck import parse_deck
+from hfsim.simulate import run_integration
+
+BEAM = """
+hfsim: 1
+name: pendulum
+gravity: [0.0, -9.81]
+materials: {{soft: {{density: 5540.0, youngs_modulus: 7.0e5}}}}
+sections: {{strip: {{area: 1.8e-3, second_moment: 1.215e-8}}}}
+bodies: {{b1: {{type: beam, material: soft, section: strip, length: 1.2, elements: {count}}}}}
+joints: {{pin: {{type: revolute, between: [ground, b1.root]}}}}
+solve: {{model: exact, duration: {duration}, method: {method}, step: {step}, stages: 8, order: 2}}
+"""
+CHAIN = """
+hfsim: 1
+name: chain
+gravity: [0.0, -9.81]
+materials: {{soft: {{density: 5540.0, youngs_modulus: 7.0e5}}}}
+sections: {{strip: {{area: 1.8e-3, second_moment: 1.215e-8}}}}
+bodies:
+{bodies}
+joints:
+{joints}
+solve: {{model: exact, duration: {duration}, method: {method}, step: {step}, stages: 8, order: 2}}
+"""
+STEPS = 10
+
+
+def beam(count: int, method: str) -> str:
+    """Return the deck of the pendulum with `count` elements."""
+    step = 4e-3 / count
+    return BEAM.format(count=count, method=_written(method), step=step, duration=STEPS * step)
+
+
+def chain(count: int, method: str) -> str:
+    """Return the deck of a chain of `count` beams, 0.3 m each, hinged end to end."""
+    names = [f"b{k}" for k in range(count)]
+    one = "{{type: beam, material: soft, section: strip, length: 0.3, elements: 2}}"
+    ends = ["ground", *(f"{name}.tip" for name in names)]
+    joints = [f"  j{k}: {{type: revolute, between: [{ends[k]}, {name}.root]}}" for k, name in enumerate(names)]
+    text = CHAIN.replace("{bodies}", "\n".join(f"  {name}: {one}" for name in names))
+    text = text.replace("{joints}", "\n".join(joints).replace("{", "{{").replace("}", "}}"))
+    step = 1e-3
+    return text.format(method=_written(method), step=step, duration=STEPS * step)
+
+
+def _written(method: str) -> str:
+    return method
+
+
+def measure(text: str, repeats: int) -> tuple[float, float, int, float]:
+    """Return CPU time of a step and of building [s], unknowns, and the peak memory of the run [MB]."""
+    kept = "stages: 8" if "method: gauss" in text else "order: 2"
+    dropped = "stages: 8, " if kept == "order: 2" else ", order: 2"
+    loaded = parse_deck(text.replace(dropped, ""))
+    start = time.process_time()
+    scene = build(loaded)
+    building = time.process_time() - start
+    times = []
+    for _ in range(repeats):
+        start = time.process_time()
+        done = run_integration(scene, scene.deck.solve)
+        times.append((time.process_time() - start) / done.problem.counts.steps)
+        if done.stop is not None:
+            raise SystemExit(f"{scene.deck.name}: {done.stop}")
+    tracemalloc.start()
+    run_integration(build(loaded), scene.deck.solve)
+    peak = tracemalloc.get_traced_memory()[1] / 1e6
+    tracemalloc.stop()
+    return float(np.median(times)), building, scene.system.n, peak
+
+
+def table(family: str, counts: list[int], method: str, repeats: int, slope_from: int) -> None:
+    """Print one family with one method, and the slopes of time and memory."""
+    print(f"\n{family}, {method}: {'count':>6} {'unknowns':>9} {'ms a step':>10} {'build s':>8} {'memory MB':>10}")
+    rows = []
+    for count in counts:
+        text = (beam if family == "elements" else chain)(count, method)
+        step, building, unknowns, peak = measure(text, repeats)
+        rows.append((count, step, peak))
+        head = " " * (len(family) + len(method) + 4)
+        print(f"{head}{count:>6} {unknowns:>9} {1e3 * step:>10.2f} {building:>8.2f} {peak:>10.1f}", flush=True)
+    used = np.log([row for row in rows if row[0] >= slope_from])
+    if len(used) > 1:
+        slopes = [np.polyfit(used[:, 0], used[:, k], 1)[0] for k in (1, 2)]
+        print(f"slope from {slope_from} on: time {slopes[0]:.2f}, memory {slopes[1]:.2f}")
+
+
+def main() -> None:
+    """Measure both families with both methods."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--elements", default="16,64,256,1024,4096")
+    parser.add_argument("--bodies", default="2,4,16,64,256")
+    parser.add_argument("--methods", default="gauss,gear")
+    parser.add_argument("--repeats", type=int, default=3)
+    given = parser.parse_args()
+    for method in given.methods.split(","):
+        table("elements", [int(n) for n in given.elements.split(",")], method, given.repeats, 64)
+        table("bodies", [int(n) for n in given.bodies.split(",")], method, given.repeats, 16)
+
+
+if __name__ == "__main__":
+    main()
