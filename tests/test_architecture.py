@@ -55,7 +55,8 @@ ALLOWED = {
     "channels": GROUND | {"build"},
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},
-    "simulate": GROUND | {"balance", "build", "channels", "clock", "deck", "integrators", "runaway", "system"},
+    "simulate": GROUND
+    | {"balance", "build", "channels", "clock", "deck", "integrators", "runaway", "system"},
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
