@@ -12,7 +12,7 @@ from hfsim.bodies import BeamSpec, RigidSpec
 from hfsim.bodies.assembled import Body, LowOrderBody, NodalBeam, RigidBody
 from hfsim.constraints import Constraint
 from hfsim.deck import Deck, LoadedDeck
-from hfsim.elements import ELEMENTS, Inertia, Measures, Stiffness, join_laws
+from hfsim.elements import ELEMENTS, ElasticLaw, Inertia, Measures, Stiffness, join_laws
 from hfsim.forces import TwoPointSpec
 from hfsim.markers import GroundMarker, Marker
 from hfsim.models import MODELS, Model
@@ -292,7 +292,7 @@ def _spec(deck: Deck, body: Body) -> BeamSpec:
 def _law_kind(deck: Deck, body: NodalBeam) -> object:
     """Return what must be equal for two beams to share one batched law."""
     spec = _spec(deck, body)
-    if spec.element == "continuum":
+    if spec.element == "continuum" or deck.solve.elastic_form != "gram":
         return (spec.element, _stiffness(deck, spec), body.mesh.element.length)
     return (spec.element, _measures(spec))
 
@@ -300,17 +300,27 @@ def _law_kind(deck: Deck, body: NodalBeam) -> object:
 def _elastic_force(deck: Deck, group: list[NodalBeam], n: int) -> ElasticForce:
     laws, columns, count = [], [], 0
     for body in group:
-        spec = _spec(deck, body)
-        laws.append(body.mesh.element.law(_stiffness(deck, spec), spec.elements, _measures(spec)))
-        columns.append(_gather(body, n))
-        count += spec.elements
+        law, local = _elastic_law(deck, body)
+        laws.append(law)
+        columns.append(_gather(body, n, local))
+        count += body.mesh.count
     gather = np.concatenate(columns, axis=1)
     vectors = gather.shape[1] // (2 * count)
     return ElasticForce(gather, np.ascontiguousarray(gather.T), join_laws(laws), (count, vectors, 2))
 
 
-def _gather(body: NodalBeam, n: int) -> Array:
-    local = np.kron(body.mesh.differences, np.eye(2))
+def _elastic_law(deck: Deck, body: NodalBeam) -> tuple[ElasticLaw, Array]:
+    """Return the law of a beam in the form asked for, and the matrix to the vectors that it takes."""
+    spec, mesh, form = _spec(deck, body), body.mesh, deck.solve.elastic_form
+    if form == "gram":
+        return mesh.element.law(_stiffness(deck, spec), mesh.count, _measures(spec)), mesh.differences
+    from hfsim.elements.separation import nodal_law
+
+    return nodal_law(form, mesh.element, _stiffness(deck, spec), mesh.count), mesh.copies
+
+
+def _gather(body: NodalBeam, n: int, vectors: Array) -> Array:
+    local = np.kron(vectors, np.eye(2))
     gather = np.zeros((n, len(local)))
     gather[body.columns] = local.T
     return gather
@@ -345,7 +355,7 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
 def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
     spec = _spec(deck, body)
     material, stiffness = deck.materials[spec.material], _stiffness(deck, spec)
-    gather = _gather(body, n)
+    gather = _gather(body, n, body.mesh.differences)
     return KelvinVoigtForce.of(
         gather=gather,
         count=spec.elements,

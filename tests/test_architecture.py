@@ -60,7 +60,7 @@ ALLOWED = {
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
-    "studies": GROUND | {"balance", "build", "simulate", "deck", "writers"},
+    "studies": GROUND | {"balance", "build", "simulate", "deck", "writers", "elements", "models"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }
