@@ -102,7 +102,7 @@ def names(text: str | None) -> tuple[str, ...]:
 
 
 @click.command()
-@click.argument("deck", metavar="DECK", required=False)
+@click.argument("deck", metavar="[DECK]", required=False)
 @click.option("--methods", metavar="A,B,...", help="Methods; all without it.")
 @click.option(
     "--tolerances",

@@ -24,7 +24,7 @@ class ElasticForce(ForcePart):
     Attributes
     ----------
     gather : ndarray, shape (n, n_elements * n_vectors * 2)
-        From coordinates to difference vectors, ``x @ gather``.
+        From coordinates to the vectors of each element that the law takes, ``x @ gather``.
     law : ElasticLaw
     shape : tuple of int
         (n_elements, n_vectors, 2).
