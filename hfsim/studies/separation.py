@@ -385,7 +385,8 @@ def measure(
             start = budget.used
             expected = cost.get(kind, 0.0)
             if cells and budget.left <= expected:
-                cells.append(Cell(kind, count, reason=f"about {expected:.2g} s expected"))
+                reason = f"about {expected:.2g} s expected" if budget.left > 0.0 else "the budget is used up"
+                cells.append(Cell(kind, count, reason=reason))
                 continue
             cells.append(_cell(kind, count, repeats, budget, forms or STIFFNESS_FORMS))
             cost[kind] = budget.used - start
