@@ -13,7 +13,7 @@ from hfsim.bodies import BeamSpec, RigidSpec
 from hfsim.bodies.assembled import Body, LowOrderBody, NodalBeam, RigidBody
 from hfsim.constraints import Constraint
 from hfsim.deck import Deck, LoadedDeck
-from hfsim.elements import ELEMENTS, Inertia, Measures, Stiffness, join_laws
+from hfsim.elements import ELEMENTS, ElasticLaw, Inertia, Measures, Stiffness, join_laws
 from hfsim.elimination import eliminate
 from hfsim.equations import Equations, VariableMass
 from hfsim.forces import TwoPointSpec
@@ -306,7 +306,7 @@ def _spec(deck: Deck, body: Body) -> BeamSpec:
 def _law_kind(deck: Deck, body: NodalBeam) -> object:
     """Return what must be equal for two beams to share one batched law."""
     spec = _spec(deck, body)
-    if spec.element == "continuum":
+    if spec.element == "continuum" or deck.solve.elastic_form != "gram":
         return (spec.element, _stiffness(deck, spec), body.mesh.element.length)
     return (spec.element, _measures(spec))
 
@@ -314,16 +314,27 @@ def _law_kind(deck: Deck, body: NodalBeam) -> object:
 def _elastic_force(deck: Deck, group: list[NodalBeam], n: int) -> ElasticForce:
     laws, parts = [], []
     for body in group:
-        spec = _spec(deck, body)
-        laws.append(body.mesh.element.law(_stiffness(deck, spec), spec.elements, _measures(spec)))
-        parts.append(_connectivity(body, n))
+        law, local = _elastic_law(deck, body)
+        laws.append(law)
+        parts.append(_connectivity(body, n, local))
     return ElasticForce(reduce(lambda a, b: a.joined(b), parts), join_laws(laws))
 
 
-def _connectivity(body: NodalBeam, n: int) -> Connectivity:
+def _elastic_law(deck: Deck, body: NodalBeam) -> tuple[ElasticLaw, Array]:
+    """Return the law of a beam in the form asked for, and the matrix to an element's vectors."""
+    spec, element, form = _spec(deck, body), body.mesh.element, deck.solve.elastic_form
+    stiffness = _stiffness(deck, spec)
+    if form == "gram":
+        return element.law(stiffness, spec.elements, _measures(spec)), element.differences()
+    from hfsim.elements.separation import nodal_law
+
+    return nodal_law(form, element, stiffness, spec.elements), np.eye(element.differences().shape[1])
+
+
+def _connectivity(body: NodalBeam, n: int, vectors: Array) -> Connectivity:
+    """Return how the vectors of each element follow, ``vectors`` being the matrix from its nodal vectors."""
     columns = _element_columns(body)
-    local = np.kron(body.mesh.element.differences(), np.eye(2))
-    return Connectivity(n, columns, np.tile(local, (len(columns), 1, 1)))
+    return Connectivity(n, columns, np.tile(np.kron(vectors, np.eye(2)), (len(columns), 1, 1)))
 
 
 def _element_columns(body: NodalBeam) -> IntArray:
@@ -363,7 +374,7 @@ def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
     spec = _spec(deck, body)
     material, stiffness = deck.materials[spec.material], _stiffness(deck, spec)
     return KelvinVoigtForce.of(
-        elements=_connectivity(body, n),
+        elements=_connectivity(body, n, body.mesh.element.differences()),
         axial=stiffness.axial * body.mesh.element.length * material.axial_damping,
         bending=stiffness.bending / body.mesh.element.length * material.bending_damping,
     )

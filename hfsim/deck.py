@@ -135,6 +135,9 @@ class SolveSpec(Spec):
     """Coordinates the steps are made in: the model's own with a body frame, or absolute nodal ones that are
     mapped to the frame for output; lowOrder has only its own."""
 
+    elastic_form: Literal["direct", "tabulated", "separated", "gram"] = "gram"
+    """How exact and ancf compute the elastic force: all give the same to round-off, gram is the fastest."""
+
     max_steps: Count | None = None
     """Steps after which the run stops [-]."""
 
@@ -358,6 +361,7 @@ class _Checks:
         yield from self._dimensions()
         yield from self._beam_sizes()
         yield from self._model_options()
+        yield from self._elastic_form()
         yield from self._law_ranges()
         yield from self._output_rows()
 
@@ -557,6 +561,15 @@ class _Checks:
             if beam.rotary_inertia:
                 message = "the model lowOrder has no rotary inertia"
                 yield Complaint(("bodies", name, "rotary_inertia"), message, "false, or another model")
+
+    def _elastic_form(self) -> Iterator[Complaint]:
+        if self.solve is None or self.solve.elastic_form == "gram":
+            return
+        for name, beam in self.beams.items():
+            if (beam.strain, beam.curvature) != ("green", "linear"):
+                key = "strain" if beam.strain != "green" else "curvature"
+                message = f"elastic_form: {self.solve.elastic_form} needs strain: green, curvature: linear"
+                yield Complaint(("bodies", name, key), message, "or leave elastic_form out")
 
     def _law_ranges(self) -> Iterator[Complaint]:
         for path, law in self._laws():

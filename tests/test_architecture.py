@@ -64,11 +64,12 @@ ALLOWED = {
     "channels": GROUND | {"build"},
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},
-    "simulate": GROUND | {"balance", "build", "channels", "clock", "deck", "integrators", "runaway", "system"},
+    "simulate": GROUND
+    | {"balance", "build", "channels", "clock", "deck", "integrators", "runaway", "system"},
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
-    "studies": GROUND | {"balance", "build", "simulate", "deck", "writers"},
+    "studies": GROUND | {"balance", "build", "simulate", "deck", "writers", "elements", "models"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }

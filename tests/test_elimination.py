@@ -217,7 +217,8 @@ def test_corrections_are_alike_dense_and_sparse(name, natural, request):
         residual = problem.increments.to_natural(problem.increments.geometry(q), r) if natural else r
         found.append((d.correction(table, h)(residual)[0], d.solver(h * h, 0.0)(residual[0])))
     for one, other in zip(*found, strict=True):
-        assert one == pytest.approx(other, abs=1e-9 * np.abs(other).max())
+        # the stiffness of joint forces comes from difference quotients
+        assert one == pytest.approx(other, abs=1e-7 * np.abs(other).max())
 
 
 @pytest.mark.parametrize("table", [gauss(1), gauss(7), gauss(16), gauss(24), radau(2), radau(9), radau(20)])

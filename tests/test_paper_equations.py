@@ -311,6 +311,10 @@ def test_forms_agree_on_batches_of_states_and_elements(name, rng):
     for other in others:
         for what in ("stiffness", "force", "tangent"):
             close(getattr(other, what)(p), getattr(direct, what)(p), 1e-12)
+    for form in (direct, *others):
+        force, both = form.force_and_tangent(p)
+        close(force, direct.force(p), 1e-12)
+        close(both, direct.tangent(p), 1e-12)
     tangent = direct.tangent(p)
     close(tangent, tangent.swapaxes(-1, -2), 1e-13)
 

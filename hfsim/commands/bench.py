@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -17,6 +17,7 @@ from hfsim.commands import (
     Talk,
     as_table,
     assemble,
+    bench_separation,
     deck_options,
     find_deck,
     load_decks,
@@ -30,8 +31,7 @@ if TYPE_CHECKING:
     from hfsim.runfolder import RunFolder
     from hfsim.studies.bench import Bench, Cell, Point, Sweep
 
-MARKER = "bench.json"
-"""File whose presence means that the results in a folder are whole."""
+MARKER = bench_separation.MARKER
 _SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _NO_ORDER = 0.5
 """Order, from the coarsest to the finest mesh, below which a channel does not converge."""
@@ -102,7 +102,7 @@ def names(text: str | None) -> tuple[str, ...]:
 
 
 @click.command()
-@click.argument("deck", metavar="DECK")
+@click.argument("deck", metavar="[DECK]", required=False)
 @click.option("--methods", metavar="A,B,...", help="Methods; all without it.")
 @click.option(
     "--tolerances",
@@ -120,6 +120,12 @@ def names(text: str | None) -> tuple[str, ...]:
     callback=_listed(int, "element counts"),
     help="Elements of each beam; the deck's without it. Several: mesh errors too.",
 )
+@click.option(
+    "--separation",
+    is_flag=True,
+    help="Time the ways to the elastic force (the paper's Table 1) instead; takes no DECK.",
+)
+@click.option("--element", metavar="A,B,...", help="With --separation: kinds of element; all without it.")
 @click.option(
     "--budget",
     default="60s",
@@ -139,12 +145,14 @@ def names(text: str | None) -> tuple[str, ...]:
 @deck_options
 @talk_options
 def bench(
-    deck: str,
+    deck: str | None,
     methods: str | None,
     tolerances: tuple[float, ...],
     steps: tuple[float, ...],
     models: str | None,
     elements: tuple[int, ...],
+    separation: bool,
+    element: str | None,
     budget: float,
     repeats: int,
     output: Path | None,
@@ -161,18 +169,41 @@ def bench(
     reference made by two methods that agree; energy.total of a conservative scene is told as drift only.
     CPU times are those of the integration alone. Results go to '<deck name>.bench' or to -o DIR.
     Points that fail are results (exit code 0); exit code 3 means that there is no reference.
+
+    With --separation, the forms of the elastic force (solve.elastic_form in decks) are timed,
+    each evaluation and a whole run; results go to 'separation.bench'. Exit code 4: the forms disagree.
     """  # fmt: skip
     started = time.perf_counter()
     talk = Talk(quiet, verbose, as_json)
+    if separation:
+        unfit = {"DECK": deck, "--methods": methods, "--tolerances": tolerances, "--steps": steps,
+                 "--models": models, "--set": overrides}  # fmt: skip
+        _refuse_given(unfit, "does not go with --separation")
+        plan = bench_separation.Plan(
+            elements=elements or bench_separation.ELEMENTS,
+            kinds=bench_separation.known_kinds(names(element)),
+            repeats=repeats, seconds=budget, started=started, plots=not no_plots, talk=talk,
+            folder=_claim(output, "separation", force),
+        )  # fmt: skip
+        raise click.exceptions.Exit(bench_separation.do_separation(plan))
+    _refuse_given({"--element": element}, "goes with --separation only")
+    if deck is None:
+        raise click.UsageError("Missing argument 'DECK' (or --separation)")
     if tolerances and steps:
         raise click.UsageError("give --tolerances or --steps, not both")
     loaded = load_decks([str(find_deck(deck, talk))], overrides, talk, assemble)[0]
     sweep = make_sweep(loaded, names(methods), tolerances, steps, names(models), elements, repeats)
-    plan = Plan(
+    scene_plan = Plan(
         argument=deck, deck=loaded, sweep=sweep, seconds=budget, started=started, overrides=overrides,
         talk=talk, folder=_claim(output, loaded.deck.name, force), plots=not no_plots,
     )  # fmt: skip
-    raise click.exceptions.Exit(do_bench(plan))
+    raise click.exceptions.Exit(do_bench(scene_plan))
+
+
+def _refuse_given(options: Mapping[str, object], why: str) -> None:
+    for name, value in options.items():
+        if value:
+            raise click.UsageError(f"{name} {why}")
 
 
 def make_sweep(

@@ -8,11 +8,13 @@ G = V V^T (design, section 3).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import Any, Protocol, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hfsim.arrays import Array
 
@@ -123,6 +125,47 @@ class Element(Protocol):
 
 
 @dataclass(frozen=True)
+class QuadraticMap:
+    """Sums of products of two components of a vector, and constants.
+
+    Attributes
+    ----------
+    first, second : ndarray of int, shape (n_products,)
+        Which components are multiplied; each pair once.
+    matrix : ndarray, shape (n_products, n_out)
+    constant : ndarray, shape (n_out,), (1, n_out) or (n_elements, n_out)
+    scale : ndarray, shape (n_elements, 1), optional
+        Multiplies the whole.
+    """
+
+    first: NDArray[np.intp]
+    second: NDArray[np.intp]
+    matrix: Array
+    constant: Array
+    scale: Array | None = None
+
+    @classmethod
+    def of(cls, full: Array, constant: Array, scale: Array | None = None) -> QuadraticMap:
+        """Return the map with the factors full[c, d] of each product x_c x_d, shape (n, n, n_out)."""
+        first, second = np.triu_indices(len(full))
+        matrix = full[first, second]
+        off = first != second
+        matrix[off] += full[second[off], first[off]]
+        used = matrix.any(axis=1)
+        return cls(first[used], second[used], np.ascontiguousarray(matrix[used]), constant, scale)
+
+    def __call__(self, x: Array) -> Array:
+        """Return the sums, shape (..., n_out), for x of shape (..., n_elements, n)."""
+        products = x.take(self.first, axis=-1)
+        products *= x.take(self.second, axis=-1)
+        out = products @ self.matrix
+        out += self.constant
+        if self.scale is not None:
+            out *= self.scale
+        return np.asarray(out)
+
+
+@dataclass(frozen=True)
 class GramLaw:
     """An energy that is quadratic in the products of difference vectors.
 
@@ -140,19 +183,24 @@ class GramLaw:
         g0.
     scale : ndarray, shape (n_elements,)
         [J].
+    dimension : int
+        Of the vectors.
+
+    Gradient and Hessian are each one product of components and one matrix product: in scenes of usual
+    size calls cost, not operations.
     """
 
     quadratic: Array
     linear: Array
     reference: Array
     scale: Array
+    dimension: int = 2
 
     def joined(self, other: GramLaw) -> GramLaw:
         """Return the law of this one's elements followed by the other's."""
-        return GramLaw(
-            quadratic=self.quadratic,
+        return replace(
+            self,
             linear=np.concatenate([self.linear, other.linear]),
-            reference=self.reference,
             scale=np.concatenate([self.scale, other.scale]),
         )
 
@@ -162,38 +210,51 @@ class GramLaw:
         return self.linear - self.reference @ self.quadratic
 
     @cached_property
-    def _twice(self) -> Array:
-        return 2.0 * self.scale[:, None]
+    def coefficients(self) -> QuadraticMap:
+        """2 dU/dG [J] by the components of V, entries (a, b) of each element in a row."""
+        n, d = self._n_vectors, self.dimension
+        C = self.quadratic.reshape(n, n, n * n)
+        return self._map(np.einsum("bcx,kl->bkclx", C, np.eye(d)), self.linear_at_zero)
 
-    def _products(self, V: Array) -> Array:
-        G = V @ V.swapaxes(-1, -2)
-        return G.reshape(*G.shape[:-2], -1)
+    @cached_property
+    def second_derivative(self) -> QuadraticMap:
+        """d2U/dV2 [J] by the components of V: the products' own change and that of what they multiply."""
+        n, d = self._n_vectors, self.dimension
+        C, unit = self.quadratic.reshape(n, n, n, n), np.eye(d)
+        own = 2.0 * np.einsum("abcd,ik,jl->bkdlaicj", C, unit, unit)
+        geometric = np.einsum("bdac,kl,ij->bkdlaicj", C, unit, unit)
+        at_zero = np.einsum("eac,ij->eaicj", self.linear_at_zero.reshape(-1, n, n), unit)
+        return self._map(own + geometric, at_zero)
 
-    def _coefficients(self, V: Array) -> Array:
-        """Return 2 dU/dG [J], shape (..., n_elements, n_vectors, n_vectors)."""
-        H = self._products(V) @ self.quadratic
-        H += self.linear_at_zero
-        H *= self._twice
-        return H.reshape(*V.shape[:-1], V.shape[-2])
+    @property
+    def _n_vectors(self) -> int:
+        return math.isqrt(len(self.reference))
+
+    def _map(self, full: Array, constant: Array) -> QuadraticMap:
+        """Return 2 scale (full : V V + constant); what is equal for all elements is kept once."""
+        n = self._n_vectors * self.dimension
+        constant, factor = constant.reshape(len(self.scale), -1), 2.0 * self.scale[:, None]
+        if np.all(factor == factor[0]):
+            alike = np.all(constant == constant[0])
+            constant = factor[0] * (constant[:1] if alike else constant)
+            return QuadraticMap.of(factor[0] * full.reshape(n, n, -1), constant)
+        return QuadraticMap.of(full.reshape(n, n, -1), constant, factor)
 
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_elements)."""
-        d = self._products(V) - self.reference
+        G = V @ V.swapaxes(-1, -2)
+        d = G.reshape(*G.shape[:-2], -1) - self.reference
         return np.asarray(self.scale * np.sum((0.5 * (d @ self.quadratic) + self.linear) * d, axis=-1))
 
     def gradient(self, V: Array) -> Array:
         """Return dU/dV [J], same shape as V."""
-        return np.asarray(self._coefficients(V) @ V)
+        H = self.coefficients(V.reshape(*V.shape[:-2], -1))
+        return np.asarray(H.reshape(*V.shape[:-1], V.shape[-2]) @ V)
 
     def hessian(self, V: Array) -> Array:
-        """Return d2U/dV2 [J]: the products' own change and the change of the vectors they multiply."""
-        n, d = V.shape[-2:]
-        H = self._coefficients(V)
-        C = self.quadratic.reshape(n, n, n, n)
-        change = 2.0 * np.einsum("abcd,...bi,...dj->...aicj", C, V, V, optimize=True)
-        change *= self._twice[..., None, None, None]
-        geometric = H[..., :, None, :, None] * np.eye(d)[:, None, :]
-        return np.asarray((change + geometric).reshape(*V.shape[:-2], n * d, n * d))
+        """Return d2U/dV2 [J], shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
+        flat = V.reshape(*V.shape[:-2], -1)
+        return self.second_derivative(flat).reshape(*flat.shape, flat.shape[-1])
 
 
 def join_laws(laws: list[Any]) -> ElasticLaw:

@@ -1,9 +1,9 @@
-r"""Three ways to the stiffness K(p) of eq. (25): direct, separated (39)-(41), and by products of vectors.
+r"""Ways to the stiffness K(p) of eq. (25): direct, separated (39)-(41), and by products of vectors.
 
 Strain enters as :math:`\varepsilon_{ij} = \frac12 (p^T S_{ij} p - \delta_{ij})` with
 :math:`S_{ij} = N_{,i}^T N_{,j}` (eq. 18, 26).  In the plane i and j run over 1, 2, and of the three
 shear terms the one with i = 1, k(i) = 2 is left.  A centre line has i = j = 1 only, EA in the place
-of E_11, and a constant bending stiffness.  All three forms give the same numbers to round-off; they
+of E_11, and a constant bending stiffness.  All forms give the same numbers to round-off; they
 differ in cost.
 
 Everywhere p holds the nodal components of an element, shape (..., n) with n = 2 * n_vectors; leading
@@ -13,16 +13,15 @@ strain energy (eq. 24), and tangent its derivative by p.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hfsim.elements._base import Element, GramLaw, Stiffness
+from hfsim.arrays import Array
+from hfsim.elements._base import ElasticLaw, Element, GramLaw, QuadraticMap, Stiffness, join_laws
 from hfsim.shapes import gauss_legendre
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -61,9 +60,28 @@ class StrainTable:
         """Shear terms (i, k(i), E_(3+i)(3+i)), directions counted from zero."""
         return [(0, 1, self.shear)] if len(self.rows) == 2 else []
 
+    @cached_property
+    def unit(self) -> Array:
+        """What p^T A_r p is in a rigid motion: one for normal strains, zero for shear, shape (n_strains,)."""
+        return np.array([1.0] * len(self.rows) + [0.0] * len(self.pairs))
+
+    @cached_property
+    def constant(self) -> Array:
+        """Entries of the constant part over all components, shape (n * n,)."""
+        return _both_components(self.bending).ravel()
+
+    @cached_property
+    def elasticity(self) -> Array:
+        """Coefficients E of eq. (22) in the plane, shape (n_strains, n_strains)."""
+        E = np.zeros((len(self.unit), len(self.unit)))
+        E[: len(self.rows), : len(self.rows)] = self.normal
+        for at, (_, _, modulus) in enumerate(self.pairs, start=len(self.rows)):
+            E[at, at] = modulus
+        return E
+
     def S(self, i: int, j: int) -> Array:
         """Return S_ij of eq. (26) at each point, shape (n_points, n, n)."""
-        return np.kron(self.rows[i][:, :, None] * self.rows[j][:, None, :], np.eye(2))
+        return _both_components(self.rows[i][:, :, None] * self.rows[j][:, None, :])
 
 
 def _continuum_table(element: Element, stiffness: Stiffness) -> StrainTable:
@@ -86,12 +104,37 @@ def _cable_table(element: Element, stiffness: Stiffness) -> StrainTable:
     return StrainTable(weights, rows[None], np.array([[stiffness.axial]]), 0.0, np.asarray(bending))
 
 
+class StiffnessForm(Protocol):
+    """One way to the stiffness of an element; p has shape (..., n)."""
+
+    @classmethod
+    def of(cls, element: Element, stiffness: Stiffness) -> Self:
+        """Return the form of an element."""
+
+    def stiffness(self, p: Array) -> Array:
+        """Return K, shape (..., n, n)."""
+
+    def force(self, p: Array) -> Array:
+        """Return K p, shape (..., n)."""
+
+    def tangent(self, p: Array) -> Array:
+        """Return d(K p)/dp, shape (..., n, n)."""
+
+    def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
+        """Return both of the above; what they have in common is computed once."""
+
+
+def _times(K: Array, p: Array) -> Array:
+    return np.asarray((K @ p[..., None])[..., 0])
+
+
 @dataclass(frozen=True)
 class DirectStiffness:
-    """K(p) by quadrature at every call, eq. (25)/(27).
+    r"""K(p) as eq. (25)/(27) says: every entry by quadrature at every call.
 
-    The shape rows are looked up; what depends on p, the gradient vectors N_,i p and their products,
-    is evaluated at the quadrature points each time.
+    With :math:`A_r = S_{11}, S_{22}, S_{12} + S_{21}` and the elastic coefficients E_rs of eq. (22)
+    in the plane, the integrand is :math:`\frac12 (p^T A_r p - 1_r) E_{rs} A_s`.  Shape rows are looked
+    up; the matrices S_ij, the strains and the entries are computed each time, for all elements together.
     """
 
     table: StrainTable
@@ -101,50 +144,60 @@ class DirectStiffness:
         """Return the direct form of an element."""
         return cls(StrainTable.of(element, stiffness))
 
-    def _gradients(self, p: Array) -> list[Array]:
-        """Return N_,i p for each direction, shape (..., n_points, 2) each."""
-        nodes = p.reshape(*p.shape[:-1], -1, 2)
-        return [rows @ nodes for rows in self.table.rows]
+    def _matrices(self) -> Array:
+        """Return A_r at each point, shape (n_strains * n_points, n, n)."""
+        table = self.table
+        normal = [table.S(i, i) for i in range(len(table.rows))]
+        mixed = [table.S(i, k) for i, k, _ in table.pairs]
+        return np.concatenate([*normal, *(S + S.swapaxes(1, 2) for S in mixed)])
+
+    def _evaluate(self, p: Array) -> tuple[Array, Array]:
+        """Return K and the vectors A_r p, shape (..., n_strains * n_points, n)."""
+        table, A, n = self.table, self._matrices(), p.shape[-1]
+        Ap = (p @ A.reshape(-1, n).T).reshape(*p.shape[:-1], len(A), n)
+        strain = 0.5 * ((Ap @ p[..., None])[..., 0] - np.repeat(table.unit, len(table.weights)))
+        stress = table.elasticity @ strain.reshape(*p.shape[:-1], len(table.unit), -1)
+        stress *= table.weights
+        K = stress.reshape(*p.shape[:-1], -1) @ A.reshape(len(A), n * n)
+        K += table.constant
+        return K.reshape(*p.shape, n), Ap
 
     def stiffness(self, p: Array) -> Array:
         """Return K, shape (..., n, n)."""
-        return _both_components(self._one_component(self._gradients(p)))
-
-    def _one_component(self, gradients: list[Array]) -> Array:
-        table = self.table
-        excess = np.stack([np.sum(g * g, axis=-1) - 1.0 for g in gradients], axis=-1)
-        stress = 0.5 * excess @ table.normal * table.weights[:, None]
-        K = np.broadcast_to(table.bending, (*excess.shape[:-2], *table.bending.shape)).copy()
-        for i, rows in enumerate(table.rows):
-            K += (rows.T * stress[..., None, :, i]) @ rows
-        for i, k, modulus in table.pairs:
-            stress_ik = modulus * table.weights * np.sum(gradients[i] * gradients[k], axis=-1)
-            mixed = (table.rows[i].T * stress_ik[..., None, :]) @ table.rows[k]
-            K += mixed + mixed.swapaxes(-1, -2)
-        return K
+        return self._evaluate(p)[0]
 
     def force(self, p: Array) -> Array:
         """Return K p, shape (..., n)."""
-        nodes = p.reshape(*p.shape[:-1], -1, 2)
-        return np.asarray((self._one_component(self._gradients(p)) @ nodes).reshape(p.shape))
+        return _times(self._evaluate(p)[0], p)
 
     def tangent(self, p: Array) -> Array:
-        """Return d(K p)/dp, shape (..., n, n): K plus E_ij (S_ii p)(S_jj p)^T and its like for shear."""
-        table, gradients = self.table, self._gradients(p)
-        T = _both_components(self._one_component(gradients))
-        rates = [_dyads(rows, g) for rows, g in zip(table.rows, gradients, strict=True)]
-        for i, first in enumerate(rates):
-            for j, second in enumerate(rates):
-                T += first.swapaxes(-1, -2) @ (second * (table.normal[i, j] * table.weights)[:, None])
-        for i, k, modulus in table.pairs:
-            rate = _dyads(table.rows[i], gradients[k]) + _dyads(table.rows[k], gradients[i])
-            T += rate.swapaxes(-1, -2) @ (rate * (modulus * table.weights)[:, None])
-        return T
+        """Return d(K p)/dp, shape (..., n, n): K plus E_rs (A_r p)(A_s p)^T."""
+        return self.force_and_tangent(p)[1]
+
+    def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
+        """Return force and tangent."""
+        table = self.table
+        K, Ap = self._evaluate(p)
+        stressed = (table.elasticity @ Ap.reshape(*p.shape[:-1], len(table.unit), -1)).reshape(Ap.shape)
+        stressed *= np.tile(table.weights, len(table.unit))[:, None]
+        return _times(K, p), K + Ap.swapaxes(-1, -2) @ stressed
 
 
-def _dyads(rows: Array, g: Array) -> Array:
-    """Return S_ij p at each point, shape (..., n_points, n), from the rows of N_,i and N_,j p."""
-    return np.asarray((rows[..., None] * g[..., None, :]).reshape(*g.shape[:-1], -1))
+@dataclass(frozen=True)
+class TabulatedStiffness(DirectStiffness):
+    """The same quadrature with the matrices S_ij kept at every point: all that can be, without (39)-(41)."""
+
+    @classmethod
+    def of(cls, element: Element, stiffness: Stiffness) -> TabulatedStiffness:
+        """Return the tabulated form of an element."""
+        return cls(StrainTable.of(element, stiffness))
+
+    @cached_property
+    def _kept(self) -> Array:
+        return super()._matrices()
+
+    def _matrices(self) -> Array:
+        return self._kept
 
 
 def _both_components(K: Array) -> Array:
@@ -188,33 +241,36 @@ class SeparatedStiffness:
         return cls(C, c)
 
     @cached_property
-    def _flat(self) -> Array:
-        """C as a matrix from the products p_c p_d to the entries (a, b)."""
+    def _entries(self) -> QuadraticMap:
+        """From p to the entries of K; p^T C_ab p needs each product p_c p_d once."""
         n = len(self.c)
-        return np.ascontiguousarray(self.C.reshape(n * n, n * n).T)
+        return QuadraticMap.of(self.C.reshape(n * n, n, n).transpose(1, 2, 0), self.c.ravel())
 
     @cached_property
-    def _change(self) -> Array:
-        """Matrix from the products p_b p_d to the entries (a, c) of the change of K times p."""
+    def _both(self) -> QuadraticMap:
+        """From p to the entries of K and of d(K p)/dp, which adds (C_ab + C_ab^T) p p_b in column c."""
         n = len(self.c)
-        even = self.C + self.C.swapaxes(2, 3)
-        return np.ascontiguousarray(even.transpose(0, 2, 1, 3).reshape(n * n, n * n).T)
-
-    def _map(self, p: Array, matrix: Array) -> Array:
-        products = (p[..., :, None] * p[..., None, :]).reshape(*p.shape[:-1], -1)
-        return np.asarray((products @ matrix).reshape(*p.shape, p.shape[-1]))
+        change = (self.C + self.C.swapaxes(2, 3)).transpose(1, 3, 0, 2)
+        entries = self.C.transpose(2, 3, 0, 1)
+        full = np.concatenate([m.reshape(n, n, n * n) for m in (entries, entries + change)], axis=-1)
+        return QuadraticMap.of(full, np.tile(self.c.ravel(), 2))
 
     def stiffness(self, p: Array) -> Array:
         """Return K, shape (..., n, n)."""
-        return self._map(p, self._flat) + self.c
+        return self._entries(p).reshape(*p.shape, p.shape[-1])
 
     def force(self, p: Array) -> Array:
         """Return K p, shape (..., n)."""
-        return np.asarray((self.stiffness(p) @ p[..., None])[..., 0])
+        return _times(self.stiffness(p), p)
 
     def tangent(self, p: Array) -> Array:
         """Return d(K p)/dp, shape (..., n, n)."""
-        return self.stiffness(p) + self._map(p, self._change)
+        return self.force_and_tangent(p)[1]
+
+    def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
+        """Return force and tangent."""
+        both = self._both(p).reshape(*p.shape[:-1], 2, *self.c.shape)
+        return _times(both[..., 0, :, :], p), both[..., 1, :, :]
 
 
 @dataclass(frozen=True)
@@ -224,7 +280,7 @@ class GramStiffness:
     Attributes
     ----------
     law : GramLaw
-        Of one element, or of as many as the last leading axis of p has.
+        Of one element.
     differences : ndarray, shape (n_differences, n_vectors)
     """
 
@@ -232,39 +288,119 @@ class GramStiffness:
     differences: Array
 
     @classmethod
-    def of(cls, element: Element, stiffness: Stiffness, count: int = 1) -> GramStiffness:
-        """Return the form of ``count`` equal elements.
+    def of(cls, element: Element, stiffness: Stiffness) -> GramStiffness:
+        """Return the form of an element.
 
         Raises
         ------
         TypeError
             If the element's energy is not a polynomial.
         """
-        law = element.law(stiffness, count)
+        law = element.law(stiffness, 1)
         if not isinstance(law, GramLaw):
             raise TypeError(f"{type(element).__name__} has no energy in products of vectors")
         return cls(law, np.asarray(element.differences()))
 
-    def _vectors(self, p: Array) -> Array:
-        return np.asarray(self.differences @ p.reshape(*p.shape[:-1], -1, 2))
+    @cached_property
+    def _scatter(self) -> Array:
+        """Matrix from forces on the components of the difference vectors to those on p."""
+        return np.kron(self.differences, np.eye(2))
+
+    @cached_property
+    def _gather(self) -> Array:
+        return np.ascontiguousarray(self._scatter.T)
+
+    @cached_property
+    def _both(self) -> QuadraticMap:
+        """From the difference vectors to the coefficients of the products and to the tangent over p."""
+        law, D = self.law, self._scatter
+        own, second = law.coefficients, law.second_derivative
+        size = len(D)
+
+        def on_nodes(rows: Array) -> Array:
+            return np.asarray(D.T @ rows.reshape(-1, size, size) @ D).reshape(len(rows), -1)
+
+        at = {pair: row for row, pair in enumerate(zip(second.first, second.second, strict=True))}
+        coefficients = np.zeros((len(at), own.matrix.shape[1]))
+        coefficients[[at[pair] for pair in zip(own.first, own.second, strict=True)]] = own.matrix
+        return QuadraticMap(
+            second.first,
+            second.second,
+            np.concatenate([coefficients, on_nodes(second.matrix)], axis=1),
+            np.concatenate([own.constant, on_nodes(second.constant)], axis=1),
+        )
+
+    def _force(self, V: Array, H: Array) -> Array:
+        """Return the force over p of flat difference vectors and coefficients of their products."""
+        n = len(self.differences)
+        pull = H.reshape(*H.shape[:-1], n, n) @ V.reshape(*V.shape[:-1], n, 2)
+        return np.asarray(pull.reshape(V.shape) @ self._scatter)
 
     def stiffness(self, p: Array) -> Array:
         """Return K, shape (..., n, n)."""
-        V, law = self._vectors(p), self.law
-        G = V @ V.swapaxes(-1, -2)
-        flat = G.reshape(*G.shape[:-2], -1) @ law.quadratic + law.linear_at_zero
-        H = (2.0 * law.scale[:, None] * flat).reshape(G.shape)
-        return _both_components(self.differences.T @ H @ self.differences)
+        n, D = len(self.differences), self.differences
+        H = self.law.coefficients(p @ self._gather)
+        return _both_components(D.T @ H.reshape(*H.shape[:-1], n, n) @ D)
 
     def force(self, p: Array) -> Array:
         """Return K p, shape (..., n)."""
-        return np.asarray((self.differences.T @ self.law.gradient(self._vectors(p))).reshape(p.shape))
+        V = p @ self._gather
+        return self._force(V, self.law.coefficients(V))
 
     def tangent(self, p: Array) -> Array:
         """Return d(K p)/dp, shape (..., n, n)."""
-        D = np.kron(self.differences, np.eye(2))
-        return np.asarray(D.T @ self.law.hessian(self._vectors(p)) @ D)
+        return self.force_and_tangent(p)[1]
+
+    def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
+        """Return force and tangent."""
+        V = p @ self._gather
+        both, n = self._both(V), len(self.differences) ** 2
+        return self._force(V, both[..., :n]), both[..., n:].reshape(*p.shape, p.shape[-1])
 
 
-STIFFNESS_FORMS = {"direct": DirectStiffness, "separated": SeparatedStiffness, "products": GramStiffness}
-"""The forms by name, as tests and benchmarks loop over them."""
+@dataclass(frozen=True)
+class NodalLaw:
+    """The elastic law of equal elements, over their nodal vectors, by one of the forms.
+
+    Attributes
+    ----------
+    form : StiffnessForm
+    energies : GramLaw
+        For the energy, which no form of the stiffness gives.
+    differences : ndarray, shape (n_differences, n_vectors)
+    """
+
+    form: StiffnessForm
+    energies: ElasticLaw
+    differences: Array
+
+    def energy(self, V: Array) -> Array:
+        """Return the stored energy of each element [J], shape (..., n_elements)."""
+        return self.energies.energy(self.differences @ V)
+
+    def gradient(self, V: Array) -> Array:
+        """Return the force on the nodal vectors, same shape as V."""
+        return self.form.force(V.reshape(*V.shape[:-2], -1)).reshape(V.shape)
+
+    def hessian(self, V: Array) -> Array:
+        """Return its derivative, shape (..., n_elements, n, n)."""
+        return self.form.tangent(V.reshape(*V.shape[:-2], -1))
+
+    def joined(self, other: NodalLaw) -> NodalLaw:
+        """Return the law of this one's elements followed by the other's, which are equal to them."""
+        return replace(self, energies=join_laws([self.energies, other.energies]))
+
+
+STIFFNESS_FORMS: dict[str, type[StiffnessForm]] = {
+    "direct": DirectStiffness,
+    "tabulated": TabulatedStiffness,
+    "separated": SeparatedStiffness,
+    "gram": GramStiffness,
+}
+"""The forms by name, as decks, tests and benchmarks know them."""
+
+
+def nodal_law(form: str, element: Element, stiffness: Stiffness, count: int) -> NodalLaw:
+    """Return the law of ``count`` equal elements by one of the forms of `STIFFNESS_FORMS`."""
+    energies = element.law(stiffness, count)
+    return NodalLaw(STIFFNESS_FORMS[form].of(element, stiffness), energies, element.differences())

@@ -69,9 +69,8 @@ class BeamMesh:
     @cached_property
     def differences(self) -> Array:
         """Matrix from nodal vectors to the difference vectors of all elements, (count * n, n_vectors)."""
-        k = self.element.per_node
         local = self.element.differences()
-        n = local.shape[0]
+        k, n = self.element.per_node, len(local)
         D = np.zeros((self.count * n, self.n_vectors))
         for e in range(self.count):
             D[e * n : (e + 1) * n, e * k : (e + 2) * k] = local

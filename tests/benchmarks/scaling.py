@@ -48,7 +48,7 @@ STEPS = 10
 def beam(count: int, method: str) -> str:
     """Return the deck of the pendulum with `count` elements."""
     step = 4e-3 / count
-    return BEAM.format(count=count, method=_written(method), step=step, duration=STEPS * step)
+    return BEAM.format(count=count, method=method, step=step, duration=STEPS * step)
 
 
 def chain(count: int, method: str) -> str:
@@ -56,15 +56,13 @@ def chain(count: int, method: str) -> str:
     names = [f"b{k}" for k in range(count)]
     one = "{{type: beam, material: soft, section: strip, length: 0.3, elements: 2}}"
     ends = ["ground", *(f"{name}.tip" for name in names)]
-    joints = [f"  j{k}: {{type: revolute, between: [{ends[k]}, {name}.root]}}" for k, name in enumerate(names)]
+    joints = [
+        f"  j{k}: {{type: revolute, between: [{ends[k]}, {name}.root]}}" for k, name in enumerate(names)
+    ]
     text = CHAIN.replace("{bodies}", "\n".join(f"  {name}: {one}" for name in names))
     text = text.replace("{joints}", "\n".join(joints).replace("{", "{{").replace("}", "}}"))
     step = 1e-3
-    return text.format(method=_written(method), step=step, duration=STEPS * step)
-
-
-def _written(method: str) -> str:
-    return method
+    return text.format(method=method, step=step, duration=STEPS * step)
 
 
 def measure(text: str, repeats: int) -> tuple[float, float, int, float]:
@@ -91,14 +89,15 @@ def measure(text: str, repeats: int) -> tuple[float, float, int, float]:
 
 def table(family: str, counts: list[int], method: str, repeats: int, slope_from: int) -> None:
     """Print one family with one method, and the slopes of time and memory."""
-    print(f"\n{family}, {method}: {'count':>6} {'unknowns':>9} {'ms a step':>10} {'build s':>8} {'memory MB':>10}")
+    titles = f"{'count':>6} {'unknowns':>9} {'ms a step':>10} {'build s':>8} {'memory MB':>10}"
+    print(f"\n{family}, {method}: {titles}")
     rows = []
     for count in counts:
         text = (beam if family == "elements" else chain)(count, method)
         step, building, unknowns, peak = measure(text, repeats)
         rows.append((count, step, peak))
-        head = " " * (len(family) + len(method) + 4)
-        print(f"{head}{count:>6} {unknowns:>9} {1e3 * step:>10.2f} {building:>8.2f} {peak:>10.1f}", flush=True)
+        row = f"{count:>6} {unknowns:>9} {1e3 * step:>10.2f} {building:>8.2f} {peak:>10.1f}"
+        print(" " * (len(family) + len(method) + 4) + row, flush=True)
     used = np.log([row for row in rows if row[0] >= slope_from])
     if len(used) > 1:
         slopes = [np.polyfit(used[:, 0], used[:, k], 1)[0] for k in (1, 2)]
