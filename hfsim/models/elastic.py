@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.arrays import Array, ComplexArray
 from hfsim.elements import ElasticLaw
-from hfsim.elements.cable import gauss_rows
+from hfsim.elements.cable import exact_points, gauss_rows
 from hfsim.models.frame import relative_nodes
 from hfsim.parts import ForcePart
 from hfsim.rotations import as_complex, as_vectors
@@ -27,7 +27,7 @@ class ElasticForce(ForcePart):
         From coordinates to difference vectors, ``x @ gather``.
     law : ElasticLaw
     shape : tuple of int
-        (n_elements, n_vectors, 2).
+        (n_elements, n_vectors, 2), with the difference vectors of each element.
     """
 
     gather: Array
@@ -140,7 +140,7 @@ class KelvinVoigtForce(ForcePart):
     ----------
     gather, scatter, shape
         As in `ElasticForce`.
-    slope, bend : ndarray, shape (n_points, 3)
+    slope, bend : ndarray, shape (n_points, n_vectors)
         Rows of r' and r'' (times le) at the Gauss points of an element.
     axial, bending : ndarray, shape (n_elements, n_points)
         EA le tau_a w and EI / le tau_b w [J s].
@@ -160,13 +160,13 @@ class KelvinVoigtForce(ForcePart):
         return True
 
     @classmethod
-    def of(cls, gather: Array, count: int, axial: float, bending: float) -> KelvinVoigtForce:
+    def of(cls, gather: Array, count: int, degree: int, axial: float, bending: float) -> KelvinVoigtForce:
         """Return the force of ``count`` equal elements from EA le tau_a and EI / le tau_b [J s]."""
-        w, slope, bend = gauss_rows(5)
+        w, slope, bend = gauss_rows(exact_points(degree), degree)
         return cls(
             gather=gather,
             scatter=np.ascontiguousarray(gather.T),
-            shape=(count, 3, 2),
+            shape=(count, degree, 2),
             slope=slope,
             bend=bend,
             axial=np.tile(axial * w, (count, 1)),

@@ -6,20 +6,31 @@ the logarithm of each gradient vector (stretch and angle), and of each element t
 of its centre line and the angle of its chord.  Only Newton corrections are expressed in them; the
 equations stay those of the state coordinates, and so do the results.
 
+Interior vectors of an element bring as many more axial strains.  Their natural coordinates are the
+moments of the Green strain with the slopes of the interior functions and, across, the components of the
+vectors normal to the chord: with the mean strain and the stretch of the slopes at the ends, these
+determine every strain of the element's degree.
+
 Planar vectors are complex numbers; everything has a leading batch axis.  Natural coordinates stand
 where the coordinates they replace stand: root position; logarithm of a gradient vector; mean strain
-+ i chord angle of element e in the place of the position of node e + 1.
++ i chord angle of element e in the place of the position of node e + 1; strain moment + i normal
+component in the place of an interior vector.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from hfsim.arrays import Array, ComplexArray
-from hfsim.elements.cable import mean_square_slope
+from hfsim.elements.cable import mean_square_slope, strain_moments
+
+_MOST_CORRECTIONS = 8
+_ENOUGH = 1e-8
+"""Newton correction of a stretch after which the next one, quadratically smaller, is round-off."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +54,14 @@ class Geometry:
 
 @dataclass(frozen=True)
 class NaturalBeams:
-    """Natural increments of alike beams that stand side by side in the state.
+    """Natural increments of alike beams, without interior vectors, that stand side by side in the state.
 
     Attributes
     ----------
     columns : slice
     bodies : int
-    per_node : int
-        Vectors at each node.
+    stride : int
+        Vectors from one nodal position to the next.
     length : float
         Element length [m].
     framed : bool
@@ -59,7 +70,7 @@ class NaturalBeams:
 
     columns: slice
     bodies: int
-    per_node: int
+    stride: int
     length: float
     framed: bool
 
@@ -83,7 +94,7 @@ class NaturalBeams:
 
     def _parts(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Return chords over the element length, first and last slopes of all elements."""
-        places, slopes = z[..., :: self.per_node], z[..., 1 :: self.per_node]
+        places, slopes = z[..., :: self.stride], z[..., 1 :: self.stride]
         return (places[..., 1:] - places[..., :-1]) * (1.0 / self.length), slopes[..., :-1], slopes[..., 1:]
 
     def _gradient(
@@ -111,8 +122,8 @@ class NaturalBeams:
             z = z.copy()
             z[..., 0] = 1.0
         y = dz / z
-        y.real[..., self.per_node :: self.per_node] = strain
-        y.imag[..., self.per_node :: self.per_node] = (dd / at.d).imag
+        y.real[..., self.stride :: self.stride] = strain
+        y.imag[..., self.stride :: self.stride] = (dd / at.d).imag
         y[..., 0] = c[..., 0]
         if self.framed:
             y.imag[..., 1] = c[..., 1].real
@@ -126,7 +137,7 @@ class NaturalBeams:
             dz[..., 1] = c[..., 1].real * at.z[..., 1]
         _, ds, de = self._parts(dz)
         gd, gs, ge = at.gradient
-        chord = c[..., self.per_node :: self.per_node]
+        chord = c[..., self.stride :: self.stride]
         turning = gd.conj() * at.d
         rest = (gs.conj() * ds + ge.conj() * de).real
         stretch = (chord.real - rest + turning.imag * chord.imag) / turning.real
@@ -140,7 +151,7 @@ class NaturalBeams:
         d0, s0, e0 = self._parts(at.z)
         gd, gs, ge = at.gradient
         square = (gd.conj() * d0 + gs.conj() * s0 + ge.conj() * e0).real
-        chord = c[..., self.per_node :: self.per_node]
+        chord = c[..., self.stride :: self.stride]
         direction = np.exp(1j * chord.imag) * (at.d / np.abs(at.d))
         g00, g01, g11, g12 = self._metric
         slopes = g11 * (np.abs(s) ** 2 + np.abs(e) ** 2) + 2.0 * g12 * (s.conj() * e).real
@@ -158,7 +169,7 @@ class NaturalBeams:
     def _join(self, dz: ComplexArray, dd: ComplexArray, c: ComplexArray, out: Array) -> None:
         """Put changes of chords and gradient vectors together into a change of the state."""
         root = 0.0 if self.framed else c[..., :1]
-        dz[..., self.per_node :: self.per_node] = np.cumsum(dd * self.length, axis=-1) + root
+        dz[..., self.stride :: self.stride] = np.cumsum(dd * self.length, axis=-1) + root
         dz[..., 0] = c[..., 0]
         if self.framed:
             dz[..., 1] = c[..., 1].imag + 1j * dz[..., 1].real
@@ -174,7 +185,7 @@ class NaturalBeams:
         hd, hs, he = self._gradient(dd, ds, de)
         first = self._complex(y1)
         bend = -(first * first)
-        chords = slice(self.per_node, None, self.per_node)
+        chords = slice(self.stride, None, self.stride)
         bend[..., chords] = 1j * (-((dd / at.d) ** 2)).imag
         bend.real[..., chords] = (hd.conj() * dd + hs.conj() * ds + he.conj() * de).real
         bend[..., 0] = 0.0
@@ -187,30 +198,190 @@ class NaturalBeams:
 
 
 @dataclass(frozen=True)
+class InteriorGeometry:
+    """Vectors of alike beams whose elements have interior vectors, in a batch of states.
+
+    Attributes
+    ----------
+    z : ndarray of complex, shape (n_batch, n_bodies, n_vectors)
+        All vectors, with a body frame those relative to it.
+    V : ndarray of complex, shape (n_batch, n_bodies, n_elements, degree)
+        Difference vectors: chord over length, first slope, interior vectors, last slope.
+    along : ndarray of complex, shape (n_batch, n_bodies, n_elements, 1)
+        Unit vectors along the chords.
+    gradient : ndarray of complex, shape (n_batch, n_bodies, n_elements, degree - 2, degree)
+        Derivatives of the mean strain and the strain moments by the difference vectors.
+    """
+
+    z: ComplexArray
+    V: ComplexArray
+    along: ComplexArray
+    gradient: ComplexArray
+
+
+def _own(part: ComplexArray) -> ComplexArray:
+    """Return the difference vectors that only the strains of their own element determine: chord, interior."""
+    return np.concatenate([part[..., :1], part[..., 2:-1]], axis=-1)
+
+
+@dataclass(frozen=True)
+class InteriorBeams(NaturalBeams):
+    """The same for elements with interior vectors: a small solve an element where strains are given."""
+
+    @cached_property
+    def _interior(self) -> slice:
+        return slice(2, self.stride)
+
+    @cached_property
+    def _moments(self) -> Array:
+        """Matrix, shape (degree, (degree - 2) degree), from difference vectors to strain gradients."""
+        T = strain_moments(self.stride + 1)
+        return np.ascontiguousarray(T.transpose(1, 0, 2).reshape(self.stride + 1, -1))
+
+    def _blocks(self, z: ComplexArray) -> ComplexArray:
+        """Return a view of all but the last node's vectors, shape (..., n_elements, stride)."""
+        # splitting an axis never copies, so that what is written there goes into z
+        return z[..., :-2].reshape(*z.shape[:-1], -1, self.stride)
+
+    def _differences(self, z: ComplexArray) -> ComplexArray:
+        blocks, (d, _, e) = self._blocks(z), self._parts(z)
+        return np.concatenate([d[..., None], blocks[..., 1:], e[..., None]], axis=-1)
+
+    def _strain_gradient(self, V: ComplexArray) -> ComplexArray:
+        return np.asarray((V @ self._moments).reshape(*V.shape[:-1], -1, V.shape[-1]))
+
+    def geometry(self, q: Array) -> InteriorGeometry:  # type: ignore[override]
+        """Return what the maps below need of a batch of states."""
+        z = self._vectors(self._complex(q))
+        V = self._differences(z)
+        chord = V[..., :1]
+        return InteriorGeometry(z, V, chord / np.abs(chord), self._strain_gradient(V))
+
+    def to_natural(self, at: InteriorGeometry, dq: Array, out: Array) -> None:  # type: ignore[override]
+        """Write the natural increments of small changes ``dq`` into ``out``."""
+        c = self._complex(dq)
+        dV = self._differences(self._vectors(c))
+        strains = _strain_changes(at.gradient, dV)
+        turn = (dV[..., :1] / at.V[..., :1]).imag
+        seen, moved = (part[..., 2:-1] * at.along.conj() for part in (at.V, dV))
+        self._assemble(at, c, strains, turn[..., 0], moved.imag - turn * seen.real, out)
+
+    def _assemble(
+        self, at: InteriorGeometry, c: ComplexArray, strains: Array, turn: Array, normal: Array, out: Array
+    ) -> None:
+        """Write natural increments, of which ``c`` gives root position, frame angle and gradient vectors."""
+        y = c.copy()
+        slopes = slice(1, None, self.stride)
+        y[..., slopes] = self._vectors(c)[..., slopes] / at.z[..., slopes]
+        if self.framed:
+            y.imag[..., 1] = c[..., 1].real
+        y[..., self.stride :: self.stride] = strains[..., 0] + 1j * turn
+        self._blocks(y)[..., self._interior] = strains[..., 1:] + 1j * normal
+        self._put(y, out)
+
+    def _read(self, c: ComplexArray) -> tuple[Array, Array, Array]:
+        """Return strains and moments (..., degree - 2), chord turns (..., 1) and normal components."""
+        chord, inner = c[..., self.stride :: self.stride, None], self._blocks(c)[..., self._interior]
+        return np.concatenate([chord.real, inner.real], axis=-1), chord.imag, inner.imag
+
+    def from_natural(self, at: InteriorGeometry, y: Array, out: Array) -> None:  # type: ignore[override]
+        """Write the changes of the state that belong to small natural increments into ``out``."""
+        c = self._complex(y)
+        strains, turn, normal = self._read(c)
+        dz = c * at.z
+        if self.framed:
+            dz[..., 1] = c[..., 1].real * at.z[..., 1]
+        dV = self._differences(dz)
+        dV[..., :1] = 1j * turn * at.V[..., :1]
+        dV[..., 2:-1] = 1j * (normal * at.along + turn * at.V[..., 2:-1])
+        self._stretch(at.gradient, at.along, strains - _strain_changes(at.gradient, dV), dV)
+        self._join_all(dz, dV, c, out)
+
+    def _stretch(self, gradient: ComplexArray, along: ComplexArray, strains: Array, V: ComplexArray) -> Array:
+        """Add to chords and interior vectors, along the chord, what changes the strains as given."""
+        matrix = (_own(gradient).conj() * along[..., None]).real
+        by = np.linalg.solve(matrix, strains[..., None])[..., 0]
+        V[..., :1] += by[..., :1] * along
+        V[..., 2:-1] += by[..., 1:] * along
+        return by
+
+    def advance(self, at: InteriorGeometry, y: Array, out: Array) -> None:  # type: ignore[override]
+        """Write the change of the state that adds finite natural increments, to round-off, into ``out``."""
+        c = self._complex(y)
+        strains, turn, normal = self._read(c)
+        factor = np.ones_like(c)
+        factor[..., 1 :: self.stride] = np.exp(c[..., 1 :: self.stride])
+        if self.framed:
+            factor[..., 1] = np.abs(factor[..., 1])
+        z = factor * at.z
+        V = self._differences(z)
+        turned = np.exp(1j * turn)
+        along = turned * at.along
+        V[..., :1] = turned * at.V[..., :1]
+        V[..., 2:-1] = turned * at.V[..., 2:-1] + 1j * normal * along
+        wanted = strains + 0.5 * _strain_changes(at.gradient, at.V)
+        for _ in range(_MOST_CORRECTIONS):
+            gradient = self._strain_gradient(V)
+            by = self._stretch(gradient, along, wanted - 0.5 * _strain_changes(gradient, V), V)
+            if not np.abs(by).max(initial=0.0) > _ENOUGH:
+                break
+        self._join_all(z - at.z, V - at.V, c, out)
+
+    def _join_all(self, dz: ComplexArray, dV: ComplexArray, c: ComplexArray, out: Array) -> None:
+        self._blocks(dz)[..., self._interior] = dV[..., 2:-1]
+        self._join(dz, dV[..., 0], c, out)
+
+    def rates(self, q: Array, v: Array, a: Array, y1: Array, y2: Array) -> None:
+        """Write the first and second time derivatives of the natural coordinates into ``y1`` and ``y2``."""
+        at = self.geometry(q)
+        self.to_natural(at, v, y1)
+        self.to_natural(at, a, y2)
+        dV = self._differences(self._vectors(self._complex(v)))
+        first = self._complex(y1)
+        bend = -(first * first)
+        bend[..., 0] = 0.0
+        if self.framed:
+            bend[..., 1] = -(first[..., 1].real ** 2)
+        spin = dV[..., :1] / at.V[..., :1]
+        seen, moved = (part[..., 2:-1] * at.along.conj() for part in (at.V, dV))
+        turn = spin.imag
+        normal = (spin * spin).imag * seen.real - turn * (2.0 * moved.real + turn * seen.imag)
+        strains = _strain_changes(self._strain_gradient(dV), dV)
+        bend[..., self.stride :: self.stride] = strains[..., 0] - 1j * (spin * spin).imag[..., 0]
+        self._blocks(bend)[..., self._interior] = strains[..., 1:] + 1j * normal
+        self._put(self._complex(y2) + bend, y2)
+
+
+def _strain_changes(gradient: ComplexArray, dV: ComplexArray) -> Array:
+    """Return the changes of strain moments with changes of difference vectors, shape (..., degree - 2)."""
+    return np.asarray((gradient.conj() @ dV[..., None])[..., 0].real)
+
+
+@dataclass(frozen=True)
 class NaturalIncrements:
     """Natural increments of a whole state; coordinates outside the beams stay as they are."""
 
     beams: tuple[NaturalBeams, ...]
 
-    def geometry(self, q: Array) -> list[Geometry]:
+    def geometry(self, q: Array) -> list[Any]:
         """Return what the maps below need of a batch of states (n_batch, n)."""
         return [part.geometry(q) for part in self.beams]
 
-    def to_natural(self, at: list[Geometry], dq: Array) -> Array:
+    def to_natural(self, at: list[Any], dq: Array) -> Array:
         """Return natural increments of small changes of the states."""
         y = dq.copy()
         for part, geometry in zip(self.beams, at, strict=True):
             part.to_natural(geometry, dq, y)
         return y
 
-    def from_natural(self, at: list[Geometry], y: Array) -> Array:
+    def from_natural(self, at: list[Any], y: Array) -> Array:
         """Return the changes of the states that belong to small natural increments."""
         dq = y.copy()
         for part, geometry in zip(self.beams, at, strict=True):
             part.from_natural(geometry, y, dq)
         return dq
 
-    def advance(self, at: list[Geometry], y: Array) -> Array:
+    def advance(self, at: list[Any], y: Array) -> Array:
         """Return the changes of the states that add finite natural increments."""
         dq = y.copy()
         for part, geometry in zip(self.beams, at, strict=True):
