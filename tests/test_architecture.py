@@ -59,7 +59,7 @@ ALLOWED = {
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
-    "studies": GROUND | {"balance", "build", "simulate", "deck", "writers"},
+    "studies": GROUND | {"balance", "bodies", "build", "simulate", "deck", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }
