@@ -123,13 +123,13 @@ gravity: [0.0, 0.0]
 materials: {alloy: {density: 2766.7, youngs_modulus: 6.8952e10}}
 sections: {bar: {area: 4.0e-4, second_moment: 1.33e-8}}
 bodies:
-  b1: {type: beam, material: alloy, section: bar, length: 4.0, elements: 2, degree: 7}
-  b2: {type: beam, material: alloy, section: bar, length: 4.0, elements: 2, degree: 7}
+  b1: {type: beam, material: alloy, section: bar, length: 4.0, elements: 3, degree: 8}
+  b2: {type: beam, material: alloy, section: bar, length: 4.0, elements: 3, degree: 8}
 joints:
   pin: {type: revolute, between: [ground, b1.root]}
   elbow: {type: revolute, between: [b1.tip, b2.root]}
 initial: {b1: {angular_velocity: 4.0}, b2: {angular_velocity: 8.0}}
-solve: {model: exact, duration: 0.5, tolerance: 1.0e-3}
+solve: {model: ancf, duration: 0.3, tolerance: 1.0e-4}
 """
 
 

@@ -187,7 +187,7 @@ def derivative(problem: Problem, t: float, q: Array, v: Array, natural: Incremen
 def _in_natural(natural: Increments, q: Array, by_q: Array, by_v: Array | None) -> tuple[Array, Array | None]:
     """Return derivatives by state coordinates as derivatives by natural coordinates."""
     n = len(q)
-    at = natural.geometry(np.repeat(q[None], n, axis=0))
+    at = natural.geometry(q[None])
     unit = natural.from_natural(at, np.eye(n)).T
 
     def turned(J: Array) -> Array:

@@ -210,7 +210,7 @@ class InteriorGeometry:
     along : ndarray of complex, shape (n_batch, n_bodies, n_elements, 1)
         Unit vectors along the chords.
     gradient : ndarray of complex, shape (n_batch, n_bodies, n_elements, degree - 2, degree)
-        Derivatives of the mean strain and the strain moments by the difference vectors.
+        Derivatives of the mean strain and the strain moments by the difference vectors, conjugated.
     """
 
     z: ComplexArray
@@ -248,7 +248,7 @@ class InteriorBeams(NaturalBeams):
         return np.concatenate([d[..., None], blocks[..., 1:], e[..., None]], axis=-1)
 
     def _strain_gradient(self, V: ComplexArray) -> ComplexArray:
-        return np.asarray((V @ self._moments).reshape(*V.shape[:-1], -1, V.shape[-1]))
+        return np.asarray((V.conj() @ self._moments).reshape(*V.shape[:-1], -1, V.shape[-1]))
 
     def geometry(self, q: Array) -> InteriorGeometry:  # type: ignore[override]
         """Return what the maps below need of a batch of states."""
@@ -299,8 +299,12 @@ class InteriorBeams(NaturalBeams):
 
     def _stretch(self, gradient: ComplexArray, along: ComplexArray, strains: Array, V: ComplexArray) -> Array:
         """Add to chords and interior vectors, along the chord, what changes the strains as given."""
-        matrix = (_own(gradient).conj() * along[..., None]).real
-        by = np.linalg.solve(matrix, strains[..., None])[..., 0]
+        matrix = (_own(gradient) * along[..., None]).real
+        if len(matrix) < len(strains):
+            # one state for many changes: solving would factorise it again for each of them
+            by = np.asarray(np.linalg.inv(matrix) @ strains[..., None])[..., 0]
+        else:
+            by = np.asarray(np.linalg.solve(matrix, strains[..., None]))[..., 0]
         V[..., :1] += by[..., :1] * along
         V[..., 2:-1] += by[..., 1:] * along
         return by
@@ -354,7 +358,7 @@ class InteriorBeams(NaturalBeams):
 
 def _strain_changes(gradient: ComplexArray, dV: ComplexArray) -> Array:
     """Return the changes of strain moments with changes of difference vectors, shape (..., degree - 2)."""
-    return np.asarray((gradient.conj() @ dV[..., None])[..., 0].real)
+    return np.asarray((gradient @ dV[..., None])[..., 0].real)
 
 
 @dataclass(frozen=True)
