@@ -206,7 +206,8 @@ class InteriorGeometry:
     z : ndarray of complex, shape (n_batch, n_bodies, n_vectors)
         All vectors, with a body frame those relative to it.
     V : ndarray of complex, shape (n_batch, n_bodies, n_elements, degree)
-        Difference vectors: chord over length, first slope, interior vectors, last slope.
+        Difference vectors: first slope, last slope, then what only the strains of their own element
+        determine: chord over length and interior vectors.
     along : ndarray of complex, shape (n_batch, n_bodies, n_elements, 1)
         Unit vectors along the chords.
     gradient : ndarray of complex, shape (n_batch, n_bodies, n_elements, degree - 2, degree)
@@ -217,11 +218,6 @@ class InteriorGeometry:
     V: ComplexArray
     along: ComplexArray
     gradient: ComplexArray
-
-
-def _own(part: ComplexArray) -> ComplexArray:
-    """Return the difference vectors that only the strains of their own element determine: chord, interior."""
-    return np.concatenate([part[..., :1], part[..., 2:-1]], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -235,7 +231,8 @@ class InteriorBeams(NaturalBeams):
     @cached_property
     def _moments(self) -> Array:
         """Matrix, shape (degree, (degree - 2) degree), from difference vectors to strain gradients."""
-        T = strain_moments(self.stride + 1)
+        order = [1, self.stride, 0, *range(2, self.stride)]
+        T = strain_moments(self.stride + 1)[:, order][:, :, order]
         return np.ascontiguousarray(T.transpose(1, 0, 2).reshape(self.stride + 1, -1))
 
     def _blocks(self, z: ComplexArray) -> ComplexArray:
@@ -244,8 +241,9 @@ class InteriorBeams(NaturalBeams):
         return z[..., :-2].reshape(*z.shape[:-1], -1, self.stride)
 
     def _differences(self, z: ComplexArray) -> ComplexArray:
-        blocks, (d, _, e) = self._blocks(z), self._parts(z)
-        return np.concatenate([d[..., None], blocks[..., 1:], e[..., None]], axis=-1)
+        d, s, e = self._parts(z)
+        inner = self._blocks(z)[..., self._interior]
+        return np.concatenate([s[..., None], e[..., None], d[..., None], inner], axis=-1)
 
     def _strain_gradient(self, V: ComplexArray) -> ComplexArray:
         return np.asarray((V.conj() @ self._moments).reshape(*V.shape[:-1], -1, V.shape[-1]))
@@ -254,7 +252,7 @@ class InteriorBeams(NaturalBeams):
         """Return what the maps below need of a batch of states."""
         z = self._vectors(self._complex(q))
         V = self._differences(z)
-        chord = V[..., :1]
+        chord = V[..., 2:3]
         return InteriorGeometry(z, V, chord / np.abs(chord), self._strain_gradient(V))
 
     def to_natural(self, at: InteriorGeometry, dq: Array, out: Array) -> None:  # type: ignore[override]
@@ -262,8 +260,8 @@ class InteriorBeams(NaturalBeams):
         c = self._complex(dq)
         dV = self._differences(self._vectors(c))
         strains = _strain_changes(at.gradient, dV)
-        turn = (dV[..., :1] / at.V[..., :1]).imag
-        seen, moved = (part[..., 2:-1] * at.along.conj() for part in (at.V, dV))
+        turn = (dV[..., 2:3] / at.V[..., 2:3]).imag
+        seen, moved = (part[..., 3:] * at.along.conj() for part in (at.V, dV))
         self._assemble(at, c, strains, turn[..., 0], moved.imag - turn * seen.real, out)
 
     def _assemble(
@@ -282,7 +280,8 @@ class InteriorBeams(NaturalBeams):
     def _read(self, c: ComplexArray) -> tuple[Array, Array, Array]:
         """Return strains and moments (..., degree - 2), chord turns (..., 1) and normal components."""
         chord, inner = c[..., self.stride :: self.stride, None], self._blocks(c)[..., self._interior]
-        return np.concatenate([chord.real, inner.real], axis=-1), chord.imag, inner.imag
+        own = np.concatenate([chord, inner], axis=-1)
+        return own.real, own.imag[..., :1], own.imag[..., 1:]
 
     def from_natural(self, at: InteriorGeometry, y: Array, out: Array) -> None:  # type: ignore[override]
         """Write the changes of the state that belong to small natural increments into ``out``."""
@@ -292,21 +291,20 @@ class InteriorBeams(NaturalBeams):
         if self.framed:
             dz[..., 1] = c[..., 1].real * at.z[..., 1]
         dV = self._differences(dz)
-        dV[..., :1] = 1j * turn * at.V[..., :1]
-        dV[..., 2:-1] = 1j * (normal * at.along + turn * at.V[..., 2:-1])
+        dV[..., 2:] = (1j * turn) * at.V[..., 2:]
+        dV[..., 3:] += normal * (1j * at.along)
         self._stretch(at.gradient, at.along, strains - _strain_changes(at.gradient, dV), dV)
         self._join_all(dz, dV, c, out)
 
     def _stretch(self, gradient: ComplexArray, along: ComplexArray, strains: Array, V: ComplexArray) -> Array:
         """Add to chords and interior vectors, along the chord, what changes the strains as given."""
-        matrix = (_own(gradient) * along[..., None]).real
+        matrix = (gradient[..., 2:] * along[..., None]).real
         if len(matrix) < len(strains):
             # one state for many changes: solving would factorise it again for each of them
             by = np.asarray(np.linalg.inv(matrix) @ strains[..., None])[..., 0]
         else:
             by = np.asarray(np.linalg.solve(matrix, strains[..., None]))[..., 0]
-        V[..., :1] += by[..., :1] * along
-        V[..., 2:-1] += by[..., 1:] * along
+        V[..., 2:] += by * along
         return by
 
     def advance(self, at: InteriorGeometry, y: Array, out: Array) -> None:  # type: ignore[override]
@@ -321,8 +319,8 @@ class InteriorBeams(NaturalBeams):
         V = self._differences(z)
         turned = np.exp(1j * turn)
         along = turned * at.along
-        V[..., :1] = turned * at.V[..., :1]
-        V[..., 2:-1] = turned * at.V[..., 2:-1] + 1j * normal * along
+        V[..., 2:] = turned * at.V[..., 2:]
+        V[..., 3:] += normal * (1j * along)
         wanted = strains + 0.5 * _strain_changes(at.gradient, at.V)
         for _ in range(_MOST_CORRECTIONS):
             gradient = self._strain_gradient(V)
@@ -332,8 +330,8 @@ class InteriorBeams(NaturalBeams):
         self._join_all(z - at.z, V - at.V, c, out)
 
     def _join_all(self, dz: ComplexArray, dV: ComplexArray, c: ComplexArray, out: Array) -> None:
-        self._blocks(dz)[..., self._interior] = dV[..., 2:-1]
-        self._join(dz, dV[..., 0], c, out)
+        self._blocks(dz)[..., self._interior] = dV[..., 3:]
+        self._join(dz, dV[..., 2], c, out)
 
     def rates(self, q: Array, v: Array, a: Array, y1: Array, y2: Array) -> None:
         """Write the first and second time derivatives of the natural coordinates into ``y1`` and ``y2``."""
@@ -346,8 +344,8 @@ class InteriorBeams(NaturalBeams):
         bend[..., 0] = 0.0
         if self.framed:
             bend[..., 1] = -(first[..., 1].real ** 2)
-        spin = dV[..., :1] / at.V[..., :1]
-        seen, moved = (part[..., 2:-1] * at.along.conj() for part in (at.V, dV))
+        spin = dV[..., 2:3] / at.V[..., 2:3]
+        seen, moved = (part[..., 3:] * at.along.conj() for part in (at.V, dV))
         turn = spin.imag
         normal = (spin * spin).imag * seen.real - turn * (2.0 * moved.real + turn * seen.imag)
         strains = _strain_changes(self._strain_gradient(dV), dV)
