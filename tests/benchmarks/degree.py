@@ -61,11 +61,6 @@ TASKS = {
         elements={3: (28, 32, 36), 5: (12, 14, 16), 7: (8, 9, 10), 9: (5, 6, 7)},
         references=((24, 7, 1e-7), (32, 5, 1e-7)),
     ),
-    "pendulum_fine": Task(
-        beams=("b1",), tip="b1.tip", duration=0.7, target=1e-4,
-        elements={3: (56, 64, 72), 5: (20, 22, 24), 7: (12, 13, 14), 9: (8, 9, 10)},
-        references=((24, 7, 1e-7), (18, 9, 1e-7)),
-    ),
     "two_beams_relative": Task(
         beams=("b1", "b2"), tip="b2.tip", duration=2.0, target=1e-4,
         elements={3: (28, 30, 32), 5: (7, 8), 7: (4,), 8: (3,), 9: (3,)},
@@ -89,8 +84,7 @@ def run(name: str, task: Task, model: str, elements: int, degree: int, tolerance
     options = [f"solve.tolerance={tolerance}", f"solve.duration={task.duration}", "solve.method=gauss"]
     mesh = {"elements": elements, "degree": degree}
     options += [f"bodies.{beam}.{key}={n}" for beam in task.beams for key, n in mesh.items()]
-    case = name.removesuffix("_fine")
-    scene = build(load_deck(CASES / f"{case}.yaml", tuple(options)), model)
+    scene = build(load_deck(CASES / f"{name}.yaml", tuple(options)), model)
     start = time.process_time()
     done = run_integration(scene, scene.deck.solve)
     cpu = time.process_time() - start
