@@ -13,7 +13,7 @@ from hfsim.bodies import BeamSpec, RigidSpec
 from hfsim.bodies.assembled import Body, LowOrderBody, NodalBeam, RigidBody
 from hfsim.constraints import Constraint
 from hfsim.deck import Deck, LoadedDeck
-from hfsim.elements import ELEMENTS, ElasticLaw, Inertia, Measures, Stiffness, join_laws
+from hfsim.elements import ELEMENTS, Cable, ElasticLaw, Inertia, Measures, Stiffness, join_laws
 from hfsim.elimination import eliminate
 from hfsim.equations import Equations, VariableMass
 from hfsim.forces import TwoPointSpec
@@ -28,9 +28,10 @@ from hfsim.models.elastic import (
     LinearElasticForce,
 )
 from hfsim.models.frame import FrameChart
+from hfsim.models.increments import NaturalIncrements
 from hfsim.models.low_order import LowOrderBeam
 from hfsim.models.mesh import BeamMesh
-from hfsim.models.natural import NaturalBeams, NaturalIncrements
+from hfsim.models.natural import InteriorBeams, NaturalBeams
 from hfsim.parts import ForcePart
 from hfsim.spec import split_point
 from hfsim.start import Start, starting_state
@@ -148,7 +149,9 @@ def _mesh(deck: Deck, spec: BeamSpec) -> BeamMesh:
     material, section = deck.materials[spec.material], deck.sections[spec.section]
     rotary = material.density * section.second_moment if spec.rotary_inertia else 0.0
     inertia = Inertia(material.density * section.area, rotary, section.height)
-    return BeamMesh(ELEMENTS[spec.element](spec.length / spec.elements), spec.elements, inertia)
+    length = spec.length / spec.elements
+    element = Cable(length, spec.degree) if spec.element == "cable" else ELEMENTS[spec.element](length)
+    return BeamMesh(element, spec.elements, inertia)
 
 
 def _stiffness(deck: Deck, spec: BeamSpec) -> Stiffness:
@@ -214,7 +217,7 @@ def _system(
     beams = [body for body in bodies.values() if isinstance(body, NodalBeam)]
     masses: tuple[VariableMass, ...] = tuple(variable)
     runs = list(_runs(beams))
-    charts = tuple(FrameChart(_columns(run), len(run), run[0].mesh.element.per_node) for run in runs)
+    charts = tuple(FrameChart(_columns(run), len(run), run[0].mesh.element.stride) for run in runs)
     free = eliminate(bodies, () if model.frame else constraints, sparse)
     natural = NaturalIncrements(
         tuple(_natural(run, model) for run in runs), free.reduction, free.ties, free.natural_columns
@@ -272,7 +275,8 @@ def _columns(run: list[NodalBeam]) -> slice:
 
 def _natural(run: list[NodalBeam], model: Model) -> NaturalBeams:
     element = run[0].mesh.element
-    return NaturalBeams(_columns(run), len(run), element.per_node, element.length, model.frame)
+    kind = InteriorBeams if element.stride > element.per_node else NaturalBeams
+    return kind(_columns(run), len(run), element.stride, element.length, model.frame)
 
 
 def _alike(a: NodalBeam, b: NodalBeam) -> bool:
@@ -308,7 +312,7 @@ def _law_kind(deck: Deck, body: NodalBeam) -> object:
     spec = _spec(deck, body)
     if spec.element == "continuum" or deck.solve.elastic_form != "gram":
         return (spec.element, _stiffness(deck, spec), body.mesh.element.length)
-    return (spec.element, _measures(spec))
+    return (spec.element, spec.degree, _measures(spec))
 
 
 def _elastic_force(deck: Deck, group: list[NodalBeam], n: int) -> ElasticForce:
@@ -340,7 +344,7 @@ def _connectivity(body: NodalBeam, n: int, vectors: Array) -> Connectivity:
 def _element_columns(body: NodalBeam) -> IntArray:
     """Return the coordinates of each element, shape (n_elements, k)."""
     element = body.mesh.element
-    first = body.columns.start + 2 * element.per_node * np.arange(body.mesh.count)
+    first = body.columns.start + 2 * element.stride * np.arange(body.mesh.count)
     return np.asarray(first[:, None] + np.arange(2 * element.differences().shape[1]))
 
 
@@ -375,6 +379,7 @@ def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
     material, stiffness = deck.materials[spec.material], _stiffness(deck, spec)
     return KelvinVoigtForce.of(
         elements=_connectivity(body, n, body.mesh.element.differences()),
+        degree=spec.degree,
         axial=stiffness.axial * body.mesh.element.length * material.axial_damping,
         bending=stiffness.bending / body.mesh.element.length * material.bending_damping,
     )

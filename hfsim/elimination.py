@@ -19,7 +19,7 @@ from hfsim.bodies.assembled import Body
 from hfsim.constraints import Coincide, Constraint, RelativeAngle
 from hfsim.markers import GroundMarker, Marker, NodalMarker, RigidMarker
 from hfsim.matrices import Entries, assemble
-from hfsim.models.natural import Mount, Tie
+from hfsim.models.increments import Mount, Tie
 from hfsim.reduction import Reduction
 
 GROUND = None

@@ -418,11 +418,16 @@ def draw_bench(result: Bench, folder: Path) -> list[str]:
         figure = _precision_figure(result, cell)
         if figure is not None:
             several = len(result.cells) > 1
-            name = f"work_precision_{cell.model}_{cell.elements}" if several else "work_precision"
+            mesh = f"{cell.elements}" if cell.degree == 3 else f"{cell.elements}_degree_{cell.degree}"
+            name = f"work_precision_{cell.model}_{mesh}" if several else "work_precision"
             figures[_slug(name)] = figure
     for model in dict.fromkeys(cell.model for cell in result.cells if cell.mesh_error):
-        figures[_slug(f"mesh_error_{model}")] = _mesh_figure(result, model)
-        figures[_slug(f"total_error_{model}")] = _total_figure(result, model)
+        degrees = sorted({cell.degree for cell in result.cells if cell.model == model and cell.mesh_error})
+        for degree in degrees:
+            which = f"mesh_error_{model}" if len(degrees) == 1 else f"mesh_error_{model}_degree_{degree}"
+            figures[_slug(which)] = _mesh_figure(result, model, degree)
+        draw = _total_figure if len(degrees) == 1 else _degree_figure
+        figures[_slug(f"total_error_{model}")] = draw(result, model)
     return _save(figures, folder)
 
 
@@ -449,7 +454,7 @@ def _precision_figure(result: Bench, cell: Cell) -> Figure | None:
     _draw_floor(axes, cell, min(p.error or 1.0 for p in points))
     _dress_precision(axes, "largest time error / range [-]")
     _outside_legend(figure, [axes])
-    _title(figure, f"{result.name}, {cell.model}, {cell.elements} elements: error against run time")
+    _title(figure, f"{result.name}, {cell.model}, {cell.mesh}: error against run time")
     return figure
 
 
@@ -498,13 +503,13 @@ def _dress_precision(axes: Axes, y_label: str) -> None:
     axes.set_xlabel("CPU time of the integration [s]")
 
 
-def _mesh_figure(result: Bench, model: str) -> Figure:
+def _mesh_figure(result: Bench, model: str, degree: int) -> Figure:
     """Draw the mesh error of every channel, with the order observed between meshes."""
     figure = _figure((9.0, 5.0))
     axes = figure.subplots()
     axes.set_xscale("log", base=2)
     axes.set_yscale("log")
-    cells = [c for c in result.cells if c.model == model and c.mesh_error]
+    cells = [c for c in result.cells if (c.model, c.degree) == (model, degree) and c.mesh_error]
     counts = [c.elements for c in cells]
     for i, name in enumerate(cells[0].mesh_errors):
         errors = [c.mesh_errors[name] for c in cells]
@@ -524,8 +529,9 @@ def _mesh_figure(result: Bench, model: str) -> Figure:
     axes.grid(True, color="0.9", linewidth=0.8)
     axes.spines[["top", "right"]].set_visible(False)
     _outside_legend(figure, [axes])
-    against = f"against {cells[0].mesh_reference} elements"
-    _title(figure, f"{result.name}, {model}: error against number of elements ({against})")
+    against = f"against {cells[0].mesh_reference_words}"
+    of = f", degree {degree}" if degree != 3 else ""
+    _title(figure, f"{result.name}, {model}{of}: error against number of elements ({against})")
     return figure
 
 
@@ -548,12 +554,39 @@ def _total_figure(result: Bench, model: str) -> Figure:
     for i, cell in enumerate(cells):
         best = pareto(result.points_of(cell))
         cpu, error = [p.cpu or 0.0 for p in best], [p.total_error or np.nan for p in best]
-        label = f"{cell.elements} elements"
+        label = cell.mesh
         axes.plot(cpu, error, "o-", color=_COLOURS[i % len(_COLOURS)], linewidth=1.6, label=label)
     _dress_precision(axes, "largest error, mesh included / range [-]")
     _whole_decades(axes)
     _outside_legend(figure, [axes])
     _title(figure, f"{result.name}, {model}: total error against run time, best method of each mesh")
+    return figure
+
+
+def _degree_figure(result: Bench, model: str) -> Figure:
+    """Draw refinement by elements and by degree: mesh error against unknowns, total error against time."""
+    figure = _figure((11.0, 5.0))
+    left, right = figure.subplots(1, 2)
+    for i, degree in enumerate(result.degrees(model)):
+        style = {"color": _COLOURS[i % len(_COLOURS)], "linewidth": 1.6, "label": f"degree {degree}"}
+        cells = [c for c in result.cells if (c.model, c.degree) == (model, degree) and c.mesh_error]
+        left.plot([c.unknowns for c in cells], [c.mesh_error or np.nan for c in cells], "o-", **style)
+        for cell in cells:
+            left.annotate(
+                str(cell.elements), (cell.unknowns, cell.mesh_error or np.nan), xytext=(4, 4),
+                textcoords="offset points", fontsize=8, color="0.3",
+            )  # fmt: skip
+        best = pareto(result.points_of_degree(model, degree), total=True)
+        right.plot([p.cpu or 0.0 for p in best], [p.total_error or np.nan for p in best], "o-", **style)
+    for axes in (left, right):
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        _dress_precision(axes, "largest error, mesh included / range [-]")
+        _whole_decades(axes)
+    left.set_ylabel("mesh error / range [-]")
+    left.set_xlabel("unknowns (numbers: elements of all beams)")
+    left.legend(frameon=False, fontsize=9)
+    _title(figure, f"{result.name}, {model}: refinement by elements and by degree")
     return figure
 
 

@@ -20,7 +20,7 @@ from hfsim.errors import SolverFailure
 from hfsim.linearized import Linearized
 from hfsim.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.models.frame import FrameChart, Frames
-from hfsim.models.natural import NaturalIncrements
+from hfsim.models.increments import NaturalIncrements
 from hfsim.parts import ForcePart
 from hfsim.reduction import Reduction
 

@@ -45,6 +45,13 @@ def cable_row(x, length):
     )
 
 
+def quintic_row(x, length):
+    """Row of (r1, r1', two interior vectors, r2, r2') at x [m] of a cable element of degree 5."""
+    a, h = x / length, cable_row(x, length)
+    bubble = length * (a * (1 - a)) ** 2
+    return np.array([h[0], h[1], 5 / 2 * bubble, 7 / 2 * (2 * a - 1) * bubble, h[2], h[3]])
+
+
 def cable_row_x(x, length):
     """Derivative of `cable_row` by x."""
     a = x / length

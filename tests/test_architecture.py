@@ -69,7 +69,7 @@ ALLOWED = {
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
-    "studies": GROUND | {"balance", "build", "simulate", "deck", "writers", "elements", "models"},
+    "studies": GROUND | {"balance", "bodies", "build", "simulate", "deck", "writers", "elements", "models"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }

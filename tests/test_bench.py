@@ -300,3 +300,35 @@ def test_exit_code_3_without_a_reference(tmp_path):
 
 def test_budgets():
     assert [parse_budget(text) for text in ("500ms", "1.5 min", "1h")] == [0.5, 90.0, 3600.0]
+
+
+# --- degrees -------------------------------------------------------------------------------------
+
+
+def test_meshes_of_higher_degree_are_no_finer_than_the_finest_of_the_lowest():
+    meshes = sweep(elements=(1, 4, 8), degrees=(3, 5, 7)).meshes
+    assert meshes == [(1, 3), (4, 3), (8, 3), (1, 5), (4, 5), (1, 7)]
+    assert sweep(elements=(1, 4, 8), degrees=(3, 5, 7)).fine_mesh == (6, 7, 1)
+    assert sweep(elements=(2, 4)).fine_mesh == (4, None, 2)
+    assert sweep(degrees=(3, 5)).fine_mesh == (None, 5, 2)
+    assert sweep(degrees=(3, 5)).meshes == [(None, 3), (None, 5)]
+
+
+def test_the_command_compares_degrees(tmp_path):
+    result = call(
+        "bench", "pendulum", "--methods", "gauss", "--tolerances", "1e-3,1e-5", "--elements", "1,2,4",
+        "--degrees", "3,5", "--set", "solve.duration=0.1", "--set", "output.channels=[b1.tip.x, b1.tip.y]",
+        "--set", "materials.rubber.youngs_modulus=2e8", "-o", tmp_path / "o",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    for words in ("exact, 2 elements of degree 5", "against 4 elements of degree 5", "degree 5: CPU [s]"):
+        assert words in result.stdout
+    assert (tmp_path / "o" / "plots" / "total_error_exact.png").stat().st_size > 5000
+    facts = json.loads((tmp_path / "o" / "bench.json").read_text())
+    assert [(c["elements"], c["degree"]) for c in facts["cells"]] == [(1, 3), (2, 3), (4, 3), (1, 5), (2, 5)]
+    errors = {(c["elements"], c["degree"]): c["mesh_error"] for c in facts["cells"]}
+    assert errors[2, 5] < errors[1, 5] < errors[1, 3]
+    with (tmp_path / "o" / "bench.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["degree"], row["unknowns"]) for row in rows} >= {("3", "10"), ("5", "18")}
+    assert call("bench", "pendulum", "--degrees", "2,5").exit_code == 2

@@ -11,12 +11,13 @@ from analytical import (
     continuum_row_y,
     gauss,
     jacobian,
+    quintic_row,
     tilde,
 )
 
 from hfsim.build import build
 from hfsim.deck import parse_deck
-from hfsim.elements import ELEMENTS, Inertia, Measures, Stiffness
+from hfsim.elements import ELEMENTS, Cable, Inertia, Measures, Stiffness
 from hfsim.elements.separation import STIFFNESS_FORMS, GramStiffness, SeparatedStiffness
 from hfsim.models import paper
 from hfsim.models.mesh import BeamMesh
@@ -31,9 +32,10 @@ def rng():
     return np.random.default_rng(11)
 
 
-@pytest.fixture(params=list(ELEMENTS))
+@pytest.fixture(params=[*ELEMENTS, "quintic"])
 def mesh(request):
-    return BeamMesh(ELEMENTS[request.param](LE), COUNT, INERTIA)
+    element = Cable(LE, degree=5) if request.param == "quintic" else ELEMENTS[request.param](LE)
+    return BeamMesh(element, COUNT, INERTIA)
 
 
 def hybrid_state(mesh, rng, count=4):
@@ -50,16 +52,16 @@ def hybrid_state(mesh, rng, count=4):
 
 def material_points(mesh):
     """Yield mass and the 3 x n_p matrix N of points all over the beam, from shapes written out here."""
-    section = mesh.element.per_node == 3
+    section, line = mesh.element.per_node == 3, quintic_row if mesh.element.degree == 5 else cable_row
     y, wy = gauss(6, -0.15, 0.15) if section else (np.zeros(1), np.full(1, 0.3))
     x, wx = gauss(10, 0.0, LE)
     for e in range(COUNT):
         for a, p in zip(x, wx, strict=True):
             for b, q in zip(y, wy, strict=True):
-                local = continuum_row(a, b, LE) if section else cable_row(a, LE)
+                local = continuum_row(a, b, LE) if section else line(a, LE)
                 row = np.zeros(mesh.n_vectors)
-                k = mesh.element.per_node
-                row[e * k : (e + 2) * k] = local
+                start = e * mesh.element.stride
+                row[start : start + len(local)] = local
                 N = np.zeros((3, 2 * mesh.n_vectors))
                 N[:2] = np.kron(row, np.eye(2))
                 yield INERTIA.per_length / 0.3 * p * q, np.delete(N, [0, 1, 3], axis=1)

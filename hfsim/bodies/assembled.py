@@ -174,5 +174,6 @@ class LowOrderBody:
 
 
 def _outline_places(mesh: BeamMesh) -> Array:
-    per_element = max(1, min(8, 200 // mesh.count))
+    interior = mesh.element.stride - mesh.element.per_node
+    per_element = max(1, min(8 * (1 + interior), 200 // mesh.count))
     return np.linspace(0.0, mesh.length, min(mesh.count * per_element, 400) + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from annotated_types import Le
+from annotated_types import Ge, Le
 from pydantic import Field
 
 from hfsim.spec import Complaint, Count, Flag, Points, PositiveLength, Spec
@@ -45,6 +45,9 @@ class BeamSpec(Spec):
     element: Literal["cable", "continuum"] = "cable"
     """Centre line only, or the fully parameterised element of Liu, Hong & Cui (2007), eq. 22-27."""
 
+    degree: Annotated[Count, Ge(3), Le(12)] = 3
+    """Degree of the cable element's shapes: cubic Hermite and degree - 3 interior functions [-]."""
+
     strain: Literal["green", "engineering"] = "green"
     """Axial strain of the cable element: (r'.r' - 1)/2 or abs(r') - 1."""
 
@@ -52,7 +55,7 @@ class BeamSpec(Spec):
     """Curvature of the cable element: r'' or (r' x r'')/abs(r')^2."""
 
     quadrature: QuadratureSpec | None = None
-    """Gauss points an element, where the elastic energy is no polynomial; 5 and 5 without it."""
+    """Gauss points an element, where the elastic energy is no polynomial; 2 degree - 1 without it."""
 
     rotary_inertia: Flag = False
     """Whether the sections' rotary inertia counts."""
@@ -78,6 +81,9 @@ class BeamSpec(Spec):
 
     def _element_complaints(self) -> Iterator[Complaint]:
         continuum = self.element == "continuum"
+        if continuum and self.degree != 3:
+            hint = "remove this key, or take element: cable"
+            yield Complaint(("degree",), "a continuum element is cubic along its axis", hint)
         if continuum and self.strain != "green":
             yield Complaint(("strain",), "a continuum element has the Green strain", "remove this key")
         if continuum and self.curvature != "linear":

@@ -127,6 +127,13 @@ def names(text: str | None) -> tuple[str, ...]:
 )
 @click.option("--element", metavar="A,B,...", help="With --separation: kinds of element; all without it.")
 @click.option(
+    "--degrees",
+    metavar="P,Q,...",
+    callback=_listed(int, "degrees"),
+    help="Degrees of the cable elements, 3 to 12; the deck's without it. Beside --elements, meshes finer "
+    "than the finest of the lowest degree are left out.",
+)
+@click.option(
     "--budget",
     default="60s",
     show_default=True,
@@ -153,6 +160,7 @@ def bench(
     elements: tuple[int, ...],
     separation: bool,
     element: str | None,
+    degrees: tuple[int, ...],
     budget: float,
     repeats: int,
     output: Path | None,
@@ -192,7 +200,8 @@ def bench(
     if tolerances and steps:
         raise click.UsageError("give --tolerances or --steps, not both")
     loaded = load_decks([str(find_deck(deck, talk))], overrides, talk, assemble)[0]
-    sweep = make_sweep(loaded, names(methods), tolerances, steps, names(models), elements, repeats)
+    levels = (tolerances, steps)
+    sweep = make_sweep(loaded, names(methods), levels, names(models), (elements, degrees), repeats)
     scene_plan = Plan(
         argument=deck, deck=loaded, sweep=sweep, seconds=budget, started=started, overrides=overrides,
         talk=talk, folder=_claim(output, loaded.deck.name, force), plots=not no_plots,
@@ -209,13 +218,14 @@ def _refuse_given(options: Mapping[str, object], why: str) -> None:
 def make_sweep(
     loaded: LoadedDeck,
     methods: tuple[str, ...],
-    tolerances: tuple[float, ...],
-    steps: tuple[float, ...],
+    levels: tuple[tuple[float, ...], tuple[float, ...]],
     models: tuple[str, ...],
-    elements: tuple[int, ...],
+    meshes: tuple[tuple[int, ...], tuple[int, ...]],
     repeats: int,
 ) -> Sweep:
     """Return what is varied, with the defaults filled in.
+
+    Levels are tolerances and steps; meshes are elements and degrees.
 
     Raises
     ------
@@ -226,11 +236,14 @@ def make_sweep(
     from hfsim.models import MODELS
     from hfsim.studies.bench import Sweep
 
+    (tolerances, steps), (elements, degrees) = levels, meshes
     _refuse_unknown("method", methods, METHODS)
     _refuse_unknown("model", models, MODELS)
     solve = loaded.deck.solve
     if any(tolerance > 0.1 for tolerance in tolerances):
         raise click.UsageError("a tolerance above 0.1 says nothing")
+    if any(not 3 <= degree <= 12 for degree in degrees):
+        raise click.UsageError("degrees go from 3 to 12")
     if any(step > solve.duration for step in steps):
         raise click.UsageError(f"a step is longer than the run, {solve.duration:g} s")
     return Sweep(
@@ -238,6 +251,7 @@ def make_sweep(
         models=models or (solve.model,),
         steps=steps,
         elements=tuple(sorted(elements)),
+        degrees=tuple(sorted(degrees)),
         repeats=repeats,
         **({"tolerances": tolerances} if tolerances else {}),
     )
@@ -282,7 +296,7 @@ def _exit_code(result: Bench) -> int:
         return 130
     for cell in result.cells:
         if cell.status != "done":
-            print_error(f"{cell.model}, {cell.elements} elements: no reference: {cell.reason}")
+            print_error(f"{cell.model}, {cell.mesh}: no reference: {cell.reason}")
     return 3 if result.status == "failed" else 0
 
 
@@ -329,7 +343,7 @@ def as_text(result: Bench, folder: Path) -> str:
 def _cell_text(cell: Cell, points: Sequence[Point]) -> str:
     from hfsim.studies.bench import tidy
 
-    head = f"{cell.model}, {cell.elements} elements, {cell.unknowns} unknowns"
+    head = f"{cell.model}, {cell.mesh}, {cell.unknowns} unknowns"
     if cell.floor is None:
         lines = [f"{head}: no reference: {cell.reason}"]
     else:
@@ -392,19 +406,43 @@ def _remarks(points: Sequence[Point]) -> list[str]:
 
 def _mesh_tables(result: Bench) -> str:
     """Return the mesh errors: the worst of each mesh with what suffices for it, and each channel's."""
-    rows = [["model", "elements", "unknowns", "mesh error", "in", "order", "reached within a tenth by"]]
+    rows = [
+        ["model", "elements", "degree", "unknowns", "mesh error", "in", "order", "reached within a tenth by"]
+    ]
     meshed = [cell for cell in result.cells if cell.mesh_error is not None]
     for cell in meshed:
         order = "-" if cell.mesh_order is None else f"{cell.mesh_order:.1f}"
-        rows.append([cell.model, str(cell.elements), str(cell.unknowns), _number(cell.mesh_error),
-                     cell.mesh_channel, order, _enough(cell, result)])  # fmt: skip
-    finest = dict.fromkeys(f"{c.mesh_reference} ({c.model})" for c in meshed)
-    head = f"mesh errors, against elements: {', '.join(finest)}; tighter tolerances than the last column's"
+        counts = [str(n) for n in (cell.elements, cell.degree, cell.unknowns)]
+        rows.append([cell.model, *counts, _number(cell.mesh_error), cell.mesh_channel, order,
+                     _enough(cell, result)])  # fmt: skip
+    finest = dict.fromkeys(f"{c.mesh_reference_words} ({c.model})" for c in meshed)
+    head = f"mesh errors, against {', '.join(finest)}; tighter tolerances than the last column's"
     blocks = [f"{head} are wasted", as_table(rows)]
     for model in dict.fromkeys(cell.model for cell in meshed):
-        cells = [c for c in meshed if c.model == model]
-        blocks += ["", as_table(_channel_rows(cells)), *_stubborn(cells)]
+        for degree in result.degrees(model):
+            cells = [c for c in meshed if (c.model, c.degree) == (model, degree)]
+            blocks += ["", as_table(_channel_rows(cells)), *_stubborn(cells)] if cells else []
+        blocks += _degree_table(result, model)
     return "\n".join(blocks)
+
+
+def _degree_table(result: Bench, model: str) -> list[str]:
+    """Return the cheapest way to each total error by elements of each degree; nothing with one degree."""
+    from hfsim.studies.bench import mesh_words, recommend
+
+    degrees = result.degrees(model)
+    if len(degrees) < 2:
+        return []
+    rows = [["total error", *(f"degree {degree}: CPU [s]" for degree in degrees)]]
+    for exponent in range(1, 9):
+        target = 10.0**-exponent
+        found = [recommend(result.points_of_degree(model, degree), target) for degree in degrees]
+        if not any(found):
+            break
+        texts = ["-" if p is None else f"{p.cpu:.3g} ({mesh_words(p.elements, 3)}, {p.level})" for p in found]
+        rows.append([f"{target:.0e}", *texts])
+    head = f"{model}: cheapest setting of each degree for an error, that of the mesh included"
+    return ["", head, as_table(rows)] if len(rows) > 1 else []
 
 
 def _stubborn(cells: Sequence[Cell]) -> list[str]:
@@ -424,7 +462,7 @@ def _stubborn(cells: Sequence[Cell]) -> list[str]:
 def _channel_rows(cells: Sequence[Cell]) -> list[list[str]]:
     from hfsim.studies.bench import observed_order
 
-    rows = [[f"{cells[0].model}: mesh error (order)", *(f"{cell.elements} elements" for cell in cells)]]
+    rows = [[f"{cells[0].model}: mesh error (order)", *(cell.mesh for cell in cells)]]
     for name in cells[0].mesh_errors:
         texts = [_number(cells[0].mesh_errors[name])]
         for coarse, fine in pairwise(cells):

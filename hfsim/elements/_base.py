@@ -66,14 +66,15 @@ class Measures:
         ``green`` or ``engineering``.
     curvature : str
         ``linear`` (r'') or ``exact``.
-    axial_points, bending_points : int
-        Gauss points an element where the energy is no polynomial.
+    axial_points, bending_points : int or None
+        Gauss points an element where the energy is no polynomial; as many as the degree of the
+        element asks for without a number.
     """
 
     strain: str = "green"
     curvature: str = "linear"
-    axial_points: int = 5
-    bending_points: int = 5
+    axial_points: int | None = None
+    bending_points: int | None = None
 
 
 USUAL = Measures()
@@ -99,7 +100,11 @@ class ElasticLaw(Protocol):
 
 
 class Element(Protocol):
-    """An element between two nodes with some vectors at each: a position and gradients."""
+    """An element between two nodes with some vectors at each: a position and gradients.
+
+    Its vectors are those of the first node, interior ones if it has any, and those of the last node:
+    ``stride + per_node`` together.
+    """
 
     def __init__(self, length: float) -> None: ...
 
@@ -108,17 +113,25 @@ class Element(Protocol):
         """Number of vectors at each node."""
 
     @property
+    def degree(self) -> int:
+        """Degree of the shapes along the axis."""
+
+    @property
+    def stride(self) -> int:
+        """Number of vectors from one node to the next: those of a node and the interior ones."""
+
+    @property
     def length(self) -> float:
         """Undeformed length [m]."""
 
     def differences(self) -> Array:
-        """Return the matrix, shape (n_vectors, 2 per_node), from nodal vectors to difference vectors."""
+        """Return the matrix from the element's vectors to difference vectors, shape (n_differences, n)."""
 
     def shape(self, xi: float, eta: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
-        """Return the shape row, shape (2 per_node,), or a derivative of it with respect to (x, y)."""
+        """Return the shape row, shape (n,), or a derivative of it with respect to (x, y)."""
 
     def mass(self, inertia: Inertia) -> Array:
-        """Return the mass matrix of one vector component, shape (2 per_node, 2 per_node) [kg]."""
+        """Return the mass matrix of one vector component, shape (n, n) [kg]."""
 
     def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` equal elements."""

@@ -27,6 +27,12 @@ class Continuum:
 
     length: float
     per_node: int = 3
+    degree: int = 3
+
+    @property
+    def stride(self) -> int:
+        """As many as at each node: there are no interior vectors."""
+        return self.per_node
 
     def differences(self) -> Array:
         """Return the matrix from the six nodal vectors to (chord / le, r1_x, r2_x, r1_y, r2_y)."""

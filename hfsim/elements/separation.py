@@ -96,7 +96,7 @@ def _continuum_table(element: Element, stiffness: Stiffness) -> StrainTable:
 
 
 def _cable_table(element: Element, stiffness: Stiffness) -> StrainTable:
-    x, w = gauss_legendre(5)
+    x, w = gauss_legendre(2 * element.degree - 1)
     weights = np.asarray(w * element.length)
     rows = np.array([element.shape(float(xi), 0.0, (1, 0)) for xi in x])
     bend = np.array([element.shape(float(xi), 0.0, (2, 0)) for xi in x])

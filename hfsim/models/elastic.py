@@ -9,7 +9,7 @@ import numpy as np
 
 from hfsim.arrays import Array, ComplexArray, IntArray
 from hfsim.elements import ElasticLaw
-from hfsim.elements.cable import gauss_rows
+from hfsim.elements.cable import exact_points, gauss_rows
 from hfsim.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.models.frame import relative_nodes
 from hfsim.parts import DIFFERENCE, ForcePart
@@ -185,7 +185,7 @@ class KelvinVoigtForce(ForcePart):
     Attributes
     ----------
     elements : Connectivity
-    slope, bend : ndarray, shape (n_points, 3)
+    slope, bend : ndarray, shape (n_points, n_vectors)
         Rows of r' and r'' (times le) at the Gauss points of an element.
     axial, bending : ndarray, shape (n_elements, n_points)
         EA le tau_a w and EI / le tau_b w [J s].
@@ -203,9 +203,9 @@ class KelvinVoigtForce(ForcePart):
         return True
 
     @classmethod
-    def of(cls, elements: Connectivity, axial: float, bending: float) -> KelvinVoigtForce:
+    def of(cls, elements: Connectivity, degree: int, axial: float, bending: float) -> KelvinVoigtForce:
         """Return the force of equal elements from EA le tau_a and EI / le tau_b [J s]."""
-        w, slope, bend = gauss_rows(5)
+        w, slope, bend = gauss_rows(exact_points(degree), degree)
         count = len(elements.columns)
         return cls(
             elements=elements,

@@ -48,8 +48,8 @@ class FrameChart:
         Where the coordinates of these beams stand, in q and in x alike.
     bodies : int
         Number of beams.
-    per_node : int
-        Vectors at each node, the first of them a position.
+    stride : int
+        Vectors from one nodal position to the next.
 
     Notes
     -----
@@ -59,7 +59,7 @@ class FrameChart:
 
     columns: slice
     bodies: int
-    per_node: int
+    stride: int
 
     def _complex(self, q: Array) -> ComplexArray:
         block = np.ascontiguousarray(q[:, self.columns])
@@ -83,14 +83,14 @@ class FrameChart:
     def absolute(self, frames: Frames) -> Array:
         """Return absolute nodal coordinates, eq. (2), shape (n_batch, n_columns)."""
         z = frames.p * frames.turn
-        z[..., :: self.per_node] += frames.origin
+        z[..., :: self.stride] += frames.origin
         return self._flat(z)
 
     def absolute_velocity(self, frames: Frames, v: Array) -> Array:
         """Return the rates of the absolute nodal coordinates, eq. (4)."""
         w = self._complex(v)
         z = (self._relative(w) + (1j * w.real[..., 1:2]) * frames.p) * frames.turn
-        z[..., :: self.per_node] += w[..., :1]
+        z[..., :: self.stride] += w[..., :1]
         return self._flat(z)
 
     def relative_acceleration(self, frames: Frames, v: Array, ax: Array) -> Array:
@@ -107,7 +107,7 @@ class FrameChart:
     def _in_frame(self, frames: Frames, z: ComplexArray) -> ComplexArray:
         """Return vectors relative to the first position, turned into the body frame."""
         g = z * frames.turn.conj()
-        g[..., :: self.per_node] -= g[..., :1].copy()
+        g[..., :: self.stride] -= g[..., :1].copy()
         return g
 
     def _joined(self, g: ComplexArray, z: ComplexArray, angle: Array) -> Array:

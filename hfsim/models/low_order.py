@@ -24,7 +24,8 @@ class LowOrderBeam(ForcePart):
     """One beam in the coordinates (r0, theta, w, v).
 
     The elastic coordinates are the nodal values and slopes of w (root value left out) followed by
-    those of v (root value and slope left out), in the Hermite shapes of every other model.
+    those of v (root value and slope left out), in the shapes of every other model; interior ones of
+    an element stand between those of its nodes.
 
     Attributes
     ----------
@@ -88,10 +89,11 @@ class LowOrderBeam(ForcePart):
     def _points(self) -> tuple[Array, Array, Array, Array, Array]:
         """Quadrature along the beam: x, mass of each point, N_w, N_v, and H as (n_v, n_points * n_v).
 
-        Six points an element integrate the terms of highest degree (H H, degree 10) exactly.
+        Twice the degree of the shapes is the number of points an element that integrates the terms of
+        highest degree (H H, degree 10 with cubics) exactly.
         """
         le = self.mesh.element.length
-        xi, w = gauss_legendre(6)
+        xi, w = gauss_legendre(2 * self.mesh.element.degree)
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
         mass = np.tile(w, self.mesh.count) * le * self.mesh.inertia.per_length
         N = np.array([self.mesh.shape(float(a)) for a in x])
@@ -101,21 +103,33 @@ class LowOrderBeam(ForcePart):
     def foreshortening(self, x: float) -> Array:
         """Return H(x) = int_0^x N_v'^T N_v', shape (n_v, n_v) [1/m]."""
         le = self.mesh.element.length
-        xi, w = gauss_legendre(3)
-        H = np.zeros((self.n_v, self.n_v))
-        for e in range(self.mesh.count):
-            part = min(le, x - e * le)
-            if part <= 0.0:
-                break
-            rows = np.array([self.mesh.shape(e * le + a * part, 0.0, (1, 0))[2:] for a in xi])
-            H += (rows.T * (w * part)) @ rows
+        whole = min(int(x / le), self.mesh.count - 1)
+        rest = min(le, x - whole * le)
+        H = np.array(self._whole_elements[whole])
+        if rest > 0.0:
+            H += self._own_foreshortening(whole, rest)
         return H
+
+    @cached_property
+    def _whole_elements(self) -> Array:
+        """H at the start of each element, shape (count, n_v, n_v)."""
+        H = np.zeros((self.mesh.count, self.n_v, self.n_v))
+        for e in range(1, self.mesh.count):
+            H[e] = H[e - 1] + self._own_foreshortening(e - 1, self.mesh.element.length)
+        return H
+
+    def _own_foreshortening(self, e: int, part: float) -> Array:
+        """Return the share in H of the first `part` [m] of element e."""
+        start = e * self.mesh.element.length
+        xi, w = gauss_legendre(self.mesh.element.degree)
+        rows = np.array([self.mesh.shape(start + a * part, 0.0, (1, 0))[2:] for a in xi])
+        return np.asarray((rows.T * (w * part)) @ rows)
 
     @cached_property
     def stiffness(self) -> tuple[Array, Array]:
         """Constant matrices of EA w'' and EI v'''' over all elastic coordinates."""
         le = self.mesh.element.length
-        xi, w = gauss_legendre(4)
+        xi, w = gauss_legendre(self.mesh.element.degree + 1)
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
         weight = np.tile(w, self.mesh.count) * le
         strain = np.array([self.mesh.shape(float(a), 0.0, (1, 0))[1:] for a in x])

@@ -6,9 +6,15 @@ the logarithm of each gradient vector (stretch and angle), and of each element t
 of its centre line and the angle of its chord.  Only Newton corrections are expressed in them; the
 equations stay those of the state coordinates, and so do the results.
 
+Interior vectors of an element bring as many more axial strains.  Their natural coordinates are the
+moments of the Green strain with the slopes of the interior functions and, across, the components of the
+vectors normal to the chord: with the mean strain and the stretch of the slopes at the ends, these
+determine every strain of the element's degree.
+
 Planar vectors are complex numbers; everything has a leading batch axis.  Natural coordinates stand
 where the coordinates they replace stand: root position; logarithm of a gradient vector; mean strain
-+ i chord angle of element e in the place of the position of node e + 1.
++ i chord angle of element e in the place of the position of node e + 1; strain moment + i normal
+component in the place of an interior vector.
 """
 
 from __future__ import annotations
@@ -18,10 +24,12 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray, IntArray
-from hfsim.elements.cable import mean_square_slope
-from hfsim.reduction import Reduction
-from hfsim.rotations import as_complex, as_vectors
+from hfsim.arrays import Array, ComplexArray
+from hfsim.elements.cable import mean_square_slope, strain_moments
+
+_MOST_CORRECTIONS = 8
+_ENOUGH = 1e-8
+"""Newton correction of a stretch after which the next one, quadratically smaller, is round-off."""
 
 
 @dataclass(frozen=True)
@@ -45,14 +53,14 @@ class Geometry:
 
 @dataclass(frozen=True)
 class NaturalBeams:
-    """Natural increments of alike beams that stand side by side in the state.
+    """Natural increments of alike beams, without interior vectors, that stand side by side in the state.
 
     Attributes
     ----------
     columns : slice
     bodies : int
-    per_node : int
-        Vectors at each node.
+    stride : int
+        Vectors from one nodal position to the next.
     length : float
         Element length [m].
     framed : bool
@@ -61,7 +69,7 @@ class NaturalBeams:
 
     columns: slice
     bodies: int
-    per_node: int
+    stride: int
     length: float
     framed: bool
 
@@ -85,7 +93,7 @@ class NaturalBeams:
 
     def _parts(self, z: ComplexArray) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         """Return chords over the element length, first and last slopes of all elements."""
-        places, slopes = z[..., :: self.per_node], z[..., 1 :: self.per_node]
+        places, slopes = z[..., :: self.stride], z[..., 1 :: self.stride]
         return (places[..., 1:] - places[..., :-1]) * (1.0 / self.length), slopes[..., :-1], slopes[..., 1:]
 
     def _gradient(
@@ -108,13 +116,11 @@ class NaturalBeams:
         dd, ds, de = self._parts(dz)
         gd, gs, ge = at.gradient
         strain = (gd.conj() * dd + gs.conj() * ds + ge.conj() * de).real
-        z = at.z
-        if self.framed:
-            z = z.copy()
-            z[..., 0] = 1.0
-        y = dz / z
-        y.real[..., self.per_node :: self.per_node] = strain
-        y.imag[..., self.per_node :: self.per_node] = (dd / at.d).imag
+        y = dz.copy()
+        for k in range(1, self.stride):
+            y[..., k :: self.stride] /= at.z[..., k :: self.stride]
+        y.real[..., self.stride :: self.stride] = strain
+        y.imag[..., self.stride :: self.stride] = (dd / at.d).imag
         y[..., 0] = c[..., 0]
         if self.framed:
             y.imag[..., 1] = c[..., 1].real
@@ -128,7 +134,7 @@ class NaturalBeams:
             dz[..., 1] = c[..., 1].real * at.z[..., 1]
         _, ds, de = self._parts(dz)
         gd, gs, ge = at.gradient
-        chord = c[..., self.per_node :: self.per_node]
+        chord = c[..., self.stride :: self.stride]
         turning = gd.conj() * at.d
         rest = (gs.conj() * ds + ge.conj() * de).real
         stretch = (chord.real - rest + turning.imag * chord.imag) / turning.real
@@ -142,7 +148,7 @@ class NaturalBeams:
         d0, s0, e0 = self._parts(at.z)
         gd, gs, ge = at.gradient
         square = (gd.conj() * d0 + gs.conj() * s0 + ge.conj() * e0).real
-        chord = c[..., self.per_node :: self.per_node]
+        chord = c[..., self.stride :: self.stride]
         direction = np.exp(1j * chord.imag) * (at.d / np.abs(at.d))
         g00, g01, g11, g12 = self._metric
         slopes = g11 * (np.abs(s) ** 2 + np.abs(e) ** 2) + 2.0 * g12 * (s.conj() * e).real
@@ -160,7 +166,7 @@ class NaturalBeams:
     def _join(self, dz: ComplexArray, dd: ComplexArray, c: ComplexArray, out: Array) -> None:
         """Put changes of chords and gradient vectors together into a change of the state."""
         root = 0.0 if self.framed else c[..., :1]
-        dz[..., self.per_node :: self.per_node] = np.cumsum(dd * self.length, axis=-1) + root
+        dz[..., self.stride :: self.stride] = np.cumsum(dd * self.length, axis=-1) + root
         dz[..., 0] = c[..., 0]
         if self.framed:
             dz[..., 1] = c[..., 1].imag + 1j * dz[..., 1].real
@@ -176,7 +182,7 @@ class NaturalBeams:
         hd, hs, he = self._gradient(dd, ds, de)
         first = self._complex(y1)
         bend = -(first * first)
-        chords = slice(self.per_node, None, self.per_node)
+        chords = slice(self.stride, None, self.stride)
         bend[..., chords] = 1j * (-((dd / at.d) ** 2)).imag
         bend.real[..., chords] = (hd.conj() * dd + hs.conj() * ds + he.conj() * de).real
         bend[..., 0] = 0.0
@@ -189,159 +195,162 @@ class NaturalBeams:
 
 
 @dataclass(frozen=True)
-class Tie:
-    """A beam or mass point whose place follows from a body nearer to the ground.
+class InteriorGeometry:
+    """Vectors of alike beams whose elements have interior vectors, in a batch of states.
 
     Attributes
     ----------
-    positions : ndarray of int, shape (n, 2)
-        Columns in x of all positions of the body, that of its origin first: they move together.
-    point : ndarray of int, shape (2,)
-        Columns of the position at which it is tied.
-    parent : ndarray of int, shape (2,), or None
-        Columns of the position it is tied to; None for the ground or a point of a rigid body.
+    z : ndarray of complex, shape (n_batch, n_bodies, n_vectors)
+        All vectors, with a body frame those relative to it.
+    V : ndarray of complex, shape (n_batch, n_bodies, n_elements, degree)
+        Difference vectors: first slope, last slope, then what only the strains of their own element
+        determine: chord over length and interior vectors.
+    along : ndarray of complex, shape (n_batch, n_bodies, n_elements, 1)
+        Unit vectors along the chords.
+    gradient : ndarray of complex, shape (n_batch, n_bodies, n_elements, degree - 2, degree)
+        Derivatives of the mean strain and the strain moments by the difference vectors, conjugated.
     """
 
-    positions: IntArray
-    point: IntArray
-    parent: IntArray | None
-
-    def move(self, x: Array, y: Array, dx: Array, finite: bool) -> None:
-        """Shift the body, in changes ``dx`` of the coordinates, to where its parent has moved."""
-        shift = -dx[:, self.point]
-        if self.parent is not None:
-            shift += dx[:, self.parent]
-        dx[:, self.positions] += shift[:, None, :]
+    z: ComplexArray
+    V: ComplexArray
+    along: ComplexArray
+    gradient: ComplexArray
 
 
 @dataclass(frozen=True)
-class Mount(Tie):
-    """A beam on a point of a rigid body, hinged or fixed to it.
-
-    Natural coordinates are then relative to the rigid body: the place of the beam in its axes, and, of a
-    fixed beam, the angle of the slope there.  In them the joint is linear, however far all turns.
-
-    Attributes
-    ----------
-    rigid : ndarray of int, shape (3,)
-        Columns (x, y, angle) of the rigid body.
-    arm : complex
-        The point in the rigid body's axes [m].
-    slope : int or None
-        Column of the natural coordinate that is the angle of the fixed slope.
-    """
-
-    rigid: IntArray
-    arm: complex
-    slope: int | None
-
-    def _turn(self, x: Array) -> ComplexArray:
-        return np.asarray(np.exp(1j * x[:, self.rigid[2]]))
-
-    def make_relative(self, x: Array, dx: Array, y: Array) -> None:
-        """Change natural increments of the beam into those relative to the rigid body."""
-        turn, spin = self._turn(x), dx[:, self.rigid[2]]
-        moved = (
-            as_complex(dx[:, self.point]) - as_complex(dx[:, self.rigid[:2]]) - 1j * spin * turn * self.arm
-        )
-        y[:, self.positions[0]] = as_vectors(moved * turn.conj())
-        if self.slope is not None:
-            y[:, self.slope] -= spin
-
-    def make_absolute(self, y: Array) -> None:
-        """Add the turn of the rigid body to the angle of the fixed slope."""
-        if self.slope is not None:
-            y[:, self.slope] += y[:, self.rigid[2]]
-
-    def move(self, x: Array, y: Array, dx: Array, finite: bool) -> None:
-        """Shift the beam to where its point of the rigid body has moved."""
-        turn, spin = self._turn(x), dx[:, self.rigid[2]]
-        after = turn * np.exp(1j * spin) if finite else turn
-        carried = (after - turn) if finite else 1j * spin * turn
-        moved = as_complex(dx[:, self.rigid[:2]]) + carried * self.arm
-        moved += after * as_complex(y[:, self.positions[0]])
-        dx[:, self.positions] += (as_vectors(moved) - dx[:, self.point])[:, None, :]
-
-
-@dataclass(frozen=True)
-class NaturalIncrements:
-    """Natural increments of a whole state; coordinates outside the beams stay as they are.
-
-    The state are the free coordinates that joints leave.  The place of a tied body follows from what it is
-    tied to, and its increments are relative to that.
-
-    Attributes
-    ----------
-    beams : tuple of NaturalBeams
-    reduction : Reduction
-    ties : tuple of Tie
-        In order from the ground outwards.
-    columns : ndarray of int, shape (n,)
-        Columns of x whose natural increments are free.
-    """
-
-    beams: tuple[NaturalBeams, ...]
-    reduction: Reduction
-    ties: tuple[Tie, ...]
-    columns: IntArray
+class InteriorBeams(NaturalBeams):
+    """The same for elements with interior vectors: a small solve an element where strains are given."""
 
     @cached_property
-    def _mounts(self) -> tuple[Mount, ...]:
-        return tuple(tie for tie in self.ties if isinstance(tie, Mount))
+    def _interior(self) -> slice:
+        return slice(2, self.stride)
 
-    def geometry(self, q: Array) -> tuple[Array, list[Geometry]]:
-        """Return what the maps below need of a batch of states (n_batch, n)."""
-        x = self.reduction.expand(q)
-        return x, [part.geometry(x) for part in self.beams]
+    @cached_property
+    def _moments(self) -> Array:
+        """Matrix, shape (degree, (degree - 2) degree), from difference vectors to strain gradients."""
+        order = [1, self.stride, 0, *range(2, self.stride)]
+        T = strain_moments(self.stride + 1)[:, order][:, :, order]
+        return np.ascontiguousarray(T.transpose(1, 0, 2).reshape(self.stride + 1, -1))
 
-    def to_natural(self, at: tuple[Array, list[Geometry]], dq: Array) -> Array:
-        """Return natural increments of small changes of the states."""
-        dx = self.reduction.expand_rates(dq)
-        y = dx.copy()
-        for part, geometry in zip(self.beams, at[1], strict=True):
-            part.to_natural(geometry, dx, y)
-        for mount in self._mounts:
-            mount.make_relative(at[0], dx, y)
-        return self._free(y)
+    def _blocks(self, z: ComplexArray) -> ComplexArray:
+        """Return a view of all but the last node's vectors, shape (..., n_elements, stride)."""
+        # splitting an axis never copies, so that what is written there goes into z
+        return z[..., :-2].reshape(*z.shape[:-1], -1, self.stride)
 
-    def from_natural(self, at: tuple[Array, list[Geometry]], y: Array) -> Array:
-        """Return the changes of the states that belong to small natural increments."""
-        return self._changes(at, y, finite=False)
+    def _differences(self, z: ComplexArray) -> ComplexArray:
+        d, s, e = self._parts(z)
+        inner = self._blocks(z)[..., self._interior]
+        return np.concatenate([s[..., None], e[..., None], d[..., None], inner], axis=-1)
 
-    def advance(self, at: tuple[Array, list[Geometry]], y: Array) -> Array:
-        """Return the changes of the states that add finite natural increments."""
-        return self._changes(at, y, finite=True)
+    def _strain_gradient(self, V: ComplexArray) -> ComplexArray:
+        return np.asarray((V.conj() @ self._moments).reshape(*V.shape[:-1], -1, V.shape[-1]))
 
-    def _changes(self, at: tuple[Array, list[Geometry]], y: Array, finite: bool) -> Array:
-        whole = self._whole(y)
-        for mount in self._mounts:
-            mount.make_absolute(whole)
-        dx = whole.copy()
-        for part, geometry in zip(self.beams, at[1], strict=True):
-            (part.advance if finite else part.from_natural)(geometry, whole, dx)
-        for tie in self.ties:
-            tie.move(at[0], whole, dx, finite)
-        return self.reduction.free_rates(dx)
+    def geometry(self, q: Array) -> InteriorGeometry:  # type: ignore[override]
+        """Return what the maps below need of a batch of states."""
+        z = self._vectors(self._complex(q))
+        V = self._differences(z)
+        chord = V[..., 2:3]
+        return InteriorGeometry(z, V, chord / np.abs(chord), self._strain_gradient(V))
 
-    def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Return the first and second time derivatives of the natural coordinates."""
-        x, u, ax = self.reduction.expand(q), self.reduction.expand_rates(v), self.reduction.expand_rates(a)
-        y1, y2 = u.copy(), ax.copy()
-        for part in self.beams:
-            part.rates(x, u, ax, y1, y2)
-        for mount in self._mounts:
-            for rates, changes in ((y1, u), (y2, ax)):
-                mount.make_relative(x, changes, rates)
-                # the joint holds, so that nothing moves relative to the rigid body
-                rates[:, mount.positions[0]] = 0.0
-        return self._free(y1), self._free(y2)
+    def to_natural(self, at: InteriorGeometry, dq: Array, out: Array) -> None:  # type: ignore[override]
+        """Write the natural increments of small changes ``dq`` into ``out``."""
+        c = self._complex(dq)
+        dV = self._differences(self._vectors(c))
+        strains = _strain_changes(at.gradient, dV)
+        turn = (dV[..., 2:3] / at.V[..., 2:3]).imag
+        seen, moved = (part[..., 3:] * at.along.conj() for part in (at.V, dV))
+        self._assemble(at, c, strains, turn[..., 0], moved.imag - turn * seen.real, out)
 
-    def _free(self, y: Array) -> Array:
-        return y if self.reduction.identity else y[:, self.columns]
+    def _assemble(
+        self, at: InteriorGeometry, c: ComplexArray, strains: Array, turn: Array, normal: Array, out: Array
+    ) -> None:
+        """Write natural increments, of which ``c`` gives root position, frame angle and gradient vectors."""
+        y = c.copy()
+        slopes = slice(1, None, self.stride)
+        y[..., slopes] = self._vectors(c)[..., slopes] / at.z[..., slopes]
+        if self.framed:
+            y.imag[..., 1] = c[..., 1].real
+        y[..., self.stride :: self.stride] = strains[..., 0] + 1j * turn
+        self._blocks(y)[..., self._interior] = strains[..., 1:] + 1j * normal
+        self._put(y, out)
 
-    def _whole(self, y: Array) -> Array:
-        if self.reduction.identity:
-            return y.copy()
-        whole = np.zeros((len(y), len(self.reduction.offset)))
-        whole[:, self.columns] = y
-        return whole
+    def _read(self, c: ComplexArray) -> tuple[Array, Array, Array]:
+        """Return strains and moments (..., degree - 2), chord turns (..., 1) and normal components."""
+        chord, inner = c[..., self.stride :: self.stride, None], self._blocks(c)[..., self._interior]
+        own = np.concatenate([chord, inner], axis=-1)
+        return own.real, own.imag[..., :1], own.imag[..., 1:]
+
+    def from_natural(self, at: InteriorGeometry, y: Array, out: Array) -> None:  # type: ignore[override]
+        """Write the changes of the state that belong to small natural increments into ``out``."""
+        c = self._complex(y)
+        strains, turn, normal = self._read(c)
+        dz = c * at.z
+        if self.framed:
+            dz[..., 1] = c[..., 1].real * at.z[..., 1]
+        dV = self._differences(dz)
+        dV[..., 2:] = (1j * turn) * at.V[..., 2:]
+        dV[..., 3:] += normal * (1j * at.along)
+        self._stretch(at.gradient, at.along, strains - _strain_changes(at.gradient, dV), dV)
+        self._join_all(dz, dV, c, out)
+
+    def _stretch(self, gradient: ComplexArray, along: ComplexArray, strains: Array, V: ComplexArray) -> Array:
+        """Add to chords and interior vectors, along the chord, what changes the strains as given."""
+        matrix = (gradient[..., 2:] * along[..., None]).real
+        if len(matrix) < len(strains):
+            # one state for many changes: solving would factorise it again for each of them
+            by = np.asarray(np.linalg.inv(matrix) @ strains[..., None])[..., 0]
+        else:
+            by = np.asarray(np.linalg.solve(matrix, strains[..., None]))[..., 0]
+        V[..., 2:] += by * along
+        return by
+
+    def advance(self, at: InteriorGeometry, y: Array, out: Array) -> None:  # type: ignore[override]
+        """Write the change of the state that adds finite natural increments, to round-off, into ``out``."""
+        c = self._complex(y)
+        strains, turn, normal = self._read(c)
+        factor = np.ones_like(c)
+        factor[..., 1 :: self.stride] = np.exp(c[..., 1 :: self.stride])
+        if self.framed:
+            factor[..., 1] = np.abs(factor[..., 1])
+        z = factor * at.z
+        V = self._differences(z)
+        turned = np.exp(1j * turn)
+        along = turned * at.along
+        V[..., 2:] = turned * at.V[..., 2:]
+        V[..., 3:] += normal * (1j * along)
+        wanted = strains + 0.5 * _strain_changes(at.gradient, at.V)
+        for _ in range(_MOST_CORRECTIONS):
+            gradient = self._strain_gradient(V)
+            by = self._stretch(gradient, along, wanted - 0.5 * _strain_changes(gradient, V), V)
+            if not np.abs(by).max(initial=0.0) > _ENOUGH:
+                break
+        self._join_all(z - at.z, V - at.V, c, out)
+
+    def _join_all(self, dz: ComplexArray, dV: ComplexArray, c: ComplexArray, out: Array) -> None:
+        self._blocks(dz)[..., self._interior] = dV[..., 3:]
+        self._join(dz, dV[..., 2], c, out)
+
+    def rates(self, q: Array, v: Array, a: Array, y1: Array, y2: Array) -> None:
+        """Write the first and second time derivatives of the natural coordinates into ``y1`` and ``y2``."""
+        at = self.geometry(q)
+        self.to_natural(at, v, y1)
+        self.to_natural(at, a, y2)
+        dV = self._differences(self._vectors(self._complex(v)))
+        first = self._complex(y1)
+        bend = -(first * first)
+        bend[..., 0] = 0.0
+        if self.framed:
+            bend[..., 1] = -(first[..., 1].real ** 2)
+        spin = dV[..., 2:3] / at.V[..., 2:3]
+        seen, moved = (part[..., 3:] * at.along.conj() for part in (at.V, dV))
+        turn = spin.imag
+        normal = (spin * spin).imag * seen.real - turn * (2.0 * moved.real + turn * seen.imag)
+        strains = _strain_changes(self._strain_gradient(dV), dV)
+        bend[..., self.stride :: self.stride] = strains[..., 0] - 1j * (spin * spin).imag[..., 0]
+        self._blocks(bend)[..., self._interior] = strains[..., 1:] + 1j * normal
+        self._put(self._complex(y2) + bend, y2)
+
+
+def _strain_changes(gradient: ComplexArray, dV: ComplexArray) -> Array:
+    """Return the changes of strain moments with changes of difference vectors, shape (..., degree - 2)."""
+    return np.asarray((gradient @ dV[..., None])[..., 0].real)

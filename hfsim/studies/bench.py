@@ -20,6 +20,7 @@ import numpy as np
 
 from hfsim.arrays import Array
 from hfsim.balance import balance, step_samples
+from hfsim.bodies import BeamSpec
 from hfsim.build import Scene, build
 from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import HfsimError
@@ -131,6 +132,8 @@ class Sweep:
         Fixed steps, longest first [s]; empty: steps follow the tolerances.
     elements : tuple of int
         Elements of every beam; empty: as in the deck.
+    degrees : tuple of int
+        Degrees of every beam of cable elements; empty: as in the deck.
     repeats : int
         How often a short point is timed.
     """
@@ -140,12 +143,41 @@ class Sweep:
     tolerances: tuple[float, ...] = tuple(10.0**-k for k in range(3, 11))
     steps: tuple[float, ...] = ()
     elements: tuple[int, ...] = ()
+    degrees: tuple[int, ...] = ()
     repeats: int = 3
 
     @property
     def levels(self) -> tuple[float, ...]:
         """Steps or tolerances, cheapest first."""
         return tuple(sorted(self.steps or self.tolerances, reverse=True))
+
+    @property
+    def meshes(self) -> list[tuple[int | None, int | None]]:
+        """Elements and degree of each mesh; None: as in the deck.
+
+        With several degrees, meshes are left out that are finer, by their number of vectors, than the
+        finest one of the lowest degree: they would take most of the time and compare with nothing.
+        """
+        degrees: tuple[int | None, ...] = tuple(sorted(self.degrees)) or (None,)
+        if not self.elements:
+            return [(None, degree) for degree in degrees]
+        limit = self._finest
+        pairs = [(n, degree) for degree in degrees for n in sorted(self.elements)]
+        return [(n, p) for n, p in pairs if p is None or n == 1 or n * (p - 1) <= limit]
+
+    @property
+    def _finest(self) -> int:
+        return max(self.elements, default=1) * (min(self.degrees, default=3) - 1)
+
+    @property
+    def fine_mesh(self) -> tuple[int | None, int | None, int]:
+        """Elements, degree and a factor on the elements of a mesh about twice as fine as the finest one."""
+        degree = max(self.degrees, default=None)
+        if not self.elements:
+            return None, degree, 2
+        if degree is None:
+            return max(self.elements), None, 2
+        return -(-2 * self._finest // (degree - 1)), degree, 1
 
 
 @dataclass(frozen=True)
@@ -183,6 +215,8 @@ class Point:
     model : str
     elements : int
         Elements of all beams together.
+    degree : int
+        Highest of their degrees.
     method : str
     tolerance, step : float or None
         Which of the two was prescribed.
@@ -205,6 +239,7 @@ class Point:
     step: float | None
     status: str = "skipped"
     reason: str = ""
+    degree: int = 3
     cpu: float | None = None
     cpu_min: float | None = None
     cpu_max: float | None = None
@@ -221,6 +256,11 @@ class Point:
     below_floor: bool = False
     total_error: float | None = None
     channels: tuple[ChannelError, ...] = ()
+
+    @property
+    def mesh(self) -> str:
+        """Elements, and their degree unless cubic, in words."""
+        return mesh_words(self.elements, self.degree)
 
     @property
     def level(self) -> str:
@@ -244,6 +284,8 @@ class Cell:
     model : str
     elements : int
         Elements of all beams together.
+    degree : int
+        Highest of their degrees.
     unknowns : int
     status, reason : str
         ``done``, ``failed`` (there is no reference: the model broke down) or ``over budget``.
@@ -262,8 +304,8 @@ class Cell:
         That channel.
     mesh_errors : dict of str to float
         The same distance for each judged channel [-].
-    mesh_reference : int or None
-        Elements of that reference.
+    mesh_reference, mesh_reference_degree : int or None
+        Elements of that reference and their degree.
     """
 
     model: str
@@ -271,6 +313,7 @@ class Cell:
     unknowns: int
     status: str
     reason: str = ""
+    degree: int = 3
     reference: str = ""
     reference_cpu: float = 0.0
     floor: float | None = None
@@ -280,6 +323,29 @@ class Cell:
     mesh_channel: str = ""
     mesh_errors: dict[str, float] = field(default_factory=dict)
     mesh_reference: int | None = None
+    mesh_reference_degree: int = 3
+
+    @property
+    def mesh(self) -> str:
+        """Elements, and their degree unless cubic, in words."""
+        return mesh_words(self.elements, self.degree)
+
+    @property
+    def mesh_reference_words(self) -> str:
+        """Mesh of the mesh-converged reference in words."""
+        return mesh_words(self.mesh_reference or 0, self.mesh_reference_degree)
+
+
+def mesh_words(elements: int, degree: int) -> str:
+    """Return a mesh in words.
+
+    Examples
+    --------
+    >>> mesh_words(4, 3), mesh_words(2, 7)
+    ('4 elements', '2 elements of degree 7')
+    """
+    plain = f"{elements} element{'s' if elements > 1 else ''}"
+    return plain if degree == 3 else f"{plain} of degree {degree}"
 
 
 @dataclass(frozen=True)
@@ -310,7 +376,16 @@ class Bench:
 
     def points_of(self, cell: Cell) -> list[Point]:
         """Return the points of one cell."""
-        return [p for p in self.points if (p.model, p.elements) == (cell.model, cell.elements)]
+        mesh = (cell.model, cell.elements, cell.degree)
+        return [p for p in self.points if (p.model, p.elements, p.degree) == mesh]
+
+    def degrees(self, model: str) -> list[int]:
+        """Return the degrees of the meshes of a model."""
+        return sorted({cell.degree for cell in self.cells if cell.model == model})
+
+    def points_of_degree(self, model: str, degree: int) -> list[Point]:
+        """Return the points of all meshes of a model with elements of a degree."""
+        return [p for p in self.points if (p.model, p.degree) == (model, degree)]
 
     @property
     def recommendations(self) -> list[str]:
@@ -321,7 +396,7 @@ class Bench:
             mine = [p for p in self.points if p.model == model]
             # where some meshes are known to be wrong by so much, one of unknown error must not win
             mine = [p for p in mine if p.total_error is not None] or mine
-            meshes = len({p.elements for p in mine}) > 1
+            meshes = len({p.mesh for p in mine}) > 1
             prefix = f"{model}: " if len(models) > 1 else ""
             lines += [prefix + advice(mine, words, target, meshes) for words, target in TARGETS.items()]
         return lines
@@ -355,20 +430,24 @@ class _Work:
     fine: _Truth | None = None
 
 
-def with_elements(loaded: LoadedDeck, count: int | None) -> LoadedDeck:
-    """Return the deck with `count` elements in every beam; None leaves them as they are."""
-    if count is None:
-        return loaded
+def with_mesh(loaded: LoadedDeck, count: int | None, degree: int | None, times: int = 1) -> LoadedDeck:
+    """Return the deck with `times` `count` elements of a degree in every beam; None leaves what there is."""
     deck = loaded.deck
-    bodies = {
-        name: spec.model_copy(update={"elements": count}) if spec.type == "beam" else spec
-        for name, spec in deck.bodies.items()
-    }
+    bodies = dict(deck.bodies)
+    for name, spec in deck.bodies.items():
+        if isinstance(spec, BeamSpec):
+            number = {"elements": times * (spec.elements if count is None else count)}
+            order = {} if degree is None or spec.element != "cable" else {"degree": degree}
+            bodies[name] = spec.model_copy(update={**number, **order})
     return replace(loaded, deck=deck.model_copy(update={"bodies": bodies}))
 
 
 def _elements_of(scene: Scene) -> int:
     return sum(spec.elements for spec in scene.deck.bodies.values() if spec.type == "beam")
+
+
+def _degree_of(scene: Scene) -> int:
+    return max((spec.degree for spec in scene.deck.bodies.values() if spec.type == "beam"), default=3)
 
 
 def _solve_of(scene: Scene, method: str, level: float, fixed: bool, stages: int | None = None) -> SolveSpec:
@@ -391,12 +470,17 @@ def _timed(scene: Scene, solve: SolveSpec, guard: Report) -> tuple[Integration, 
 # --- references ----------------------------------------------------------------------------------
 
 
-def _cell_work(
-    loaded: LoadedDeck, model: str, count: int | None, budget: Budget, allowed: float, must: bool = False
-) -> _Work:
+def _cell_work(loaded: LoadedDeck, model: str, budget: Budget, allowed: float, must: bool = False) -> _Work:
     """Build one cell and compute its reference within `allowed` seconds; if it must, one at any price."""
-    scene = build(with_elements(loaded, count), model)
-    cell = Cell(model, _elements_of(scene), scene.system.n, "over budget", "no time for a reference")
+    scene = build(loaded, model)
+    cell = Cell(
+        model,
+        _elements_of(scene),
+        scene.system.n,
+        "over budget",
+        "no time for a reference",
+        _degree_of(scene),
+    )
     work, end = _Work(cell, scene, None), budget.used + allowed
     for level in LADDER:
         start = budget.used
@@ -478,17 +562,17 @@ def _largest(a: Array, b: Array) -> float:
 def _finer_truths(
     loaded: LoadedDeck, sweep: Sweep, works: Sequence[_Work], budget: Budget, allowed: float
 ) -> None:
-    """Give the cells of each model a mesh-converged reference: twice the finest mesh, if time allows."""
+    """Give the cells of each model a mesh-converged reference, on `Sweep.fine_mesh` if time allows."""
     for i, model in enumerate(sweep.models):
         mine = [w for w in works if w.cell.model == model and w.truth is not None]
         if len(mine) < 2:
             continue
         share = allowed / (len(sweep.models) - i)
         start = budget.used
-        fine = _cell_work(loaded, model, 2 * max(sweep.elements), budget, share)
+        fine = _cell_work(with_mesh(loaded, *sweep.fine_mesh), model, budget, share)
         allowed -= budget.used - start
-        fine = fine if fine.truth is not None else max(mine, key=lambda w: w.cell.elements)
-        _split(sorted(mine, key=lambda w: w.cell.elements), fine)
+        fine = fine if fine.truth is not None else max(mine, key=lambda w: w.cell.unknowns)
+        _split(sorted(mine, key=lambda w: (w.cell.degree, w.cell.elements)), fine)
 
 
 def _split(works: Sequence[_Work], fine: _Work) -> None:
@@ -504,7 +588,7 @@ def _split(works: Sequence[_Work], fine: _Work) -> None:
         worst = max(errors, key=lambda name: errors[name], default="")
         work.cell = replace(
             work.cell, mesh_error=errors.get(worst), mesh_channel=worst, mesh_errors=errors,
-            mesh_reference=fine.cell.elements,
+            mesh_reference=fine.cell.elements, mesh_reference_degree=fine.cell.degree,
         )  # fmt: skip
     for coarse, finer in pairwise(works):
         finer.cell = replace(finer.cell, mesh_order=observed_order(coarse.cell, finer.cell))
@@ -521,6 +605,8 @@ def observed_order(coarse: Cell, fine: Cell, channel: str | None = None) -> floa
     >>> observed_order(coarse, fine)
     4.0
     """
+    if coarse.degree != fine.degree:
+        return None
     if channel is None:
         before, after = coarse.mesh_error, fine.mesh_error
     else:
@@ -602,7 +688,7 @@ def _run_points(works: Sequence[_Work], sweep: Sweep, budget: Budget, points: li
 def _blank(series: _Series, level: float, sweep: Sweep) -> Point:
     cell, fixed = series.work.cell, bool(sweep.steps)
     tolerance, step = (None, level) if fixed else (level, None)
-    return Point(cell.model, cell.elements, series.method, tolerance, step)
+    return Point(cell.model, cell.elements, series.method, tolerance, step, degree=cell.degree)
 
 
 def _given_up(series: _Series, sweep: Sweep, reason: str) -> list[Point]:
@@ -727,9 +813,13 @@ def channel_error(values: Array, truth: Array, scale: ChannelScale, floor: float
 # --- what follows from the points ----------------------------------------------------------------
 
 
-def pareto(points: Sequence[Point]) -> list[Point]:
-    """Return the points whose time error no cheaper one comes near (within a fifth), cheapest first."""
-    known = [(p.cpu, p.error, p) for p in points if p.cpu is not None and p.error is not None]
+def pareto(points: Sequence[Point], total: bool = False) -> list[Point]:
+    """Return the points whose error no cheaper one comes near (within a fifth), cheapest first.
+
+    The error is that in time or, if asked for, the total one.
+    """
+    judged = [(p.cpu, p.total_error if total else p.error, p) for p in points]
+    known = [(cpu, error, p) for cpu, error, p in judged if cpu is not None and error is not None]
     front: list[Point] = []
     least = np.inf
     for _, error, point in sorted(known, key=lambda item: item[:2]):
@@ -763,8 +853,8 @@ def advice(points: Sequence[Point], words: str, target: float, meshes: bool = Fa
 
 
 def _setting(point: Point, meshes: bool) -> str:
-    elements = f"{point.elements} elements, " if meshes else ""
-    return f"{elements}{point.method}, {point.level}"
+    mesh = f"{point.mesh}, " if meshes else ""
+    return f"{mesh}{point.method}, {point.level}"
 
 
 def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget) -> Bench:
@@ -811,23 +901,23 @@ def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget) -> Bench:
 
 def _references(loaded: LoadedDeck, sweep: Sweep, works: list[_Work], budget: Budget) -> None:
     """Compute the references of all cells and, with several meshes, the mesh-converged ones."""
-    meshes = len(sweep.elements) > 1
+    meshes = len(sweep.meshes) > 1
     share = _REFERENCE_SHARE * budget.left
     in_time = (_IN_TIME_SHARE if meshes else 1.0) * share
-    wanted = [(m, n) for m in sweep.models for n in (sweep.elements or (None,))]
-    for i, (model, count) in enumerate(wanted):
+    wanted = [(model, mesh) for model in sweep.models for mesh in sweep.meshes]
+    for i, (model, mesh) in enumerate(wanted):
         start = budget.used
         allowed = in_time / (len(wanted) - i)
-        works.append(_cell_work(loaded, model, count, budget, allowed, must=i == 0))
+        works.append(_cell_work(with_mesh(loaded, *mesh), model, budget, allowed, must=i == 0))
         in_time -= budget.used - start
     if meshes:
         _finer_truths(loaded, sweep, works, budget, (1.0 - _IN_TIME_SHARE) * share)
 
 
 def _in_order(points: Sequence[Point], sweep: Sweep) -> tuple[Point, ...]:
-    def place(p: Point) -> tuple[int, int, int, float]:
+    def place(p: Point) -> tuple[int, int, int, int, float]:
         level = p.step if p.step is not None else p.tolerance or 0.0
-        return sweep.models.index(p.model), p.elements, sweep.methods.index(p.method), -level
+        return sweep.models.index(p.model), p.degree, p.elements, sweep.methods.index(p.method), -level
 
     return tuple(sorted(points, key=place))
 
@@ -835,14 +925,14 @@ def _in_order(points: Sequence[Point], sweep: Sweep) -> tuple[Point, ...]:
 # --- tables --------------------------------------------------------------------------------------
 
 _POINT_COLUMNS = (
-    "model", "elements", "method", "tolerance", "step", "status", "reason", "cpu", "cpu_min", "cpu_max",
-    "repeats", "steps", "rejected", "newton_iterations", "evaluations", "factorisations", "energy_drift",
-    "error", "rms_error", "worst_channel", "below_floor", "total_error",
+    "model", "elements", "degree", "method", "tolerance", "step", "status", "reason", "cpu", "cpu_min",
+    "cpu_max", "repeats", "steps", "rejected", "newton_iterations", "evaluations", "factorisations",
+    "energy_drift", "error", "rms_error", "worst_channel", "below_floor", "total_error",
 )  # fmt: skip
 _CHANNEL_COLUMNS = ("unit", "max_abs", "max_relative", "rms_relative", "below_floor", "judged")
 
 CSV_COLUMNS = (
-    *_POINT_COLUMNS, "mesh_error", "floor",
+    *_POINT_COLUMNS, "unknowns", "mesh_error", "floor",
     "channel", *(f"channel_{name}" for name in _CHANNEL_COLUMNS), "channel_floor", "channel_mesh_error",
 )  # fmt: skip
 """Columns of ``bench.csv``."""
@@ -854,7 +944,7 @@ def as_rows(result: Bench) -> list[dict[str, object]]:
     for cell in result.cells:
         for point in result.points_of(cell):
             facts = {name: getattr(point, name) for name in _POINT_COLUMNS}
-            facts |= {"mesh_error": cell.mesh_error, "floor": cell.floor}
+            facts |= {"unknowns": cell.unknowns, "mesh_error": cell.mesh_error, "floor": cell.floor}
             for error in point.channels:
                 mine = {f"channel_{name}": getattr(error, name) for name in _CHANNEL_COLUMNS}
                 mine |= {"channel": error.channel, "channel_floor": cell.floors[error.channel]}

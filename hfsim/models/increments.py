@@ -1,0 +1,173 @@
+"""Natural increments of a whole state, through the joints that tie its bodies together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hfsim.arrays import Array, ComplexArray, IntArray
+from hfsim.models.natural import NaturalBeams
+from hfsim.reduction import Reduction
+from hfsim.rotations import as_complex, as_vectors
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A beam or mass point whose place follows from a body nearer to the ground.
+
+    Attributes
+    ----------
+    positions : ndarray of int, shape (n, 2)
+        Columns in x of all positions of the body, that of its origin first: they move together.
+    point : ndarray of int, shape (2,)
+        Columns of the position at which it is tied.
+    parent : ndarray of int, shape (2,), or None
+        Columns of the position it is tied to; None for the ground or a point of a rigid body.
+    """
+
+    positions: IntArray
+    point: IntArray
+    parent: IntArray | None
+
+    def move(self, x: Array, y: Array, dx: Array, finite: bool) -> None:
+        """Shift the body, in changes ``dx`` of the coordinates, to where its parent has moved."""
+        shift = -dx[:, self.point]
+        if self.parent is not None:
+            shift += dx[:, self.parent]
+        dx[:, self.positions] += shift[:, None, :]
+
+
+@dataclass(frozen=True)
+class Mount(Tie):
+    """A beam on a point of a rigid body, hinged or fixed to it.
+
+    Natural coordinates are then relative to the rigid body: the place of the beam in its axes, and, of a
+    fixed beam, the angle of the slope there.  In them the joint is linear, however far all turns.
+
+    Attributes
+    ----------
+    rigid : ndarray of int, shape (3,)
+        Columns (x, y, angle) of the rigid body.
+    arm : complex
+        The point in the rigid body's axes [m].
+    slope : int or None
+        Column of the natural coordinate that is the angle of the fixed slope.
+    """
+
+    rigid: IntArray
+    arm: complex
+    slope: int | None
+
+    def _turn(self, x: Array) -> ComplexArray:
+        return np.asarray(np.exp(1j * x[:, self.rigid[2]]))
+
+    def make_relative(self, x: Array, dx: Array, y: Array) -> None:
+        """Change natural increments of the beam into those relative to the rigid body."""
+        turn, spin = self._turn(x), dx[:, self.rigid[2]]
+        moved = (
+            as_complex(dx[:, self.point]) - as_complex(dx[:, self.rigid[:2]]) - 1j * spin * turn * self.arm
+        )
+        y[:, self.positions[0]] = as_vectors(moved * turn.conj())
+        if self.slope is not None:
+            y[:, self.slope] -= spin
+
+    def make_absolute(self, y: Array) -> None:
+        """Add the turn of the rigid body to the angle of the fixed slope."""
+        if self.slope is not None:
+            y[:, self.slope] += y[:, self.rigid[2]]
+
+    def move(self, x: Array, y: Array, dx: Array, finite: bool) -> None:
+        """Shift the beam to where its point of the rigid body has moved."""
+        turn, spin = self._turn(x), dx[:, self.rigid[2]]
+        after = turn * np.exp(1j * spin) if finite else turn
+        carried = (after - turn) if finite else 1j * spin * turn
+        moved = as_complex(dx[:, self.rigid[:2]]) + carried * self.arm
+        moved += after * as_complex(y[:, self.positions[0]])
+        dx[:, self.positions] += (as_vectors(moved) - dx[:, self.point])[:, None, :]
+
+
+@dataclass(frozen=True)
+class NaturalIncrements:
+    """Natural increments of a whole state; coordinates outside the beams stay as they are.
+
+    The state are the free coordinates that joints leave.  The place of a tied body follows from what it is
+    tied to, and its increments are relative to that.
+
+    Attributes
+    ----------
+    beams : tuple of NaturalBeams
+    reduction : Reduction
+    ties : tuple of Tie
+        In order from the ground outwards.
+    columns : ndarray of int, shape (n,)
+        Columns of x whose natural increments are free.
+    """
+
+    beams: tuple[NaturalBeams, ...]
+    reduction: Reduction
+    ties: tuple[Tie, ...]
+    columns: IntArray
+
+    @cached_property
+    def _mounts(self) -> tuple[Mount, ...]:
+        return tuple(tie for tie in self.ties if isinstance(tie, Mount))
+
+    def geometry(self, q: Array) -> tuple[Array, list[Any]]:
+        """Return what the maps below need of a batch of states (n_batch, n)."""
+        x = self.reduction.expand(q)
+        return x, [part.geometry(x) for part in self.beams]
+
+    def to_natural(self, at: tuple[Array, list[Any]], dq: Array) -> Array:
+        """Return natural increments of small changes of the states."""
+        dx = self.reduction.expand_rates(dq)
+        y = dx.copy()
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            part.to_natural(geometry, dx, y)
+        for mount in self._mounts:
+            mount.make_relative(at[0], dx, y)
+        return self._free(y)
+
+    def from_natural(self, at: tuple[Array, list[Any]], y: Array) -> Array:
+        """Return the changes of the states that belong to small natural increments."""
+        return self._changes(at, y, finite=False)
+
+    def advance(self, at: tuple[Array, list[Any]], y: Array) -> Array:
+        """Return the changes of the states that add finite natural increments."""
+        return self._changes(at, y, finite=True)
+
+    def _changes(self, at: tuple[Array, list[Any]], y: Array, finite: bool) -> Array:
+        whole = self._whole(y)
+        for mount in self._mounts:
+            mount.make_absolute(whole)
+        dx = whole.copy()
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            (part.advance if finite else part.from_natural)(geometry, whole, dx)
+        for tie in self.ties:
+            tie.move(at[0], whole, dx, finite)
+        return self.reduction.free_rates(dx)
+
+    def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Return the first and second time derivatives of the natural coordinates."""
+        x, u, ax = self.reduction.expand(q), self.reduction.expand_rates(v), self.reduction.expand_rates(a)
+        y1, y2 = u.copy(), ax.copy()
+        for part in self.beams:
+            part.rates(x, u, ax, y1, y2)
+        for mount in self._mounts:
+            for rates, changes in ((y1, u), (y2, ax)):
+                mount.make_relative(x, changes, rates)
+                # the joint holds, so that nothing moves relative to the rigid body
+                rates[:, mount.positions[0]] = 0.0
+        return self._free(y1), self._free(y2)
+
+    def _free(self, y: Array) -> Array:
+        return y if self.reduction.identity else y[:, self.columns]
+
+    def _whole(self, y: Array) -> Array:
+        if self.reduction.identity:
+            return y.copy()
+        whole = np.zeros((len(y), len(self.reduction.offset)))
+        whole[:, self.columns] = y
+        return whole
