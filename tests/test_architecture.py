@@ -59,7 +59,8 @@ ALLOWED = {
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
-    "studies": GROUND | {"balance", "build", "simulate", "deck", "writers"},
+    "studies": GROUND
+    | {"balance", "build", "channels", "deck", "integrators", "models", "simulate", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }
