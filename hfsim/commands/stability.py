@@ -152,7 +152,7 @@ def stability(
 
     Every point is put into a class: accurate; wrong (completed, but an error or the energy drift is beyond
     its bound); unstable (numerically); broken (the model broke down); physical (the scene itself is
-    unstable). The time error is the distance to the same model solved by gauss at tolerance 1e-10, the model
+    unstable). The time error is the distance to the same model solved by gauss at tolerance 1e-8, the model
     error the distance of that solution to exact's. A failed point is a result (exit code 0). Results go to
     '<deck name>.stability' or to -o DIR.
     """  # fmt: skip

@@ -45,8 +45,12 @@ TRUTH_MODEL = "exact"
 GROWTH = 30.0
 """Factor by which a tiny disturbance grows while the time doubles, from which a scene is unstable: growth
 that is no more than a power of time (drifting apart at constant speed: 2) stays far below."""
-KICK = 1e-7
-"""Size of that disturbance, relative to the largest speed of the motion."""
+KICK = 1e2
+"""Size of that disturbance over the tolerance it is solved with, relative to the largest speed of the motion:
+what grows must not be the error of the integration."""
+_MOST_KICK = 1e-4
+_SWINGS = 50.0
+"""Radians within the duration above which a mode counts as fast for the disturbance."""
 WINDOWS = 8
 """Parts of the duration in each of which the largest distance is looked at."""
 REFUSED = "the deck is refused: "
@@ -81,7 +85,7 @@ class Job:
     limit : float
         Wall time it may take [s].
     tolerance : float
-        Of a reference [-].
+        Of a reference, at most a tenth of the deck's [-].
     method : str
         Of a point; empty for a reference.
     disturbed : bool
@@ -95,7 +99,7 @@ class Job:
     overrides: tuple[str, ...]
     model: str
     limit: float
-    tolerance: float = 1e-10
+    tolerance: float = 1e-8
     method: str = ""
     disturbed: bool = False
     truth: Truth | None = None
@@ -205,7 +209,7 @@ def solve_reference(job: Job) -> Truth:
     budget = Budget(job.limit)
     first: Integration | None = None
     try:
-        for solve in _ways(scene, job.tolerance):
+        for solve in _ways(scene, min(job.tolerance, 0.1 * scene.deck.solve.tolerance)):
             done = run_integration(scene, solve, budget.guard(budget.left))
             first = first or done
             if done.stop is None:
@@ -226,7 +230,7 @@ def _ways(scene: Scene, tolerance: float) -> Iterator[SolveSpec]:
 
 def _truth_of(scene: Scene, done: Integration, solve: SolveSpec, disturbed: bool, budget: Budget) -> Truth:
     samples, end = sample(scene, done.trajectory), done.trajectory.t_end
-    growth = _disturbance_growth(scene, solve, samples, budget) if disturbed else None
+    growth = _disturbance_growth(scene, done, solve, samples, budget) if disturbed else None
     if done.stop is not None:
         return Truth("failed", _kind(done), str(done.stop), end, growth=growth)
     channels = compute_channels(samples)
@@ -239,20 +243,34 @@ def _kind(done: Integration) -> str:
     return done.stop.kind if isinstance(done.stop, SolverFailure) else "numerical"
 
 
-def _disturbance_growth(scene: Scene, solve: SolveSpec, samples: Samples, budget: Budget) -> float | None:
+def _slow_direction(scene: Scene, done: Integration) -> Array:
+    """Return velocities of size one in which modes that swing often within the duration hardly take part.
+
+    Instabilities grow in slow modes; fast ones would only make the disturbed run expensive.
+    """
+    random = np.random.default_rng(1).standard_normal(scene.system.n)
+    by_q, _ = done.problem.jacobians(0.0, scene.q, scene.v)
+    slow = scene.deck.solve.duration / _SWINGS
+    direction = np.linalg.lstsq(np.eye(len(random)) - slow**2 * by_q, random, rcond=None)[0]
+    return np.asarray(direction / max(float(np.abs(direction).max()), 1e-300))
+
+
+def _disturbance_growth(
+    scene: Scene, done: Integration, solve: SolveSpec, samples: Samples, budget: Budget
+) -> float | None:
     """Solve again from a disturbed start and return the growth of the distance; None without time for it."""
     system = scene.system
     speed = float(np.abs(system.absolute_velocity(samples.q, samples.v)).max(initial=0.0))
     if speed == 0.0:
         speed = 1.0
-    kick = KICK * speed * np.random.default_rng(1).standard_normal((1, system.n))
+    kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
     q, v = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
     other = replace(scene, q=q[0], v=v[0])
     try:
-        done = run_integration(other, solve, budget.guard(max(budget.left, 0.0)))
+        again = run_integration(other, solve, budget.guard(max(budget.left, 0.0)))
     except OutOfBudgetError:
         return None
-    disturbed = sample(other, done.trajectory)
+    disturbed = sample(other, again.trajectory)
     n = min(len(disturbed.t), len(samples.t))
     distance = np.abs(system.absolute(disturbed.q[:n]) - system.absolute(samples.q[:n])).max(axis=1)
     return growth_of(distance)

@@ -54,7 +54,7 @@ class Plan:
     jobs : int
         Processes at a time.
     tolerance : float
-        Of the references [-].
+        Of the references, at most a tenth of the deck's [-].
     """
 
     axes: tuple[Axis, ...]
@@ -64,7 +64,7 @@ class Plan:
     seconds: float = 60.0
     limit: float = 20.0
     jobs: int = 2
-    tolerance: float = 1e-10
+    tolerance: float = 1e-8
 
 
 @dataclass(frozen=True)
