@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from hfsim.deck import LoadedDeck
     from hfsim.runfolder import RunFolder
     from hfsim.studies.axes import Axis
+    from hfsim.studies.limits import Limit, Limits
     from hfsim.studies.stability import MapPoint, Plan, StabilityMap
 
 MARKER = "stability.json"
@@ -103,6 +104,12 @@ def _time(_: click.Context, __: click.Parameter, text: str) -> float:
     help="Locate along the one axis where 'accurate' ends, to this relative width.",
 )
 @click.option(
+    "--limits",
+    "measure",
+    is_flag=True,
+    help="Instead of a map: the longest stable step of each method, beside linear theory.",
+)
+@click.option(
     "--budget",
     default="60s",
     show_default=True,
@@ -136,6 +143,7 @@ def stability(
     max_error: float,
     max_drift: float,
     bisect: float | None,
+    measure: bool,
     budget: float,
     limit: float,
     jobs: int,
@@ -166,9 +174,11 @@ def stability(
         axes, names(methods), names(models), (max_error, max_drift), budget - drawing - spent, limit, jobs
     )
     refuse_bisection(bisect, axes)
+    if measure and axes:
+        raise click.UsageError("--limits takes no axis; change the deck with --set")
     folder = claim_study(output, loaded.deck.name, ".stability", MARKER, force)
     order = Order(deck, loaded, plan, bisect, folder, overrides, not no_plots, talk)
-    raise click.exceptions.Exit(do_map(order))
+    raise click.exceptions.Exit(do_limits(order, names(models)) if measure else do_map(order))
 
 
 def read_axes(vary: Sequence[str], named: dict[str, str | None]) -> tuple[Axis, ...]:
@@ -261,23 +271,30 @@ def save_map(order: Order, result: StabilityMap) -> dict[str, Any]:
     """Write stability.csv, the plots and, last, stability.json; return what is in the latter."""
     from hfsim.runfolder import disk
     from hfsim.studies.stability import as_facts, as_rows, csv_columns
-    from hfsim.writers import json_ready, versions, write_json, write_table
+    from hfsim.writers import write_table
 
     path = order.folder.path
     order.folder.prepare()
     with disk(path):
-        (path / MARKER).unlink(missing_ok=True)
         write_table(path / "stability.csv", as_rows(result), csv_columns(result))
-        about = {
-            "deck": order.argument,
-            "deck_sha256": order.deck.deck_sha256,
-            "overrides": list(order.overrides),
-            "versions": versions(),
-            "files": ["stability.csv", MARKER, *_pictures(order, result)],
-        }
-        facts, _ = json_ready({**as_facts(result), **about})
-        write_json(path / MARKER, facts)
-    return dict(facts)
+        files = ["stability.csv", MARKER, *_pictures(order, result)]
+        return _write_facts(order, as_facts(result), files)
+
+
+def _write_facts(order: Order, facts: dict[str, Any], files: list[str]) -> dict[str, Any]:
+    """Write stability.json with where it comes from; return what is in it."""
+    from hfsim.writers import json_ready, versions, write_json
+
+    about = {
+        "deck": order.argument,
+        "deck_sha256": order.deck.deck_sha256,
+        "overrides": list(order.overrides),
+        "versions": versions(),
+        "files": files,
+    }
+    plain, _ = json_ready({**facts, **about})
+    write_json(order.folder.path / MARKER, plain)
+    return dict(plain)
 
 
 def _pictures(order: Order, result: StabilityMap) -> list[str]:
@@ -286,6 +303,78 @@ def _pictures(order: Order, result: StabilityMap) -> list[str]:
     from hfsim.plots import draw_stability
 
     return [f"plots/{name}" for name in draw_stability(result, order.folder.path / "plots")]
+
+
+# --- longest stable steps ------------------------------------------------------------------------
+
+
+def do_limits(order: Order, models: tuple[str, ...]) -> int:
+    """Measure the longest stable steps with the models named, or the deck's; write and tell them."""
+    from hfsim.runfolder import disk
+    from hfsim.studies.limits import LIMIT_COLUMNS, limits
+    from hfsim.writers import write_table
+
+    plan, deadline = order.plan, time.perf_counter() + order.plan.seconds
+    results = [
+        limits(order.deck, model, plan.methods, deadline - time.perf_counter(), plan.limit, plan.jobs)
+        for model in models or (order.deck.deck.solve.model,)
+    ]
+    order.folder.prepare()
+    with disk(order.folder.path):
+        rows = [{"model": r.model, **one.facts()} for r in results for one in r.limits]
+        write_table(order.folder.path / "limits.csv", rows, LIMIT_COLUMNS)
+        facts = {"status": "done", "results": [r.facts() for r in results]}
+        order.talk.facts(_write_facts(order, facts, ["limits.csv", MARKER]))
+    for result in results:
+        order.talk.result(limits_text(result))
+    order.talk.result(f"\n  results: {order.folder.path}/")
+    return 0
+
+
+def limits_text(result: Limits) -> str:
+    """Return frequencies, growing motions and the table of longest stable steps."""
+    first = result.spectra[0]
+    blocks = [
+        f"{result.name}, {result.model}: fastest period {first.period:.4g} s, slowest frequency "
+        f"{first.slowest:.4g} rad/s at the start",
+        _growing(result),
+    ]
+    rows = [["method", "longest stable step", "theory", "off by", "what ends it"]]
+    for one in result.limits:
+        title = f"{one.method} {one.order}" if one.order else one.method
+        title += f" ({one.stages} stages)" if one.stages else ""
+        off = "-" if one.deviation is None else f"{100 * one.deviation:+.2g} %"
+        predicted = "any" if one.predicted is None else f"{one.predicted:.4g} T"
+        rows.append([title, _longest(one), predicted, off, one.reason[:60] or "-"])
+    blocks.append("T: fastest period\n" + as_table(rows))
+    said = [f"{one.method}: {one.words}" for one in result.limits]
+    lost = [f"{name}: not measured: {why}" for name, why in result.lost.items()]
+    blocks.append(
+        "\n".join(
+            textwrap.fill(line, 110, initial_indent="  ", subsequent_indent="    ") for line in said + lost
+        )
+    )
+    return "\n".join(block for block in blocks if block)
+
+
+def _longest(one: Limit) -> str:
+    if one.longest is None:
+        return f"below {one.beyond:.3g} T" if one.beyond else "-"
+    return f"{one.longest:.4g} T" if one.beyond else f"above {one.longest:.3g} T"
+
+
+def _growing(result: Limits) -> str:
+    """Return whether the linearised scene has growing motions, and where along the motion."""
+    growing = [s for s in result.spectra if s.growth > 0.0]
+    count = len(result.spectra)
+    if not growing:
+        return f"  no growing motion in {count} states along the run"
+    worst = max(growing, key=lambda s: s.growth)
+    return (
+        f"  linearised, motions grow in {len(growing)} of {count} states along the run, fastest by "
+        f"{worst.growth:.3g}/s at {worst.time:.3g} s\n  (an instability where the state lasts; "
+        "elsewhere a state passed through)"
+    )
 
 
 # --- text ----------------------------------------------------------------------------------------
