@@ -52,6 +52,7 @@ class Order:
     deck: LoadedDeck
     plan: Plan
     bisect: float | None
+    ending: str
     folder: RunFolder
     overrides: tuple[str, ...]
     plots: bool
@@ -101,7 +102,14 @@ def _time(_: click.Context, __: click.Parameter, text: str) -> float:
     "--bisect",
     type=click.FloatRange(min=1e-6, max=1.0),
     metavar="WIDTH",
-    help="Locate along the one axis where 'accurate' ends, to this relative width.",
+    help="Locate along the one axis where a class ends, to this relative width.",
+)
+@click.option(
+    "--ending",
+    default="accurate",
+    show_default=True,
+    type=click.Choice(["accurate", "wrong", "unstable", "broken", "physical"]),
+    help="Class whose end --bisect locates.",
 )
 @click.option(
     "--limits",
@@ -143,6 +151,7 @@ def stability(
     max_error: float,
     max_drift: float,
     bisect: float | None,
+    ending: str,
     measure: bool,
     budget: float,
     limit: float,
@@ -177,7 +186,7 @@ def stability(
     if measure and axes:
         raise click.UsageError("--limits takes no axis; change the deck with --set")
     folder = claim_study(output, loaded.deck.name, ".stability", MARKER, force)
-    order = Order(deck, loaded, plan, bisect, folder, overrides, not no_plots, talk)
+    order = Order(deck, loaded, plan, bisect, ending, folder, overrides, not no_plots, talk)
     raise click.exceptions.Exit(do_limits(order, names(models)) if measure else do_map(order))
 
 
@@ -256,11 +265,11 @@ def do_map(order: Order) -> int:
     label = f"{order.deck.deck.name}, stability"
     with Progress(label, sys.stderr, order.talk.quiet) as progress:
         try:
-            result = stability_map(order.deck, order.plan, order.bisect, progress)
+            result = stability_map(order.deck, order.plan, order.bisect, progress, order.ending)
         except AxisError as error:
             raise click.UsageError(str(error)) from None
     order.talk.facts(save_map(order, result))
-    order.talk.result(as_text(result, order.folder.path, order.talk.verbose))
+    order.talk.result(as_text(result, order.folder.path, order.talk.verbose, order.ending))
     if result.status == "interrupted":
         print_error("interrupted; what was computed until then is kept")
         return 130
@@ -380,7 +389,7 @@ def _growing(result: Limits) -> str:
 # --- text ----------------------------------------------------------------------------------------
 
 
-def as_text(result: StabilityMap, folder: Path, verbose: bool = False) -> str:
+def as_text(result: StabilityMap, folder: Path, verbose: bool = False, ending: str = "accurate") -> str:
     """Return the study as people read it: the classes over the axes, the ends of classes, the reasons."""
     from hfsim.studies.stability import summary
 
@@ -388,7 +397,7 @@ def as_text(result: StabilityMap, folder: Path, verbose: bool = False) -> str:
     bounds = f"  bounds: error {result.bounds.error:g}, energy drift {result.bounds.drift:g}"
     blocks = [f"{head}\n{bounds}", *_tables(result)]
     if result.boundaries:
-        blocks.append(_boundaries(result))
+        blocks.append(_boundaries(result, ending))
     blocks.append(_reasons(result, verbose))
     return "\n\n".join([*(block for block in blocks if block), f"  results: {folder}/"])
 
@@ -424,14 +433,14 @@ def _grid(result: StabilityMap, model: str, method: str) -> str:
     return f"{model}, {method}\n" + as_table([head, *table])
 
 
-def _boundaries(result: StabilityMap) -> str:
+def _boundaries(result: StabilityMap, ending: str) -> str:
     name = result.axes[0][0]
     rows = [["model", "method", f"{name}: last", "first", "class", "then"]]
     rows += [
         [b.model, b.method, f"{b.below:.5g}", f"{b.above:.5g}", b.class_below, b.class_above]
         for b in result.boundaries
     ]
-    return f"where 'accurate' ends along {name}\n" + as_table(rows)
+    return f"where '{ending}' ends along {name}\n" + as_table(rows)
 
 
 def _reasons(result: StabilityMap, verbose: bool) -> str:

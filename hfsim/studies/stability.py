@@ -331,7 +331,11 @@ def coarse_first(count: int) -> list[int]:
 
 
 def stability_map(
-    loaded: LoadedDeck, plan: Plan, bisect: float | None = None, report: Report = lambda share: None
+    loaded: LoadedDeck,
+    plan: Plan,
+    bisect: float | None = None,
+    report: Report = lambda share: None,
+    ending: str = "accurate",
 ) -> StabilityMap:
     """Map a scene and put every point into a class.
 
@@ -340,9 +344,11 @@ def stability_map(
     loaded : LoadedDeck
     plan : Plan
     bisect : float, optional
-        Relative width to which the ends of classes along the one axis are located.
+        Relative width to which the end of a class along the one axis is located.
     report : callable
         Told the share of the points that is done, 0 to 1.
+    ending : str
+        That class.
 
     Returns
     -------
@@ -367,7 +373,7 @@ def stability_map(
     found = mapper.compute((values, m, k) for values in cells for m in plan.models for k in plan.methods)
     boundaries: tuple[Boundary, ...] = ()
     if bisect is not None and not mapper.interrupted:
-        boundaries = _bisected(mapper, plan, found, bisect)
+        boundaries = _bisected(mapper, plan, found, bisect, ending)
     status = "interrupted" if mapper.interrupted else "done"
     if any(p.outcome == "not computed" for p in found.values()):
         status = "over budget" if status == "done" else status
@@ -417,12 +423,12 @@ _MOST_ROUNDS = 40
 
 
 def _bisected(
-    mapper: Mapper, plan: Plan, found: dict[Wanted, MapPoint], width: float
+    mapper: Mapper, plan: Plan, found: dict[Wanted, MapPoint], width: float, ending: str
 ) -> tuple[Boundary, ...]:
-    """Halve the gaps between accurate and other points along the one axis; add the points to `found`."""
+    """Halve the gaps between points of a class and others along the one axis; add the points to `found`."""
     axis = plan.axes[0]
     rows = list(product(plan.models, plan.methods))
-    gaps = {row: gap for row in rows if (gap := _gap(row, found)) is not None}
+    gaps = {row: gap for row in rows if (gap := _gap(row, found, ending)) is not None}
     for _ in range(_MOST_ROUNDS):
         wanted = {}
         for row, (low, high) in gaps.items():
@@ -436,21 +442,24 @@ def _bisected(
         found |= told
         if len(told) < len(points):
             gaps = {row: gap for row, gap in gaps.items() if row not in wanted or wanted[row] in told}
-        gaps = {row: gap for row in gaps if (gap := _gap(row, found, gaps[row])) is not None}
+        gaps = {row: gap for row in gaps if (gap := _gap(row, found, ending, gaps[row])) is not None}
     return tuple(_boundary(row, *gaps[row]) for row in rows if row in gaps)
 
 
 def _gap(
-    row: tuple[str, str], found: dict[Wanted, MapPoint], within: tuple[MapPoint, MapPoint] | None = None
+    row: tuple[str, str],
+    found: dict[Wanted, MapPoint],
+    ending: str,
+    within: tuple[MapPoint, MapPoint] | None = None,
 ) -> tuple[MapPoint, MapPoint] | None:
-    """Return the first pair of neighbours of which one is accurate and one is not."""
+    """Return the first pair of neighbours of which one is of a class and one is not."""
     mine = [p for p in found.values() if (p.model, p.method) == row and p.outcome not in _SILENT]
     if within is not None:
         low, high = (float(p.values[0]) for p in within)
         mine = [p for p in mine if low <= float(p.values[0]) <= high]
     mine.sort(key=lambda p: float(p.values[0]))
     for a, b in pairwise(mine):
-        if (a.outcome == "accurate") != (b.outcome == "accurate"):
+        if (a.outcome == ending) != (b.outcome == ending):
             return a, b
     return None
 
