@@ -19,6 +19,8 @@ COMMANDS = {
     "run": "Simulate decks: CSV, plots, summary.",
     "compare": "One scene with several models: differences, run times, verdict.",
     "bench": "Error against run time: methods, tolerances, models, meshes.",
+    "stability": "Where methods and models hold: maps over stiffness, speed, step and any entry.",
+    "extreme": "The decks at the edge of what can be solved, held against what is expected.",
     "check": "Validate and assemble decks; run nothing, write nothing.",
 }
 """Sub-command: its line in ``hfsim --help``; a module of `hfsim.commands` has a function of that name."""

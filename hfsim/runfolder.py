@@ -21,7 +21,8 @@ from hfsim.errors import HfsimError
 from hfsim.solution import Run
 from hfsim.writers import Provenance, finite_part, summary_of, write_history, write_json, write_resolved
 
-_STUDY_FILES = ("compare.csv", "compare.json", "bench.csv", "bench.json")
+_STUDIES = ("compare", "bench", "stability", "extreme")
+_STUDY_FILES = tuple(f"{study}.{kind}" for study in _STUDIES for kind in ("csv", "json"))
 SUMMARY = "summary.json"
 _OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log", *_STUDY_FILES)
 _OWN_NAME = re.compile(r"(plots/)?[\w+-][\w.+-]*\.(csv|json|yaml|log|png)")

@@ -69,7 +69,9 @@ ALLOWED = {
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
-    "studies": GROUND | {"balance", "bodies", "build", "simulate", "deck", "writers", "elements", "models"},
+    "studies": GROUND
+    | {"balance", "bodies", "build", "channels", "deck", "elements", "integrators", "models"}
+    | {"simulate", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }

@@ -10,8 +10,7 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands import CASES
-from hfsim.commands.bench import parse_budget
+from hfsim.commands import CASES, parse_budget
 from hfsim.deck import load_deck
 from hfsim.studies.bench import (
     CSV_COLUMNS,

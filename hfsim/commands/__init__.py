@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import json
 import os
+import re
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -21,6 +22,7 @@ from hfsim.errors import DeckError, HfsimError
 
 if TYPE_CHECKING:
     from hfsim.deck import LoadedDeck
+    from hfsim.runfolder import RunFolder
     from hfsim.writers import Provenance
 
 STARTED = time.perf_counter()
@@ -31,6 +33,8 @@ CASES = Path(__file__).resolve().parent.parent / "cases"
 
 _SEVERITY = (0, 4, 5, 3, 2, 1, 130)
 """Exit codes from harmless to grave."""
+
+_SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
@@ -90,6 +94,50 @@ talk_options = _stacked(
     click.option("-v", "--verbose", is_flag=True, callback=_note_verbose, help="Tell more; show tracebacks."),
     click.option("--json", "as_json", is_flag=True, help="Print JSON, one object on a line, not text."),
 )
+
+
+def parse_budget(text: str) -> float:
+    """Return a time in seconds.
+
+    Examples
+    --------
+    >>> parse_budget("60s"), parse_budget("2 min"), parse_budget("90")
+    (60.0, 120.0, 90.0)
+
+    Raises
+    ------
+    click.BadParameter
+        If it is none.
+    """
+    found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s|min|h)?\s*", text)
+    value = float(found[1]) * _SECONDS[found[2] or "s"] if found else 0.0
+    if value <= 0.0:
+        raise click.BadParameter(f"'{text}' is no time; write e.g. 60s or 2min")
+    return value
+
+
+def names(text: str | None) -> tuple[str, ...]:
+    """Return the parts of a text between commas, each once.
+
+    Examples
+    --------
+    >>> names("gauss, radau,gauss"), names(None)
+    (('gauss', 'radau'), ())
+    """
+    return tuple(dict.fromkeys(part.strip() for part in (text or "").split(",") if part.strip()))
+
+
+def refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str]) -> None:
+    """Refuse names that are not known.
+
+    Raises
+    ------
+    click.UsageError
+        Naming the first unknown one, and those there are.
+    """
+    for name in given:
+        if name not in known:
+            raise click.UsageError(f"there is no {kind} '{name}'; there are {', '.join(known)}")
 
 
 # --- messages ------------------------------------------------------------------------------------
@@ -206,6 +254,11 @@ def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
     return "\n".join(lines)
 
 
+def brief(value: float | None) -> str:
+    """Return a number with two digits for a table; a dash for one that is not known."""
+    return "-" if value is None else f"{value:.1e}"
+
+
 # --- decks ---------------------------------------------------------------------------------------
 
 
@@ -312,6 +365,22 @@ def assemble(loaded: LoadedDeck) -> None:
 def with_model(overrides: Sequence[str], model: str | None) -> tuple[str, ...]:
     """Return the overrides with ``--model`` among them; it wins over ``--set solve.model``."""
     return (*overrides, f"solve.model={model}") if model else tuple(overrides)
+
+
+def claim_study(output: Path | None, deck_name: str, suffix: str, marker: str, force: bool) -> RunFolder:
+    """Ask for the folder of a study; `marker` is the file that tells that one there is whole.
+
+    Raises
+    ------
+    FolderError
+        If a finished study stands there, or the folder cannot be written to.
+    """
+    from hfsim.runfolder import FolderError, claim, folder_name
+
+    path = output or Path(folder_name(deck_name, suffix))
+    if (path / marker).exists() and not force:
+        raise FolderError(f"{path} already holds a study; use --force to replace it, or -o DIR")
+    return claim(path, force, marker=marker)
 
 
 def provenance_of(loaded: LoadedDeck, argument: str, overrides: Sequence[str]) -> Provenance:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -18,11 +17,16 @@ from hfsim.commands import (
     as_table,
     assemble,
     bench_separation,
+    brief,
+    claim_study,
     deck_options,
     find_deck,
     load_decks,
+    names,
     output_options,
+    parse_budget,
     print_error,
+    refuse_unknown,
     talk_options,
 )
 
@@ -32,7 +36,6 @@ if TYPE_CHECKING:
     from hfsim.studies.bench import Bench, Cell, Point, Sweep
 
 MARKER = bench_separation.MARKER
-_SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
 _NO_ORDER = 0.5
 """Order, from the coarsest to the finest mesh, below which a channel does not converge."""
 _DRAWING = (2.0, 0.1)
@@ -55,26 +58,6 @@ class Plan:
     talk: Talk
 
 
-def parse_budget(text: str) -> float:
-    """Return a time in seconds.
-
-    Examples
-    --------
-    >>> parse_budget("60s"), parse_budget("2 min"), parse_budget("90")
-    (60.0, 120.0, 90.0)
-
-    Raises
-    ------
-    click.BadParameter
-        If it is none.
-    """
-    found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s|min|h)?\s*", text)
-    value = float(found[1]) * _SECONDS[found[2] or "s"] if found else 0.0
-    if value <= 0.0:
-        raise click.BadParameter(f"'{text}' is no time; write e.g. 60s or 2min")
-    return value
-
-
 def _listed(kind: Callable[[str], _Number], what: str) -> Callable[..., tuple[_Number, ...]]:
     """Return a click callback that reads positive numbers separated by commas."""
 
@@ -88,17 +71,6 @@ def _listed(kind: Callable[[str], _Number], what: str) -> Callable[..., tuple[_N
         return numbers
 
     return read
-
-
-def names(text: str | None) -> tuple[str, ...]:
-    """Return the parts of a text between commas, each once.
-
-    Examples
-    --------
-    >>> names("gauss, radau,gauss"), names(None)
-    (('gauss', 'radau'), ())
-    """
-    return tuple(dict.fromkeys(part.strip() for part in (text or "").split(",") if part.strip()))
 
 
 @click.command()
@@ -191,7 +163,7 @@ def bench(
             elements=elements or bench_separation.ELEMENTS,
             kinds=bench_separation.known_kinds(names(element)),
             repeats=repeats, seconds=budget, started=started, plots=not no_plots, talk=talk,
-            folder=_claim(output, "separation", force),
+            folder=claim_study(output, "separation", ".bench", MARKER, force),
         )  # fmt: skip
         raise click.exceptions.Exit(bench_separation.do_separation(plan))
     _refuse_given({"--element": element}, "goes with --separation only")
@@ -204,7 +176,7 @@ def bench(
     sweep = make_sweep(loaded, names(methods), levels, names(models), (elements, degrees), repeats)
     scene_plan = Plan(
         argument=deck, deck=loaded, sweep=sweep, seconds=budget, started=started, overrides=overrides,
-        talk=talk, folder=_claim(output, loaded.deck.name, force), plots=not no_plots,
+        talk=talk, folder=claim_study(output, loaded.deck.name, ".bench", MARKER, force), plots=not no_plots,
     )  # fmt: skip
     raise click.exceptions.Exit(do_bench(scene_plan))
 
@@ -237,8 +209,8 @@ def make_sweep(
     from hfsim.studies.bench import Sweep
 
     (tolerances, steps), (elements, degrees) = levels, meshes
-    _refuse_unknown("method", methods, METHODS)
-    _refuse_unknown("model", models, MODELS)
+    refuse_unknown("method", methods, METHODS)
+    refuse_unknown("model", models, MODELS)
     solve = loaded.deck.solve
     if any(tolerance > 0.1 for tolerance in tolerances):
         raise click.UsageError("a tolerance above 0.1 says nothing")
@@ -255,21 +227,6 @@ def make_sweep(
         repeats=repeats,
         **({"tolerances": tolerances} if tolerances else {}),
     )
-
-
-def _refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str]) -> None:
-    for name in given:
-        if name not in known:
-            raise click.UsageError(f"there is no {kind} '{name}'; there are {', '.join(known)}")
-
-
-def _claim(output: Path | None, deck_name: str, force: bool) -> RunFolder:
-    from hfsim.runfolder import FolderError, claim, folder_name
-
-    path = output or Path(folder_name(deck_name, ".bench"))
-    if (path / MARKER).exists() and not force:
-        raise FolderError(f"{path} already holds a study; use --force to replace it, or -o DIR")
-    return claim(path, force, marker=MARKER)
 
 
 def do_bench(plan: Plan) -> int:
@@ -366,23 +323,19 @@ def _point_table(points: Sequence[Point]) -> str:
     for p in shown:
         mark = " *" if p in front else ""
         at = p.level.replace("tolerance ", "").replace("step ", "")
-        errors = [_error(p), *([_number(p.total_error)] if totals else []), _rms(p)]
+        errors = [_error(p), *([brief(p.total_error)] if totals else []), _rms(p)]
         counts = [str(n) for n in (p.steps, p.rejected, p.newton_iterations, p.evaluations)]
         rows.append([p.method + mark, at, f"{p.cpu:.3g}", _spread(p), *errors, p.worst_channel or p.status,
-                     _number(p.energy_drift), *counts])  # fmt: skip
+                     brief(p.energy_drift), *counts])  # fmt: skip
     return as_table(rows) + "\n  * nothing cheaper comes near its error"
 
 
 def _error(point: Point) -> str:
-    return ("< " if point.below_floor else "") + _number(point.error)
+    return ("< " if point.below_floor else "") + brief(point.error)
 
 
 def _rms(point: Point) -> str:
-    return "-" if point.below_floor else _number(point.rms_error)
-
-
-def _number(value: float | None) -> str:
-    return "-" if value is None else f"{value:.1e}"
+    return "-" if point.below_floor else brief(point.rms_error)
 
 
 def _spread(point: Point) -> str:
@@ -413,7 +366,7 @@ def _mesh_tables(result: Bench) -> str:
     for cell in meshed:
         order = "-" if cell.mesh_order is None else f"{cell.mesh_order:.1f}"
         counts = [str(n) for n in (cell.elements, cell.degree, cell.unknowns)]
-        rows.append([cell.model, *counts, _number(cell.mesh_error), cell.mesh_channel, order,
+        rows.append([cell.model, *counts, brief(cell.mesh_error), cell.mesh_channel, order,
                      _enough(cell, result)])  # fmt: skip
     finest = dict.fromkeys(f"{c.mesh_reference_words} ({c.model})" for c in meshed)
     head = f"mesh errors, against {', '.join(finest)}; tighter tolerances than the last column's"
@@ -464,10 +417,10 @@ def _channel_rows(cells: Sequence[Cell]) -> list[list[str]]:
 
     rows = [[f"{cells[0].model}: mesh error (order)", *(cell.mesh for cell in cells)]]
     for name in cells[0].mesh_errors:
-        texts = [_number(cells[0].mesh_errors[name])]
+        texts = [brief(cells[0].mesh_errors[name])]
         for coarse, fine in pairwise(cells):
             order = observed_order(coarse, fine, name)
-            texts.append(_number(fine.mesh_errors[name]) + (f" ({order:.1f})" if order is not None else ""))
+            texts.append(brief(fine.mesh_errors[name]) + (f" ({order:.1f})" if order is not None else ""))
         rows.append([name, *texts])
     return rows
 

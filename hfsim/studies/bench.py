@@ -22,6 +22,7 @@ from hfsim.arrays import Array
 from hfsim.balance import balance, step_samples
 from hfsim.bodies import BeamSpec
 from hfsim.build import Scene, build
+from hfsim.channels import Samples
 from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import HfsimError
 from hfsim.simulate import Integration, compute_channels, run_integration, sample
@@ -64,7 +65,7 @@ _LADDER_GROWTH = 2.5
 Report = Callable[[float], None]
 
 
-class _OutOfBudgetError(Exception):
+class OutOfBudgetError(Exception):
     """Ends an integration that has used up its time; knows which share of its span it had done by then."""
 
     def __init__(self, share: float) -> None:
@@ -114,7 +115,7 @@ class Budget:
             now = self.clock()
             self.report(min(1.0, (now - self.start) / self.seconds))
             if now > end:
-                raise _OutOfBudgetError(share)
+                raise OutOfBudgetError(share)
 
         return check
 
@@ -487,7 +488,7 @@ def _cell_work(loaded: LoadedDeck, model: str, budget: Budget, allowed: float, m
         first = level == LADDER[0]
         try:
             found, cpu = _agreement(scene, level, budget.guard(np.inf if must and first else end - start))
-        except _OutOfBudgetError:
+        except OutOfBudgetError:
             break
         better = _note_reference(work, found, cpu)
         expected = _LADDER_GROWTH * (budget.used - start)
@@ -524,18 +525,24 @@ def _agreement(scene: Scene, tolerance: float, guard: Report) -> tuple[_Truth | 
         samples = sample(scene, done.trajectory)
         runs.append((samples, compute_channels(samples)))
     (samples, channels), (_, others) = runs
-    as_run = Run(
-        name=scene.deck.name, model=scene.model, method=REFERENCES[0][0], status="done", reason="",
-        t=samples.t, channels=channels, statistics={}, failure=None, exit_code=0,
-        outlines={name: body.outline(samples.x) for name, body in scene.bodies.items()},
-    )  # fmt: skip
-    scales = tuple(_judging(scale, scene) for scale in channel_scales(as_run))
+    scales = judged_scales(samples, channels)
     floors = {
         scale.channel: max(ROUND_OFF, _largest(one.values, two.values) / scale.scale)
         for scale, one, two in zip(scales, channels, others, strict=True)
     }
     how = (f"{m} ({stages} stages, tolerance {tidy(factor * tolerance)})" for m, stages, factor in REFERENCES)
     return _Truth(channels, scales, floors, " against ".join(how)), spent
+
+
+def judged_scales(samples: Samples, channels: tuple[Channel, ...]) -> tuple[ChannelScale, ...]:
+    """Return what errors in each channel of a reference are divided by, and which of them count."""
+    scene = samples.scene
+    as_run = Run(
+        name=scene.deck.name, model=scene.model, method="reference", status="done", reason="",
+        t=samples.t, channels=channels, statistics={}, failure=None, exit_code=0,
+        outlines={name: body.outline(samples.x) for name, body in scene.bodies.items()},
+    )  # fmt: skip
+    return tuple(_judging(scale, scene) for scale in channel_scales(as_run))
 
 
 def tidy(number: float) -> str:
@@ -662,7 +669,7 @@ def _warm_up(works: Sequence[_Work], sweep: Sweep, budget: Budget) -> None:
         solve = _solve_of(scene, method, max(sweep.tolerances), fixed=False)
         try:
             _timed(scene, solve.model_copy(update=short), budget.guard(0.1 * budget.left))
-        except _OutOfBudgetError:
+        except OutOfBudgetError:
             continue
 
 
@@ -709,7 +716,7 @@ def _next_point(series: _Series, sweep: Sweep, budget: Budget) -> list[Point]:
     try:
         allowed = min(_TRIAL_SHARE * budget.seconds, budget.left) if unknown else budget.left
         done, cpu = _timed(work.scene, solve, budget.guard(allowed))
-    except _OutOfBudgetError as stop:
+    except OutOfBudgetError as stop:
         spent = budget.used - start
         series.trial = f"{stop} after {spent:.2g} s"
         series.forecast = max(spent / max(stop.share, 1e-6), 1.5 * spent)
@@ -730,7 +737,7 @@ def _repeated(scene: Scene, solve: SolveSpec, sweep: Sweep, budget: Budget, cpu:
     while len(times) < sweep.repeats - 1 and (len(times) + 1) * cpu < _REPEAT_SHARE * budget.seconds:
         try:
             times.append(_timed(scene, solve, budget.guard(budget.left))[1])
-        except _OutOfBudgetError:
+        except OutOfBudgetError:
             break
     return times
 

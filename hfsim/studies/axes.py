@@ -1,0 +1,267 @@
+"""Axes of a map: how a number changes a deck.
+
+Every value of an axis is a set of overrides ``KEY=VALUE``, so that each point of a map can be run again by
+``hfsim run DECK --set KEY=VALUE ...``.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hfsim.deck import Deck, LoadedDeck, parse_deck
+
+Value = float | str
+"""A number, or a word such as a method's name."""
+
+_RANGE = re.compile(r"\s*(log|lin)\s*\(([^,()]+),([^,()]+),([^,()]+)\)\s*")
+_MOST = 1000
+"""Values of one axis at most."""
+
+
+class AxisError(ValueError):
+    """An axis that cannot be read, or that changes nothing in this deck."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One direction of a map.
+
+    Attributes
+    ----------
+    name : str
+        Key of the deck, or the name of a scaling.
+    values : tuple of float or str
+    overrides : callable
+        (deck, value) -> the overrides that this value means for this deck.
+    solver_only : bool
+        Whether it changes how the scene is solved and not the scene: references are shared along it.
+    logarithmic : bool
+        Whether its middle is the geometric mean.
+    """
+
+    name: str
+    values: tuple[Value, ...]
+    overrides: Callable[[Deck, Value], tuple[str, ...]]
+    solver_only: bool = False
+    logarithmic: bool = False
+
+    @property
+    def numeric(self) -> bool:
+        """Whether all values are numbers."""
+        return all(not isinstance(value, str) for value in self.values)
+
+    def middle(self, a: float, b: float) -> float:
+        """Return the value half-way between two.
+
+        Examples
+        --------
+        >>> Axis("x", (1.0, 100.0), lambda deck, value: (), logarithmic=True).middle(1.0, 100.0)
+        10.0
+        """
+        if self.logarithmic and a > 0.0 and b > 0.0:
+            return math.sqrt(a * b)
+        return 0.5 * (a + b)
+
+    def at(self, values: Iterable[Value]) -> Axis:
+        """Return the axis with other values."""
+        return replace(self, values=tuple(values))
+
+
+def parse_values(text: str) -> tuple[tuple[Value, ...], bool]:
+    """Return the values that a text means and whether they are spaced logarithmically.
+
+    Parameters
+    ----------
+    text : str
+        ``log(first, last, count)``, ``lin(first, last, count)`` or values between commas.
+
+    Raises
+    ------
+    AxisError
+        If it is none of these.
+
+    Examples
+    --------
+    >>> parse_values("log(1, 100, 3)")
+    ((1.0, 10.0, 100.0), True)
+    >>> parse_values("2, 4, 8"), parse_values("gauss,gear")
+    (((2.0, 4.0, 8.0), False), (('gauss', 'gear'), False))
+    """
+    found = _RANGE.fullmatch(text)
+    if found:
+        return _spaced(found[1], found[2], found[3], found[4], text)
+    words = [word.strip() for word in text.strip().removeprefix("[").removesuffix("]").split(",")]
+    if not all(words) or len(words) > _MOST:
+        raise AxisError(f"'{text}' is no list of values; write log(1e5,1e12,8), lin(1,5,9) or 1,2,5")
+    values = tuple(dict.fromkeys(_number(word) for word in words))
+    if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+        raise AxisError(f"'{text}': values are finite")
+    return values, False
+
+
+def _spaced(kind: str, first: str, last: str, count: str, text: str) -> tuple[tuple[Value, ...], bool]:
+    try:
+        a, b, n = float(first), float(last), int(count)
+    except ValueError:
+        raise AxisError(f"'{text}': {kind}(first, last, count) takes three numbers") from None
+    if not 1 <= n <= _MOST or not (math.isfinite(a) and math.isfinite(b)):
+        raise AxisError(f"'{text}': 1 to {_MOST} finite values")
+    if kind == "log" and min(a, b) <= 0.0:
+        raise AxisError(f"'{text}': a logarithmic axis has positive ends")
+    spaced = np.geomspace(a, b, n) if kind == "log" else np.linspace(a, b, n)
+    return tuple(dict.fromkeys(float(f"{value:.12g}") for value in spaced)), kind == "log"
+
+
+def _number(word: str) -> Value:
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+def written(value: Value) -> str:
+    """Return a value as an override has it: whole numbers without a point.
+
+    Examples
+    --------
+    >>> written(4.0), written(0.1), written("gear")
+    ('4', '0.1', 'gear')
+    """
+    if isinstance(value, str):
+        return value
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
+
+
+# --- kinds of axes -------------------------------------------------------------------------------
+
+
+def vary(text: str) -> Axis:
+    """Return the axis of ``PATH=VALUES``: any entry of a deck.
+
+    Raises
+    ------
+    AxisError
+        If it cannot be read.
+    """
+    path, equals, values = text.partition("=")
+    path = path.strip()
+    if not equals or not path:
+        raise AxisError(f"'{text}': write PATH=log(first,last,count), PATH=lin(...) or PATH=a,b,c")
+    numbers, logarithmic = parse_values(values)
+    solver = path.startswith("solve.") and path not in ("solve.duration", "solve.model")
+    return Axis(path, numbers, lambda deck, value: (f"{path}={written(value)}",), solver, logarithmic)
+
+
+def _named(
+    name: str, changes: Callable[[Deck, float], Iterator[tuple[str, object]]]
+) -> Callable[[str], Axis]:
+    def read(text: str) -> Axis:
+        values, logarithmic = parse_values(text)
+
+        def overrides(deck: Deck, value: Value) -> tuple[str, ...]:
+            assert not isinstance(value, str)
+            return tuple(f"{path}={json.dumps(new)}" for path, new in changes(deck, value))
+
+        axis = Axis(name, values, overrides, name == "step", logarithmic)
+        if not axis.numeric or min(v for v in values if not isinstance(v, str)) <= 0.0:
+            raise AxisError(f"'{text}': values of {name} are positive numbers")
+        return axis
+
+    return read
+
+
+def _stiffness(deck: Deck, factor: float) -> Iterator[tuple[str, object]]:
+    for name, material in deck.materials.items():
+        yield f"materials.{name}.youngs_modulus", factor * material.youngs_modulus
+    for name, spring in deck.springs.items():
+        yield f"springs.{name}.stiffness", factor * spring.stiffness
+
+
+def _speed(deck: Deck, factor: float) -> Iterator[tuple[str, object]]:
+    for name, start in deck.initial.items():
+        if start.angular_velocity is not None:
+            yield f"initial.{name}.angular_velocity", factor * start.angular_velocity
+        if start.velocity is not None:
+            yield f"initial.{name}.velocity", [factor * v for v in start.velocity]
+    for name, joint in deck.joints.items():
+        for kind in ("angle", "position"):
+            law: Any = getattr(joint, kind, None)
+            if law is not None and getattr(law, "type", "") in ("constant_rate", "spin_up"):
+                yield f"joints.{name}.{kind}.rate", factor * law.rate
+
+
+def _amplitude(deck: Deck, factor: float) -> Iterator[tuple[str, object]]:
+    for name, start in deck.initial.items():
+        if start.angle is not None:
+            yield f"initial.{name}.angle", factor * start.angle
+    for name, load in deck.loads.items():
+        if load.type == "force":
+            yield f"loads.{name}.force", [factor * f for f in load.force]
+        else:
+            yield f"loads.{name}.moment", factor * load.moment
+    for name, joint in deck.joints.items():
+        for kind in ("angle", "position"):
+            law: Any = getattr(joint, kind, None)
+            if getattr(law, "type", "") == "sine":
+                yield f"joints.{name}.{kind}.amplitude", factor * law.amplitude
+
+
+def _slenderness(deck: Deck, ratio: float) -> Iterator[tuple[str, object]]:
+    """Give each beam a section of its own, alike in shape, whose height is its length over `ratio`."""
+    for name, body in deck.bodies.items():
+        if body.type != "beam":
+            continue
+        section = deck.sections[body.section]
+        k = body.length / ratio / section.height
+        own = {"area": section.area * k**2, "second_moment": section.second_moment * k**4}
+        yield f"sections.{body.section}_of_{name}", own
+        yield f"bodies.{name}.section", f"{body.section}_of_{name}"
+
+
+def _step(deck: Deck, step: float) -> Iterator[tuple[str, object]]:
+    yield "solve.step", step
+
+
+def _elements(deck: Deck, count: float) -> Iterator[tuple[str, object]]:
+    for name, body in deck.bodies.items():
+        if body.type == "beam":
+            yield f"bodies.{name}.elements", round(count)
+
+
+NAMED: dict[str, Callable[[str], Axis]] = {
+    "stiffness": _named("stiffness", _stiffness),
+    "speed": _named("speed", _speed),
+    "amplitude": _named("amplitude", _amplitude),
+    "slenderness": _named("slenderness", _slenderness),
+    "step": _named("step", _step),
+    "elements": _named("elements", _elements),
+}
+"""Axes by name: factors on all moduli and springs, on all speeds, on loads and initial angles; length over
+section height of all beams; fixed step [s]; elements of all beams."""
+
+
+def point_overrides(loaded: LoadedDeck, axes: Sequence[Axis], values: Sequence[Value]) -> tuple[str, ...]:
+    """Return the overrides of one point, the deck's own first; each axis sees what those before it did.
+
+    Raises
+    ------
+    AxisError
+        If an axis changes nothing in this deck.
+    DeckError
+        If the deck cannot be read with these values.
+    """
+    overrides, deck = loaded.overrides, loaded.deck
+    for axis, value in zip(axes, values, strict=True):
+        changes = axis.overrides(deck, value)
+        if not changes:
+            raise AxisError(f"{axis.name}: there is nothing in {deck.name} that it changes")
+        overrides = (*overrides, *changes)
+        deck = parse_deck(loaded.source.text, loaded.source.file, overrides).deck
+    return overrides

@@ -1,0 +1,367 @@
+"""The extreme set: decks at the edge of what can be solved, each held against what is expected of it.
+
+What is expected stands in ``expected.yaml`` beside the decks.  Every deck runs as it states, in a worker
+process of its own, and is put into a class (`hfsim.studies.judge`); closed forms are checked where there
+are any.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from hfsim.deck import parse_deck
+from hfsim.errors import HfsimError
+from hfsim.studies.farm import Farm, Outcome, Task
+from hfsim.studies.judge import (
+    CLASSES,
+    TRUTH_MODEL,
+    Bounds,
+    Job,
+    Trial,
+    Truth,
+    Verdict,
+    classify,
+    distance,
+    solve_point,
+    solve_reference,
+)
+
+EXPECTED = "expected.yaml"
+"""File beside the decks that says what is expected of them."""
+_TIGHTER = 1.0
+"""Bound on the tolerance of references: none but a tenth of the deck's own, which differ by decades."""
+_REFERENCE_SHARE = 0.7
+"""Part of a deck's time that its references may take."""
+
+
+class ExpectationError(HfsimError):
+    """The file of expectations cannot be used."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True)
+class Value:
+    """A closed form: the value of a channel at a time.
+
+    Attributes
+    ----------
+    channel : str
+    time : float
+        [s]; the nearest output time counts.
+    value, within : float
+        In the unit of the channel.
+    source : str
+        Where the value is from.
+    """
+
+    channel: str
+    time: float
+    value: float
+    within: float
+    source: str
+
+
+@dataclass(frozen=True)
+class Expectation:
+    """What a deck is expected to do.
+
+    Attributes
+    ----------
+    name : str
+        Of the deck's file without its ending.
+    outcome : str
+        A key of `hfsim.studies.judge.CLASSES`.
+    error, drift : float or None
+        Bounds on the error against a tighter run and on the energy drift [-].
+    values : tuple of Value
+    sound : bool
+        Whether the scene is physically sound and the run meant to complete.
+    """
+
+    name: str
+    outcome: str
+    error: float | None = None
+    drift: float | None = None
+    values: tuple[Value, ...] = ()
+    sound: bool = True
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a value came out as.
+
+    Attributes
+    ----------
+    channel, source : str
+    expected, value, within : float
+    """
+
+    channel: str
+    source: str
+    expected: float
+    value: float
+    within: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is as near as was asked for."""
+        return abs(self.value - self.expected) <= self.within
+
+
+@dataclass(frozen=True)
+class Case:
+    """One deck of the set with what came of it.
+
+    Attributes
+    ----------
+    expectation : Expectation
+    verdict : Verdict
+    status : str
+        How the run ended; empty if there was none.
+    end, cpu : float
+        Where it ended; CPU time of the integration [s].
+    steps : int
+    found : tuple of Found
+    """
+
+    expectation: Expectation
+    verdict: Verdict
+    status: str = ""
+    end: float = 0.0
+    cpu: float = 0.0
+    steps: int = 0
+    found: tuple[Found, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the deck."""
+        return self.expectation.name
+
+    @property
+    def misses(self) -> list[str]:
+        """What is not as expected, in words."""
+        wanted, verdict = self.expectation, self.verdict
+        if verdict.outcome != wanted.outcome:
+            return [f"{verdict.outcome} where {wanted.outcome} is expected: {verdict.reason}"]
+        lines = []
+        for what, value, bound in (
+            ("error", verdict.time_error, wanted.error),
+            ("energy drift", verdict.energy_drift, wanted.drift),
+        ):
+            if bound is not None and (value is None or value > bound):
+                lines.append(f"{what} {value if value is None else format(value, '.2g')} above {bound:g}")
+        lines += [
+            f"{f.channel} {f.value:.9g}, expected {f.expected:.9g} within {f.within:g} ({f.source})"
+            for f in self.found
+            if not f.holds
+        ]
+        return lines
+
+
+@dataclass(frozen=True)
+class Extreme:
+    """The whole set.
+
+    Attributes
+    ----------
+    cases : tuple of Case
+    seconds, used : float
+        Wall time allowed and used [s].
+    interrupted : bool
+    """
+
+    cases: tuple[Case, ...]
+    seconds: float
+    used: float
+    interrupted: bool = False
+
+    @property
+    def held(self) -> int:
+        """How many cases are as expected."""
+        return sum(not case.misses for case in self.cases)
+
+    @property
+    def sound(self) -> tuple[int, int]:
+        """How many physically sound cases completed, and how many there are."""
+        sound = [case for case in self.cases if case.expectation.sound]
+        return sum(case.status == "done" for case in sound), len(sound)
+
+
+def read_expectations(folder: Path) -> tuple[Expectation, ...]:
+    """Return what is expected of the decks of a folder, in the order of the file.
+
+    Raises
+    ------
+    ExpectationError
+        If the file cannot be read, or does not fit the decks: each needs one entry.
+    """
+    path = folder / EXPECTED
+    try:
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+        found = tuple(_expectation(name, entry) for name, entry in entries.items())
+    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ExpectationError(f"{path}: {error}") from error
+    decks = {deck.stem for deck in folder.glob("*.yaml")} - {path.stem}
+    alone = decks ^ {one.name for one in found}
+    if alone:
+        raise ExpectationError(f"{path}: decks and expectations differ: {', '.join(sorted(alone))}")
+    return found
+
+
+def _expectation(name: str, entry: dict[str, Any]) -> Expectation:
+    if unknown := set(entry) - {"class", "error", "drift", "values", "sound"}:
+        raise ValueError(f"{name}: unknown {', '.join(sorted(unknown))}")
+    if entry["class"] not in CLASSES:
+        raise ValueError(f"{name}: there is no class '{entry['class']}'")
+    values = tuple(
+        Value(v["channel"], float(v["time"]), float(v["value"]), float(v["within"]), str(v["from"]))
+        for v in entry.get("values", ())
+    )
+    error, drift = (None if entry.get(key) is None else float(entry[key]) for key in ("error", "drift"))
+    return Expectation(name, entry["class"], error, drift, values, bool(entry.get("sound", True)))
+
+
+# --- one deck, in a worker process ----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Examination:
+    job: Job
+    expectation: Expectation
+
+
+def examine(order: _Examination) -> Case:
+    """Solve a deck as it states and its references; check what is expected."""
+    job, start = order.job, time.perf_counter()
+    solve = parse_deck(job.text, job.file, job.overrides).deck.solve
+    trial = solve_point(
+        replace(job, model=solve.model, method=solve.method, limit=(1 - _REFERENCE_SHARE) * job.limit)
+    )
+    left = max(job.limit - (time.perf_counter() - start), 0.1)
+    exact = solve_reference(replace(job, model=TRUTH_MODEL, limit=left, disturbed=True))
+    left = max(job.limit - (time.perf_counter() - start), 0.1)
+    truth = (
+        exact if solve.model == TRUTH_MODEL else solve_reference(replace(job, model=solve.model, limit=left))
+    )
+    return judged(order.expectation, trial, truth, exact)
+
+
+def judged(expectation: Expectation, trial: Trial, truth: Truth, exact: Truth) -> Case:
+    """Return the case of a deck from its run and its references."""
+    if trial.status == "done" and truth.status == "done":
+        error, channel = distance(trial.channels, truth.channels, truth.scales)
+        trial = replace(trial, error=error, channel=channel)
+    verdict = classify(trial, truth, exact, Bounds())
+    return Case(
+        expectation, verdict, trial.status, trial.end, trial.cpu, trial.steps, _values(expectation, trial)
+    )
+
+
+def _values(expectation: Expectation, trial: Trial) -> tuple[Found, ...]:
+    if trial.times is None:
+        return ()
+    columns = {channel.name: channel.values for channel in trial.channels}
+    found = []
+    for wanted in expectation.values:
+        at = int(np.abs(trial.times - wanted.time).argmin())
+        value = float(columns[wanted.channel][at])
+        found.append(Found(wanted.channel, wanted.source, wanted.value, value, wanted.within))
+    return tuple(found)
+
+
+# --- all of them ---------------------------------------------------------------------------------
+
+
+def extreme_set(
+    folder: Path,
+    expectations: Sequence[Expectation],
+    seconds: float,
+    limit: float,
+    jobs: int,
+    report: Callable[[float], None] = lambda share: None,
+) -> Extreme:
+    """Run decks of a folder and hold them against what is expected.
+
+    Parameters
+    ----------
+    folder : Path
+    expectations : sequence of Expectation
+        Of the decks to run.
+    seconds : float
+        Wall time that all may take [s].
+    limit : float
+        Wall time that one deck may take, references included [s].
+    jobs : int
+        Processes at a time.
+    report : callable
+        Told the share of the decks that is done, 0 to 1.
+    """
+    start = time.perf_counter()
+    farm = Farm(jobs, start + seconds)
+    for one in expectations:
+        path = folder / f"{one.name}.yaml"
+        job = Job(path.read_text(encoding="utf-8"), str(path), (), TRUTH_MODEL, limit, tolerance=_TIGHTER)
+        farm.add(Task(one.name, examine, _Examination(job, one), limit))
+    outcomes: dict[str, Outcome] = {}
+    interrupted = False
+    try:
+        for outcome in farm.outcomes():
+            outcomes[outcome.key] = outcome
+            report(len(outcomes) / len(expectations))
+    except KeyboardInterrupt:
+        interrupted = True
+    cases = tuple(_case(one, outcomes.get(one.name)) for one in expectations)
+    return Extreme(cases, seconds, time.perf_counter() - start, interrupted)
+
+
+def _case(expectation: Expectation, outcome: Outcome | None) -> Case:
+    if outcome is None:
+        return Case(expectation, Verdict("not computed", "the budget was used up"))
+    if outcome.value is None:
+        return Case(expectation, Verdict("no result", outcome.lost))
+    case: Case = outcome.value
+    return case
+
+
+# --- tables --------------------------------------------------------------------------------------
+
+CSV_COLUMNS = (
+    "name", "expected", "class", "holds", "status", "end", "steps", "cpu", "time_error", "energy_drift",
+    "growth", "misses", "reason",
+)  # fmt: skip
+"""Columns of ``extreme.csv``."""
+
+
+def as_rows(result: Extreme) -> list[dict[str, object]]:
+    """Return one row for each deck, with the keys `CSV_COLUMNS`."""
+    return [
+        {
+            "name": c.name, "expected": c.expectation.outcome, "class": c.verdict.outcome,
+            "holds": not c.misses, "status": c.status, "end": c.end, "steps": c.steps, "cpu": c.cpu,
+            "time_error": c.verdict.time_error, "energy_drift": c.verdict.energy_drift,
+            "growth": c.verdict.growth, "misses": "; ".join(c.misses), "reason": c.verdict.reason,
+        }
+        for c in result.cases
+    ]  # fmt: skip
+
+
+def as_facts(result: Extreme) -> dict[str, Any]:
+    """Return the study as JSON-ready facts (``extreme.json``)."""
+    completed, sound = result.sound
+    cases = [
+        {**row, "misses": c.misses, "sound": c.expectation.sound, "values": [asdict(f) for f in c.found]}
+        for c, row in zip(result.cases, as_rows(result), strict=True)
+    ]
+    return {
+        "status": "interrupted" if result.interrupted else "done", "seconds": result.seconds,
+        "used": result.used, "cases": cases, "held": result.held, "sound": sound,
+        "sound_completed": completed,
+    }  # fmt: skip
