@@ -22,6 +22,7 @@ from hfsim.models.low_order import LowOrderBeam
 from hfsim.models.mesh import BeamMesh
 from hfsim.models.natural import NaturalBeams, NaturalIncrements
 from hfsim.parts import ForcePart
+from hfsim.rank import dependence
 from hfsim.spec import split_point
 from hfsim.start import Start, starting_state
 from hfsim.system import System, VariableMass
@@ -379,24 +380,18 @@ def _check_independent(
     """
     if not system.n_rows:
         return
-    Phi_x = system.jacobian(x[None])[0]
-    rows = Phi_x / np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
-    left, sizes, _ = np.linalg.svd(rows, full_matrices=True)
-    rank = int(np.sum(sizes > 1e-9 * sizes[0]))
-    if rank == system.n_rows:
+    found = dependence(system.jacobian(x[None])[0], system.rows, joints)
+    if not found.missing:
         return
-    weight = np.abs(left[:, rank:]).max(axis=1)
-    involved = [
-        name for name, members in joints.items() if any(weight[system.rows[k]].max() > 1e-6 for k in members)
-    ]
-    last = involved[-1]
+    *others, last = found.joints
     raise loaded.problem(
         f"joints.{last}",
-        f"blocks what {_listed(involved[:-1]) or 'it'} already block{'s' if len(involved) == 2 else ''}: "
-        f"{system.n_rows - rank} of {system.n_rows} joint equations are redundant",
+        f"blocks what {_listed(loaded, others) or 'it'} already block{'s' if len(others) < 2 else ''}: "
+        f"{found.missing} of {system.n_rows} joint equations are redundant",
         "remove a joint or free one of its motions",
     )
 
 
-def _listed(names: list[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names)
+def _listed(loaded: LoadedDeck, names: list[str]) -> str:
+    lines = {name: loaded.line_of(f"joints.{name}") for name in names}
+    return ", ".join(f"'{name}' (line {line})" if line else f"'{name}'" for name, line in lines.items())

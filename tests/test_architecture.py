@@ -51,15 +51,35 @@ ALLOWED = {
     "deck": GROUND | {"bodies", "forces", "joints", "laws", "materials"},
     "start": GROUND | {"bodies", "constraints", "deck"},
     "build": GROUND
-    | {"bodies", "constraints", "deck", "elements", "forces", "markers", "models", "start", "system"},
+    | {"bodies", "constraints", "deck", "elements", "forces", "markers", "models", "rank", "start", "system"},
     "channels": GROUND | {"build"},
+    "culprit": GROUND | {"build"},
+    "integration": GROUND | {"build", "culprit", "deck", "integrators", "runaway"},
+    "validity": GROUND | {"bodies", "build", "models"},
+    "diagnosis": GROUND
+    | {"balance", "bodies", "build", "culprit", "deck", "integration", "rank", "validity"},
+    "rank": {"arrays"},
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},
-    "simulate": GROUND | {"balance", "build", "channels", "clock", "deck", "integrators", "runaway", "system"},
+    "simulate": GROUND
+    | {
+        *(
+            "balance",
+            "build",
+            "channels",
+            "clock",
+            "deck",
+            "diagnosis",
+            "integration",
+            "integrators",
+            "system",
+        ),
+        "validity",
+    },
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
-    "studies": GROUND | {"balance", "build", "simulate", "deck", "writers"},
+    "studies": GROUND | {"balance", "build", "integration", "simulate", "deck", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }

@@ -248,9 +248,7 @@ def test_models_agree_to_first_order_in_small_motion(model, options):
 # ---------------------------------------------------------------- linear
 
 
-@pytest.mark.parametrize(
-    "options", [CABLES[0], CABLES[1], "element: continuum"]
-)
+@pytest.mark.parametrize("options", [CABLES[0], CABLES[1], "element: continuum"])
 def test_linear_force_is_the_slope_of_the_exact_one(options):
     scene = scene_of("linear", options)
     exact, linear = part_of(scene_of("ancf", options), ElasticForce), part_of(scene, LinearElasticForce)
