@@ -22,7 +22,8 @@ from hfsim.build import Scene, build
 from hfsim.culprit import body_of
 from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import LimitReached, SolverFailure
-from hfsim.integration import Integration, run_integration
+from hfsim.growth import amplitude_of, disturbed_growth, loaded_items
+from hfsim.integration import Integration, Watch, run_integration
 from hfsim.rank import dependence
 from hfsim.validity import STEEP, truncated_beams, watch_validity
 
@@ -32,6 +33,8 @@ DEAD = 1e-3
 """Smallest singular value of the joint equations, over that at the start, that means a dead centre."""
 MASSLESS = 1e-8
 """Mass over the scene's total from which a body without inertia is to blame for motions too fast."""
+REDUNDANT = 1e-6
+"""Smallest singular value of the joint equations below which joints are all but redundant."""
 CRUSHED = 3.0**-0.5
 """Stretch below which the force of the Green strain gives way to more compression: d/ds (s^3 - s) = 0."""
 AT_LEAST = 3.0
@@ -112,7 +115,7 @@ class Experiments:
         return good
 
 
-def _until(deadline: float) -> Any:
+def _until(deadline: float) -> Watch:
     def watch(t: float, q: Array, v: Array) -> None:
         if time.process_time() > deadline:
             raise LimitReached("the time for experiments was used up", t)
@@ -193,7 +196,7 @@ def _names(names: tuple[str, ...]) -> str:
 def _truncated_model(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     """What goes away with the model exact."""
     scene = trial.scene
-    if not any(True for _ in truncated_beams(scene)):
+    if next(truncated_beams(scene), None) is None:
         return None
     exact = trial.passes("model exact", {}, build(scene.loaded, "exact"))
     undecided = "not" in trial.outcomes["model exact"].split()
@@ -233,10 +236,15 @@ def _method(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
         if "coordinates" in update:
             scene = build(_with(trial.scene.loaded, update), trial.scene.model)
         if trial.passes(what, update, scene):
-            changes = {f"solve.{key}": value for key, value in update.items()}
+            changes = _changes(trial, update)
             item = f"solve.{next(iter(update))}"
             return _classed(stop, "numerical", item, trial.outcomes, command(trial.scene.loaded, changes))
     return None
+
+
+def _changes(trial: Experiments, update: dict[str, Any]) -> dict[str, Any]:
+    """Return the entries of an update that are not as the deck has them, by deck path."""
+    return {f"solve.{key}": value for key, value in update.items() if getattr(trial.solve, key) != value}
 
 
 def _with(loaded: LoadedDeck, update: dict[str, Any]) -> LoadedDeck:
@@ -327,10 +335,15 @@ def suspect(
     """
     trial = Experiments(scene, done, max(seconds, AT_LEAST))
     with np.errstate(all="ignore"):
-        found = _suspicious_balance(trial, statistics["energy_drift"]) or _left_range(
-            trial, statistics["validity"]
+        found = (
+            _suspicious_balance(trial, statistics["energy_drift"])
+            or _left_range(trial, statistics["validity"])
+            or _nearly_redundant(trial)
+            or _unstable(trial)
         )
-    return found.facts(scene.loaded.line_of) if found is not None else None
+    if found is None:
+        return None
+    return {"reason": found.reason, **found.facts(scene.loaded.line_of)}
 
 
 def _suspicious_balance(trial: Experiments, drift: float) -> SolverFailure | None:
@@ -342,18 +355,25 @@ def _suspicious_balance(trial: Experiments, drift: float) -> SolverFailure | Non
     gauss: tuple[str, dict[str, Any]] = ("method gauss", {"method": "gauss", "step": None, "stages": None})
     for what, update in (next(_other_settings(trial)), gauss):
         if trial.passes(what, update, scene):
-            changes = {f"solve.{key}": value for key, value in update.items()}
+            changes = _changes(trial, update)
             remedy = command(scene.loaded, changes, force=True)
             item = "solve.step" if solve.step is not None else f"solve.{next(iter(update))}"
             facts = {**evidence, **trial.outcomes}
-            return SolverFailure("", trial.stop_time, item, "numerical", facts, remedy)
+            reason = "the energy balance is off, and is kept with smaller steps"
+            return SolverFailure(reason, trial.stop_time, item, "numerical", facts, remedy)
     beams = [body for body in scene.system.variable_mass if body.truncated]
     if beams and trial.passes("model exact", {}, build(scene.loaded, "exact")):
         facts = {**evidence, **trial.outcomes, "term": "inertia forces of third order"}
         remedy = command(scene.loaded, {"solve.model": "exact"}, force=True)
-        return SolverFailure("", trial.stop_time, f"bodies.{beams[0].name}", "model", facts, remedy)
+        reason = (
+            f"the energy balance is off whatever the steps, and is kept by exact: {scene.model} breaks it"
+        )
+        return SolverFailure(reason, trial.stop_time, f"bodies.{beams[0].name}", "model", facts, remedy)
     remedy = command(scene.loaded, {"solve.tolerance": 1e-10}, force=True)
-    return SolverFailure("", trial.stop_time, "solve", "numerical", {**evidence, **trial.outcomes}, remedy)
+    reason = "the energy balance is off, and no experiment kept it in the time allowed"
+    return SolverFailure(
+        reason, trial.stop_time, "solve", "numerical", {**evidence, **trial.outcomes}, remedy
+    )
 
 
 def _left_range(trial: Experiments, validity: dict[str, Any]) -> SolverFailure | None:
@@ -362,9 +382,46 @@ def _left_range(trial: Experiments, validity: dict[str, Any]) -> SolverFailure |
     if not left:
         return None
     name = min(left, key=lambda one: float(left[one]["left_at"]))
-    evidence = {"reason": left[name]["reason"], **left[name]["largest"]}
+    reason = f"body '{name}' left the range of {trial.scene.model}: {left[name]['reason']}"
+    evidence = dict(left[name]["largest"])
     remedy = command(trial.scene.loaded, {"solve.model": "exact"}, force=True)
-    return SolverFailure("", left[name]["left_at"], f"bodies.{name}", "model", evidence, remedy)
+    return SolverFailure(reason, left[name]["left_at"], f"bodies.{name}", "model", evidence, remedy)
+
+
+def _nearly_redundant(trial: Experiments) -> SolverFailure | None:
+    """Joints that all but block the same motion twice."""
+    scene = trial.scene
+    if not scene.system.n_rows:
+        return None
+    Phi_x = scene.system.jacobian(scene.system.absolute(scene.q[None]))[0]
+    found = dependence(Phi_x, scene.system.rows, scene.joints, 0.05)
+    if found.size > REDUNDANT:
+        return None
+    reason = (
+        f"joints {_names(found.joints)} all but block the same motion twice: their reactions mean nothing"
+    )
+    evidence = {"smallest_singular_value": found.size}
+    item = f"joints.{found.joints[-1]}"
+    return SolverFailure(reason, 0.0, item, "deck", evidence, f"remove {item} or free one of its motions")
+
+
+def _unstable(trial: Experiments) -> SolverFailure | None:
+    """A motion under load from which disturbances grow away."""
+    scene = trial.scene
+    items = loaded_items(scene)
+    if not items:
+        return None
+    growth = disturbed_growth(scene, trial.done, _until(time.process_time() + trial.seconds))
+    if growth is None:
+        return None
+    amplitude = amplitude_of(scene, items[0])
+    cause = "parametric resonance" if amplitude else "buckling or another instability"
+    reason = f"a disturbance of the start grows {growth.factor:.2g} times under {items[0]}: {cause}"
+    evidence = {"growth": growth.factor, "growth_rate": growth.rate}
+    remedy = f"lower {items[0]}, or take the curves as one of many possible ones"
+    if amplitude is not None:
+        remedy = command(scene.loaded, {amplitude[0]: 0.5 * amplitude[1]}, force=True)
+    return SolverFailure(reason, 0.0, items[0], "physical", evidence, remedy)
 
 
 def _crushed(trial: Experiments) -> dict[str, Any]:

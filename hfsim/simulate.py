@@ -60,8 +60,10 @@ def simulate(
     with clock.phase("solve"):
         done = run_integration(scene, scene.deck.solve, progress)
         samples = sample(scene, done.trajectory)
-        channels = compute_channels(samples)
-    statistics = _statistics(scene, done, samples)
+        # numbers out of all range at the end of a failed run: they never reach a file
+        with np.errstate(all="ignore"):
+            channels = compute_channels(samples)
+            statistics = _statistics(scene, done, samples)
     if error_estimate and done.trajectory.segments and not isinstance(done.stop, KeyboardInterrupt):
         with clock.phase("error_estimate"):
             statistics |= _measured_error(scene, done, samples, channels)
@@ -172,8 +174,7 @@ def _statistics(scene: Scene, done: Integration, samples: Samples) -> dict[str, 
         "multipliers": system.n_rows,
     }
     steps = step_samples(done.trajectory)
-    with np.errstate(all="ignore"):  # energies of numbers out of all range; summaries write them as null
-        facts |= balance(system, steps)
+    facts |= balance(system, steps)
     times, first = np.unique(np.concatenate([samples.t, steps.t]), return_index=True)
     q, v = (np.concatenate(pair)[first] for pair in ((samples.q, steps.q), (samples.v, steps.v)))
     facts["validity"] = watch_validity(scene, times, q, v)

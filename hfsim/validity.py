@@ -8,7 +8,8 @@ the beam's tip, relative to the largest range of a coordinate of the tip over th
     linear     (s + |N v'^2| / |EI v''^2| |v|) / range      s = 1/2 int v'^2, N = EA u1'
     lowOrder   `CURVATURE` max v'^2 |v| / range             v deflection of the tip in the body frame
 
-It is one of order of magnitude: the error of a phase that grows over many periods is not in it.
+Of what oscillates, |EI v''^2| and |v|, the largest values so far count in the model linear.  The
+estimate is one of order of magnitude: the error of a phase that grows over many periods is not in it.
 """
 
 from __future__ import annotations
@@ -94,7 +95,7 @@ def watch_validity(scene: Scene, times: Array, q: Array, v: Array) -> dict[str, 
         that kept, ``stiffening`` left out over the bending kept, ``inertia`` of third order over that kept,
         ``spin`` over the first bending frequency.  Empty for models that leave nothing out.
     """
-    if not len(times) or not any(True for _ in truncated_beams(scene)):
+    if not len(times) or next(truncated_beams(scene), None) is None:
         return {}
     some = np.unique(np.linspace(0, len(times) - 1, min(len(times), MAX_STATES)).astype(int))
     t, q, v = times[some], q[some], v[some]
@@ -129,9 +130,7 @@ def _judge(scene: Scene, body: NodalBeam | LowOrderBody, t: Array, x: Array, u: 
     scale = max(reach, 1e-9 * spec.length)
     terms = _error_terms(seen, isinstance(body, LowOrderBody), EA, EI)
     error = sum(terms.values(), np.zeros(len(t))) / scale
-    stiffening = _ratio(
-        (EA * seen.axial * seen.slope**2) @ seen.weights, (EI * seen.curvature**2) @ seen.weights
-    )
+    stiffening = _stiffening(seen, EA, EI)
     first = _first_frequency(scene, body.name, spec.length, np.sqrt(EI / (material.density * section.area)))
     largest = {
         "estimated_error": float(error.max()),
@@ -154,9 +153,8 @@ def _error_terms(seen: Deformation, low_order: bool, EA: float, EI: float) -> di
     steepest = np.abs(seen.slope).max(axis=1)
     if low_order:
         return {"curvature": CURVATURE * steepest**2 * np.abs(seen.tip)}
-    tension = (EA * seen.axial * seen.slope**2) @ seen.weights
-    ratio = _ratio(tension, (EI * seen.curvature**2) @ seen.weights)
-    return {"foreshortening": seen.shortening, "stiffening": np.abs(ratio * seen.tip)}
+    deflection = np.maximum.accumulate(np.abs(seen.tip))
+    return {"foreshortening": seen.shortening, "stiffening": _stiffening(seen, EA, EI) * deflection}
 
 
 def _reason(terms: dict[str, Array], at: int, seen: Deformation, error: Array) -> str:
@@ -170,9 +168,11 @@ def _reason(terms: dict[str, Array], at: int, seen: Deformation, error: Array) -
     return f"{words} (slope {slope:.2g} rad, estimated error {100.0 * error[at]:.2g} % of the tip's range)"
 
 
-def _ratio(left_out: Array, kept: Array) -> Array:
-    """Return quotients of two energies over time; where next to nothing is kept they mean nothing."""
-    floor = 1e-6 * kept.max(initial=0.0)
+def _stiffening(seen: Deformation, EA: float, EI: float) -> Array:
+    """Return |N v'^2| over the largest EI v''^2 so far, integrals over the beam, shape (n_batch,)."""
+    left_out = np.abs((EA * seen.axial * seen.slope**2) @ seen.weights)
+    kept = np.maximum.accumulate((EI * seen.curvature**2) @ seen.weights)
+    floor = 1e-12 * kept[-1]
     return np.where(kept > floor, left_out / np.where(kept > floor, kept, 1.0), 0.0)
 
 

@@ -57,8 +57,9 @@ ALLOWED = {
     "integration": GROUND | {"build", "culprit", "deck", "integrators", "runaway"},
     "validity": GROUND | {"bodies", "build", "models"},
     "diagnosis": GROUND
-    | {"balance", "bodies", "build", "culprit", "deck", "integration", "rank", "validity"},
+    | {"balance", "bodies", "build", "culprit", "deck", "growth", "integration", "rank", "validity"},
     "rank": {"arrays"},
+    "growth": GROUND | {"build", "integration"},
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},
     "simulate": GROUND

@@ -193,7 +193,8 @@ def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk) -> None
         if run.failure:
             print_error(findings(run.failure))
     elif summary.get("suspicion"):
-        talk.note(f"{run.name}: suspicious\n{findings(summary['suspicion'])}")
+        doubt = summary["suspicion"]
+        talk.note(f"{run.name}: suspicious: {doubt['reason']}\n{findings(doubt)}")
     talk.facts(summary)
     talk.result(f"{run.name}: {headline(run)}\n{as_text(run, summary, folder)}")
 
@@ -233,12 +234,13 @@ _CLASSES = {
 def findings(facts: Mapping[str, Any]) -> str:
     """Return class, item, deck line, evidence and next command of a failure or suspicion, a line each."""
     line = f", line {facts['line']} of the deck" if facts.get("line") else ""
+    evidence = facts.get("evidence") or {}
+    kind = _CLASSES.get(str(facts.get("class")), str(facts.get("class")))
     rows = {
-        "class": _CLASSES.get(str(facts.get("class")), str(facts.get("class"))),
+        "class": "undecided, taken as numerical" if "undecided" in evidence else kind,
         "item": f"{facts['item']}{line}" if facts.get("item") else "",
         "evidence": "\n            ".join(
-            f"{key.replace('_', ' ')}: {number(value)}"
-            for key, value in (facts.get("evidence") or {}).items()
+            f"{key.replace('_', ' ')}: {number(value)}" for key, value in evidence.items()
         ),
         "try": str(facts.get("try") or ""),
     }

@@ -278,6 +278,8 @@ WINDOW = 1000
 """Attempted steps after which the pace is looked at."""
 HOPELESS = 1e7
 """Attempted steps still to come, at the pace of two windows, from which a run ends."""
+GAINING = 1.2
+"""Progress over that of the window before from which steps are growing, and the run is left alone."""
 IN_A_ROW = 3
 """Unsolved steps one after another from which it is looked whether something is not finite."""
 AHEAD = 1e-4
@@ -317,7 +319,7 @@ class _Pace:
         left = (self.t_end - t) / progress * WINDOW if progress > 0.0 else np.inf
         if left <= HOPELESS:
             self.before = None
-        elif self.before is None or progress > 2.0 * self.before:
+        elif self.before is None or progress > GAINING * self.before:
             self.before = progress
         else:
             raise _crawl(t, progress, share)
