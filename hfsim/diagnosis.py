@@ -17,6 +17,7 @@ import numpy as np
 
 from hfsim.arrays import Array
 from hfsim.balance import balance, step_samples
+from hfsim.bodies import BeamSpec
 from hfsim.bodies.assembled import NodalBeam
 from hfsim.build import Scene, build
 from hfsim.culprit import body_of
@@ -24,6 +25,7 @@ from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import LimitReached, SolverFailure
 from hfsim.growth import amplitude_of, disturbed_growth, loaded_items
 from hfsim.integration import Integration, Watch, run_integration
+from hfsim.integrators import Trajectory
 from hfsim.rank import dependence
 from hfsim.validity import STEEP, truncated_beams, watch_validity
 
@@ -138,7 +140,7 @@ def diagnose(scene: Scene, done: Integration, seconds: float) -> SolverFailure:
     assert isinstance(stop, SolverFailure)
     trial = Experiments(scene, done, max(seconds, AT_LEAST))
     with np.errstate(all="ignore"):
-        for hypothesis in (_bad_numbers, _dead_centre, _truncated_model, _without_mass, _method):
+        for hypothesis in (_bad_numbers, _dead_centre, _truncated_model, _without_mass, _crushed, _method):
             found = hypothesis(stop, trial)
             if found is not None:
                 return found
@@ -302,9 +304,7 @@ def _stays(stop: SolverFailure, trial: Experiments) -> SolverFailure:
     values, vectors = linearised(trial.done, end.t_end)
     growing = int(np.argmax(values.real))
     growth = float(values.real[growing])
-    evidence: dict[str, Any] = {**trial.outcomes, "growth_rate": growth, **_crushed(trial)}
-    if "crushed" in evidence:
-        stop = replace(stop, item=evidence["crushed"])
+    evidence: dict[str, Any] = {**trial.outcomes, "growth_rate": growth}
     item = stop.item or body_of(trial.scene, np.abs(vectors[: trial.scene.system.n, growing]))
     failed = [outcome for outcome in trial.outcomes.values() if outcome.startswith("fails")]
     if len(failed) < 2 and "not" in " ".join(trial.outcomes.values()).split():
@@ -424,20 +424,47 @@ def _unstable(trial: Experiments) -> SolverFailure | None:
     return SolverFailure(reason, 0.0, items[0], "physical", evidence, remedy)
 
 
-def _crushed(trial: Experiments) -> dict[str, Any]:
-    """Return the beam whose centre line is pressed together beyond what its law of strain can bear."""
-    scene = trial.scene
-    found: dict[str, Any] = {}
-    x = scene.system.absolute(trial.done.trajectory.q[None])
-    for body in scene.bodies.values():
-        if not isinstance(body, NodalBeam):
-            continue
-        places = (np.linspace(0.0, body.mesh.length, 8 * body.mesh.count + 1)).tolist()
-        rows = np.array([body.mesh.shape(a, 0.0, (1, 0)) for a in places])
-        stretch = float(np.linalg.norm(rows @ x[0, body.columns].reshape(-1, 2), axis=1).min())
-        if stretch < min(CRUSHED, float(found.get("smallest_stretch", 1.0))):
-            found = {"crushed": f"bodies.{body.name}", "smallest_stretch": stretch}
-    return found
+def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
+    """A beam pressed together beyond what Green strain can bear, while the energy was still kept."""
+    scene, path = trial.scene, trial.done.trajectory
+    beams = [one for one in scene.bodies.values() if isinstance(one, NodalBeam) and _is_green(scene, one)]
+    if scene.model == "linear" or not beams or not path.segments:
+        return None
+    ends = step_samples(path)
+    x = scene.system.absolute(ends.q)
+    stretches = np.stack([_smallest_stretch(body, x) for body in beams])
+    below = np.flatnonzero(stretches.min(axis=0) < CRUSHED)
+    if not len(below) or not below[0]:
+        return None
+    k, body = int(below[0]), beams[int(np.argmin(stretches[:, below[0]]))]
+    until = Trajectory(path.t_start, float(ends.t[k]), ends.q[k], ends.v[k], path.segments[:k])
+    drift = balance(scene.system, step_samples(until))["energy_drift"]
+    if drift > GOOD_BALANCE:
+        return None
+    time, stretch = float(ends.t[k]), float(stretches[:, k].min())
+    reason = (
+        f"body '{body.name}' is pressed together to {stretch:.2g} of its length at t = {time:.4g} s: below "
+    )
+    reason += (
+        f"{CRUSHED:.3f} the force of Green strain gives way, and the beam collapses; {stop.reason} after that"
+    )
+    evidence = {"collapse_at": time, "smallest_stretch": stretch, "energy_drift_until_then": drift}
+    entry = {f"bodies.{body.name}.strain": "engineering", f"bodies.{body.name}.curvature": "exact"}
+    found = _classed(stop, "physical", f"bodies.{body.name}", evidence, command(scene.loaded, entry))
+    return replace(found, reason=reason)
+
+
+def _is_green(scene: Scene, body: NodalBeam) -> bool:
+    spec = scene.deck.bodies[body.name]
+    return isinstance(spec, BeamSpec) and spec.strain == "green"
+
+
+def _smallest_stretch(body: NodalBeam, x: Array) -> Array:
+    """Return the smallest length of the slope vector along a beam, shape (n_batch,)."""
+    places = np.linspace(0.0, body.mesh.length, 4 * body.mesh.count + 1)
+    rows = np.array([body.mesh.shape(float(a), 0.0, (1, 0)) for a in places])
+    slopes = rows @ x[:, body.columns].reshape(len(x), -1, 2)
+    return np.asarray(np.linalg.norm(slopes, axis=2).min(axis=1))
 
 
 def linearised(done: Integration, t: float) -> tuple[Array, Array]:

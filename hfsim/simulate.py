@@ -173,14 +173,19 @@ def _statistics(scene: Scene, done: Integration, samples: Samples) -> dict[str, 
         "unknowns": system.n,
         "multipliers": system.n_rows,
     }
-    steps = step_samples(done.trajectory)
-    facts |= balance(system, steps)
-    times, first = np.unique(np.concatenate([samples.t, steps.t]), return_index=True)
-    q, v = (np.concatenate(pair)[first] for pair in ((samples.q, steps.q), (samples.v, steps.v)))
-    facts["validity"] = watch_validity(scene, times, q, v)
+    facts |= balance(system, step_samples(done.trajectory))
+    facts["validity"] = validity(samples, done.trajectory)
     facts["warnings"] = _warnings(scene, done, facts["energy_drift"])
     facts["warnings"] += validity_warnings(scene.model, facts["validity"])
     return facts
+
+
+def validity(samples: Samples, trajectory: Trajectory) -> dict[str, Any]:
+    """Return what `watch_validity` finds at the output times and at the ends of the steps."""
+    steps = step_samples(trajectory)
+    times, first = np.unique(np.concatenate([samples.t, steps.t]), return_index=True)
+    q, v = (np.concatenate(pair)[first] for pair in ((samples.q, steps.q), (samples.v, steps.v)))
+    return watch_validity(samples.scene, times, q, v)
 
 
 def _warnings(scene: Scene, done: Integration, drift: float) -> list[str]:

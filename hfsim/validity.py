@@ -8,8 +8,9 @@ the beam's tip, relative to the largest range of a coordinate of the tip over th
     linear     (s + |N v'^2| / |EI v''^2| |v|) / range      s = 1/2 int v'^2, N = EA u1'
     lowOrder   `CURVATURE` max v'^2 |v| / range             v deflection of the tip in the body frame
 
-Of what oscillates, |EI v''^2| and |v|, the largest values so far count in the model linear.  The
-estimate is one of order of magnitude: the error of a phase that grows over many periods is not in it.
+In the model linear |N v'^2| is a mean over the time that bending takes to answer, and of what
+oscillates, |EI v''^2| and |v|, the largest values so far count.  The estimate is one of order of
+magnitude: the error of a phase that grows over many periods is not in it.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from hfsim.models.mesh import BeamMesh
 from hfsim.rotations import as_complex
 from hfsim.shapes import gauss_legendre
 
-LEFT = 2.5e-3
+LEFT = 5e-3
 """Estimated relative error at which a model has left its range; see tests/benchmarks/validity.py."""
 CURVATURE = 1.9
 """Relative error of a deflection by `lowOrder` over the largest slope squared, measured on a cantilever."""
@@ -127,11 +128,13 @@ def _judge(scene: Scene, body: NodalBeam | LowOrderBody, t: Array, x: Array, u: 
     EA, EI = material.youngs_modulus * section.area, material.youngs_modulus * section.second_moment
     seen = deformation(body, x, u)
     reach = float(np.ptp(scene.marker(f"{body.name}.tip").position(x), axis=0).max())
-    scale = max(reach, 1e-9 * spec.length)
-    terms = _error_terms(seen, isinstance(body, LowOrderBody), EA, EI)
-    error = sum(terms.values(), np.zeros(len(t))) / scale
-    stiffening = _stiffening(seen, EA, EI)
+    # a model that runs away must not be judged by how far it has run
+    lengths = sum(one.length for one in scene.deck.bodies.values() if isinstance(one, BeamSpec))
+    scale = max(min(reach, 2.0 * lengths), 1e-9 * spec.length)
     first = _first_frequency(scene, body.name, spec.length, np.sqrt(EI / (material.density * section.area)))
+    stiffening = _stiffening(seen, EA, EI, t, 1.0 / first)
+    terms = _error_terms(seen, isinstance(body, LowOrderBody), stiffening)
+    error = sum(terms.values(), np.zeros(len(t))) / scale
     largest = {
         "estimated_error": float(error.max()),
         "slope": float(np.abs(seen.slope).max()),
@@ -148,13 +151,13 @@ def _judge(scene: Scene, body: NodalBeam | LowOrderBody, t: Array, x: Array, u: 
     return {"left_at": float(t[at]), "reason": _reason(terms, at, seen, error), "largest": largest}
 
 
-def _error_terms(seen: Deformation, low_order: bool, EA: float, EI: float) -> dict[str, Array]:
+def _error_terms(seen: Deformation, low_order: bool, stiffening: Array) -> dict[str, Array]:
     """Return estimates of the error of the tip [m] by what causes it, each of shape (n_batch,)."""
     steepest = np.abs(seen.slope).max(axis=1)
     if low_order:
         return {"curvature": CURVATURE * steepest**2 * np.abs(seen.tip)}
     deflection = np.maximum.accumulate(np.abs(seen.tip))
-    return {"foreshortening": seen.shortening, "stiffening": _stiffening(seen, EA, EI) * deflection}
+    return {"foreshortening": seen.shortening, "stiffening": stiffening * deflection}
 
 
 def _reason(terms: dict[str, Array], at: int, seen: Deformation, error: Array) -> str:
@@ -168,12 +171,24 @@ def _reason(terms: dict[str, Array], at: int, seen: Deformation, error: Array) -
     return f"{words} (slope {slope:.2g} rad, estimated error {100.0 * error[at]:.2g} % of the tip's range)"
 
 
-def _stiffening(seen: Deformation, EA: float, EI: float) -> Array:
-    """Return |N v'^2| over the largest EI v''^2 so far, integrals over the beam, shape (n_batch,)."""
-    left_out = np.abs((EA * seen.axial * seen.slope**2) @ seen.weights)
+def _stiffening(seen: Deformation, EA: float, EI: float, t: Array, window: float) -> Array:
+    """Return |N v'^2| over the largest EI v''^2 so far, integrals over the beam, shape (n_batch,).
+
+    N v'^2 is its mean over the time that bending takes to answer: waves along the beam do not bend it.
+    """
+    left_out = np.abs(_mean_before(t, (EA * seen.axial * seen.slope**2) @ seen.weights, window))
     kept = np.maximum.accumulate((EI * seen.curvature**2) @ seen.weights)
     floor = 1e-12 * kept[-1]
     return np.where(kept > floor, left_out / np.where(kept > floor, kept, 1.0), 0.0)
+
+
+def _mean_before(t: Array, values: Array, window: float) -> Array:
+    """Return the mean of a function of time over the window that ends at each time, shape of ``t``."""
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t))])
+    begin = np.maximum(t - window, t[0])
+    length = t - begin
+    mean = (area - np.interp(begin, t, area)) / np.where(length > 0.0, length, 1.0)
+    return np.where(length > 0.0, mean, values)
 
 
 def _over(a: float, b: float) -> float:

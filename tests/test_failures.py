@@ -234,6 +234,17 @@ def test_a_driver_into_a_dead_centre():
     )
 
 
+def test_a_beam_crushed_beyond_the_limit_of_green_strain():
+    """The force EA (s^3 - s) / 2 of a stretch s has its extreme, -0.19 EA, at s = 3^-1/2."""
+    text = COLUMN.replace("[-2.0, 0.0]", "[-2000.0, 0.0]")
+    run = diagnosed(text, "solve.duration=1.0")
+    assert (run.failure["class"], run.failure["item"]) == ("physical", "bodies.b1")
+    assert run.failure["evidence"]["collapse_at"] < run.failure["time"]
+    assert run.failure["evidence"]["smallest_stretch"] < 3.0**-0.5
+    assert run.failure["evidence"]["energy_drift_until_then"] < 1e-3
+    assert "Green strain" in run.reason
+
+
 def test_a_column_under_six_times_its_buckling_load_only_looks_straight():
     """Euler: pi^2 E I / (4 L^2) = 0.329 N."""
     run = diagnosed(COLUMN)

@@ -12,8 +12,8 @@ import numpy as np
 from hfsim.build import build
 from hfsim.deck import load_deck, parse_deck
 from hfsim.integration import run_integration
-from hfsim.simulate import sample
-from hfsim.validity import LEFT, watch_validity
+from hfsim.simulate import sample, validity
+from hfsim.validity import LEFT
 
 CASES = Path(__file__).parent.parent / "cases"
 SILENT, LARGE = 1e-3, 1e-2
@@ -131,26 +131,26 @@ def _tips(scene):
     samples = sample(scene, done.trajectory)
     names = [name for name, spec in scene.deck.bodies.items() if spec.type == "beam"]
     tips = np.stack([scene.marker(f"{name}.tip").position(samples.x) for name in names])
-    return tips, names, samples, done.stop is not None
+    return tips, names, samples, done
 
 
 def _row(label, loaded, model, truth, names, at):
     scene = build(loaded, model)
-    tips, _, samples, broke_down = _tips(scene)
+    tips, _, samples, done = _tips(scene)
     n = min(len(samples.t), len(at.t))
     reach = np.ptp(truth, axis=1).max(axis=1)
     error = (np.linalg.norm(tips[:, :n] - truth[:, :n], axis=2) / reach[:, None]).max(axis=0)
-    validity = watch_validity(scene, samples.t, samples.q, samples.v)
-    left = [facts["left_at"] for facts in validity.values() if facts["left_at"] is not None]
+    found = validity(samples, done.trajectory)
+    left = [facts["left_at"] for facts in found.values() if facts["left_at"] is not None]
     large = np.flatnonzero(error > LARGE)
     return Row(
         scene=label,
         model=model,
         error=float(error.max()),
-        estimated=max(facts["largest"]["estimated_error"] for facts in validity.values()),
+        estimated=max(facts["largest"]["estimated_error"] for facts in found.values()),
         large_at=float(samples.t[large[0]]) if len(large) else None,
         left_at=min(left, default=None),
-        broke_down=broke_down,
+        broke_down=done.stop is not None,
     )
 
 
