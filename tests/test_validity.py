@@ -4,11 +4,14 @@ import json
 
 import pytest
 from click.testing import CliRunner
-from validity_study import FAST, SLOW, as_text, measure
+from validity_study import FAST, HELD_BACK, SLOW, as_text, measure
 
 from hfsim.cli import app
 
-ALL = [*FAST.items(), *(pytest.param(*item, marks=pytest.mark.slow) for item in SLOW.items())]
+ALL = [
+    *FAST.items(),
+    *(pytest.param(*item, marks=pytest.mark.slow) for item in {**SLOW, **HELD_BACK}.items()),
+]
 
 
 @pytest.mark.parametrize(("label", "scene"), ALL)
