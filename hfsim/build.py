@@ -33,6 +33,7 @@ from hfsim.models.low_order import LowOrderBeam
 from hfsim.models.mesh import BeamMesh
 from hfsim.models.natural import InteriorBeams, NaturalBeams
 from hfsim.parts import ForcePart
+from hfsim.rank import dependence
 from hfsim.spec import split_point
 from hfsim.start import Start, starting_state
 from hfsim.system import System
@@ -408,32 +409,21 @@ def _check_independent(
     DeckError
         Naming the joints whose equations depend on one another.
     """
-    if not system.n_rows or _null_space(system.equations, x).shape[1] == 0:
+    own = system.equations
+    rows = own.jacobians(x[None])[0] @ own.reduction.basis
+    if not dependence(rows, own.rows, {}).missing:
         return
     equations = system.unreduced
-    weight = np.abs(_null_space(equations, x)).max(axis=1)
-    involved = [
-        name
-        for name, members in joints.items()
-        if any(weight[equations.rows[k]].max() > 1e-6 for k in members)
-    ]
-    last, surplus = involved[-1], _null_space(equations, x).shape[1]
+    found = dependence(equations.jacobians(x[None])[0], equations.rows, joints)
+    *others, last = found.joints
     raise loaded.problem(
         f"joints.{last}",
-        f"blocks what {_listed(involved[:-1]) or 'it'} already block{'s' if len(involved) == 2 else ''}: "
-        f"{surplus} of {equations.n_rows} joint equations are redundant",
+        f"blocks what {_listed(loaded, others) or 'it'} already block{'s' if len(others) < 2 else ''}: "
+        f"{found.missing} of {equations.n_rows} joint equations are redundant",
         "remove a joint or free one of its motions",
     )
 
 
-def _null_space(equations: Equations, x: Array) -> Array:
-    """Return combinations of joint equations that say nothing, as columns of shape (n_rows,)."""
-    Phi_x = equations.jacobians(x[None])[0]
-    size = np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
-    left, sizes, _ = np.linalg.svd((Phi_x / size) @ equations.reduction.basis, full_matrices=True)
-    rank = int(np.sum(sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)))
-    return np.asarray(left[:, rank:])
-
-
-def _listed(names: list[str]) -> str:
-    return ", ".join(f"'{name}'" for name in names)
+def _listed(loaded: LoadedDeck, names: list[str]) -> str:
+    lines = {name: loaded.line_of(f"joints.{name}") for name in names}
+    return ", ".join(f"'{name}' (line {line})" if line else f"'{name}'" for name, line in lines.items())

@@ -86,6 +86,7 @@ class _Elimination:
         self.offset: Array = np.zeros(self.n)
         self.dropped: BoolArray = np.zeros(self.n, dtype=bool)
         self.natural: BoolArray = np.ones(self.n, dtype=bool)
+        self.clamped: list[int] = []
 
     def attach(self, k: int, body: Body, child: Marker, parent: Marker) -> None:
         """Let the place of a body follow from that of a point already taken in."""
@@ -122,6 +123,7 @@ class _Elimination:
         self.source[slope[1]] = slope[0]
         self.dropped[slope[1]] = True
         self.natural[slope[1]] = False
+        self.clamped.append(int(slope[0]))
         self.eliminated.add(k)
 
     def result(self, sparse: bool) -> FreeCoordinates:
@@ -130,7 +132,7 @@ class _Elimination:
         entries = Entries(np.flatnonzero(used), number[self.source[used]], self.factor[used])
         basis = assemble([entries], (self.n, int(np.sum(~self.dropped))), sparse)
         return FreeCoordinates(
-            reduction=Reduction(basis, self.offset, frozenset(self.eliminated)),
+            reduction=Reduction(basis, self.offset, frozenset(self.eliminated), number[self.clamped]),
             ties=tuple(self.ties),
             natural_columns=np.flatnonzero(self.natural),
         )

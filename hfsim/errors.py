@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 
 class HfsimError(Exception):
@@ -70,7 +72,22 @@ class DeckError(HfsimError):
 
 @dataclass
 class SolverFailure(HfsimError):  # noqa: N818
-    """The integration could not go on: the solver failed or the model broke down."""
+    """The integration could not go on: the solver failed or the model broke down.
+
+    Attributes
+    ----------
+    reason : str
+    time : float
+        When [s].
+    item : str
+        Dotted deck path of what is to blame; empty where nothing is.
+    kind : str
+        ``numerical``, ``model``, ``physical`` or ``deck``.
+    evidence : dict
+        JSON-ready facts the kind rests on.
+    remedy : str
+        The next thing to try.
+    """
 
     exit_code = 3
 
@@ -78,10 +95,22 @@ class SolverFailure(HfsimError):  # noqa: N818
     time: float
     item: str = ""
     kind: str = "numerical"
-    evidence: dict[str, float] = field(default_factory=dict)
+    evidence: dict[str, Any] = field(default_factory=dict)
+    remedy: str = ""
 
     def __str__(self) -> str:
         return self.reason
+
+    def facts(self, line_of: Callable[[str], int]) -> dict[str, Any]:
+        """Return what summaries say of the failure; ``line_of`` gives the deck line of a path, 0 for none."""
+        return {
+            "class": self.kind,
+            "item": self.item,
+            "line": (line_of(self.item) or None) if self.item else None,
+            "time": self.time,
+            "evidence": self.evidence,
+            "try": self.remedy,
+        }
 
 
 class LimitReached(HfsimError):  # noqa: N818

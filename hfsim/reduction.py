@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
 from hfsim.matrices import Entries, Matrix, assemble, is_sparse
 
 
@@ -28,18 +28,21 @@ class Reduction:
         x0.
     eliminated : frozenset of int
         Constraints of the system that hold by themselves.
+    stretches : ndarray of int
+        Free coordinates that are lengths of clamped slopes: they hold their direction while positive.
     """
 
     basis: Matrix
     offset: Array
     eliminated: frozenset[int]
+    stretches: IntArray
 
     @classmethod
     def nothing(cls, n: int, sparse: bool) -> Reduction:
         """Return the reduction that keeps all of n coordinates, with dense or sparse matrices."""
         every = np.arange(n)
         basis = assemble([Entries(every, every, np.ones(n))], (n, n), sparse)
-        return cls(basis, np.zeros(n), frozenset())
+        return cls(basis, np.zeros(n), frozenset(), np.zeros(0, dtype=np.intp))
 
     @cached_property
     def identity(self) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,26 +11,16 @@ from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.channels import CHANNELS, Samples
 from hfsim.clock import PhaseClock
-from hfsim.deck import LoadedDeck, SolveSpec
+from hfsim.deck import LoadedDeck
+from hfsim.diagnosis import diagnose, suspect
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose, integrate
-from hfsim.runaway import DisplacementWatch, EnergyWatch
+from hfsim.integration import Integration, Progress, run_integration
+from hfsim.integrators import Trajectory
 from hfsim.solution import Channel, Run
-
-Progress = Callable[[float], None]
+from hfsim.validity import validity_warnings, watch_validity
 
 LARGE_DRIFT = 1e-3
 """Energy drift from which a run warns."""
-
-
-@dataclass(frozen=True)
-class Integration:
-    """A trajectory, what it cost and what stopped it."""
-
-    trajectory: Trajectory
-    problem: Problem
-    method: str
-    stop: HfsimError | KeyboardInterrupt | None
 
 
 def simulate(
@@ -40,6 +28,7 @@ def simulate(
     model: str | None = None,
     progress: Progress | None = None,
     error_estimate: bool = True,
+    diagnosis: bool = False,
 ) -> Run:
     """Simulate one scene with one model.
 
@@ -52,6 +41,8 @@ def simulate(
         Called with the share of the duration that is done, 0 to 1.
     error_estimate : bool
         Whether to measure the error of the integration by a second, tighter one.
+    diagnosis : bool
+        Whether to find out by short experiments why a run fails or is suspicious.
 
     Returns
     -------
@@ -69,13 +60,22 @@ def simulate(
     with clock.phase("solve"):
         done = run_integration(scene, scene.deck.solve, progress)
         samples = sample(scene, done.trajectory)
-        channels = compute_channels(samples)
-    statistics = _statistics(scene, done)
+        # numbers out of all range at the end of a failed run: they never reach a file
+        with np.errstate(all="ignore"):
+            channels = compute_channels(samples)
+            statistics = _statistics(scene, done, samples)
     if error_estimate and done.trajectory.segments and not isinstance(done.stop, KeyboardInterrupt):
         with clock.phase("error_estimate"):
             statistics |= _measured_error(scene, done, samples, channels)
+    stop = done.stop
+    if diagnosis and not isinstance(stop, KeyboardInterrupt):
+        with clock.phase("diagnosis"):
+            if isinstance(stop, SolverFailure):
+                stop = diagnose(scene, done, clock.cpu["solve"])
+            elif stop is None:
+                statistics["suspicion"] = suspect(scene, done, statistics, clock.cpu["solve"])
     statistics["cpu_s"], statistics["wall_s"] = clock.cpu, clock.wall
-    status, reason, failure, code = _outcome(done.stop)
+    status, reason, failure, code = _outcome(scene, stop)
     return Run(
         name=scene.deck.name,
         model=scene.model,
@@ -113,34 +113,6 @@ def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
         "multipliers": system.n_rows,
         "degrees_of_freedom": system.n - system.n_rows,
     }
-
-
-def run_integration(scene: Scene, solve: SolveSpec, progress: Progress | None = None) -> Integration:
-    """Integrate a scene from its start over its duration."""
-    system, duration = scene.system, solve.duration
-    problem = Problem(
-        acceleration=system.acceleration,
-        project=system.project,
-        dissipates=system.dissipates,
-        admissible=system.admissible,
-        breakdown=system.breakdown,
-        linearized=system.linearized if system.linearizes else None,
-        increments=system.natural or PlainIncrements(),
-    )
-    method = choose(solve, system.dissipates)
-
-    watches = (EnergyWatch(system), DisplacementWatch(system))
-
-    def watch(t: float, q: Array, v: Array) -> None:
-        for look in watches:
-            look(t, q, v)
-        if progress is not None:
-            progress(t / duration)
-
-    watch(0.0, scene.q, scene.v)
-    limits = Limits(solve.step, solve.max_steps)
-    trajectory, stop = integrate(problem, method, (0.0, scene.q, scene.v), duration, limits, watch)
-    return Integration(trajectory, problem, method.name, stop)
 
 
 def sample(scene: Scene, trajectory: Trajectory) -> Samples:
@@ -189,7 +161,7 @@ def compute_channels(samples: Samples) -> tuple[Channel, ...]:
     return tuple(columns)
 
 
-def _statistics(scene: Scene, done: Integration) -> dict[str, Any]:
+def _statistics(scene: Scene, done: Integration, samples: Samples) -> dict[str, Any]:
     counts, system = done.problem.counts, scene.system
     facts: dict[str, Any] = {
         "steps": counts.steps,
@@ -202,8 +174,18 @@ def _statistics(scene: Scene, done: Integration) -> dict[str, Any]:
         "multipliers": system.n_rows,
     }
     facts |= balance(system, step_samples(done.trajectory))
+    facts["validity"] = validity(samples, done.trajectory)
     facts["warnings"] = _warnings(scene, done, facts["energy_drift"])
+    facts["warnings"] += validity_warnings(scene.model, facts["validity"])
     return facts
+
+
+def validity(samples: Samples, trajectory: Trajectory) -> dict[str, Any]:
+    """Return what `watch_validity` finds at the output times and at the ends of the steps."""
+    steps = step_samples(trajectory)
+    times, first = np.unique(np.concatenate([samples.t, steps.t]), return_index=True)
+    q, v = (np.concatenate(pair)[first] for pair in ((samples.q, steps.q), (samples.v, steps.v)))
+    return watch_validity(samples.scene, times, q, v)
 
 
 def _warnings(scene: Scene, done: Integration, drift: float) -> list[str]:
@@ -255,7 +237,9 @@ def _spans(channels: tuple[Channel, ...]) -> dict[str, float]:
     return {c.name: max(ranges[c.name], 1e-3 * largest[c.unit]) for c in channels}
 
 
-def _outcome(stop: HfsimError | KeyboardInterrupt | None) -> tuple[str, str, dict[str, Any] | None, int]:
+def _outcome(
+    scene: Scene, stop: HfsimError | KeyboardInterrupt | None
+) -> tuple[str, str, dict[str, Any] | None, int]:
     """Return status, reason, failure facts and exit code."""
     if stop is None:
         return "done", "", None, 0
@@ -264,5 +248,4 @@ def _outcome(stop: HfsimError | KeyboardInterrupt | None) -> tuple[str, str, dic
     if isinstance(stop, LimitReached):
         return "limit", stop.reason, None, stop.exit_code
     assert isinstance(stop, SolverFailure)
-    failure = {"class": stop.kind, "item": stop.item, "time": stop.time, "evidence": stop.evidence}
-    return "failed", stop.reason, failure, stop.exit_code
+    return "failed", stop.reason, stop.facts(scene.loaded.line_of), stop.exit_code

@@ -24,6 +24,10 @@ from hfsim.models.increments import NaturalIncrements
 from hfsim.parts import ForcePart
 from hfsim.reduction import Reduction
 
+CLOSED = 1e-9
+"""Violation of joints, relative to the largest coordinate (or 1), that projection may leave."""
+ROUNDING = 1e-13
+"""Violation, relative to the largest coordinate or rate (or 1), at which projection ends."""
 NEARLY_SINGULAR = 0.2
 """Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a failure is put
 down to it."""
@@ -232,7 +236,13 @@ class System:
     # ------------------------------------------------------------------ trust in a state
 
     def admissible(self, q: Array) -> bool:
-        """Whether the mass matrix is positive definite for all motions that the joints allow, in q (n,)."""
+        """Whether a state (n,) makes sense.
+
+        The mass matrix is positive definite for all motions that the joints allow, and no clamped slope
+        has turned over through zero length.
+        """
+        if np.any(q[self.reduction.stretches] <= 0.0):
+            return False
         return not self.variable_mass or self._smallest_inertia(q)[0] > 0.0
 
     def breakdown(self, t: float, q: Array) -> SolverFailure | None:
@@ -269,15 +279,20 @@ class System:
 
     # ------------------------------------------------------------------ projection
 
-    def project(self, t: Array, q: Array, v: Array, tolerance: float = 1e-13) -> tuple[Array, Array]:
+    def project(self, t: Array, q: Array, v: Array, strict: bool = False) -> tuple[Array, Array]:
         """Move states onto the constraints, at position and velocity level, in the metric of the mass.
 
         Parameters
         ----------
         t : ndarray, shape (n_batch,)
         q, v : ndarray, shape (n_batch, n)
-        tolerance : float
-            Largest violation left, relative to the largest coordinate (or 1).
+        strict : bool
+            Refuse states near which the joints cannot be closed, instead of returning what was reached.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If ``strict`` and more than `CLOSED` of a violation is left.
         """
         equations = self.equations
         if not equations.constraints:
@@ -287,11 +302,14 @@ class System:
         moved = False
         for _ in range(8):
             gap = equations.residual(t, x)
-            if _largest(gap) <= tolerance * max(1.0, _largest(x)):
+            if _largest(gap) <= ROUNDING * max(1.0, _largest(x)):
                 break
             x, moved = x - self._correction(x, gap), True
+        else:
+            if strict and not _largest(equations.residual(t, x)) <= CLOSED * max(1.0, _largest(x)):
+                raise np.linalg.LinAlgError("the joints cannot be closed")
         drift = equations.drift(t, x, u)
-        if _largest(drift) > tolerance * max(1.0, _largest(u)):
+        if _largest(drift) > ROUNDING * max(1.0, _largest(u)):
             u, moved = u - self._correction(x, drift), True
         return self.state(x, u, q) if moved else (q, v)
 

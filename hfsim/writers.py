@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from hfsim import __version__
+from hfsim.errors import SolverFailure
 from hfsim.solution import Channel, Run
 
 _BLOCK = 4096
@@ -99,6 +100,7 @@ def _shortened(run: Run, n_rows: int, offender: str) -> Run:
     reason = f"{offender} is not finite from {place} on"
     warning = f"{reason}: {len(run.t) - n_rows} rows were dropped"
     was_done = run.status == "done"
+    failure = SolverFailure(reason, float(time) if np.isfinite(time) else run.end_time, offender)
     return replace(
         run,
         t=run.t[:n_rows],
@@ -107,7 +109,7 @@ def _shortened(run: Run, n_rows: int, offender: str) -> Run:
         statistics={**run.statistics, "warnings": [*warnings_of(run), warning]},
         status="failed" if was_done else run.status,
         reason=reason if was_done else run.reason,
-        failure={"kind": "non_finite", "item": offender} if was_done else run.failure,
+        failure=failure.facts(lambda path: 0) if was_done else run.failure,
         exit_code=3 if was_done else run.exit_code,
     )
 

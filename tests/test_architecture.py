@@ -60,18 +60,37 @@ ALLOWED = {
     "start": GROUND | {"bodies", "constraints", "deck"},
     "build": GROUND
     | {"bodies", "constraints", "deck", "elements", "elimination", "equations"}
-    | {"forces", "markers", "models", "start", "system"},
+    | {"forces", "markers", "models", "rank", "start", "system"},
     "channels": GROUND | {"build"},
+    "culprit": GROUND | {"build"},
+    "integration": GROUND | {"build", "culprit", "deck", "integrators", "runaway"},
+    "validity": GROUND | {"bodies", "build", "models"},
+    "diagnosis": GROUND
+    | {
+        "balance",
+        "bodies",
+        "build",
+        "culprit",
+        "deck",
+        "growth",
+        "integration",
+        "integrators",
+        "rank",
+        "validity",
+    },
+    "rank": {"arrays"},
+    "growth": GROUND | {"build", "integration"},
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},
     "simulate": GROUND
-    | {"balance", "build", "channels", "clock", "deck", "integrators", "runaway", "system"},
+    | {"balance", "build", "channels", "clock", "deck", "diagnosis", "integration", "integrators"}
+    | {"system", "validity"},
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
     "studies": GROUND
-    | {"balance", "bodies", "build", "channels", "deck", "elements", "integrators", "models"}
-    | {"simulate", "writers"},
+    | {"balance", "bodies", "build", "channels", "deck", "elements", "integration", "integrators"}
+    | {"models", "simulate", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }

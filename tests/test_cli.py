@@ -50,7 +50,7 @@ class FakeScene:
             raise DeckError("case", [DeckProblem("joints", "cannot be closed")])
         return {"bodies": {"beam": 2, "rigid": 1}, "joints": 3, "unknowns": 40, "multipliers": 6}
 
-    def simulate(self, loaded, model=None, progress=None, error_estimate=True):
+    def simulate(self, loaded, model=None, progress=None, error_estimate=True, diagnosis=False):
         self.check(loaded)
         model = model or loaded.deck.resolved()["solve"]["model"]
         self.calls.append((loaded.deck.name, model, error_estimate))

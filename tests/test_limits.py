@@ -10,7 +10,7 @@ from hfsim.build import build
 from hfsim.cli import app
 from hfsim.commands import CASES
 from hfsim.deck import load_deck, parse_deck
-from hfsim.simulate import run_integration
+from hfsim.integration import run_integration
 from hfsim.studies.limits import (
     LimitJob,
     LimitsError,

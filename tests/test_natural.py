@@ -6,8 +6,8 @@ from analytical import along, gauss
 
 from hfsim.build import build
 from hfsim.deck import parse_deck
+from hfsim.integration import run_integration
 from hfsim.shapes import interior
-from hfsim.simulate import run_integration
 
 DECK = """
 hfsim: 1

@@ -430,7 +430,7 @@ def test_momentum_of_a_flying_beam(model):
     built = build(
         scene(FREE.replace("loads:", "").replace(FREE.split("loads:\n")[1].split("\n")[0], "")), model
     )
-    from hfsim.simulate import run_integration
+    from hfsim.integration import run_integration
 
     done = run_integration(built, built.deck.solve)
     assert done.stop is None

@@ -16,8 +16,8 @@ from hfsim.elements import ELEMENTS, Stiffness, join_laws
 from hfsim.elements._base import QuadraticMap
 from hfsim.elements.separation import STIFFNESS_FORMS, DirectStiffness, GramStiffness, SeparatedStiffness
 from hfsim.errors import DeckError
+from hfsim.integration import run_integration
 from hfsim.models.elastic import ElasticForce
-from hfsim.simulate import run_integration
 from hfsim.studies.bench import Budget
 from hfsim.studies.separation import (
     CSV_COLUMNS,

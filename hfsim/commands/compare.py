@@ -218,6 +218,7 @@ def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
     from hfsim.progress import Progress
     from hfsim.runfolder import RunLog, Stopwatch, save_run
     from hfsim.simulate import simulate
+    from hfsim.validity import validity_warnings
 
     deck = plan.decks[model]
     watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
@@ -229,7 +230,10 @@ def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
         solves = [run.phase_cpu("solve"), *_repeated(plan, model, run)]
     run, summary = save_run(plan.folders[model], run, provenance, watch, log, plan.plots)
     for warning in summary["warnings"]:
-        plan.talk.note(f"{model}: warning: {warning}")
+        if warning not in validity_warnings(
+            model, summary.get("validity") or {}
+        ):  # told with the differences
+            plan.talk.note(f"{model}: warning: {warning}")
     if run.status not in ("done", "interrupted"):
         plan.talk.note(f"{model}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
     return run, solves
@@ -361,7 +365,10 @@ def _small_remark(comparison: Comparison) -> str:
 def _departure(model: ModelResult) -> list[str]:
     from hfsim.studies.compare import how_it_ended
 
-    lines = []
+    lines = [
+        f"  {model.model} leaves its range at {time:.4g} s, in {body}: {why}"
+        for time, body, why in model.left_range
+    ]
     first = model.first_exceeded
     if first is not None:
         lines.append(

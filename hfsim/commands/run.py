@@ -50,6 +50,7 @@ class Settings:
     overrides: tuple[str, ...]
     plots: bool
     error_estimate: bool
+    diagnosis: bool
     talk: Talk
 
 
@@ -61,6 +62,11 @@ class Settings:
 @click.option(
     "--no-error-estimate", is_flag=True, help="Skip the second, coarser run that estimates the error."
 )
+@click.option(
+    "--no-diagnosis",
+    is_flag=True,
+    help="Skip the short experiments that tell why a run fails or is suspicious.",
+)
 @talk_options
 def run(
     decks: tuple[str, ...],
@@ -70,6 +76,7 @@ def run(
     overrides: tuple[str, ...],
     model: str | None,
     no_error_estimate: bool,
+    no_diagnosis: bool,
     quiet: bool,
     verbose: bool,
     as_json: bool,
@@ -81,7 +88,11 @@ def run(
     that no deck stops the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130).
     """
     settings = Settings(
-        with_model(overrides, model), not no_plots, not no_error_estimate, Talk(quiet, verbose, as_json)
+        with_model(overrides, model),
+        not no_plots,
+        not no_error_estimate,
+        not no_diagnosis,
+        Talk(quiet, verbose, as_json),
     )
     jobs = plan_jobs(decks, settings, output, force)
     codes: list[int] = []
@@ -159,7 +170,12 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     log.add(command_line())
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
     with Progress(job.loaded.deck.name, sys.stderr, settings.talk.quiet) as progress:
-        result = simulate(job.loaded, progress=progress, error_estimate=settings.error_estimate)
+        result = simulate(
+            job.loaded,
+            progress=progress,
+            error_estimate=settings.error_estimate,
+            diagnosis=settings.diagnosis,
+        )
     log.add(f"model {result.model}, method {result.method}")
     result, summary = save_run(job.folder, result, provenance, watch, log, settings.plots)
     tell(result, summary, job.folder.path, settings.talk)
@@ -174,6 +190,11 @@ def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk) -> None
         from hfsim.commands import print_error
 
         print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
+        if run.failure:
+            print_error(findings(run.failure))
+    elif summary.get("suspicion"):
+        doubt = summary["suspicion"]
+        talk.note(f"{run.name}: suspicious: {doubt['reason']}\n{findings(doubt)}")
     talk.facts(summary)
     talk.result(f"{run.name}: {headline(run)}\n{as_text(run, summary, folder)}")
 
@@ -189,7 +210,6 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
     """Return the table of results that people read."""
     facts = {
         "model, method": f"{run.model}, {run.method}",
-        **_failure(run),
         "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
         "steps": _steps(summary),
         "CPU time": _times(summary["cpu_s"]),
@@ -203,9 +223,28 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
     return "\n".join([*lines, *_last_values(run)])
 
 
-def _failure(run: Run) -> dict[str, str]:
-    facts = run.failure or {}
-    return {key: str(facts[key]) for key in ("item", "kind", "hint") if facts.get(key)}
+_CLASSES = {
+    "numerical": "numerical: the method makes it, not the model or the mechanism",
+    "model": "model: terms that it leaves out make it",
+    "physical": "physical: the mechanism itself makes it",
+    "deck": "deck: its numbers or joints make it",
+}
+
+
+def findings(facts: Mapping[str, Any]) -> str:
+    """Return class, item, deck line, evidence and next command of a failure or suspicion, a line each."""
+    line = f", line {facts['line']} of the deck" if facts.get("line") else ""
+    evidence = facts.get("evidence") or {}
+    kind = _CLASSES.get(str(facts.get("class")), str(facts.get("class")))
+    rows = {
+        "class": "undecided, taken as numerical" if "undecided" in evidence else kind,
+        "item": f"{facts['item']}{line}" if facts.get("item") else "",
+        "evidence": "\n            ".join(
+            f"{key.replace('_', ' ')}: {number(value)}" for key, value in evidence.items()
+        ),
+        "try": str(facts.get("try") or ""),
+    }
+    return "\n".join(f"  {name.ljust(8)}  {text}" for name, text in rows.items() if text)
 
 
 def number(value: object) -> str:

@@ -6,7 +6,7 @@ The loop around the steps is shared (`integrate`); a method makes one step at a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -93,6 +93,8 @@ class Problem:
         (t, q) -> the failure that explains why steps get ever shorter near this state, or None.
     linearized : callable or None
         (t, q, v) -> the equations linearised at a state; without it derivatives come from differences.
+    culprit : callable
+        (t, q, v) -> the failure that names what is not finite in this state, or None.
     increments : Increments
         Coordinates for Newton corrections.
     """
@@ -103,6 +105,7 @@ class Problem:
     admissible: Callable[[Array], bool] = lambda q: True
     breakdown: Callable[[float, Array], SolverFailure | None] = lambda t, q: None
     linearized: Callable[[float, Array, Array], Linearized] | None = None
+    culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
     increments: Increments = field(default_factory=PlainIncrements)
     counts: Counts = field(default_factory=Counts)
 
@@ -275,6 +278,66 @@ class Limits:
     shortest: float = 1e-11
 
 
+WINDOW = 1000
+"""Attempted steps after which the pace is looked at."""
+HOPELESS = 1e7
+"""Attempted steps still to come, at the pace of two windows, from which a run ends."""
+GAINING = 1.2
+"""Progress over that of the window before from which steps are growing, and the run is left alone."""
+IN_A_ROW = 3
+"""Unsolved steps one after another from which it is looked whether something is not finite."""
+AHEAD = 1e-4
+"""Length of a step, relative to the duration, up to which what lies at its end is to blame."""
+
+
+@dataclass
+class _Pace:
+    """Ends a run that crawls: two windows in a row at whose pace the end is out of reach.
+
+    Steps that are short at first and grow, as in a stiff start, gain in each window and are left alone.
+    """
+
+    t: float
+    t_end: float
+    attempts: int = 0
+    rejected: int = 0
+    unsolved: int = 0
+    before: float | None = None
+    """Progress of the window before, if that was hopeless too."""
+
+    def note(self, t: float, rejected: bool, unsolved: bool) -> None:
+        """Count one attempt that ended at t.
+
+        Raises
+        ------
+        SolverFailure
+            If the run crawls.
+        """
+        self.attempts += 1
+        self.rejected += rejected
+        self.unsolved = self.unsolved + 1 if unsolved else 0
+        if self.attempts % WINDOW:
+            return
+        progress, self.t = t - self.t, t
+        share, self.rejected = self.rejected / WINDOW, 0
+        left = (self.t_end - t) / progress * WINDOW if progress > 0.0 else np.inf
+        if left <= HOPELESS:
+            self.before = None
+        elif self.before is None or progress > GAINING * self.before:
+            self.before = progress
+        else:
+            raise _crawl(t, progress, share)
+
+
+def _crawl(t: float, progress: float, rejected: float) -> SolverFailure:
+    return SolverFailure(
+        f"the steps crawl: the last {WINDOW} of them, {100.0 * rejected:.0f} % rejected, gained "
+        f"{progress:.2g} s; at this pace more than {HOPELESS:.0e} would follow",
+        t,
+        evidence={"progress": progress, "rejected_share": rejected},
+    )
+
+
 def integrate(
     problem: Problem,
     method: Method,
@@ -322,6 +385,7 @@ def _steps(
     t, q, v = start
     duration = t_end - t
     wish = _first_step(problem, method, t, q, v)
+    pace = _Pace(t, t_end)
     while t < t_end * (1.0 - 1e-14):
         if limits.max_steps is not None and problem.counts.steps >= limits.max_steps:
             raise LimitReached(f"{limits.max_steps} steps were made", t)
@@ -329,18 +393,25 @@ def _steps(
         attempt = _attempt(problem, method, t, q, v, h)
         if not attempt.solved and limits.step is not None:
             why = f"the equations of a step of {h:g} s could not be solved"
-            raise problem.breakdown(t, q) or SolverFailure(why, t)
+            raise _not_finite(problem, t, q, v, h) or problem.breakdown(t, q) or SolverFailure(why, t)
         if not attempt.solved or (limits.step is None and attempt.error > 1.0):
             problem.counts.rejected += 1
+            pace.note(t, True, not attempt.solved)
+            if pace.unsolved >= IN_A_ROW and (h < AHEAD * duration or pace.unsolved == IN_A_ROW):
+                ahead = h if h < AHEAD * duration else 0.0
+                cause = _not_finite(problem, t, q, v, ahead)
+                if cause is not None:
+                    raise cause
             wish = h * min(max(attempt.growth, 0.1), 0.9)
             _refuse_collapse(problem, limits, wish / duration, t, q)
             continue
         segment = Segment(t, h, q, v, attempt.series)
         t = t_end if h == t_end - t else t + h
-        projected = problem.project(np.array([t]), attempt.q[None], attempt.v[None])
-        q, v = projected[0][0], projected[1][0]
+        q, v = attempt.q, attempt.v
         method.accept(t, q, v)
         problem.counts.steps += 1
+        if limits.step is None:
+            pace.note(t, False, False)
         wish = h * min(max(attempt.growth, 0.2), 5.0) if h >= 0.5 * wish else wish
         yield segment, (t, q, v)
 
@@ -351,8 +422,14 @@ def _first_step(problem: Problem, method: Method, t: float, q: Array, v: Array) 
     except np.linalg.LinAlgError:
         wish = np.nan
     if not np.isfinite(wish):
-        raise SolverFailure("the accelerations at the start are not finite", t)
+        why = "the accelerations at the start are not finite"
+        raise problem.culprit(t, q, v) or SolverFailure(why, t)
     return wish
+
+
+def _not_finite(problem: Problem, t: float, q: Array, v: Array, h: float) -> SolverFailure | None:
+    """Return what is not finite where a step that could not be solved begins, or just ahead of it."""
+    return problem.culprit(t, q, v) or problem.culprit(t + h, q + h * v, v)
 
 
 def _fitted(wish: float, rest: float, fixed: bool) -> float:
@@ -374,11 +451,15 @@ def _refuse_collapse(problem: Problem, limits: Limits, relative: float, t: float
 
 
 def _attempt(problem: Problem, method: Method, t: float, q: Array, v: Array, h: float) -> Attempt:
+    """Try a step and move its end onto the constraints."""
     try:
         attempt = method.attempt(t, q, v, h)
+        if not attempt.solved:
+            return attempt if np.isfinite(attempt.growth) else unsolved()
+        finite = np.isfinite(attempt.q).all() and np.isfinite(attempt.v).all()
+        if not finite or not problem.admissible(attempt.q):
+            return unsolved()
+        end, rate = problem.project(np.array([t + h]), attempt.q[None], attempt.v[None])
+        return replace(attempt, q=end[0], v=rate[0])
     except np.linalg.LinAlgError:
         return unsolved()
-    if not attempt.solved:
-        return attempt if np.isfinite(attempt.growth) else unsolved()
-    finite = np.isfinite(attempt.q).all() and np.isfinite(attempt.v).all()
-    return attempt if finite and problem.admissible(attempt.q) else unsolved()

@@ -192,6 +192,13 @@ class LowOrderBeam(ForcePart):
             square = square - 2.0 * f.w * f.short + f.short**2
         return np.asarray(square)
 
+    def third_order_inertia(self, x: Array) -> float:
+        """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
+        m = self._points[1]
+        f = self._fields(x, np.zeros_like(x))
+        kept = (self._points[0] ** 2) @ m
+        return float(np.abs((f.short**2 - 2.0 * f.w * f.short) @ m).max(initial=0.0) / kept)
+
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add inertia force (13)-(14), elastic, damping and gravity forces."""
         out[:, self.columns] += self._inertia_force(x, u)

@@ -25,7 +25,8 @@ from hfsim.build import Scene, build
 from hfsim.channels import Samples
 from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import HfsimError
-from hfsim.simulate import Integration, compute_channels, run_integration, sample
+from hfsim.integration import Integration, run_integration
+from hfsim.simulate import compute_channels, sample
 from hfsim.solution import Channel, Run
 from hfsim.studies.compare import ChannelScale, channel_scales
 

@@ -10,7 +10,7 @@ scale of a channel never falls below `SMALL` times the scale of all channels wit
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -105,6 +105,8 @@ class ModelResult:
         The judged one with the largest `max_relative`.
     adequate : bool
         Whether it reached the end and stayed within the bound in every judged channel.
+    validity : dict of str to dict
+        By body, when and why the model left its range, as in ``summary.json``; empty for whole models.
     """
 
     model: str
@@ -118,6 +120,13 @@ class ModelResult:
     differences: tuple[Difference, ...]
     worst: Difference | None
     adequate: bool
+    validity: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    @property
+    def left_range(self) -> list[tuple[float, str, str]]:
+        """Time [s], body and reason where the model left its range, the earliest first."""
+        facts = ((one["left_at"], body, one["reason"]) for body, one in self.validity.items())
+        return sorted((time, body, why) for time, body, why in facts if time is not None)
 
     @property
     def broke_down(self) -> bool:
@@ -390,6 +399,7 @@ def _judge(
         differences=differences,
         worst=worst,
         adequate=complete and (worst is None or worst.max_relative <= max_error),
+        validity=run.statistics.get("validity") or {},
     )
 
 

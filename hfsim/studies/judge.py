@@ -24,7 +24,8 @@ from hfsim.build import Scene, build
 from hfsim.channels import Samples
 from hfsim.deck import SolveSpec, parse_deck
 from hfsim.errors import DeckError, SolverFailure
-from hfsim.simulate import Integration, compute_channels, run_integration, sample
+from hfsim.integration import Integration, run_integration
+from hfsim.simulate import compute_channels, sample
 from hfsim.solution import Channel
 from hfsim.studies.bench import Budget, OutOfBudgetError, channel_error, judged_scales
 from hfsim.studies.compare import ChannelScale

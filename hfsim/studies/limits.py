@@ -26,8 +26,8 @@ from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.deck import LoadedDeck, parse_deck
 from hfsim.errors import HfsimError
+from hfsim.integration import run_integration
 from hfsim.integrators import Trajectory, default_stages
-from hfsim.simulate import run_integration
 from hfsim.studies.bench import Budget, OutOfBudgetError
 from hfsim.studies.farm import Farm, Task
 

@@ -24,7 +24,8 @@ import numpy as np
 
 from hfsim.build import build
 from hfsim.deck import load_deck
-from hfsim.simulate import run_integration, sample
+from hfsim.integration import run_integration
+from hfsim.simulate import sample
 
 CASES = Path(__file__).parents[2] / "cases"
 TOLERANCES = (1e-3, 1e-4)

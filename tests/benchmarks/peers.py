@@ -40,7 +40,8 @@ from scipy.integrate import solve_ivp
 
 from hfsim.build import Scene, build
 from hfsim.deck import LoadedDeck, load_deck
-from hfsim.simulate import run_integration, samples_at
+from hfsim.integration import run_integration
+from hfsim.simulate import samples_at
 
 LEVELS = tuple(10.0**-k for k in range(3, 11))
 TOLERANCES = {

@@ -18,7 +18,7 @@ import numpy as np
 
 from hfsim.build import build
 from hfsim.deck import parse_deck
-from hfsim.simulate import run_integration
+from hfsim.integration import run_integration
 
 BEAM = """
 hfsim: 1
