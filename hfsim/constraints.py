@@ -55,8 +55,17 @@ class Constraint(Protocol):
     def acceleration(self, t: Array, x: Array, u: Array) -> Array:
         """Return what Phi_x x'' must be, shape (n_batch, rows)."""
 
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows)."""
+
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return the force [N], (n_batch, 2), and moment [N m], (n_batch,), on the second body."""
+
+
+def _both(second: Entries, first: Entries) -> Entries:
+    """Return the difference of the second's and the first's."""
+    first = first._replace(values=-first.values)
+    return Entries(*(np.concatenate(pair) for pair in zip(second, first, strict=True)))
 
 
 def geometric_stiffness(constraint: Constraint, x: Array, multipliers: Array) -> Entries:
@@ -107,6 +116,11 @@ class Coincide:
         """Return the difference of the position biases."""
         return self.first.position_bias(x, u) - self.second.position_bias(x, u)
 
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return what the positions' second derivatives make of the multipliers."""
+        force = multipliers[0]
+        return _both(self.second.position_stiffness(x, force), self.first.position_stiffness(x, force))
+
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return minus the multipliers as a force."""
         return -multipliers, np.zeros(len(x))
@@ -149,6 +163,11 @@ class RelativeAngle:
         """Return the difference of the angle biases plus the law's acceleration."""
         target = self.first.angle_bias(x, u) - self.second.angle_bias(x, u)
         return np.asarray(target + self.law.acceleration(t) if self.law else target)[:, None]
+
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return what the angles' second derivatives make of the multiplier."""
+        moment = float(multipliers[0, 0])
+        return _both(self.second.angle_stiffness(x, moment), self.first.angle_stiffness(x, moment))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return minus the multiplier as a moment."""
@@ -210,6 +229,10 @@ class Along:
         bias = np.sum(axis * gap_bias + 2.0 * spin[:, None] * side * gap_rate, axis=-1)
         bias += np.sum(side * gap, -1) * a.angle_bias(x, u) - spin**2 * np.sum(axis * gap, -1)
         return np.asarray(self.law.acceleration(t) - bias if self.law else -bias)[:, None]
+
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return the derivative by differences."""
+        return geometric_stiffness(self, x, multipliers)
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return a force along the direction, minus the multiplier in size, acting at the second point."""

@@ -12,14 +12,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
 from hfsim.constraints import Constraint
+from hfsim.markers import joint_support
 from hfsim.matrices import Entries, Matrix, assemble, factorised, is_sparse, saddle_point
 from hfsim.reduction import Reduction
+
+Places: TypeAlias = slice | IntArray
 
 
 class VariableMass(Protocol):
@@ -159,6 +162,8 @@ class Equations:
 
     def jacobian_at(self, x: Array, k: int) -> Matrix:
         """Return Phi_x of state k, shape (n_rows, n_x); dense or sparse as the mass matrix is."""
+        if not is_sparse(self.constant_mass):
+            return self.jacobians(x[k : k + 1])[0]
         n_x = self.reduction.basis.shape[0]
         parts: list[Entries] = []
         for constraint, rows in zip(self.constraints, self.rows, strict=True):
@@ -168,7 +173,7 @@ class Equations:
                 kept = marker.support
                 local = kept - marker.columns.start
                 parts.append(Entries.of_block(place, kept, block[0][:, local]))
-        return assemble(parts, (self.n_rows, n_x), is_sparse(self.constant_mass))
+        return assemble(parts, (self.n_rows, n_x), sparse=True)
 
     # ------------------------------------------------------------------ mass
 
@@ -247,11 +252,58 @@ class Equations:
         free = f @ self._inverse_mass
         if not self.constraints:
             return free, gamma
-        Phi_z = self._free_jacobians(x)
-        Y = Phi_z @ self._inverse_mass
-        gap = (Phi_z @ free[..., None])[..., 0] - gamma
-        multipliers = np.linalg.solve(Y @ Phi_z.swapaxes(1, 2), gap[..., None])[..., 0]
-        return free - (multipliers[:, None, :] @ Y)[:, 0], multipliers
+        reading, mobility, spreading = self._at_joints
+        J = self._joint_jacobians(x)
+        gap = (J @ (free @ reading)[..., None])[..., 0] - gamma
+        multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), gap[..., None])[..., 0]
+        return free - (multipliers[:, None, :] @ J)[:, 0] @ spreading, multipliers
+
+    @cached_property
+    def _support(self) -> IntArray:
+        """Columns of x that the constraints depend on."""
+        return joint_support(*(m for c in self.constraints for m in (c.first, c.second)))
+
+    @cached_property
+    def _at_joints(self) -> tuple[Array, Array, Array]:
+        """Constant matrices between the free coordinates and those at the joints.
+
+        From free coordinates to those at the joints (n, k); what unit forces there accelerate there
+        (k, k), and everywhere (k, n).
+        """
+        rows = self.reduction.basis[self._support]
+        spreading = rows @ self._inverse_mass
+        return np.ascontiguousarray(rows.T), spreading @ rows.T, spreading
+
+    def _joint_jacobians(self, x: Array) -> Array:
+        """Return Phi_x by the coordinates at the joints alone, shape (n_batch or 1, n_rows, k)."""
+        J = np.repeat(self._constant_joint_rows, len(x), axis=0)
+        for constraint, rows in self.changing:
+            self._add_joint_rows(constraint, rows, x, J)
+        return J
+
+    @cached_property
+    def _constant_joint_rows(self) -> Array:
+        J = np.zeros((1, self.n_rows, len(self._support)))
+        still = np.zeros((1, self.reduction.basis.shape[0]))
+        for constraint, rows in zip(self.constraints, self.rows, strict=True):
+            if constraint.constant:
+                self._add_joint_rows(constraint, rows, still, J)
+        return J
+
+    def _add_joint_rows(self, constraint: Constraint, rows: slice, x: Array, J: Array) -> None:
+        markers = constraint.first, constraint.second
+        for marker, block in zip(markers, constraint.jacobians(x), strict=True):
+            kept, place = self._joint_places[id(marker)]
+            J[:, rows, place] += block[..., kept]
+
+    @cached_property
+    def _joint_places(self) -> dict[int, tuple[Places, Places]]:
+        """Of each marker: which columns of its body count, and where they stand among those at the joints."""
+        places = {}
+        for marker in (m for c in self.constraints for m in (c.first, c.second)):
+            kept = marker.support - marker.columns.start
+            places[id(marker)] = _run(kept), _run(np.searchsorted(self._support, marker.support))
+        return places
 
     def _free_jacobians(self, x: Array) -> Array:
         Phi_x = self.jacobians(x)
@@ -287,6 +339,12 @@ class Equations:
 
     def _factor_at(self, x: Array, k: int) -> Callable[[Array], Array]:
         return factorised(saddle_point(self.free_mass, self.jacobian_at(x, k) @ self.reduction.basis))
+
+
+def _run(places: IntArray) -> Places:
+    """Return places as a slice where they stand side by side: indexing by it is far quicker."""
+    side_by_side = len(places) > 0 and places[-1] - places[0] == len(places) - 1
+    return slice(int(places[0]), int(places[-1]) + 1) if side_by_side else places
 
 
 def _rate(constraint: Constraint, t: Array, x: Array, u: Array) -> Array:

@@ -14,8 +14,9 @@ from typing import Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array, IntArray
-from hfsim.rotations import normal
+from hfsim.arrays import Array, ComplexArray, IntArray
+from hfsim.matrices import NOTHING, Entries
+from hfsim.rotations import as_complex, as_vectors
 
 
 class Marker(Protocol):
@@ -54,6 +55,12 @@ class Marker(Protocol):
 
     def angle_bias(self, x: Array, u: Array) -> Array:
         """Return its second time derivative at zero accelerations [rad/s^2], shape (n_batch,)."""
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Return force . d2r/dx2 in one state, for a force (2,) on the point."""
+
+    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+        """Return moment times d2 angle/dx2 in one state."""
 
 
 ROUNDING = 1e-13
@@ -102,6 +109,14 @@ class GroundMarker:
     def angle_bias(self, x: Array, u: Array) -> Array:
         """Return zero."""
         return np.zeros(len(x))
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Return nothing."""
+        return NOTHING
+
+    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+        """Return nothing."""
+        return NOTHING
 
 
 @dataclass(frozen=True)
@@ -163,25 +178,44 @@ class NodalMarker:
         """Return zero: the position is linear."""
         return np.zeros((len(x), 2))
 
-    def _slope(self, x: Array) -> Array:
-        return np.asarray(self.slope_row @ self._nodes(x))
+    def _slope(self, x: Array) -> ComplexArray:
+        """Return the slope vector t as a complex number."""
+        at = self.slope_columns
+        if at is not None:
+            return as_complex(x[:, at[0] : at[0] + 2])
+        return as_complex(self.slope_row @ self._nodes(x))
 
     def angle(self, x: Array) -> Array:
-        """Return the angle of the slope vector."""
-        t = self._slope(x)
-        return np.asarray(np.arctan2(t[:, 1], t[:, 0]))
+        """Return the angle of the slope vector, Im log t."""
+        return np.angle(self._slope(x))
 
     def angle_jacobian(self, x: Array) -> Array:
-        """Return the row of (t x N')/|t|^2."""
-        t = self._slope(x)
-        turn = normal(t) / np.sum(t * t, axis=-1, keepdims=True)
-        return np.asarray((self.slope_row[:, None] * turn[:, None, :]).reshape(len(x), -1))
+        """Return the row of Im(dt / t)."""
+        turn = as_vectors(1j / self._slope(x).conj())
+        at = self.slope_columns
+        if at is None:
+            return np.asarray((self.slope_row[:, None] * turn[:, None, :]).reshape(len(x), -1))
+        J = np.zeros((len(x), self.columns.stop - self.columns.start))
+        J[:, at[0] - self.columns.start : at[0] - self.columns.start + 2] = turn
+        return J
 
     def angle_bias(self, x: Array, u: Array) -> Array:
-        """Return -2 (t.t')(t x t')/|t|^4."""
-        t, dt = self._slope(x), self._slope(u)
-        square = np.sum(t * t, axis=-1)
-        return np.asarray(-2.0 * np.sum(t * dt, -1) * np.sum(normal(t) * dt, -1) / square**2)
+        """Return -Im((t'/t)^2)."""
+        rate = self._slope(u) / self._slope(x)
+        return np.asarray(-(rate * rate).imag)
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Return nothing: the position is linear."""
+        return NOTHING
+
+    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+        """Return the second derivative of Im log t: -Im(dt dt / t^2)."""
+        w = moment / complex(self._slope(x)[0]) ** 2
+        turn = np.array([[-w.imag, -w.real], [-w.real, w.imag]])
+        row = self.slope_row[(self.support[::2] - self.columns.start) // 2]
+        block = (row[:, None, None, None] * row[:, None]) * turn[:, None]
+        k = len(self.support)
+        return Entries.of_block(self.support, self.support, block.reshape(k, k))
 
 
 @dataclass(frozen=True)
@@ -207,15 +241,14 @@ class RigidMarker:
         """Whether the point is the centre of mass."""
         return self.offset == (0.0, 0.0)
 
-    def _arm(self, x: Array) -> Array:
-        turn = np.exp(1j * x[:, self.columns.start + 2])
-        turn *= complex(*self.offset)
-        return np.asarray(turn[:, None].view(np.float64))
+    def _arm(self, x: Array) -> ComplexArray:
+        """Return A c as a complex number."""
+        return np.asarray(np.exp(1j * x[:, self.columns.start + 2]) * complex(*self.offset))
 
     def position(self, x: Array) -> Array:
         """Return r + A c."""
         i = self.columns.start
-        return np.asarray(x[:, i : i + 2] + self._arm(x))
+        return np.asarray(x[:, i : i + 2] + as_vectors(self._arm(x)))
 
     def position_jacobian(self, x: Array) -> Array:
         """Return (1, A c turned by a quarter)."""
@@ -223,13 +256,13 @@ class RigidMarker:
             return np.eye(2, 3)[None]
         J = np.zeros((len(x), 2, 3))
         J[:, 0, 0] = J[:, 1, 1] = 1.0
-        J[:, :, 2] = normal(self._arm(x))
+        J[:, :, 2] = as_vectors(1j * self._arm(x))
         return J
 
     def position_bias(self, x: Array, u: Array) -> Array:
         """Return the centripetal acceleration."""
         omega = u[:, self.columns.start + 2]
-        return np.asarray(-(omega**2)[:, None] * self._arm(x))
+        return as_vectors(-omega * omega * self._arm(x))
 
     def angle(self, x: Array) -> Array:
         """Return the body's angle, with its full turns."""
@@ -242,3 +275,12 @@ class RigidMarker:
     def angle_bias(self, x: Array, u: Array) -> Array:
         """Return zero."""
         return np.zeros(len(x))
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Return the force times -A c, on the angle."""
+        angle = self.support[2:]
+        return Entries(angle, angle, np.array([-float(as_vectors(self._arm(x))[0] @ force)]))
+
+    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+        """Return nothing: the angle is a coordinate."""
+        return NOTHING

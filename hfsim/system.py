@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from hfsim.arrays import Array
-from hfsim.constraints import Constraint, geometric_stiffness
+from hfsim.constraints import Constraint
 from hfsim.equations import Equations, VariableMass
 from hfsim.errors import SolverFailure
 from hfsim.linearized import Linearized
@@ -222,7 +222,7 @@ class System:
         stiff = [part.tangent(time, x, u) for part in self.forces]
         if equations.changing:
             multipliers = equations.solve(time, x, u, self.force(time, x, u))[1]
-            stiff += [geometric_stiffness(c, x, multipliers[:, rows]) for c, rows in equations.changing]
+            stiff += [c.stiffness(x, multipliers[:, rows]) for c, rows in equations.changing]
         damping = None
         if self.dissipates:
             damping = self._free_matrix([part.rate_tangent(time, x, u) for part in self.forces])

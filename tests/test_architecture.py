@@ -53,7 +53,7 @@ ALLOWED = {
     "joints": GROUND | {"constraints", "laws", "markers"},
     "forces": GROUND | {"laws", "markers"},
     "integrators": GROUND | {"deck"},
-    "equations": GROUND | {"constraints"},
+    "equations": GROUND | {"constraints", "markers"},
     "elimination": GROUND | {"bodies", "constraints", "markers", "models"},
     "system": GROUND | {"constraints", "equations", "models"},
     "deck": GROUND | {"bodies", "forces", "joints", "laws", "materials"},

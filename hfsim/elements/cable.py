@@ -11,8 +11,9 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, ComplexArray
 from hfsim.elements._base import USUAL, ElasticLaw, GramLaw, Inertia, Measures, Stiffness
+from hfsim.rotations import as_complex, as_vectors
 from hfsim.shapes import gauss_legendre, hierarchic, interior
 
 LAST_GRAM_DEGREE = 6
@@ -125,7 +126,9 @@ class QuadratureLaw:
 
     def gradient(self, V: Array) -> Array:
         """Return dU/dV [J], same shape as V."""
-        return self._axial_gradient(V) + self._bending_gradient(V)
+        if self.exact_curvature:
+            return self._planar_gradient(V)
+        return self._axial_gradient(V) + np.asarray(self._bending_stiffness @ V)
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_elements, n_vectors n_dim, n_vectors n_dim)."""
@@ -178,14 +181,41 @@ class QuadratureLaw:
         by_s = np.stack([c[..., 1], -c[..., 0]], axis=-1) / square[..., None]
         return kappa, by_s - (2.0 * kappa / square)[..., None] * s, by_c
 
-    def _bending_gradient(self, V: Array) -> Array:
-        if not self.exact_curvature:
-            return np.asarray(self._bending_stiffness @ V)
-        w, slope, bend = gauss_rows(self.bending_points, self.degree)
-        weight = self.bending[:, None] * w
-        kappa, by_s, by_c = self._curvature(slope @ V, bend @ V)
-        moment = (weight * kappa)[..., None]
-        return np.asarray(slope.T @ (moment * by_s) + bend.T @ (moment * by_c))
+    @cached_property
+    def _planar_rows(self) -> tuple[ComplexArray, ComplexArray]:
+        """Rows of r' at the axial points, of r' and of r'' at the bending points, as columns; transposed."""
+        _, axial, _ = gauss_rows(self.axial_points, self.degree)
+        _, slope, bend = gauss_rows(self.bending_points, self.degree)
+        rows = np.concatenate([axial, slope, bend]).astype(complex)
+        return np.ascontiguousarray(rows.T), rows
+
+    @cached_property
+    def _bending_weights(self) -> Array:
+        w, _, _ = gauss_rows(self.bending_points, self.degree)
+        return np.asarray(self.bending[:, None] * w)
+
+    def _planar_gradient(self, V: Array) -> Array:
+        """Return dU/dV with both strain measures at once, vectors being complex numbers.
+
+        With s = r' and c = r'', the curvature is kappa = Im(s* c) / |s|^2; its derivatives by c and s are
+        i s / |s|^2 and (-i c - 2 kappa s) / |s|^2.
+        """
+        gather, scatter = self._planar_rows
+        z = as_complex(V) @ gather
+        n, m = self.axial_points, self.axial_points + self.bending_points
+        a, s, c = z[..., :n], z[..., n:m], z[..., m:]
+        square = (s * s.conj()).real
+        kappa = (s.conj() * c).imag / square
+        moment = self._bending_weights * kappa / square
+        turned = 1j * c
+        np.multiply(1j * moment, s, out=c)
+        s *= 2.0 * kappa
+        s += turned
+        s *= -moment
+        size = np.abs(a)
+        strain = 2.0 - 2.0 / size if self.engineering else size * size - 1.0
+        a *= self._half_axial * strain
+        return as_vectors(z @ scatter)
 
     def _bending_hessian(self, V: Array) -> Array:
         w, slope, bend = gauss_rows(self.bending_points, self.degree)
@@ -216,9 +246,14 @@ class QuadratureLaw:
 
 def _congruence(left: Array, right: Array, point: Array) -> Array:
     """Sum of left_qa point_q right_qb over Gauss points, as a matrix over (vector, component)."""
-    full = np.einsum("qa,...qij,qb->...aibj", left, point, right, optimize=True)
-    n, d = left.shape[1], point.shape[-1]
-    return np.asarray(full.reshape(*full.shape[:-4], n * d, n * d))
+    points, n = left.shape
+    d = point.shape[-1]
+    products = (left[:, :, None] * right[:, None, :]).reshape(points, n * n)
+    flat = point.reshape(*point.shape[:-2], d * d).swapaxes(-1, -2)
+    full = (flat @ products).reshape(*point.shape[:-3], d, d, n, n)
+    axes = full.ndim
+    order = (*range(axes - 4), axes - 2, axes - 4, axes - 1, axes - 3)
+    return np.asarray(full.transpose(order).reshape(*point.shape[:-3], n * d, n * d))
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from hfsim.arrays import Array, IntArray
 from hfsim.markers import Marker, joint_support
+from hfsim.matrices import NOTHING, Entries
 from hfsim.parts import ForcePart
 from hfsim.rotations import wrap
 from hfsim.spec import Angle, Between, RotationalDamping, RotationalStiffness, Spec
@@ -79,6 +80,26 @@ class RotationalSpring(ForcePart):
             moment = moment - self.damping * self._rate(x, u)
         out[:, self.second.columns] += moment[:, None] * self.second.angle_jacobian(x)
         out[:, self.first.columns] -= moment[:, None] * self.first.angle_jacobian(x)
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return k J^T J and what the angles' second derivatives make of the moment, in one state."""
+        if self.damping:
+            return super().tangent(t, x, u)
+        moment = self.stiffness * float(self._deflection(x)[0])
+        turning = self.first.angle_stiffness(x, -moment)
+        parts = (self._dyad(x, self.stiffness), self.second.angle_stiffness(x, moment), turning)
+        return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
+
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return d J^T J in one state."""
+        return self._dyad(x, self.damping) if self.damping else NOTHING
+
+    def _dyad(self, x: Array, factor: float) -> Entries:
+        row = np.zeros((1, x.shape[1]))
+        row[:, self.second.columns] += self.second.angle_jacobian(x)
+        row[:, self.first.columns] -= self.first.angle_jacobian(x)
+        row = row[0, self.support]
+        return Entries.of_block(self.support, self.support, factor * np.outer(row, row))
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return 1/2 k deflection^2."""

@@ -31,9 +31,9 @@ def default_stages(tolerance: float) -> int:
     Examples
     --------
     >>> default_stages(1e-3), default_stages(1e-8)
-    (8, 16)
+    (12, 20)
     """
-    return 8 if tolerance > 3e-4 else 12 if tolerance > 3e-5 else 16
+    return 12 if tolerance > 3e-4 else 20
 
 
 def _gauss(solve: SolveSpec) -> Method:

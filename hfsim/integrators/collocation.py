@@ -28,6 +28,10 @@ SERVES_WELL = 5
 """Iterations in a step up to which its derivative is kept for one more."""
 LINEAR = 1e-3
 """Natural increments below which their linear map to the state is good enough."""
+GOAL = 1e-3
+"""Part of the tolerance that an unfinished iteration may take."""
+SAME = 1e-5
+"""Natural increments after which the geometry need not be computed anew."""
 ROUNDING = 1e-10
 """Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more: in
 fine meshes the stiffest modes amplify it so far."""
@@ -125,13 +129,14 @@ class CollocationMethod:
         A2 = scaled[:s]
         plain = isinstance(natural, PlainIncrements)
         correct = self._derivative.correction(table, h)
-        goal = 1e-3 * self.tolerance * (1.0 + float(np.abs(q).max()))
+        goal = GOAL * self.tolerance * (1.0 + float(np.abs(q).max()))
         rounding = ROUNDING * (1.0 + float(np.abs(q).max()))
-        last = rate = np.inf
+        last = rate = size = np.inf
         for k in range(MAX_ITERATIONS):
             moved = scaled @ a
             Q = uniform + moved[:s]
-            at = natural.geometry(Q)
+            if size > SAME:
+                at = natural.geometry(Q)
             r = A2 @ (problem.evaluate(times, Q, v + moved[s:]) - a)
             y, change = correct(natural.to_natural(at, r))
             size = float(np.abs(y).max())

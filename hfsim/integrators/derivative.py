@@ -117,22 +117,22 @@ class ModalDerivative:
         Modes as columns.
     L : ndarray, shape (n_modes, n)
         L R = 1: with as many modes as coordinates the inverse of R.
-    S : ndarray, shape (n_modes, n), or None
-        Forces on the modes; None where they are w2 L because there are as many modes as coordinates.
-        Displacements that joints forbid have no modes, yet cause forces.
+    G : ndarray, shape (n_modes, n), or None
+        S - diag(w2) L: forces on the modes that displacements cause which joints forbid and which have no
+        modes; None where there are as many modes as coordinates.
     """
 
     increments: Increments
     w2: Array | ComplexArray
     R: Array | ComplexArray
     L: Array | ComplexArray
-    S: Array | None = None
+    G: Array | None = None
 
     def __post_init__(self) -> None:
         self.fastest = float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
         # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
         self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
-        self._divisor: tuple[float, Any] | None = None
+        self._divisor: tuple[float, ComplexArray, ComplexArray] | None = None
 
     @classmethod
     def of(cls, at: Linearized, natural: Increments, q: Array) -> ModalDerivative:
@@ -146,13 +146,13 @@ class ModalDerivative:
         w2, U = np.linalg.eigh(0.5 * (K + K.T))
         R = inverse_root.T @ U
         L = R.T @ at.mass
-        S = R.T @ at.stiffness if R.shape[1] < len(R) else None
+        G = R.T @ at.stiffness - w2[:, None] * L if R.shape[1] < len(R) else None
         if not isinstance(natural, PlainIncrements):
             geometry = natural.geometry(q[None])
             R = np.ascontiguousarray(natural.to_natural(geometry, np.ascontiguousarray(R.T)).T)
             unit = natural.from_natural(geometry, np.eye(len(q))).T
-            L, S = L @ unit, None if S is None else S @ unit
-        return cls(natural, w2, R, L, S)
+            L, G = L @ unit, None if G is None else G @ unit
+        return cls(natural, w2, R, L, G)
 
     def _real(self, z: ComplexArray) -> Array | ComplexArray:
         """Drop the imaginary part where the modes are real, so that what follows is real too."""
@@ -167,7 +167,7 @@ class ModalDerivative:
         p1, p2 = self.L @ y1, self.L @ y2
         swing = p1 * (2.0 * sine * np.cos(half)) + p2 * (2.0 * sine * sine)
         y = (self._real(swing) @ self.R.T).real
-        if self.S is not None:
+        if self.G is not None:
             tau = (h * table.nodes)[:, None]
             y = y + tau * (y1 - self.R @ p1).real + 0.5 * tau**2 * (y2 - self.R @ p2).real
         return np.asarray(y)
@@ -176,22 +176,26 @@ class ModalDerivative:
         """Divide each mode and pole by 1 + (h pole)^2 w2."""
         if self._divisor is None or self._divisor[0] != h:
             mu2 = (h * table.poles[:, None]) ** 2
-            divisor = 1.0 / (1.0 + mu2 * self.w2)
-            self._divisor = (h, np.asarray(divisor if self.S is None else -mu2 * divisor, complex))
-        divisor, left, right = self._divisor[1], 2.0 * table.left, table.right
-        read = (self.L if self.S is None else self.S).T
-        R, end_rate, per_rate, partial = self.R.T, table.end_rate / h, self._per_rate, self.S is not None
+            self._divisor = (h, mu2, np.asarray(1.0 / (1.0 + mu2 * self.w2), complex))
+        _, mu2, divisor = self._divisor
+        left, right = 2.0 * table.left, table.right
+        L, R, end_rate, per_rate = self.L.T, self.R.T, table.end_rate / h, self._per_rate
+        G = None if self.G is None else self.G.T
 
         def correct(r: Array) -> tuple[Array, float]:
-            z = right @ (r @ read)
+            p = r @ L
+            z = right @ p
+            if G is not None:
+                z -= mu2 * (right @ (r @ G))
             z *= divisor
             modes = self._real(left @ z)
-            y = modes @ R
-            if partial:
-                y += r
-                modes = modes + r @ self.L.T
             # back in coordinates: amplitudes of nearly parallel modes mean nothing one by one
-            consequence = ((end_rate @ modes) * per_rate) @ R
+            y, consequence = modes @ R, ((end_rate @ modes) * per_rate) @ R
+            if G is not None:
+                # what is in no mode stays as it is, and counts as if it were slow
+                rest = r - p @ R
+                y += rest
+                consequence += 0.5 * (end_rate @ rest)
             return y.real, float(np.abs(consequence.real).max())
 
         return correct
@@ -199,10 +203,9 @@ class ModalDerivative:
     def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
         """Return a product with the inverse, put together from the modes."""
         divisor = 1.0 / (1.0 + by_q * self.w2)
-        if self.S is None:
-            inverse = ((self.R * divisor) @ self.L).real
-        else:
-            inverse = np.eye(len(self.R)) - (self.R * (by_q * divisor)) @ self.S
+        inverse = ((self.R * divisor) @ self.L).real
+        if self.G is not None:
+            inverse += np.eye(len(self.R)) - self.R @ self.L - (self.R * (by_q * divisor)) @ self.G
         return lambda r: np.asarray(inverse @ r)
 
 

@@ -63,7 +63,18 @@ class Connectivity:
 
     def entries(self, blocks: Array) -> Entries:
         """Return second derivatives by the coordinates from those by the vectors, (n_elements, m, m)."""
-        return Entries.of_block(self.columns, self.columns, self.local.swapaxes(1, 2) @ blocks @ self.local)
+        return Entries(*self._places, (self._local_transposed @ blocks @ self.local).ravel())
+
+    @cached_property
+    def _local_transposed(self) -> Array:
+        return np.ascontiguousarray(self.local.swapaxes(1, 2))
+
+    @cached_property
+    def _places(self) -> tuple[IntArray, IntArray]:
+        """Rows and columns of all entries of the elements' matrices."""
+        k = self.columns.shape[1]
+        nothing = Entries.of_block(self.columns, self.columns, np.zeros((len(self.columns), k, k)))
+        return nothing.rows, nothing.columns
 
     def joined(self, other: Connectivity) -> Connectivity:
         """Return the connectivity of these elements followed by others of the same kind."""

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from hfsim.arrays import Array, IntArray
+from hfsim.matrices import Entries
 from hfsim.models.mesh import BeamMesh
 from hfsim.parts import ForcePart
 from hfsim.rotations import normal, rotate
@@ -394,3 +395,11 @@ class LowOrderMarker:
         n = normal(t)
         own = -n[:, 0] * dt[:, 1] ** 2 / square
         return np.asarray(own - 2.0 * np.sum(t * dt, -1) * np.sum(n * dt, -1) / square**2)
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
+        raise NotImplementedError
+
+    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+        """Refuse, as `position_stiffness`."""
+        raise NotImplementedError
