@@ -12,6 +12,7 @@ import types
 import typing
 from collections.abc import Iterable, Iterator
 from functools import partial
+from itertools import pairwise
 from typing import Annotated, Any, NamedTuple, Self
 
 from annotated_types import Ge, Gt, Le
@@ -49,7 +50,7 @@ class Complaint(NamedTuple):
 class Spec(BaseModel):
     """Base of everything a deck may say: frozen, no unknown keys, finite numbers only."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, use_attribute_docstrings=True)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     def complaints(self) -> Iterable[Complaint]:
         """Yield what is wrong with this entry where each key by itself is right."""
@@ -337,9 +338,30 @@ def spec_keys(spec: type[Spec]) -> list[str]:
 
 def _description(root: type[Spec], data: Any, path: Path) -> str:
     spec = spec_at(root, data, path[:-1])
-    fields = {} if spec is None else {info.alias or name: info for name, info in spec.model_fields.items()}
-    info = fields.get(str(path[-1]))
-    return (info.description or "").rstrip(".") if info else ""
+    if spec is None:
+        return ""
+    aliases = {info.alias or name: name for name, info in spec.model_fields.items()}
+    return field_docstrings(spec).get(aliases.get(str(path[-1]), ""), "").rstrip(".")
+
+
+def field_docstrings(spec: type[Spec]) -> dict[str, str]:
+    """Return the text under each field of a class, from its source: pydantic would read it at every start."""
+    import ast
+    import inspect
+    import textwrap
+
+    found: dict[str, str] = {}
+    for one in reversed(spec.__mro__):
+        if not issubclass(one, Spec):
+            continue
+        body = ast.parse(textwrap.dedent(inspect.getsource(one))).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for field, text in pairwise(body.body):
+            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
+                continue
+            if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+                found[field.target.id] = " ".join(str(text.value.value).split())
+    return found
 
 
 def spec_at(root: type[Spec], data: Any, path: Path) -> type[Spec] | None:
