@@ -239,7 +239,7 @@ def _method(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     for what, update in _other_settings(trial):
         scene = None
         if "coordinates" in update:
-            scene = build(_with(trial.scene.loaded, update), trial.scene.model)
+            scene = build(trial.scene.loaded.with_solve(update), trial.scene.model)
         if trial.passes(what, update, scene):
             changes = _changes(trial, update)
             item = f"solve.{next(iter(update))}"
@@ -250,11 +250,6 @@ def _method(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
 def _changes(trial: Experiments, update: dict[str, Any]) -> dict[str, Any]:
     """Return the entries of an update that are not as the deck has them, by deck path."""
     return {f"solve.{key}": value for key, value in update.items() if getattr(trial.solve, key) != value}
-
-
-def _with(loaded: LoadedDeck, update: dict[str, Any]) -> LoadedDeck:
-    deck = loaded.deck
-    return replace(loaded, deck=deck.model_copy(update={"solve": deck.solve.model_copy(update=update)}))
 
 
 def _other_settings(trial: Experiments) -> Iterator[tuple[str, dict[str, Any]]]:

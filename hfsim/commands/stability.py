@@ -324,10 +324,10 @@ def do_limits(order: Order, models: tuple[str, ...]) -> int:
     from hfsim.writers import write_table
 
     plan, deadline = order.plan, time.perf_counter() + order.plan.seconds
-    results = [
-        limits(order.deck, model, plan.methods, deadline - time.perf_counter(), plan.limit, plan.jobs)
-        for model in models or (order.deck.deck.solve.model,)
-    ]
+    results, wanted = [], models or (order.deck.deck.solve.model,)
+    for k, model in enumerate(wanted):
+        share = (deadline - time.perf_counter()) / (len(wanted) - k)
+        results.append(limits(order.deck, model, plan.methods, share, plan.limit, plan.jobs))
     order.folder.prepare()
     with disk(order.folder.path):
         rows = [{"model": r.model, **one.facts()} for r in results for one in r.limits]
@@ -368,8 +368,12 @@ def limits_text(result: Limits) -> str:
 
 def _longest(one: Limit) -> str:
     if one.longest is None:
-        return f"below {one.beyond:.3g} T" if one.beyond else "-"
-    return f"{one.longest:.4g} T" if one.beyond else f"above {one.longest:.3g} T"
+        return f"below {one.beyond:.3g} T" if one.beyond else "no step tried to its end"
+    if one.beyond is None:
+        return f"above {one.longest:.3g} T"
+    if one.beyond > 1.02 * one.longest:
+        return f"{one.longest:.3g} to {one.beyond:.3g} T"
+    return f"{one.longest:.4g} T"
 
 
 def _growing(result: Limits) -> str:
