@@ -108,7 +108,7 @@ def _time(_: click.Context, __: click.Parameter, text: str) -> float:
     "--ending",
     default="accurate",
     show_default=True,
-    type=click.Choice(["accurate", "wrong", "unstable", "broken", "physical"]),
+    type=click.Choice(["accurate", "wrong", "numerical", "model", "physical"]),
     help="Class whose end --bisect locates.",
 )
 @click.option(
@@ -168,10 +168,10 @@ def stability(
     """Map where methods and models hold for the scene DECK, over one or two axes.
 
     Every point is put into a class: accurate; wrong (completed, but an error or the energy drift is beyond
-    its bound); unstable (numerically); broken (the model broke down); physical (the scene itself is
-    unstable). The time error is the distance to the same model solved by gauss at tolerance 1e-8, the model
-    error the distance of that solution to exact's. A failed point is a result (exit code 0). Results go to
-    '<deck name>.stability' or to -o DIR.
+    its bound); numerical, model, physical or deck (failed, and what makes it: the classes of 'hfsim run';
+    physical also where the scene itself is unstable). The time error is the distance to the same model
+    solved by gauss at tolerance 1e-8, the model error the distance of that solution to exact's. A failed
+    point is a result (exit code 0). Results go to '<deck name>.stability' or to -o DIR.
     """  # fmt: skip
     started = time.perf_counter()
     talk = Talk(quiet, verbose, as_json)

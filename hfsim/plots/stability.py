@@ -17,9 +17,10 @@ from hfsim.studies.stability import StabilityMap
 _CLASS_STYLES = {
     "accurate": ("#009E73", "A"),
     "wrong": ("#E69F00", "W"),
-    "unstable": ("#D55E00", "U"),
-    "broken": ("#CC79A7", "B"),
+    "numerical": ("#D55E00", "N"),
+    "model": ("#CC79A7", "M"),
     "physical": ("#56B4E9", "P"),
+    "deck": ("#F0E442", "D"),
     "no result": ("0.75", "?"),
     "not computed": ("white", ""),
 }
