@@ -11,7 +11,7 @@ import hashlib
 import json
 import typing
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
 from typing import Annotated, Any, Literal, Self
@@ -265,6 +265,11 @@ class LoadedDeck:
     def overrides(self) -> tuple[str, ...]:
         """The overrides as given, ``KEY=VALUE``."""
         return self.source.overrides
+
+    def with_solve(self, update: dict[str, Any]) -> LoadedDeck:
+        """Return the same deck solved in another way: entries of ``solve`` by their names."""
+        solve = self.deck.solve.model_copy(update=update)
+        return replace(self, deck=self.deck.model_copy(update={"solve": solve}))
 
     def line_of(self, path: str) -> int:
         """Return the line of an entry such as ``bodies.b1``, or of the entry around it; 0 if overridden."""

@@ -23,7 +23,7 @@ from hfsim.build import Scene, build
 from hfsim.culprit import body_of
 from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import LimitReached, SolverFailure
-from hfsim.growth import amplitude_of, disturbed_growth, loaded_items
+from hfsim.growth import Growth, amplitude_of, disturbed_growth, loaded_items
 from hfsim.integration import Integration, Watch, run_integration
 from hfsim.integrators import Trajectory
 from hfsim.rank import dependence
@@ -125,6 +125,11 @@ def _until(deadline: float) -> Watch:
     return watch
 
 
+def time_for(seconds: float) -> float:
+    """Return the CPU time for experiments with a run that took so long: no more than that, or `AT_LEAST`."""
+    return max(seconds, AT_LEAST)
+
+
 def diagnose(scene: Scene, done: Integration, seconds: float) -> SolverFailure:
     """Return the failure of a run with its class, item, evidence and the next command to try.
 
@@ -134,11 +139,11 @@ def diagnose(scene: Scene, done: Integration, seconds: float) -> SolverFailure:
     done : Integration
         Whose ``stop`` is a `SolverFailure`.
     seconds : float
-        CPU time the failed run took; experiments take no more, or `AT_LEAST`.
+        CPU time that experiments may take; `time_for` suits a run.
     """
     stop = done.stop
     assert isinstance(stop, SolverFailure)
-    trial = Experiments(scene, done, max(seconds, AT_LEAST))
+    trial = Experiments(scene, done, seconds)
     with np.errstate(all="ignore"):
         for hypothesis in (_bad_numbers, _dead_centre, _truncated_model, _without_mass, _crushed, _method):
             found = hypothesis(stop, trial)
@@ -150,7 +155,10 @@ def diagnose(scene: Scene, done: Integration, seconds: float) -> SolverFailure:
 def _classed(
     stop: SolverFailure, kind: str, item: str, evidence: dict[str, Any], remedy: str
 ) -> SolverFailure:
-    return replace(stop, kind=kind, item=item, evidence={**stop.evidence, **evidence}, remedy=remedy)
+    # what the failure itself had put it down to holds only if the experiments agree
+    cause = stop.cause if kind == stop.kind else ""
+    evidence = {**stop.evidence, **evidence}
+    return replace(stop, kind=kind, item=item, evidence=evidence, remedy=remedy, cause=cause)
 
 
 def _bad_numbers(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
@@ -209,9 +217,9 @@ def _truncated_model(stop: SolverFailure, trial: Experiments) -> SolverFailure |
         return None
     name, term, sizes = _largest_term(stop, trial)
     evidence = {"term": term, **sizes, **trial.outcomes}
-    return _classed(
-        stop, "model", f"bodies.{name}", evidence, command(scene.loaded, {"solve.model": "exact"})
-    )
+    remedy = command(scene.loaded, {"solve.model": "exact"})
+    found = _classed(stop, "model", f"bodies.{name}", evidence, remedy)
+    return found if found.cause else replace(found, cause="it goes away with the model exact")
 
 
 def _largest_term(stop: SolverFailure, trial: Experiments) -> tuple[str, str, dict[str, Any]]:
@@ -239,22 +247,19 @@ def _method(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     for what, update in _other_settings(trial):
         scene = None
         if "coordinates" in update:
-            scene = build(_with(trial.scene.loaded, update), trial.scene.model)
+            scene = build(trial.scene.loaded.with_solve(update), trial.scene.model)
         if trial.passes(what, update, scene):
             changes = _changes(trial, update)
             item = f"solve.{next(iter(update))}"
-            return _classed(stop, "numerical", item, trial.outcomes, command(trial.scene.loaded, changes))
+            remedy = command(trial.scene.loaded, changes)
+            found = _classed(stop, "numerical", item, trial.outcomes, remedy)
+            return replace(found, cause=f"it goes away with {what}")
     return None
 
 
 def _changes(trial: Experiments, update: dict[str, Any]) -> dict[str, Any]:
     """Return the entries of an update that are not as the deck has them, by deck path."""
     return {f"solve.{key}": value for key, value in update.items() if getattr(trial.solve, key) != value}
-
-
-def _with(loaded: LoadedDeck, update: dict[str, Any]) -> LoadedDeck:
-    deck = loaded.deck
-    return replace(loaded, deck=deck.model_copy(update={"solve": deck.solve.model_copy(update=update)}))
 
 
 def _other_settings(trial: Experiments) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -334,9 +339,9 @@ def suspect(
     statistics : dict
         With ``energy_drift`` and ``validity``.
     seconds : float
-        CPU time the run took [s].
+        CPU time that experiments may take; `time_for` suits a run.
     """
-    trial = Experiments(scene, done, max(seconds, AT_LEAST))
+    trial = Experiments(scene, done, seconds)
     with np.errstate(all="ignore"):
         found = (
             _suspicious_balance(trial, statistics["energy_drift"])
@@ -412,20 +417,26 @@ def _nearly_redundant(trial: Experiments) -> SolverFailure | None:
 def _unstable(trial: Experiments) -> SolverFailure | None:
     """A motion under load from which disturbances grow away."""
     scene = trial.scene
+    if not loaded_items(scene):
+        return None
+    watch = _until(time.process_time() + trial.seconds)
+    growth = disturbed_growth(scene, trial.done, trial.solve, watch)
+    return instability(scene, growth) if growth is not None and growth.unstable else None
+
+
+def instability(scene: Scene, growth: Growth) -> SolverFailure:
+    """Return class, item and evidence of a scene from whose motion disturbances grow away."""
     items = loaded_items(scene)
-    if not items:
-        return None
-    growth = disturbed_growth(scene, trial.done, _until(time.process_time() + trial.seconds))
-    if growth is None:
-        return None
-    amplitude = amplitude_of(scene, items[0])
+    amplitude = amplitude_of(scene, items[0]) if items else None
     cause = "parametric resonance" if amplitude else "buckling or another instability"
-    reason = f"a disturbance of the start grows {growth.factor:.2g} times under {items[0]}: {cause}"
+    reason = f"a disturbance of the start grows {growth.factor:.2g}-fold while the time doubles"
+    reason += f" under {items[0]}: {cause}" if items else ", in free motion"
     evidence = {"growth": growth.factor, "growth_rate": growth.rate}
-    remedy = f"lower {items[0]}, or take the curves as one of many possible ones"
+    remedy = f"lower {items[0]}, or take" if items else "take"
+    remedy += " the curves as one of many possible ones"
     if amplitude is not None:
         remedy = command(scene.loaded, {amplitude[0]: 0.5 * amplitude[1]}, force=True)
-    return SolverFailure(reason, 0.0, items[0], "physical", evidence, remedy)
+    return SolverFailure(reason, 0.0, items[0] if items else "", "physical", evidence, remedy)
 
 
 def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:

@@ -77,6 +77,7 @@ class SolverFailure(HfsimError):  # noqa: N818
     Attributes
     ----------
     reason : str
+        What happened.
     time : float
         When [s].
     item : str
@@ -87,6 +88,8 @@ class SolverFailure(HfsimError):  # noqa: N818
         JSON-ready facts the kind rests on.
     remedy : str
         The next thing to try.
+    cause : str
+        Why, in words that hold as long as the kind does.
     """
 
     exit_code = 3
@@ -97,9 +100,10 @@ class SolverFailure(HfsimError):  # noqa: N818
     kind: str = "numerical"
     evidence: dict[str, Any] = field(default_factory=dict)
     remedy: str = ""
+    cause: str = ""
 
     def __str__(self) -> str:
-        return self.reason
+        return f"{self.reason}: {self.cause}" if self.cause else self.reason
 
     def facts(self, line_of: Callable[[str], int]) -> dict[str, Any]:
         """Return what summaries say of the failure; ``line_of`` gives the deck line of a path, 0 for none."""

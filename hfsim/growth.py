@@ -7,38 +7,53 @@ near one another or part slowly, in an unstable one their distance grows exponen
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from hfsim.arrays import Array
 from hfsim.build import Scene
+from hfsim.deck import SolveSpec
 from hfsim.integration import Integration, Watch, run_integration
+from hfsim.matrices import factorised, is_sparse
 
-DISTURBANCE = 1e-6
-"""Of all coordinates and rates at the start, absolute."""
-GROWN = 100.0
-"""Growth of the distance from which a scene is unstable."""
-LASTING = 5.0
-"""Growth that the second half of the growing part must still have: what parts steadily grows less."""
-TIMES = 400
+UNSTABLE = 30.0
+"""Factor by which a tiny disturbance grows while the time doubles, from which a scene is unstable: growth
+that is no more than a power of time (drifting apart at constant speed: 2) stays far below."""
+KICK = 1e2
+"""Size of that disturbance over the tolerance it is solved with, relative to the largest speed of the motion:
+what grows must not be the error of the integration."""
+_MOST_KICK = 1e-4
+_SWINGS = 50.0
+"""Radians within the duration above which a mode counts as fast for the disturbance."""
+WINDOWS = 8
+"""Parts of the duration in each of which the largest distance is looked at."""
+_TIMES = 400
 """Times at which the motions are compared."""
+_WHOLE = 0.5
+"""Part of the run that the disturbed one must reach to be compared."""
 
 
 @dataclass(frozen=True)
 class Growth:
-    """How far two motions part that start beside one another.
+    """How fast two motions part that start beside one another.
 
     Attributes
     ----------
     factor : float
-        Largest distance over that in the first tenth of the run.
+        By which their distance grows while the time doubles, at most.
     rate : float
-        Mean exponent of the growth [1/s].
+        Mean exponent of that growth [1/s].
     """
 
     factor: float
     rate: float
+
+    @property
+    def unstable(self) -> bool:
+        """Whether no power of time explains it."""
+        return self.factor > UNSTABLE
 
 
 def loaded_items(scene: Scene) -> list[str]:
@@ -59,30 +74,79 @@ def amplitude_of(scene: Scene, item: str) -> tuple[str, float] | None:
     return None
 
 
-def disturbed_growth(scene: Scene, done: Integration, watch: Watch) -> Growth | None:
-    """Run a scene again from beside its start; return how the motions part if they do so exponentially.
+def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, watch: Watch) -> Growth | None:
+    """Run a scene again from beside its start and return how the two motions part.
 
     Parameters
     ----------
     scene : Scene
     done : Integration
         The undisturbed run.
+    solve : SolveSpec
+        How that was solved.
     watch : callable
-        May end the second run; what it did until then is compared.
+        May end the second run.
+
+    Returns
+    -------
+    Growth or None
+        None if too little of the second run was done.
     """
-    noise = np.random.default_rng(1).normal(size=(2, 1, scene.system.n)) * DISTURBANCE
-    q, v = scene.system.project(np.zeros(1), scene.q[None] + noise[0], scene.v[None] + noise[1])
-    again = run_integration(scene, scene.deck.solve, start=(0.0, q[0], v[0]), extra=watch).trajectory
-    end = min(again.t_end, done.trajectory.t_end)
-    if not end:
+    system, path = scene.system, done.trajectory
+    times = np.linspace(0.0, path.t_end, _TIMES + 1)
+    q, v = path.at(times)
+    speed = float(np.abs(system.absolute_velocity(q, v)).max(initial=0.0)) or 1.0
+    kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
+    start, rates = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
+    other = replace(scene, q=start[0], v=rates[0])
+    again = run_integration(other, solve, extra=watch).trajectory
+    end = min(again.t_end, path.t_end)
+    if not end > _WHOLE * path.t_end:
         return None
-    times = np.linspace(0.0, end, TIMES + 1)
-    system = scene.system
-    apart = system.absolute(again.at(times)[0]) - system.absolute(done.trajectory.at(times)[0])
-    distance = np.maximum.accumulate(np.linalg.norm(apart, axis=1))
-    first = float(distance[TIMES // 10])
-    top = int(np.argmax(distance >= 0.5 * distance[-1]))
-    factor, later = float(distance[top]) / first, float(distance[top] / distance[(TIMES // 10 + top) // 2])
-    if factor < GROWN or later < LASTING:
-        return None
-    return Growth(factor, float(np.log(factor) / (times[top] - times[TIMES // 10])))
+    times = np.linspace(0.0, end, _TIMES + 1)
+    apart = system.absolute(again.at(times)[0]) - system.absolute(path.at(times)[0])
+    return growth_of(times, np.abs(apart).max(axis=1))
+
+
+def _slow_direction(scene: Scene, done: Integration) -> Array:
+    """Return velocities of size one in which modes that swing often within the duration hardly take part.
+
+    Instabilities grow in slow modes; fast ones would only make the disturbed run expensive.
+    """
+    system, slow = scene.system, scene.deck.solve.duration / _SWINGS
+    random = np.random.default_rng(1).standard_normal(system.n)
+    if system.linearizes:
+        near = system.linearized(0.0, scene.q, scene.v)
+        matrix, weighted = near.mass + slow**2 * near.stiffness, near.mass @ random
+    else:
+        matrix = np.eye(system.n) - slow**2 * done.problem.jacobians(0.0, scene.q, scene.v)[0]
+        weighted = random
+    if is_sparse(matrix):
+        direction = factorised(matrix)(weighted)
+    else:
+        direction = np.linalg.lstsq(matrix, weighted, rcond=None)[0]
+    return np.asarray(direction / max(float(np.abs(direction).max()), 1e-300))
+
+
+def growth_of(times: Array, distance: Array) -> Growth:
+    """Return the largest growth of a distance while the time doubles.
+
+    Parameters
+    ----------
+    times, distance : ndarray, shape (n,)
+        At evenly spaced times, the first one the start.
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 8.0, 801)
+    >>> round(growth_of(t, t).factor, 3), round(growth_of(t, np.exp(t) - 1.0).factor)
+    (2.0, 56)
+    """
+    most = np.maximum.accumulate(distance)
+    at = np.linspace(0, len(distance) - 1, WINDOWS + 1).astype(int)
+    best = Growth(1.0, 0.0)
+    for early, late in ((at[k], at[2 * k]) for k in range(1, WINDOWS // 2 + 1)):
+        factor = float(most[late] / most[early]) if most[early] > 0.0 else 1.0
+        if factor > best.factor:
+            best = Growth(factor, float(np.log(factor) / (times[late] - times[early])))
+    return best

@@ -10,7 +10,7 @@ from hfsim.arrays import Array
 from hfsim.build import Scene
 from hfsim.culprit import non_finite
 from hfsim.deck import SolveSpec
-from hfsim.errors import HfsimError
+from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose, integrate
 from hfsim.runaway import DisplacementWatch, EnergyWatch
 
@@ -72,7 +72,11 @@ def run_integration(
             progress(t / duration)
 
     begin = (0.0, scene.q, scene.v) if start is None else start
-    watch(*begin)
+    try:
+        watch(*begin)
+    except (LimitReached, SolverFailure) as stop_at_once:
+        nothing = Trajectory(begin[0], *begin)
+        return Integration(nothing, problem, method.name, stop_at_once)
     limits = Limits(solve.step, solve.max_steps)
     trajectory, stop = integrate(problem, method, begin, duration, limits, watch)
     return Integration(trajectory, problem, method.name, stop)

@@ -64,8 +64,8 @@ class EnergyWatch:
         body = max(self._truncated, key=lambda one: float(np.abs(u[:, one.columns]).max()))
         return SolverFailure(
             reason=f"the inertia force of body '{body.name}' in model {body.model} feeds energy that "
-            f"nothing supplies at t = {t:.4g} s: {gained:.3g} J where at most {self._most:.3g} J can be; "
-            "the terms the model leaves out are no longer small",
+            f"nothing supplies at t = {t:.4g} s, {gained:.3g} J where at most {self._most:.3g} J can be",
+            cause="the terms the model leaves out are no longer small",
             time=t,
             item=f"bodies.{body.name}",
             kind="model",
@@ -100,10 +100,10 @@ class DisplacementWatch:
         for part in self._linear:
             lengths = part.displacement(x)
             if lengths > LIMIT_LENGTHS:
-                why = "the stiffening that the model leaves out is what would hold it"
                 raise SolverFailure(
                     reason=f"body '{part.name}' in model linear deflects by {lengths:.3g} times its length "
-                    f"at t = {t:.4g} s: {why}",
+                    f"at t = {t:.4g} s",
+                    cause="the stiffening that the model leaves out is what would hold it",
                     time=t,
                     item=f"bodies.{part.name}",
                     kind="model",

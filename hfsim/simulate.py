@@ -12,7 +12,7 @@ from hfsim.build import Scene, build
 from hfsim.channels import CHANNELS, Samples
 from hfsim.clock import PhaseClock
 from hfsim.deck import LoadedDeck
-from hfsim.diagnosis import diagnose, suspect
+from hfsim.diagnosis import diagnose, suspect, time_for
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integration import Integration, Progress, run_integration
 from hfsim.integrators import Trajectory
@@ -71,9 +71,9 @@ def simulate(
     if diagnosis and not isinstance(stop, KeyboardInterrupt):
         with clock.phase("diagnosis"):
             if isinstance(stop, SolverFailure):
-                stop = diagnose(scene, done, clock.cpu["solve"])
+                stop = diagnose(scene, done, time_for(clock.cpu["solve"]))
             elif stop is None:
-                statistics["suspicion"] = suspect(scene, done, statistics, clock.cpu["solve"])
+                statistics["suspicion"] = suspect(scene, done, statistics, time_for(clock.cpu["solve"]))
     statistics["cpu_s"], statistics["wall_s"] = clock.cpu, clock.wall
     status, reason, failure, code = _outcome(scene, stop)
     return Run(
@@ -248,4 +248,4 @@ def _outcome(
     if isinstance(stop, LimitReached):
         return "limit", stop.reason, None, stop.exit_code
     assert isinstance(stop, SolverFailure)
-    return "failed", stop.reason, stop.facts(scene.loaded.line_of), stop.exit_code
+    return "failed", str(stop), stop.facts(scene.loaded.line_of), stop.exit_code

@@ -255,7 +255,8 @@ class System:
         body = max(self.variable_mass, key=lambda one: float(np.sum(motion[one.columns] ** 2)))
         return SolverFailure(
             reason=f"the mass matrix of body '{body.name}' in model {body.model} stops being positive "
-            f"definite at t = {t:.4g} s: the terms the model leaves out are no longer small",
+            f"definite at t = {t:.4g} s",
+            cause="the terms the model leaves out are no longer small",
             time=t,
             item=f"bodies.{body.name}",
             kind="model",

@@ -79,7 +79,7 @@ ALLOWED = {
         "validity",
     },
     "rank": {"arrays"},
-    "growth": GROUND | {"build", "integration"},
+    "growth": GROUND | {"build", "deck", "integration"},
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},
     "simulate": GROUND
@@ -89,8 +89,8 @@ ALLOWED = {
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
     "studies": GROUND
-    | {"balance", "bodies", "build", "channels", "deck", "elements", "integration", "integrators"}
-    | {"models", "simulate", "writers"},
+    | {"balance", "bodies", "build", "channels", "deck", "diagnosis", "elements", "growth", "integration"}
+    | {"integrators", "models", "simulate", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }

@@ -1,6 +1,7 @@
 """`hfsim stability --limits`: linearisation, theory, measured steps."""
 
 import json
+import time
 
 import numpy as np
 import pytest
@@ -13,14 +14,13 @@ from hfsim.deck import load_deck, parse_deck
 from hfsim.integration import run_integration
 from hfsim.studies.limits import (
     LimitJob,
-    LimitsError,
     explicit_growth,
     gear_growth,
-    linearise,
+    limits,
     measure,
-    spectrum,
     theory,
 )
+from hfsim.studies.spectra import LargeLinearised, LimitsError, by_differences, linearise, spectrum
 
 CANTILEVER = """
 hfsim: 1
@@ -103,10 +103,88 @@ def test_linear_grows_where_exact_is_stiffened():
     assert growth["exact"] == 0.0
 
 
-def test_a_large_scene_is_refused():
+UPRIGHT = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10}}
+sections: {bar: {area: 1.0e-4, second_moment: 1.0e-9}}
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 0.1, points: {pivot: [-0.5, 0.0], rim: [0.2, 0.1]}}
+  b1: {type: beam, material: alloy, section: bar, length: 1.0, elements: 2}
+joints:
+  axle: {type: revolute, between: [ground, hub.pivot]}
+  mount: {type: fixed, between: [hub.rim, b1.root]}
+initial: {hub: {angle: "90 deg"}}
+solve: {duration: 1.0}
+"""
+SCENES = {
+    "cantilever": CANTILEVER,
+    "standing": STANDING,
+    "damped": CANTILEVER.replace("7.0e10}", "7.0e10, bending_damping: 1.0e-4}"),
+    "pressed": CANTILEVER.replace(
+        "solve:", "loads: {press: {type: force, at: b1.tip, force: [-100.0, 0.0]}}\nsolve:"
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_analytic_derivative_is_that_of_differences(name):
+    scene = build(parse_deck(SCENES[name]), "ancf")
+    q = scene.q + 1e-3 * np.sin(np.arange(len(scene.q))) * (name != "standing")
+    analytic, differences = (make(scene, 0.0, q, scene.v) for make in (linearise, by_differences))
+    assert 100.0 * analytic.precision < differences.precision
+    for one in ("stiffness", "damping"):
+        ours, theirs = (getattr(found, one) for found in (analytic, differences))
+        # bases of the same space, one turned against the other
+        turn = differences.basis.T @ analytic.basis
+        ours = turn @ ours @ np.linalg.inv(turn)
+        assert theirs == pytest.approx(ours, rel=1e-6, abs=1e-7 * np.abs(ours).max())
+
+
+def test_a_moving_scene_is_seen_in_its_body_frames():
+    """A beam that turns evenly: in ground axes the turning itself would count as a frequency."""
+    text = CANTILEVER.replace("fixed", "revolute") + "initial: {b1: {angular_velocity: 30.0}}\n"
+    scene = build(parse_deck(text), "exact")
+    assert scene.system.linearizes
+    with_frame = build(parse_deck(text, "deck", ("solve.coordinates=frame",)), "exact")
+    ours, theirs = (spectrum(one, 0.0, one.q, one.v) for one in (scene, with_frame))
+    assert (ours.slowest, ours.growth) == (pytest.approx(theirs.slowest), pytest.approx(theirs.growth))
+
+
+@pytest.mark.parametrize("hub", [False, True])
+def test_large_scenes_have_their_slowest_and_their_fastest_motions(monkeypatch, hub):
+    """Iterations with sparse matrices find what dense algebra finds; with the hub on joints, upright."""
+    text = UPRIGHT if hub else CANTILEVER
+    scene = build(parse_deck(text, "deck", ("bodies.b1.elements=40",)), "exact")
+    assert bool(scene.system.n_rows) == hub
+    dense = spectrum(scene, 0.0, scene.q, scene.v)
+    monkeypatch.setattr("hfsim.studies.spectra.MOST_UNKNOWNS", 100)
+    assert isinstance(linearise(scene, 0.0, scene.q, scene.v), LargeLinearised)
+    sparse = spectrum(scene, 0.0, scene.q, scene.v)
+    for key in ("fastest", "slowest", "growth"):
+        assert getattr(sparse, key) == pytest.approx(getattr(dense, key), rel=1e-4), key
+    if hub:
+        assert sparse.growth > 1.0
+    else:
+        assert sparse.slowest == pytest.approx(3.51601527 * np.sqrt(70.0 / 0.27), rel=1e-5)
+
+
+def test_a_large_scene_in_body_frames_is_refused():
     scene = build(parse_deck(CANTILEVER, "deck", ("bodies.b1.elements=110",)))
     with pytest.raises(LimitsError, match="unknowns"):
         linearise(scene, 0.0, scene.q, scene.v)
+
+
+def test_every_method_gets_its_share_of_the_budget():
+    """With time for a few trial runs in all, each method still tells how far it came."""
+    methods = ("gauss", "explicit", "gear", "generalized_alpha")
+    start = time.perf_counter()
+    found = limits(parse_deck(WHEEL), "exact", methods, 4.0, 20.0, 2)
+    assert time.perf_counter() - start < 6.0
+    assert not found.lost
+    assert [one.method for one in found.limits] == ["gauss", "explicit", *5 * ["gear"], "generalized_alpha"]
+    unfinished = [one for one in found.limits if "within" in one.reason]
+    assert unfinished and all(one.longest or one in unfinished for one in found.limits)
 
 
 def test_theory():

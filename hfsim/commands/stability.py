@@ -108,7 +108,7 @@ def _time(_: click.Context, __: click.Parameter, text: str) -> float:
     "--ending",
     default="accurate",
     show_default=True,
-    type=click.Choice(["accurate", "wrong", "unstable", "broken", "physical"]),
+    type=click.Choice(["accurate", "wrong", "numerical", "model", "physical"]),
     help="Class whose end --bisect locates.",
 )
 @click.option(
@@ -168,10 +168,10 @@ def stability(
     """Map where methods and models hold for the scene DECK, over one or two axes.
 
     Every point is put into a class: accurate; wrong (completed, but an error or the energy drift is beyond
-    its bound); unstable (numerically); broken (the model broke down); physical (the scene itself is
-    unstable). The time error is the distance to the same model solved by gauss at tolerance 1e-8, the model
-    error the distance of that solution to exact's. A failed point is a result (exit code 0). Results go to
-    '<deck name>.stability' or to -o DIR.
+    its bound); numerical, model, physical or deck (failed, and what makes it: the classes of 'hfsim run';
+    physical also where the scene itself is unstable). The time error is the distance to the same model
+    solved by gauss at tolerance 1e-8, the model error the distance of that solution to exact's. A failed
+    point is a result (exit code 0). Results go to '<deck name>.stability' or to -o DIR.
     """  # fmt: skip
     started = time.perf_counter()
     talk = Talk(quiet, verbose, as_json)
@@ -324,10 +324,10 @@ def do_limits(order: Order, models: tuple[str, ...]) -> int:
     from hfsim.writers import write_table
 
     plan, deadline = order.plan, time.perf_counter() + order.plan.seconds
-    results = [
-        limits(order.deck, model, plan.methods, deadline - time.perf_counter(), plan.limit, plan.jobs)
-        for model in models or (order.deck.deck.solve.model,)
-    ]
+    results, wanted = [], models or (order.deck.deck.solve.model,)
+    for k, model in enumerate(wanted):
+        share = (deadline - time.perf_counter()) / (len(wanted) - k)
+        results.append(limits(order.deck, model, plan.methods, share, plan.limit, plan.jobs))
     order.folder.prepare()
     with disk(order.folder.path):
         rows = [{"model": r.model, **one.facts()} for r in results for one in r.limits]
@@ -368,8 +368,12 @@ def limits_text(result: Limits) -> str:
 
 def _longest(one: Limit) -> str:
     if one.longest is None:
-        return f"below {one.beyond:.3g} T" if one.beyond else "-"
-    return f"{one.longest:.4g} T" if one.beyond else f"above {one.longest:.3g} T"
+        return f"below {one.beyond:.3g} T" if one.beyond else "no step tried to its end"
+    if one.beyond is None:
+        return f"above {one.longest:.3g} T"
+    if one.beyond > 1.02 * one.longest:
+        return f"{one.longest:.3g} to {one.beyond:.3g} T"
+    return f"{one.longest:.4g} T"
 
 
 def _growing(result: Limits) -> str:

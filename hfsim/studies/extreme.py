@@ -37,7 +37,7 @@ EXPECTED = "expected.yaml"
 """File beside the decks that says what is expected of them."""
 _TIGHTER = 1.0
 """Bound on the tolerance of references: none but a tenth of the deck's own, which differ by decades."""
-_REFERENCE_SHARE = 0.7
+_REFERENCE_SHARE = 0.6
 """Part of a deck's time that its references may take."""
 
 
@@ -82,6 +82,8 @@ class Expectation:
     error, drift : float or None
         Bounds on the error against a tighter run and on the energy drift [-].
     values : tuple of Value
+    item : str
+        Deck path that must be blamed; empty where none need be.
     sound : bool
         Whether the scene is physically sound and the run meant to complete.
     """
@@ -92,6 +94,7 @@ class Expectation:
     drift: float | None = None
     values: tuple[Value, ...] = ()
     sound: bool = True
+    item: str = ""
 
 
 @dataclass(frozen=True)
@@ -152,6 +155,8 @@ class Case:
         if verdict.outcome != wanted.outcome:
             return [f"{verdict.outcome} where {wanted.outcome} is expected: {verdict.reason}"]
         lines = []
+        if wanted.item not in ("", verdict.item):
+            lines.append(f"{verdict.item or 'nothing'} is blamed where {wanted.item} is to: {verdict.reason}")
         for what, value, bound in (
             ("error", verdict.time_error, wanted.error),
             ("energy drift", verdict.energy_drift, wanted.drift),
@@ -217,7 +222,7 @@ def read_expectations(folder: Path) -> tuple[Expectation, ...]:
 
 
 def _expectation(name: str, entry: dict[str, Any]) -> Expectation:
-    if unknown := set(entry) - {"class", "error", "drift", "values", "sound"}:
+    if unknown := set(entry) - {"class", "error", "drift", "values", "sound", "item"}:
         raise ValueError(f"{name}: unknown {', '.join(sorted(unknown))}")
     if entry["class"] not in CLASSES:
         raise ValueError(f"{name}: there is no class '{entry['class']}'")
@@ -226,7 +231,8 @@ def _expectation(name: str, entry: dict[str, Any]) -> Expectation:
         for v in entry.get("values", ())
     )
     error, drift = (None if entry.get(key) is None else float(entry[key]) for key in ("error", "drift"))
-    return Expectation(name, entry["class"], error, drift, values, bool(entry.get("sound", True)))
+    sound, item = bool(entry.get("sound", True)), str(entry.get("item", ""))
+    return Expectation(name, entry["class"], error, drift, values, sound, item)
 
 
 # --- one deck, in a worker process ----------------------------------------------------------------
@@ -242,9 +248,8 @@ def examine(order: _Examination) -> Case:
     """Solve a deck as it states and its references; check what is expected."""
     job, start = order.job, time.perf_counter()
     solve = parse_deck(job.text, job.file, job.overrides).deck.solve
-    trial = solve_point(
-        replace(job, model=solve.model, method=solve.method, limit=(1 - _REFERENCE_SHARE) * job.limit)
-    )
+    limit = (1 - _REFERENCE_SHARE) * job.limit
+    trial = solve_point(replace(job, model=solve.model, method=solve.method, limit=limit, diagnosed=True))
     left = max(job.limit - (time.perf_counter() - start), 0.1)
     exact = solve_reference(replace(job, model=TRUTH_MODEL, limit=left, disturbed=True))
     left = max(job.limit - (time.perf_counter() - start), 0.1)
@@ -334,8 +339,8 @@ def _case(expectation: Expectation, outcome: Outcome | None) -> Case:
 # --- tables --------------------------------------------------------------------------------------
 
 CSV_COLUMNS = (
-    "name", "expected", "class", "holds", "status", "end", "steps", "cpu", "time_error", "energy_drift",
-    "growth", "misses", "reason",
+    "name", "expected", "class", "cause", "item", "holds", "status", "end", "steps", "cpu", "time_error",
+    "energy_drift", "growth", "misses", "reason",
 )  # fmt: skip
 """Columns of ``extreme.csv``."""
 
@@ -345,6 +350,7 @@ def as_rows(result: Extreme) -> list[dict[str, object]]:
     return [
         {
             "name": c.name, "expected": c.expectation.outcome, "class": c.verdict.outcome,
+            "cause": c.verdict.cause, "item": c.verdict.item,
             "holds": not c.misses, "status": c.status, "end": c.end, "steps": c.steps, "cpu": c.cpu,
             "time_error": c.verdict.time_error, "energy_drift": c.verdict.energy_drift,
             "growth": c.verdict.growth, "misses": "; ".join(c.misses), "reason": c.verdict.reason,

@@ -6,7 +6,8 @@ that solution to the one of `exact`: what the model leaves out.  Both are the la
 worst channel, relative to the channel's scale (`hfsim.studies.compare`).
 
 Whether the scene itself is unstable is asked of `exact`: it is solved a second time with a start
-disturbed by next to nothing, and the distance of the two solutions tells.
+disturbed by next to nothing, and the distance of the two solutions tells (`hfsim.growth`).  Where
+references fail too, the experiments of `hfsim.diagnosis` say why, in the same classes.
 """
 
 from __future__ import annotations
@@ -23,9 +24,11 @@ from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.channels import Samples
 from hfsim.deck import SolveSpec, parse_deck
+from hfsim.diagnosis import diagnose, instability, suspect, time_for
 from hfsim.errors import DeckError, SolverFailure
+from hfsim.growth import Growth, disturbed_growth
 from hfsim.integration import Integration, run_integration
-from hfsim.simulate import compute_channels, sample
+from hfsim.simulate import compute_channels, sample, validity
 from hfsim.solution import Channel
 from hfsim.studies.bench import Budget, OutOfBudgetError, channel_error, judged_scales
 from hfsim.studies.compare import ChannelScale
@@ -33,29 +36,22 @@ from hfsim.studies.compare import ChannelScale
 CLASSES = {
     "accurate": "completed; errors and energy drift within the bounds",
     "wrong": "completed, but an error or the energy drift is beyond its bound",
-    "unstable": "failed numerically: the same model goes through with gauss at a tight tolerance",
-    "broken": "the model broke down where exact goes through",
-    "physical": "the scene itself is unstable: a tiny disturbance grows, with exact and tight tolerance too",
-    "no result": "no answer: time limit, crash, refused deck or no reference",
+    "numerical": "failed, and the same model goes through with gauss at a tight tolerance",
+    "model": "the model failed, and exact goes through",
+    "physical": "the scene itself fails or is unstable: a tiny disturbance grows, whatever method and model",
+    "deck": "the numbers or joints of the deck make it: refused, not finite, redundant, without mass",
+    "no result": "no answer: time limit, crash or no reference",
     "not computed": "the budget was used up before",
 }
 """Classes of points, in words."""
 
 TRUTH_MODEL = "exact"
 """Model that counts as the truth."""
-GROWTH = 30.0
-"""Factor by which a tiny disturbance grows while the time doubles, from which a scene is unstable: growth
-that is no more than a power of time (drifting apart at constant speed: 2) stays far below."""
-KICK = 1e2
-"""Size of that disturbance over the tolerance it is solved with, relative to the largest speed of the motion:
-what grows must not be the error of the integration."""
-_MOST_KICK = 1e-4
 _AT_REST = 1e-11
 """Way, relative to the scene, below which nothing moves: the energies and their drift are round-off."""
-_SWINGS = 50.0
-"""Radians within the duration above which a mode counts as fast for the disturbance."""
-WINDOWS = 8
-"""Parts of the duration in each of which the largest distance is looked at."""
+_STAGES = {"gauss": 14, "radau": 9}
+"""Stages of references: those of no default, so that even where a run and its reference take the same few
+steps, two discretisations are compared."""
 REFUSED = "the deck is refused: "
 
 
@@ -95,6 +91,8 @@ class Job:
         Whether a reference is solved a second time to see whether the scene is unstable.
     truth : Truth or None
         For a point: the reference of its model.
+    diagnosed : bool
+        Whether a point that completes is looked at for what makes it suspicious, as `hfsim run` does.
     """
 
     text: str
@@ -106,6 +104,7 @@ class Job:
     method: str = ""
     disturbed: bool = False
     truth: Truth | None = None
+    diagnosed: bool = False
 
 
 @dataclass(frozen=True)
@@ -116,8 +115,8 @@ class Truth:
     ----------
     status : str
         ``done``, ``failed`` or ``lost`` (time limit, crash, refused deck).
-    kind, reason : str
-        Of a failure: ``model`` or ``numerical``; in words.
+    kind, item, reason : str
+        Class, deck path and words of what made it fail, or of what makes the scene unstable.
     end : float
         Where it ended [s].
     channels : tuple of Channel
@@ -130,6 +129,7 @@ class Truth:
     kind: str = ""
     reason: str = ""
     end: float = 0.0
+    item: str = ""
     channels: tuple[Channel, ...] = ()
     scales: tuple[ChannelScale, ...] = ()
     growth: float | None = None
@@ -143,8 +143,8 @@ class Trial:
     ----------
     status : str
         ``done``, ``failed``, ``limit`` or ``lost``.
-    kind, reason : str
-        As in `Truth`.
+    kind, item, reason : str
+        As in `Truth`; of a failure or a suspicion. No class where experiments have not decided.
     end : float
         Where it ended [s].
     error : float or None
@@ -163,6 +163,7 @@ class Trial:
     kind: str = ""
     reason: str = ""
     end: float = 0.0
+    item: str = ""
     error: float | None = None
     channel: str = ""
     drift: float | None = None
@@ -181,6 +182,11 @@ class Verdict:
     outcome : str
         A key of `CLASSES`.
     reason : str
+    cause : str
+        ``numerical``, ``model``, ``physical`` or ``deck``: what makes a point not accurate, or one that is
+        suspicious; else empty.
+    item : str
+        Deck path of what is to blame, where that is known.
     time_error, model_error, energy_drift, growth : float or None
         Measured values [-]; None where there is none.
     channel : str
@@ -189,6 +195,8 @@ class Verdict:
 
     outcome: str
     reason: str = ""
+    cause: str = ""
+    item: str = ""
     time_error: float | None = None
     model_error: float | None = None
     energy_drift: float | None = None
@@ -228,77 +236,42 @@ def _ways(scene: Scene, tolerance: float) -> Iterator[SolveSpec]:
     """Yield ways to solve a scene tightly; the last is looser, for round-off may forbid the first two."""
     for method, factor in (("gauss", 1.0), ("radau", 1.0), ("gauss", 1e3)):
         update = {"method": method, "tolerance": min(factor * tolerance, 1e-6), "step": None}
-        yield scene.deck.solve.model_copy(update={**update, "stages": None, "max_steps": None})
+        update |= {"stages": _STAGES[method], "max_steps": None}
+        yield scene.deck.solve.model_copy(update=update)
 
 
 def _truth_of(scene: Scene, done: Integration, solve: SolveSpec, disturbed: bool, budget: Budget) -> Truth:
     samples, end = sample(scene, done.trajectory), done.trajectory.t_end
-    growth = _disturbance_growth(scene, done, solve, samples, budget) if disturbed else None
+    growth = _growth(scene, done, solve, budget) if disturbed else None
+    factor = growth.factor if growth else None
     if done.stop is not None:
-        return Truth("failed", _kind(done), str(done.stop), end, growth=growth)
+        as_solved = replace(scene, loaded=scene.loaded.with_solve(solve.model_dump()))
+        kind, item, reason = _why(as_solved, done, budget.left)
+        return Truth("failed", kind, reason, end, item, growth=factor)
     channels = compute_channels(samples)
     if not all(np.isfinite(channel.values).all() for channel in channels):
-        return Truth("failed", "numerical", "the reference is not finite", end, growth=growth)
-    return Truth("done", "", "", end, channels, judged_scales(samples, channels), growth)
+        return Truth("failed", "numerical", "the reference is not finite", end, growth=factor)
+    found = instability(scene, growth) if growth and growth.unstable else None
+    kind, item, reason = (found.kind, found.item, found.reason) if found else ("", "", "")
+    return Truth("done", kind, reason, end, item, channels, judged_scales(samples, channels), factor)
 
 
-def _kind(done: Integration) -> str:
-    return done.stop.kind if isinstance(done.stop, SolverFailure) else "numerical"
+def _why(scene: Scene, done: Integration, seconds: float) -> tuple[str, str, str]:
+    """Return class, item and reason of a failure; no class if experiments have not decided."""
+    if not isinstance(done.stop, SolverFailure):
+        return "", "", str(done.stop)
+    found = diagnose(scene, done, min(time_for(0.0), max(seconds, 0.0)))
+    kind = "" if "undecided" in found.evidence else found.kind
+    return kind, found.item, found.reason
 
 
-def _slow_direction(scene: Scene, done: Integration) -> Array:
-    """Return velocities of size one in which modes that swing often within the duration hardly take part.
-
-    Instabilities grow in slow modes; fast ones would only make the disturbed run expensive.
-    """
-    random = np.random.default_rng(1).standard_normal(scene.system.n)
-    by_q, _ = done.problem.jacobians(0.0, scene.q, scene.v)
-    slow = scene.deck.solve.duration / _SWINGS
-    direction = np.linalg.lstsq(np.eye(len(random)) - slow**2 * by_q, random, rcond=None)[0]
-    return np.asarray(direction / max(float(np.abs(direction).max()), 1e-300))
-
-
-def _disturbance_growth(
-    scene: Scene, done: Integration, solve: SolveSpec, samples: Samples, budget: Budget
-) -> float | None:
-    """Solve again from a disturbed start and return the growth of the distance; None without time for it."""
-    system = scene.system
-    speed = float(np.abs(system.absolute_velocity(samples.q, samples.v)).max(initial=0.0))
-    if speed == 0.0:
-        speed = 1.0
-    kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
-    q, v = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
-    other = replace(scene, q=q[0], v=v[0])
+def _growth(scene: Scene, done: Integration, solve: SolveSpec, budget: Budget) -> Growth | None:
+    """Return how a disturbance of the start grows; None without time for it."""
+    guard = budget.guard(max(budget.left, 0.0))
     try:
-        again = run_integration(other, solve, budget.guard(max(budget.left, 0.0)))
+        return disturbed_growth(scene, done, solve, lambda t, q, v: guard(t / solve.duration))
     except OutOfBudgetError:
         return None
-    disturbed = sample(other, again.trajectory)
-    n = min(len(disturbed.t), len(samples.t))
-    distance = np.abs(system.absolute(disturbed.q[:n]) - system.absolute(samples.q[:n])).max(axis=1)
-    return growth_of(distance)
-
-
-def growth_of(distance: Array) -> float:
-    """Return the largest factor by which a distance grows while the time doubles.
-
-    Parameters
-    ----------
-    distance : ndarray, shape (n,)
-        At evenly spaced times, the first one the start.
-
-    Examples
-    --------
-    >>> t = np.linspace(0.0, 8.0, 801)
-    >>> round(growth_of(t), 3), round(growth_of(np.exp(t) - 1.0))
-    (2.0, 56)
-    """
-    if len(distance) <= WINDOWS:
-        return 1.0
-    most = np.maximum.accumulate(distance)
-    reached = most[np.linspace(0, len(distance) - 1, WINDOWS + 1).astype(int)]
-    pairs = [(reached[k], reached[2 * k]) for k in range(1, WINDOWS // 2 + 1)]
-    return float(max((late / early for early, late in pairs if early > 0.0), default=1.0))
 
 
 def solve_point(job: Job) -> Trial:
@@ -310,26 +283,48 @@ def solve_point(job: Job) -> Trial:
     solve = scene.deck.solve
     if job.method != solve.method:
         solve = solve.model_copy(update={"method": job.method, "stages": None, "order": None})
-    start = time.process_time()
+        scene = replace(scene, loaded=scene.loaded.with_solve(solve.model_dump()))
+    start, budget = time.process_time(), Budget(job.limit)
     try:
-        done = run_integration(scene, solve, Budget(job.limit).guard(job.limit))
+        done = run_integration(scene, solve, budget.guard(job.limit))
     except OutOfBudgetError as stop:
         return Trial("lost", reason=f"{stop} after {job.limit:.3g} s", cpu=time.process_time() - start)
-    cpu, counts = time.process_time() - start, done.problem.counts
-    end = done.trajectory.t_end
-    if done.stop is not None:
-        status = "limit" if done.stop.exit_code == 5 else "failed"  # type: ignore[union-attr]
-        return Trial(status, _kind(done), str(done.stop), end, steps=counts.steps, cpu=cpu)
-    samples = sample(scene, done.trajectory)
+    cpu, steps = time.process_time() - start, done.problem.counts.steps
+    judge = _tried if done.stop is None else _stopped
+    return replace(judge(job, scene, done, budget.left), steps=steps, cpu=cpu)
+
+
+def _tried(job: Job, scene: Scene, done: Integration, left: float) -> Trial:
+    """Return what came of a run that reached its end."""
+    samples, end = sample(scene, done.trajectory), done.trajectory.t_end
     resting = _travel(samples) < _AT_REST
     drift = 0.0 if resting else float(balance(scene.system, step_samples(done.trajectory))["energy_drift"])
     channels = compute_channels(samples)
     if not (np.isfinite(drift) and all(np.isfinite(channel.values).all() for channel in channels)):
-        return Trial("failed", "numerical", "the result is not finite", end, steps=counts.steps, cpu=cpu)
+        return Trial("failed", "numerical", "the result is not finite", end)
     error, worst = (
         (None, "") if job.truth is None else distance(channels, job.truth.channels, job.truth.scales)
     )
-    return Trial("done", "", "", end, error, worst, drift, counts.steps, cpu, channels, samples.t)
+    doubt = _doubt(scene, done, samples, drift, left) if job.diagnosed else {}
+    found = (doubt.get("class", ""), doubt.get("reason", ""), end, doubt.get("item", ""))
+    return Trial("done", *found, error, worst, drift, channels=channels, times=samples.t)
+
+
+def _stopped(job: Job, scene: Scene, done: Integration, left: float) -> Trial:
+    """Return what is known of a failure; experiments are made where there is no reference to judge by."""
+    end, stop = done.trajectory.t_end, done.stop
+    if not isinstance(stop, SolverFailure):
+        return Trial("limit", "", str(stop), end)
+    if job.truth is not None:
+        return Trial("failed", "deck" if stop.kind == "deck" else "", str(stop), end, stop.item)
+    kind, item, reason = _why(scene, done, left)
+    return Trial("failed", kind, reason, end, item)
+
+
+def _doubt(scene: Scene, done: Integration, samples: Samples, drift: float, left: float) -> dict[str, Any]:
+    """Return what makes a completed run suspicious; empty if nothing does."""
+    facts = {"energy_drift": drift, "validity": validity(samples, done.trajectory)}
+    return suspect(scene, done, facts, min(time_for(0.0), max(left, 0.0))) or {}
 
 
 def _travel(samples: Samples) -> float:
@@ -375,25 +370,33 @@ def classify(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verdic
     -------
     Verdict
     """
-    if trial.status == "failed":
-        return _failed(trial, truth, exact)
-    if trial.status != "done":
-        return Verdict("no result", trial.reason)
-    return _completed(trial, truth, exact, bounds)
+    if trial.status == "done":
+        found = _completed(trial, truth, exact, bounds)
+    elif trial.status == "failed":
+        found = _failed(trial, truth, exact)
+    else:
+        found = Verdict("deck" if trial.reason.startswith(REFUSED) else "no result", trial.reason)
+    return replace(found, cause=found.outcome) if found.outcome in _CAUSES else found
+
+
+_CAUSES = ("numerical", "model", "physical", "deck")
 
 
 def _failed(trial: Trial, truth: Truth, exact: Truth) -> Verdict:
     facts: Mapping[str, Any] = {"energy_drift": trial.drift, "growth": exact.growth}
     at = f"{trial.reason} (t = {trial.end:.4g} s)"
+    if trial.kind == "deck":
+        return Verdict("deck", at, item=trial.item, **facts)
     if truth.status == "done":
-        return Verdict("unstable", f"{at}; gauss at a tight tolerance goes through", **facts)
+        why = f"{at}; gauss at a tight tolerance goes through"
+        return Verdict("numerical", why, item=trial.item, **facts)
     if truth.status == "failed" and exact.status == "done":
-        return Verdict("broken", f"{truth.reason}; {TRUTH_MODEL} goes through", **facts)
+        return Verdict("model", f"{truth.reason}; {TRUTH_MODEL} goes through", item=truth.item, **facts)
     if truth.status == "failed" and exact.status == "failed":
-        found = "physical" if (exact.growth or 0.0) > GROWTH else "unstable"
-        return Verdict(found, f"{at}; {TRUTH_MODEL} at a tight tolerance fails as well", **facts)
-    if trial.kind == "model":
-        return Verdict("broken", at, **facts)
+        why = f"{exact.reason}; {TRUTH_MODEL} at a tight tolerance fails as well"
+        return Verdict(exact.kind or "numerical", why, item=exact.item, **facts)
+    if trial.kind:
+        return Verdict(trial.kind, at, item=trial.item, **facts)
     return Verdict("no result", f"{at}; {_missing(truth, exact)}", **facts)
 
 
@@ -405,9 +408,11 @@ def _missing(truth: Truth, exact: Truth) -> str:
 def _completed(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verdict:
     if truth.status == "failed":
         where = f"the reference of this model ends at {truth.end:.4g} s: {truth.reason}"
-        return Verdict("wrong", where, energy_drift=trial.drift, growth=exact.growth)
+        cause = "model" if exact.status == "done" else exact.kind
+        facts: Mapping[str, Any] = {"energy_drift": trial.drift, "growth": exact.growth}
+        return Verdict("wrong", where, cause, truth.item, **facts)
     model_error, channel = _model_error(truth, exact)
-    facts: Mapping[str, Any] = {
+    facts = {
         "time_error": trial.error,
         "model_error": model_error,
         "energy_drift": trial.drift,
@@ -417,13 +422,15 @@ def _completed(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verd
     if truth.status == "lost" or exact.status == "lost":
         return Verdict("no result", _missing(truth, exact), **facts)
     beyond = _beyond(trial, model_error, bounds)
-    unstable = exact.status == "failed" or (exact.growth or 0.0) > GROWTH
-    if unstable and (trial.drift or 0.0) <= bounds.drift:
-        how = (
-            "exact fails as well" if exact.growth is None else f"a disturbance grows {exact.growth:.3g}-fold"
-        )
-        return Verdict("physical", f"{how} while the time doubles{'; ' + beyond if beyond else ''}", **facts)
-    return Verdict("wrong" if beyond else "accurate", beyond, **facts)
+    unstable = next((one for one in (exact, trial) if one.kind == "physical"), None)
+    if unstable is not None and (trial.drift or 0.0) <= bounds.drift:
+        why = f"{unstable.reason}{'; ' + beyond if beyond else ''}"
+        return Verdict("physical", why, item=unstable.item, **facts)
+    if not beyond:
+        return Verdict("accurate", trial.reason, trial.kind, trial.item, **facts)
+    # with a time error within its bound, the model itself leaves the truth or loses energy
+    numerical = model_error == 0.0 or (trial.error or 0.0) > bounds.error
+    return Verdict("wrong", beyond, "numerical" if numerical else "model", trial.item, **facts)
 
 
 def _model_error(truth: Truth, exact: Truth) -> tuple[float | None, str]:

@@ -1,11 +1,8 @@
 """How long a fixed step may be: measured by bisection, beside what linear theory says.
 
-The scene is linearised on the manifold of its joints.  The eigenvalues give frequencies, growing motions
-(a scene that is physically unstable there) and the fastest period, in multiples of which steps are told.
-
-Eigenvalues are frozen in time.  They are those of the motion where the state lasts in the coordinates of
-the model: at rest, and in even rotation for beams with a body frame; rigid bodies and `ancf` count in ground
-axes.  Elsewhere a growth rate is that of a state passed through.
+The scene is linearised on the manifold of its joints (`hfsim.studies.spectra`).  The eigenvalues give
+frequencies, growing motions (a scene that is physically unstable there) and the fastest period, in
+multiples of which steps are told.
 
 Theory is the test equation y'' = -w^2 y.  Per step the amplitude of a mode grows by the largest root of
 the method at z = i w h: |R(z)| for one-step methods, the largest root of the characteristic polynomial
@@ -21,15 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray
+from hfsim.arrays import Array
 from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.deck import LoadedDeck, parse_deck
-from hfsim.errors import HfsimError
 from hfsim.integration import run_integration
 from hfsim.integrators import Trajectory, default_stages
 from hfsim.studies.bench import Budget, OutOfBudgetError
 from hfsim.studies.farm import Farm, Task
+from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
 
 STEPS = 400
 """Steps of a trial run: a growth of 1 % a step is 50-fold at its end."""
@@ -41,162 +38,8 @@ AMPLITUDE = 1e-4
 """Largest change of a coordinate by the disturbance, in metres or slopes: small enough to be linear."""
 BLOWN = 10.0
 """Energy, over the largest there should be, from which a run has blown up."""
-MOST_UNKNOWNS = 400
-"""Unknowns up to which a scene is linearised: all is dense here."""
-_DIFFERENCE = 1e-3
-"""Step of the differences by which the scene is linearised, fourth order: exact for cubic forces."""
-
-
-# --- linearisation -------------------------------------------------------------------------------
-
-
-class LimitsError(HfsimError):
-    """The scene cannot be linearised."""
-
-    exit_code = 2
-
-
-@dataclass(frozen=True)
-class Spectrum:
-    """Eigenvalues of the scene linearised in one state.
-
-    Attributes
-    ----------
-    time : float
-        When [s].
-    fastest, slowest : float
-        Largest and smallest frequency that is not zero [rad/s].
-    growth : float
-        Largest growth rate of a motion [1/s]; zero where it is not told from round-off.
-    noise : float
-        Growth rates below this are round-off [1/s].
-    """
-
-    time: float
-    fastest: float
-    slowest: float
-    growth: float
-    noise: float
-
-    @property
-    def period(self) -> float:
-        """Fastest period [s]."""
-        return 2.0 * np.pi / self.fastest if self.fastest > 0.0 else np.inf
-
-
-@dataclass(frozen=True)
-class Linearised:
-    """A scene near one state: y'' = A y + B y' in independent coordinates y.
-
-    Attributes
-    ----------
-    stiffness, damping : ndarray, shape (n_free, n_free)
-        A and B.
-    basis : ndarray, shape (n, n_free)
-        Changes of the state that the joints allow.
-    """
-
-    stiffness: Array
-    damping: Array
-    basis: Array
-
-    def eigenvalues(self) -> ComplexArray:
-        """Return all eigenvalues, shape (2 n_free,) [1/s]."""
-        n = len(self.stiffness)
-        matrix = np.block([[np.zeros((n, n)), np.eye(n)], [self.stiffness, self.damping]])
-        return np.linalg.eigvals(matrix).astype(complex)
-
-    def fastest_mode(self) -> tuple[float, Array]:
-        """Return the largest frequency without gyroscopic terms [rad/s] and its shape in the state, (n,)."""
-        w2, modes = np.linalg.eig(-self.stiffness)
-        k = int(np.argmax(w2.real))
-        shape = self.basis @ modes[:, k].real
-        return float(np.sqrt(max(w2[k].real, 0.0))), shape / np.abs(shape).max()
-
-
-def linearise(scene: Scene, t: float, q: Array, v: Array) -> Linearised:
-    """Linearise the equations of motion at a state on the manifold of the joints.
-
-    Parameters
-    ----------
-    scene : Scene
-    t : float
-    q, v : ndarray, shape (n,)
-
-    Raises
-    ------
-    LimitsError
-        If the scene has too many unknowns for dense algebra.
-    """
-    system = scene.system
-    if system.n > MOST_UNKNOWNS:
-        raise LimitsError(f"{system.n} unknowns; scenes are linearised up to {MOST_UNKNOWNS}")
-    Z = _allowed(scene, t, q, v)
-    n = Z.shape[1]
-    steps = _DIFFERENCE * np.concatenate([k * np.eye(n) for k in (-2, -1, 1, 2)])
-    nothing = np.zeros_like(steps)
-    moved = np.concatenate([np.hstack([steps, nothing]), np.hstack([nothing, steps])])
-    y, w = moved[:, :n], moved[:, n:]
-    times = np.full(len(moved), t)
-    Q, V = system.project(times, q + y @ Z.T, v + w @ Z.T)
-    values = system.acceleration(times, Q, V) @ Z
-    # where projection has moved the coordinates a little, the chain rule brings them back
-    reached = np.hstack([(Q - q) @ Z, (V - v) @ Z])
-    slopes = _slopes(values.reshape(2, 4, n, n)) / _DIFFERENCE
-    turned = _slopes(reached.reshape(2, 4, n, 2 * n)) / _DIFFERENCE
-    J = np.linalg.solve(np.concatenate(turned), np.concatenate(slopes)).T
-    return Linearised(J[:, :n], J[:, n:], Z)
-
-
-def _slopes(values: Array) -> Array:
-    """Return fourth-order differences of values at -2, -1, 1 and 2 steps (second axis)."""
-    far, near = values[:, 3] - values[:, 0], values[:, 2] - values[:, 1]
-    return np.asarray((8.0 * near - far) / 12.0)
-
-
-def _allowed(scene: Scene, t: float, q: Array, v: Array) -> Array:
-    """Return an orthonormal basis of the changes of q that the joints allow, shape (n, n_free)."""
-    system = scene.system
-    if not system.constraints:
-        return np.eye(system.n)
-    # projected velocities are what the joints allow; the rates of drivers drop out in differences
-    n = system.n
-    at, times = np.repeat(q[None], n + 1, axis=0), np.full(n + 1, t)
-    rates = v + np.vstack([np.eye(n), np.zeros((1, n))]) * max(1.0, float(np.abs(v).max(initial=0.0)))
-    moved = system.project(times, at, rates)[1]
-    left, _, _ = np.linalg.svd((moved[:-1] - moved[-1]).T)
-    return np.asarray(left[:, : n - system.n_rows])
-
-
-def spectrum(scene: Scene, t: float, q: Array, v: Array) -> Spectrum:
-    """Return the frequencies and the largest growth rate of a scene in one state."""
-    found = linearise(scene, t, q, v).eigenvalues()
-    sizes = np.abs(found.imag)
-    fastest = float(np.abs(found).max(initial=0.0))
-    noise = 10.0 * fastest * float(np.sqrt(np.finfo(float).eps / _DIFFERENCE))
-    growth = float(found.real.max(initial=0.0))
-    swinging = sizes[sizes > max(noise, 1e-9)]
-    return Spectrum(
-        time=t,
-        fastest=float(swinging.max(initial=0.0)),
-        slowest=float(swinging.min(initial=fastest)),
-        growth=growth if growth > noise else 0.0,
-        noise=noise,
-    )
-
-
-def along(scene: Scene, count: int = 9, seconds: float = 20.0) -> tuple[Spectrum, ...]:
-    """Return spectra at even times along the motion, solved as the deck says; fewer if it takes too long."""
-    found = [spectrum(scene, 0.0, scene.q, scene.v)]
-    try:
-        done = run_integration(scene, scene.deck.solve, Budget(seconds).guard(seconds))
-    except OutOfBudgetError:
-        return tuple(found)
-    times = np.linspace(0.0, done.trajectory.t_end, count)[1:]
-    q, v = done.trajectory.at(times)
-    q, v = scene.system.project(times, q, v)
-    found += [spectrum(scene, float(t), a, b) for t, a, b in zip(times, q, v, strict=True)]
-    return tuple(found)
+_ANSWER = 0.5
+"""Time kept back by a measurement to tell what it has found until then [s]."""
 
 
 # --- theory --------------------------------------------------------------------------------------
@@ -298,7 +141,17 @@ def _crossing(growth: Callable[[Array], Array], low: float, high: float) -> floa
 
 @dataclass(frozen=True)
 class LimitJob:
-    """A method whose longest stable step is to be measured, in a worker process."""
+    """A method whose longest stable step is to be measured, in a worker process.
+
+    Attributes
+    ----------
+    limit : float
+        Wall time it may take [s].
+    deadline : float
+        Reading of ``time.perf_counter`` by which all must have answered [s].
+    turns : int
+        Measurements in its process that share the time until then, this one included.
+    """
 
     text: str
     file: str
@@ -307,6 +160,13 @@ class LimitJob:
     method: str
     order: int | None
     limit: float
+    deadline: float = float("inf")
+    turns: int = 1
+
+    def budget(self) -> Budget:
+        """Return its share of the wall time that is left now, some of it kept back to answer in time."""
+        share = (self.deadline - time.perf_counter()) / self.turns
+        return Budget(max(0.0, min(self.limit, share - min(_ANSWER, 0.1 * share))))
 
 
 @dataclass(frozen=True)
@@ -320,7 +180,7 @@ class Limit:
         Of gear.
     stages : int or None
     longest, beyond : float or None
-        Longest step that was stable and the shortest that was not, in fastest periods; None: none found.
+        Longest step that was stable and shortest that was not, in fastest periods; None: none found.
     reason : str
         What happens beyond.
     predicted : float or None
@@ -340,8 +200,10 @@ class Limit:
 
     @property
     def deviation(self) -> float | None:
-        """How far the measured step is from the predicted one, relative; None where there is no number."""
+        """How far the measured step is from the predicted one, relative; None where it is not located."""
         if not self.predicted or self.longest is None or self.beyond is None:
+            return None
+        if self.beyond - self.longest > 2.0 * WIDTH * self.beyond:
             return None
         return 0.5 * (self.longest + self.beyond) / self.predicted - 1.0
 
@@ -351,32 +213,63 @@ class Limit:
 
 
 def measure(job: LimitJob) -> Limit:
-    """Find the longest stable step of a method: double the step until it fails, then halve the gap."""
+    """Find the longest stable step of a method within the time the job has."""
+    budget = job.budget()
     scene = build(parse_deck(job.text, job.file, job.overrides), job.model)
-    omega, shape = linearise(scene, 0.0, scene.q, scene.v).fastest_mode()
+    omega, shape = fastest_mode(scene, 0.0, scene.q, scene.v)
     period = 2.0 * np.pi / omega
     disturbed = _disturbed(scene, omega, shape)
-    budget = Budget(job.limit)
     said = theory(job.method, job.order)
     stages = None
     if job.method in ("gauss", "radau"):
         stages = scene.deck.solve.stages or default_stages(scene.deck.solve.tolerance)
-    low, high, reason = None, None, ""
+    found = Bracket(0.25 * said.longest if said.longest else 1.0)
     try:
-        step = BOUNDS[0]
-        while step <= BOUNDS[1]:
-            why = trial(disturbed, job, step * period, budget)
-            if why:
-                high, reason = step, why
-                break
-            low, step = step, 2.0 * step
-        while low is not None and high is not None and high - low > WIDTH * high:
-            middle = float(np.sqrt(low * high))
-            why = trial(disturbed, job, middle * period, budget)
-            low, high, reason = (low, middle, why) if why else (middle, high, reason)
+        while (step := found.next()) is not None:
+            found.note(step, trial(disturbed, job, step * period, budget))
+        reason = found.reason
     except OutOfBudgetError:
-        reason = reason or f"no end found within {job.limit:.3g} s"
-    return Limit(job.method, job.order, stages, low, high, reason, said.longest, said.words)
+        where = f"{found.reason}; not located any closer" if found.reason else "no end found"
+        reason = f"{where} within {budget.seconds:.3g} s"
+    return Limit(job.method, job.order, stages, found.low, found.high, reason, said.longest, said.words)
+
+
+@dataclass
+class Bracket:
+    """The search for the longest stable step, in fastest periods.
+
+    Attributes
+    ----------
+    first : float
+        Step to begin with: doubled while stable, halved while not; then the gap is halved.
+    low, high : float or None
+        Longest step found stable and shortest found not to be.
+    reason : str
+        What happens at the latter.
+    """
+
+    first: float
+    low: float | None = None
+    high: float | None = None
+    reason: str = ""
+
+    def next(self) -> float | None:
+        """Return the step to try next; None when the search has come to its end."""
+        if self.low is None and self.high is None:
+            return self.first
+        if self.high is None:
+            assert self.low is not None
+            return 2.0 * self.low if 2.0 * self.low <= BOUNDS[1] else None
+        if self.low is None:
+            return 0.5 * self.high if 0.5 * self.high >= BOUNDS[0] else None
+        return float(np.sqrt(self.low * self.high)) if self.high - self.low > WIDTH * self.high else None
+
+    def note(self, step: float, reason: str) -> None:
+        """Take in what came of a step: why it is not stable, empty if it is."""
+        if reason:
+            self.high, self.reason = step, reason
+        else:
+            self.low = step
 
 
 def _disturbed(scene: Scene, omega: float, shape: Array) -> Scene:
@@ -453,7 +346,7 @@ LIMIT_COLUMNS = (
 
 def _spectra(job: LimitJob) -> tuple[Spectrum, ...]:
     scene = build(parse_deck(job.text, job.file, job.overrides), job.model)
-    return along(scene, seconds=job.limit)
+    return along(scene, seconds=job.budget().seconds)
 
 
 def limits(
@@ -476,17 +369,20 @@ def limits(
     LimitsError
         If the scene has nothing that swings or too many unknowns.
     """
+    deadline = time.perf_counter() + seconds
     scene = build(loaded, model)
     start = spectrum(scene, 0.0, scene.q, scene.v)
     if start.fastest <= 0.0:
         raise LimitsError(f"nothing swings in {loaded.deck.name} at the start: there is no fastest period")
-    farm = Farm(jobs, time.perf_counter() + seconds)
+    farm = Farm(jobs, deadline)
     source = loaded.source
     wanted = [(m, k) for m in methods for k in ((1, 2, 3, 4, 5) if m == "gear" else (None,))]
-    base = LimitJob(source.text, source.file, loaded.overrides, model, "", None, limit)
-    farm.add(Task("spectra", _spectra, base, limit))
-    for method, order in wanted:
-        farm.add(Task((method, order), measure, replace(base, method=method, order=order), limit))
+    base = LimitJob(source.text, source.file, loaded.overrides, model, "", None, limit, deadline)
+    turns = [-(-left // jobs) for left in range(len(wanted) + 1, 0, -1)]
+    farm.add(Task("spectra", _spectra, replace(base, turns=turns[0]), limit))
+    for (method, order), left in zip(wanted, turns[1:], strict=True):
+        job = replace(base, method=method, order=order, turns=left)
+        farm.add(Task((method, order), measure, job, limit))
     found = {outcome.key: outcome for outcome in farm.outcomes()}
     lost = {_title(key): outcome.lost for key, outcome in found.items() if outcome.lost}
     lost |= {_title(key): "the budget was used up" for key in farm.unreached()}

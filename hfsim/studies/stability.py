@@ -228,7 +228,7 @@ class Mapper:
             self.interrupted = True
         for one, (overrides, refusal) in places.items():
             if refusal:
-                found[one] = MapPoint(*one, Verdict("no result", refusal), overrides=overrides)
+                found[one] = MapPoint(*one, Verdict("deck", refusal, "deck"), overrides=overrides)
             elif one not in found:
                 found[one] = MapPoint(
                     *one, Verdict("not computed", "the budget was used up"), overrides=overrides
@@ -417,7 +417,7 @@ def _in_order(points: Iterable[MapPoint], plan: Plan) -> tuple[MapPoint, ...]:
 
 # --- bisection -----------------------------------------------------------------------------------
 
-_SILENT = ("no result", "not computed")
+_SILENT = ("deck", "no result", "not computed")
 """Classes that say nothing about the point."""
 _MOST_ROUNDS = 40
 
@@ -473,7 +473,7 @@ def _boundary(row: tuple[str, str], low: MapPoint, high: MapPoint) -> Boundary:
 
 # --- tables --------------------------------------------------------------------------------------
 
-_FACTS = ("time_error", "model_error", "energy_drift", "growth", "channel", "reason")
+_FACTS = ("time_error", "model_error", "energy_drift", "growth", "channel", "cause", "item", "reason")
 
 
 def csv_columns(result: StabilityMap) -> tuple[str, ...]:
