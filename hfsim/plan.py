@@ -47,9 +47,10 @@ COSTS = {
 }
 """Microseconds of CPU of one call for 16 states, per unit of each feature.
 
-Fitted by non-negative least squares of relative errors to 295 measured calls (seven decks, all models, 2 to 40
-elements a beam, with and without rules; 2-core AMD EPYC). Half of them are met within 8 %, nine of ten within
-27 %, that of 64 beams in a chain to a factor of 5."""
+Fitted by non-negative least squares of relative errors to 295 measured calls (seven decks, all models, 2 to
+40 elements a beam, with and without rules; 2-core AMD EPYC). Half of them are met within 8 %, nine of ten
+within 27 %, that of 64 beams in a chain to a factor of 5.
+"""
 
 _WHY_KEPT = {
     "Coincide": "not at nodes or centres of mass, or it closes a loop",

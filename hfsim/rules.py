@@ -26,8 +26,9 @@ Sizes = dict[str, int]
 PARTS_FROM = 64
 """Coordinates of all bodies from which parts are integrated apart; below, calls cost, not what is in them.
 
-Two pendulums of 4, 6, 8 and 12 elements took 1.8, 1.5, 1.3 and 0.3 times as long apart as together, a soft and a
-stiff one 1.0, 0.9, 0.8 and 0.3 times."""
+Two pendulums of 4, 6, 8 and 12 elements took 1.8, 1.5, 1.3 and 0.3 times as long apart as together, a soft
+and a stiff one 1.0, 0.9, 0.8 and 0.3 times.
+"""
 
 
 @dataclass(frozen=True)
@@ -273,7 +274,7 @@ def _saved_joints(scene: Scene, items: Items) -> tuple[Items, Sizes]:
 
 
 def _saved_bodies(scene: Scene, items: Items) -> tuple[Items, Sizes]:
-    return items, {"unknowns": 3 * len(items), "multipliers": 3 * len(items)} if items else {}
+    return items, {"coordinates": 3 * len(items), "joint equations": 3 * len(items)} if items else {}
 
 
 def _saved_rates(scene: Scene, items: Items) -> tuple[Items, Sizes]:

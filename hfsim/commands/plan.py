@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hfsim.deck import LoadedDeck
     from hfsim.studies.plan import RuleCost
 
-_PROOF_SHARE = 0.25
+_PROOF_SHARE = 0.1
 """Part of the duration for which single rules are timed in the proof."""
 
 

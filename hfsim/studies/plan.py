@@ -26,6 +26,10 @@ CALLS = 5e-3
 """CPU time of the calls that are timed together [s]."""
 STEPS = 50
 """Steps over which results with and without a rule are compared."""
+TURN = 0.25
+"""Angle by which the fastest mode turns from stage to stage in these steps [rad]."""
+SHORT = 200
+"""These steps are at most the duration over this."""
 TIGHT = 1e-13
 """Tolerance of the equations of a step in that comparison."""
 
@@ -148,8 +152,8 @@ def largest_difference(loaded: LoadedDeck, rule: str) -> tuple[float, float]:
     """Return how far results with and without a rule are apart.
 
     Both runs make the same `STEPS` fixed steps of Gauss collocation, in each of which the fastest mode turns
-    by one radian a stage, and solve them to `TIGHT`; where parts are integrated apart there are no common
-    steps, and both runs follow the tolerance `TIGHT`.
+    by `TURN` a stage, and solve them to `TIGHT`; where parts are integrated apart there are no common steps,
+    and both runs follow the tolerance `TIGHT`.
 
     Returns
     -------
@@ -167,7 +171,7 @@ def _tight(loaded: LoadedDeck, planned: LoadedDeck, rule: str) -> LoadedDeck:
     solve = {"method": "gauss", "tolerance": TIGHT, "stages": None, "order": None, "max_steps": None}
     scene = build(_solving(planned, solve))
     step = choose(scene.deck.solve, False).start(problem_of(scene), 0.0, scene.q, scene.v)
-    step = min(step, scene.deck.solve.duration / STEPS)
+    step = min(TURN * step, scene.deck.solve.duration / SHORT)
     apart = bool(scene.parts) and rule in ("parts", ALL)
     solve |= {"duration": STEPS * step, "step": None if apart else step}
     return _solving(loaded, solve, STEPS * step / 10)
