@@ -1,6 +1,7 @@
 """What rules leave out changes no result, and they leave out nothing that a scene needs."""
 
 import json
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -83,7 +84,7 @@ def cases(table):
 def test_results_are_the_same_with_and_without(rule, path, settings):
     loaded = load_deck(path, settings)
     assert rule in firing(build(loaded))
-    difference, rest = largest_difference(loaded, rule)
+    difference, rest = largest_difference(loaded, rule, steps=20)
     assert difference < 1e-12
     # rates carry the rounding of the fastest mode, energies that of the stiffest
     assert rest < 1e-10
@@ -121,7 +122,7 @@ def test_one_rule_can_be_kept_and_unknown_ones_are_refused():
     scene = build(load_deck(SPARE, ["solve.keep=[weight, parts]"]))
     assert not {"weight", "parts"} & set(firing(scene))
     assert "springs" in firing(scene)
-    with pytest.raises(DeckError, match="no rule 'wieght'.*did you mean 'weight'"):
+    with pytest.raises(DeckError, match=r"no rule 'wieght'.*did you mean 'weight'"):
         load_deck(SPARE, ["solve.keep=[wieght]"])
 
 
@@ -154,7 +155,7 @@ def test_bodies_on_welded_bodies_are_folded_too():
 
 
 def test_a_scene_in_which_nothing_moves_is_left_as_it_is():
-    still = TOWER.replace("type: revolute, between: [storey.top, bob]", "type: fixed, between: [storey.top, bob]")
+    still = TOWER.replace("revolute", "fixed")
     assert not build(parse_deck(still)).left_out["fixed_bodies"]
 
 
@@ -170,7 +171,8 @@ def test_a_body_welded_twice_is_still_refused():
 def test_each_part_has_its_own_steps_and_all_are_counted():
     scene = build(load_deck(SPARE))
     assert [part.bodies for part in scene.parts] == [("arm", "bob"), ("wheel", "blade"), ("gauge",)]
-    assert np.array_equal(np.sort(np.concatenate([p.columns for p in scene.parts])), np.arange(scene.system.n))
+    columns = np.concatenate([part.columns for part in scene.parts])
+    assert np.array_equal(np.sort(columns), np.arange(scene.system.n))
     for part in scene.parts:
         assert scene.q[part.columns] == pytest.approx(part.scene.q, abs=1e-14)
         assert scene.v[part.columns] == pytest.approx(part.scene.v, abs=1e-14)
@@ -199,7 +201,7 @@ def test_joined_steps_are_the_same_polynomials():
     def path(ends, seed, n):
         rng, q, v = np.random.default_rng(seed), np.zeros(n), np.ones(n)
         steps = []
-        for a, b in zip(ends[:-1], ends[1:], strict=True):
+        for a, b in pairwise(ends):
             steps.append(Segment(a, b - a, q, v, rng.normal(size=(5 + seed, n))))
             (q,), (v,) = steps[-1].at(np.array([b]))
         return Trajectory(ends[0], ends[-1], q, v, steps)
@@ -261,12 +263,12 @@ def test_plan_tells_people_and_programs():
 
 
 def test_plan_measures():
-    settings = ("--set", "solve.duration=0.02", "--repeats", 1)
+    settings = ("--set", "solve.duration=0.02", "--set", "bodies.b1.elements=1", "--repeats", 1)
     facts = json.loads(call("plan", "pendulum", "--measure", "--json", "-q", *settings).stdout)
     assert {one["rule"] for one in facts["measured"]} == {"damping", "tree_joints", "constant_mass", "rates",
                                                          "work", "all"}  # fmt: skip
-    table = call("plan", "pendulum", "--proof", *settings).output
-    assert "all rules together" in table and "tree_joints" in table
+    table = call("plan", NEEDED, "--proof", "--repeats", 1).output
+    assert "all rules together" in table and "fired in none of them: weight, springs" in table
 
 
 def test_every_summary_has_the_plan(tmp_path):
@@ -292,6 +294,7 @@ def test_compare_keeps_all_on_demand(tmp_path):
 
 def test_forces_keep_their_names_when_others_are_left_out():
     for settings, left in (([], ["pull", "coil"]), (["solve.keep_all=true"], ["pull", "coil", "idle"])):
-        named = {path: part for path, part in force_items(build(load_deck(SPARE, settings))) if "spring" in path}
+        items = force_items(build(load_deck(SPARE, settings)))
+        named = {path: part for path, part in items if path.startswith("springs.")}
         assert list(named) == [f"springs.{name}" for name in left]
         assert [part.stiffness for part in named.values()] == [30.0, 4.0, 0.0][: len(left)]

@@ -25,7 +25,7 @@ STATES = 16
 CALLS = 5e-3
 """CPU time of the calls that are timed together [s]."""
 STEPS = 50
-"""Steps over which results with and without a rule are compared."""
+"""Steps over which results with and without a rule are compared, unless said otherwise."""
 TURN = 0.25
 """Angle by which the fastest mode turns from stage to stage in these steps [rad]."""
 SHORT = 200
@@ -148,10 +148,10 @@ def _calls(scene: Scene) -> Callable[[], float]:
 # --- agreement -----------------------------------------------------------------------------------
 
 
-def largest_difference(loaded: LoadedDeck, rule: str) -> tuple[float, float]:
+def largest_difference(loaded: LoadedDeck, rule: str, steps: int = STEPS) -> tuple[float, float]:
     """Return how far results with and without a rule are apart.
 
-    Both runs make the same `STEPS` fixed steps of Gauss collocation, in each of which the fastest mode turns
+    Both runs make the same fixed steps of Gauss collocation, in each of which the fastest mode turns
     by `TURN` a stage, and solve them to `TIGHT`; where parts are integrated apart there are no common steps,
     and both runs follow the tolerance `TIGHT`.
 
@@ -162,19 +162,19 @@ def largest_difference(loaded: LoadedDeck, rule: str) -> tuple[float, float]:
     float
         Largest difference of any other channel over the largest value with its unit (or 1).
     """
-    one, other = (_tight(deck, loaded, rule) for deck in (loaded, keeping(loaded, rule)))
+    one, other = (_tight(deck, loaded, rule, steps) for deck in (loaded, keeping(loaded, rule)))
     runs = [simulate(deck, error_estimate=False) for deck in (one, other)]
     return differences(*runs)
 
 
-def _tight(loaded: LoadedDeck, planned: LoadedDeck, rule: str) -> LoadedDeck:
+def _tight(loaded: LoadedDeck, planned: LoadedDeck, rule: str, steps: int) -> LoadedDeck:
     solve = {"method": "gauss", "tolerance": TIGHT, "stages": None, "order": None, "max_steps": None}
     scene = build(_solving(planned, solve))
     step = choose(scene.deck.solve, False).start(problem_of(scene), 0.0, scene.q, scene.v)
     step = min(TURN * step, scene.deck.solve.duration / SHORT)
     apart = bool(scene.parts) and rule in ("parts", ALL)
-    solve |= {"duration": STEPS * step, "step": None if apart else step}
-    return _solving(loaded, solve, STEPS * step / 10)
+    solve |= {"duration": steps * step, "step": None if apart else step}
+    return _solving(loaded, solve, steps * step / 10)
 
 
 def differences(one: Run, other: Run) -> tuple[float, float]:
