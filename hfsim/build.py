@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Any
 
 import numpy as np
 
 from hfsim.arrays import Array, IntArray
 from hfsim.bodies import BeamSpec, RigidSpec
-from hfsim.bodies.assembled import Body, LowOrderBody, NodalBeam, RigidBody
-from hfsim.constraints import Constraint
+from hfsim.bodies.assembled import Body, FoldedBody, LowOrderBody, NodalBeam, RigidBody
+from hfsim.constraints import Along, Constraint, RelativeAngle
 from hfsim.deck import Deck, LoadedDeck
 from hfsim.elements import ELEMENTS, Cable, ElasticLaw, Inertia, Measures, Stiffness, join_laws
 from hfsim.elimination import eliminate
@@ -34,6 +35,7 @@ from hfsim.models.mesh import BeamMesh
 from hfsim.models.natural import InteriorBeams, NaturalBeams
 from hfsim.parts import ForcePart
 from hfsim.rank import dependence
+from hfsim.rules import LeftOut, apply_rules, connected, still_bodies, welds
 from hfsim.spec import split_point
 from hfsim.start import Start, starting_state
 from hfsim.system import System
@@ -55,6 +57,10 @@ class Scene:
         State at the start, consistent with the joints.
     start_angles : dict of str to float
         Angle of each body frame at the start, with the full turns the deck states [rad].
+    left_out : LeftOut
+        What the rules found that the scene does not need.
+    parts : tuple of Part
+        Parts that nothing connects and that are integrated by themselves; none where all is one.
     """
 
     loaded: LoadedDeck
@@ -65,6 +71,8 @@ class Scene:
     q: Array
     v: Array
     start_angles: dict[str, float]
+    left_out: LeftOut
+    parts: tuple[Part, ...] = ()
 
     @property
     def deck(self) -> Deck:
@@ -74,6 +82,24 @@ class Scene:
     def marker(self, point: str) -> Marker:
         """Return the marker of a point such as ``b1.tip``."""
         return find_marker(point, self.bodies, self.deck)
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of a scene that nothing connects to the rest.
+
+    Attributes
+    ----------
+    bodies : tuple of str
+    scene : Scene
+        The part alone.
+    columns : ndarray of int
+        Where its state stands in that of the whole scene.
+    """
+
+    bodies: tuple[str, ...]
+    scene: Scene
+    columns: IntArray
 
 
 def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
@@ -93,7 +119,7 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
     deck = loaded.deck
     name = model or deck.solve.model
     kind = MODELS[name].stepping_in(deck.solve.coordinates)
-    bodies, meshes = _bodies(deck, kind)
+    bodies = _bodies(deck, kind)
     joints, constraints = _joints(deck, bodies)
     start = Start(
         bodies=bodies,
@@ -103,7 +129,15 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
         refuse=loaded.problem,
     )
     x, u, angles = starting_state(start)
-    system = _system(deck, kind, bodies, meshes, constraints, x)
+    left_out = apply_rules(deck, kind)
+    if left_out.fires("fixed_bodies"):
+        moving = _moving_columns(bodies, still_bodies(deck, kind))
+        bodies = _folded(deck, kind, bodies, x, angles)
+        joints, constraints = _joints(deck, bodies, left_out)
+        x, u = x[moving], u[moving]
+    elif left_out.fires("standing_drivers"):
+        joints, constraints = _joints(deck, bodies, left_out)
+    system = _system(deck, kind, bodies, constraints, left_out, x)
     _check_independent(loaded, system, joints, x)
     near = np.zeros((1, system.n))
     for body in bodies.values() if system.charts else ():
@@ -111,7 +145,53 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
             near[0, body.angle_column] = angles[body.name]
     q, v = system.state(x[None], u[None], near)
     q, v = system.project(np.zeros(1), q, v)
-    return Scene(loaded, name, system, bodies, joints, q[0], v[0], angles)
+    scene = Scene(loaded, name, system, bodies, joints, q[0], v[0], angles, left_out)
+    return replace(scene, parts=_parts(scene, kind)) if left_out.fires("parts") else scene
+
+
+def _parts(scene: Scene, kind: Model) -> tuple[Part, ...]:
+    """Assemble each part by itself."""
+    still = still_bodies(scene.deck, kind)
+    return tuple(_part(scene, group, still) for group in connected(scene.deck, still))
+
+
+def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
+    deck, there = scene.deck, {"ground", *group, *still}
+
+    def tied(entries: dict[str, Any]) -> dict[str, Any]:
+        return {k: e for k, e in entries.items() if {split_point(end)[0] for end in e.between} <= there}
+
+    update = {
+        "bodies": {name: spec for name, spec in deck.bodies.items() if name in there},
+        "joints": tied(deck.joints),
+        "springs": tied(deck.springs),
+        "loads": {k: load for k, load in deck.loads.items() if split_point(load.at)[0] in there},
+        "initial": {name: entry for name, entry in deck.initial.items() if name in there},
+    }
+    part = build(LoadedDeck(deck.model_copy(update=update), scene.loaded.source), scene.model)
+    columns = [np.arange(scene.bodies[n].columns.start, scene.bodies[n].columns.stop) for n in group]
+    x_columns, of_x = np.concatenate(columns), np.zeros(scene.system.n_x, dtype=np.intp)
+    of_x[scene.system.reduction.rows] = np.arange(scene.system.n)
+    return Part(group, part, of_x[x_columns[part.system.reduction.rows]])
+
+
+def _moving_columns(bodies: dict[str, Body], still: tuple[str, ...]) -> IntArray:
+    moving = (body.columns for name, body in bodies.items() if name not in still)
+    return np.concatenate([np.arange(columns.start, columns.stop) for columns in moving])
+
+
+def _folded(
+    deck: Deck, model: Model, bodies: dict[str, Body], x: Array, angles: dict[str, float]
+) -> dict[str, Body]:
+    """Number the coordinates anew without the bodies that cannot move."""
+    places = {
+        name: bodies[name].marker((0.0, 0.0)).position(x[None])[0] for name in still_bodies(deck, model)
+    }
+    folded = {
+        name: FoldedBody(name, (float(place[0]), float(place[1])), angles[name], bodies[name].points)
+        for name, place in places.items()
+    }
+    return _bodies(deck, model, folded)
 
 
 def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:
@@ -124,18 +204,20 @@ def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:
     return body.marker(body.points[name] if name else (0.0, 0.0))
 
 
-def _bodies(deck: Deck, model: Model) -> tuple[dict[str, Body], dict[str, BeamMesh]]:
-    """Number the coordinates: each body has a run of its own in x."""
+def _bodies(deck: Deck, model: Model, folded: dict[str, FoldedBody] | None = None) -> dict[str, Body]:
+    """Number the coordinates: each body that is not folded has a run of its own in x."""
     bodies: dict[str, Body] = {}
-    meshes: dict[str, BeamMesh] = {}
     at = 0
     for name, spec in deck.bodies.items():
+        if folded and name in folded:
+            bodies[name] = folded[name]
+            continue
         points = {key: (place[0], place[1]) for key, place in spec.points.items()}
         if isinstance(spec, RigidSpec):
             bodies[name] = RigidBody(name, slice(at, at + 3), points)
             at += 3
             continue
-        mesh = meshes[name] = _mesh(deck, spec)
+        mesh = _mesh(deck, spec)
         points |= {"root": (0.0, 0.0), "tip": (spec.length, 0.0)}
         columns = slice(at, at + 2 * mesh.n_vectors)
         at = columns.stop
@@ -143,7 +225,7 @@ def _bodies(deck: Deck, model: Model) -> tuple[dict[str, Body], dict[str, BeamMe
             bodies[name] = LowOrderBody(name, _low_order_beam(deck, name, mesh, columns), points)
         else:
             bodies[name] = NodalBeam(name, columns, mesh, model.frame, points)
-    return bodies, meshes
+    return bodies
 
 
 def _mesh(deck: Deck, spec: BeamSpec) -> BeamMesh:
@@ -190,44 +272,63 @@ def _low_order_beam(deck: Deck, name: str, mesh: BeamMesh, columns: slice) -> Lo
     )
 
 
-def _joints(deck: Deck, bodies: dict[str, Body]) -> tuple[dict[str, tuple[int, ...]], tuple[Constraint, ...]]:
+def _joints(
+    deck: Deck, bodies: dict[str, Body], left_out: LeftOut | None = None
+) -> tuple[dict[str, tuple[int, ...]], tuple[Constraint, ...]]:
     joints: dict[str, tuple[int, ...]] = {}
     constraints: list[Constraint] = []
+    held = welds(deck, [name for name, body in bodies.items() if isinstance(body, FoldedBody)])
     for name, spec in deck.joints.items():
         first, second = (find_marker(point, bodies, deck) for point in spec.between)
-        rows = spec.build(first, second)
+        rows = () if name in held else spec.build(first, second)
+        if left_out is not None and f"joints.{name}" in left_out["standing_drivers"]:
+            rows = tuple(_standing(row) for row in rows)
         joints[name] = tuple(range(len(constraints), len(constraints) + len(rows)))
         constraints.extend(rows)
     return joints, tuple(constraints)
+
+
+def _standing(row: Constraint) -> Constraint:
+    """Return the equation of a driver whose law is constant as that of a joint."""
+    if isinstance(row, RelativeAngle) and row.law is not None:
+        return replace(row, offset=row.offset + float(row.law.value(0.0)), law=None)
+    assert isinstance(row, Along)
+    return replace(row, law=None)
 
 
 def _system(
     deck: Deck,
     model: Model,
     bodies: dict[str, Body],
-    meshes: dict[str, BeamMesh],
     constraints: tuple[Constraint, ...],
+    left_out: LeftOut,
     x: Array,
 ) -> System:
     n = len(x)
     sparse = n > DENSE_UP_TO and not model.frame
     mass = _constant_mass(deck, bodies, n, sparse)
     variable = [body.beam for body in bodies.values() if isinstance(body, LowOrderBody)]
-    forces: list[ForcePart] = [*variable, *_weight(deck, bodies, mass), *_beam_forces(deck, model, bodies, n)]
-    forces += _springs_and_loads(deck, bodies, x)
+    forces: list[ForcePart] = list(variable)
+    if not left_out.fires("weight"):
+        forces.append(_weight(deck, bodies, mass))
+    forces += [*_beam_forces(deck, model, bodies, left_out, n)]
+    forces += _springs_and_loads(deck, bodies, left_out, x)
     beams = [body for body in bodies.values() if isinstance(body, NodalBeam)]
     masses: tuple[VariableMass, ...] = tuple(variable)
     runs = list(_runs(beams))
     charts = tuple(FrameChart(_columns(run), len(run), run[0].mesh.element.stride) for run in runs)
-    free = eliminate(bodies, () if model.frame else constraints, sparse)
+    moving = {name: body for name, body in bodies.items() if not isinstance(body, FoldedBody)}
+    free = eliminate(moving, constraints if left_out.fires("tree_joints") else (), sparse)
     natural = NaturalIncrements(
         tuple(_natural(run, model) for run in runs), free.reduction, free.ties, free.natural_columns
     )
     return System(
         charts=charts if model.frame else (),
         forces=tuple(forces),
-        equations=Equations(mass, masses, constraints, free.reduction),
+        equations=Equations(mass, masses, constraints, free.reduction, left_out.fires("constant_mass")),
         natural=natural if model.strain == "exact" else None,
+        keeps_rates=not left_out.fires("rates"),
+        keeps_work=not left_out.fires("work"),
     )
 
 
@@ -239,23 +340,26 @@ def _constant_mass(deck: Deck, bodies: dict[str, Body], n: int, sparse: bool) ->
             block = np.kron(body.mesh.element.mass(body.mesh.inertia), np.eye(2))
             columns = _element_columns(body)
             parts.append(Entries.of_block(columns, columns, np.tile(block, (len(columns), 1, 1))))
-        elif isinstance(spec, RigidSpec):
+        elif isinstance(body, RigidBody) and isinstance(spec, RigidSpec):
             columns = np.arange(body.columns.start, body.columns.stop)
             parts.append(Entries(columns, columns, np.array([spec.mass, spec.mass, spec.inertia])))
     return assemble(parts, (n, n), sparse)
 
 
-def _weight(deck: Deck, bodies: dict[str, Body], mass: Matrix) -> Iterable[ForcePart]:
-    """Weight as mass times a uniform field of accelerations; nothing without gravity."""
-    if not any(deck.gravity):
-        return
+def _weight(deck: Deck, bodies: dict[str, Body], mass: Matrix) -> ConstantForce:
+    """Weight as mass times a uniform field of accelerations."""
+    energy = 0.0
     field = np.zeros(mass.shape[0])
     for body in bodies.values():
         if isinstance(body, NodalBeam):
             field[body.columns] = np.kron(body.mesh.positions, deck.gravity)
         elif isinstance(body, RigidBody):
             field[body.columns] = [*deck.gravity, 0.0]
-    yield ConstantForce(mass @ field)
+        elif isinstance(body, FoldedBody):
+            spec = deck.bodies[body.name]
+            assert isinstance(spec, RigidSpec)
+            energy -= spec.mass * float(np.dot(deck.gravity, body.origin))
+    return ConstantForce(mass @ field, energy)
 
 
 def _runs(beams: list[NodalBeam]) -> Iterable[list[NodalBeam]]:
@@ -285,7 +389,9 @@ def _alike(a: NodalBeam, b: NodalBeam) -> bool:
     return side_by_side and np.array_equal(a.mesh.undeformed, b.mesh.undeformed)
 
 
-def _beam_forces(deck: Deck, model: Model, bodies: dict[str, Body], n: int) -> Iterable[ForcePart]:
+def _beam_forces(
+    deck: Deck, model: Model, bodies: dict[str, Body], left_out: LeftOut, n: int
+) -> Iterable[ForcePart]:
     beams = [body for body in bodies.values() if isinstance(body, NodalBeam)]
     if model.strain == "linear":
         for body in beams:
@@ -297,8 +403,7 @@ def _beam_forces(deck: Deck, model: Model, bodies: dict[str, Body], n: int) -> I
     for group in groups.values():
         yield _elastic_force(deck, group, n)
     for body in beams:
-        material = deck.materials[_spec(deck, body).material]
-        if material.axial_damping or material.bending_damping:
+        if f"damping of bodies.{body.name}" not in left_out["damping"]:
             yield _kelvin_voigt(deck, body, n)
 
 
@@ -386,16 +491,19 @@ def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
     )
 
 
-def _springs_and_loads(deck: Deck, bodies: dict[str, Body], x: Array) -> list[ForcePart]:
+def _springs_and_loads(deck: Deck, bodies: dict[str, Body], left_out: LeftOut, x: Array) -> list[ForcePart]:
     forces: list[ForcePart] = []
-    for spring in deck.springs.values():
+    for name, spring in deck.springs.items():
+        if f"springs.{name}" in left_out["springs"]:
+            continue
         first, second = (find_marker(point, bodies, deck) for point in spring.between)
         if isinstance(spring, TwoPointSpec):
             gap = second.position(x[None]) - first.position(x[None])
             forces.append(spring.build(first, second, float(np.linalg.norm(gap))))
         else:
             forces.append(spring.build(first, second))
-    forces += [load.build(find_marker(load.at, bodies, deck)) for load in deck.loads.values()]
+    acting = (load for name, load in deck.loads.items() if f"loads.{name}" not in left_out["loads"])
+    forces += [load.build(find_marker(load.at, bodies, deck)) for load in acting]
     return forces
 
 

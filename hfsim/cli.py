@@ -21,6 +21,7 @@ COMMANDS = {
     "bench": "Error against run time: methods, tolerances, models, meshes.",
     "stability": "Where methods and models hold: maps over stiffness, speed, step and any entry.",
     "extreme": "The decks at the edge of what can be solved, held against what is expected.",
+    "plan": "What is built of a scene and what is left out: reasons, savings, cost.",
     "check": "Validate and assemble decks; run nothing, write nothing.",
 }
 """Sub-command: its line in ``hfsim --help``; a module of `hfsim.commands` has a function of that name."""

@@ -71,10 +71,10 @@ def _usable(values: Array) -> bool:
 
 def force_items(scene: Scene) -> Iterator[tuple[str, ForcePart]]:
     """Yield each force of a scene with its deck path; empty where it belongs to several bodies."""
-    named = [f"springs.{name}" for name in scene.deck.springs] + [
-        f"loads.{name}" for name in scene.deck.loads
-    ]
-    forces = scene.system.forces
+    every = [f"springs.{name}" for name in scene.deck.springs]
+    every += [f"loads.{name}" for name in scene.deck.loads]
+    gone = scene.left_out["springs"] + scene.left_out["loads"]
+    named, forces = [item for item in every if item not in gone], scene.system.forces
     own = len(forces) - len(named)
     for part in forces[:own]:
         name = getattr(part, "name", "")
@@ -87,5 +87,5 @@ def body_of(scene: Scene, weight: Array | BoolArray) -> str:
     system = scene.system
     if len(weight) != system.n_x:
         weight = system.reduction.expand_rates(np.abs(weight)[None].astype(float))[0]
-    body = max(scene.bodies.values(), key=lambda one: float(np.abs(weight[one.columns]).max()))
+    body = max(scene.bodies.values(), key=lambda one: float(np.abs(weight[one.columns]).max(initial=0.0)))
     return f"bodies.{body.name}"

@@ -27,6 +27,7 @@ from hfsim.forces import AnyLoad, AnySpring, ForceSpec
 from hfsim.joints import AnyJoint, DriverSpec, PrismaticSpec
 from hfsim.laws import TableSpec
 from hfsim.materials import MaterialSpec, SectionSpec
+from hfsim.rules import RULES
 from hfsim.spec import (
     AccelerationVector,
     Angle,
@@ -34,6 +35,7 @@ from hfsim.spec import (
     Complaint,
     Count,
     EmptyAllowed,
+    Flag,
     LengthVector,
     Name,
     Number,
@@ -72,6 +74,12 @@ def _check_format(value: object) -> object:
 def _check_model(value: object) -> object:
     if value == "auto":
         raise refusal("'auto' is not available yet; choose linear, lowOrder, exact or ancf")
+    return value
+
+
+def _check_rule(value: str) -> str:
+    if value not in RULES:
+        raise refusal(f"there is no rule '{value}'", did_you_mean(value, RULES))
     return value
 
 
@@ -141,6 +149,12 @@ class SolveSpec(Spec):
     max_steps: Count | None = None
     """Steps after which the run stops [-]."""
 
+    keep: tuple[Annotated[str, AfterValidator(_check_rule)], ...] = ()
+    """Rules that are not to leave anything out; `hfsim plan` names them."""
+
+    keep_all: Flag = False
+    """Build and compute everything, whether the scene needs it or not: for checking."""
+
     def complaints(self) -> Iterator[Complaint]:
         """Yield a step longer than the run."""
         if self.step is not None and self.step > self.duration:
@@ -157,6 +171,9 @@ class OutputSpec(Spec):
 
     channels: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     """Columns; without it, the tips of beams, the rigid bodies and the total energy."""
+
+    plots: Flag = True
+    """Whether pictures are drawn."""
 
 
 class Deck(Spec):
@@ -207,6 +224,7 @@ class Deck(Spec):
         filled = OutputSpec.model_construct(
             interval=self.output.interval or self.solve.duration / 200,
             channels=self.output.channels or default_channels(self.bodies),
+            plots=self.output.plots,
         )
         object.__setattr__(self, "output", filled)
         return self

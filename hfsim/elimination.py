@@ -200,9 +200,9 @@ def _clamp(constraint: Constraint) -> tuple[IntArray, float] | None:
         return None
     first, second = constraint.first, constraint.second
     if isinstance(first, GroundMarker) and isinstance(second, NodalMarker):
-        slope, angle = second.slope_columns, constraint.offset
+        slope, angle = second.slope_columns, first.turn + constraint.offset
     elif isinstance(second, GroundMarker) and isinstance(first, NodalMarker):
-        slope, angle = first.slope_columns, -constraint.offset
+        slope, angle = first.slope_columns, second.turn - constraint.offset
     else:
         return None
     return None if slope is None else (slope, angle)

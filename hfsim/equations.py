@@ -60,12 +60,15 @@ class Equations:
     all_constraints : tuple of Constraint
     reduction : Reduction
         Which of them it eliminates is left out here.
+    once : bool
+        Factorise matrices that never change once; otherwise in every state, as if they did.
     """
 
     constant_mass: Matrix
     variable_mass: tuple[VariableMass, ...]
     all_constraints: tuple[Constraint, ...]
     reduction: Reduction
+    once: bool = True
 
     @cached_property
     def n(self) -> int:
@@ -209,10 +212,15 @@ class Equations:
 
     # ------------------------------------------------------------------ solution
 
+    @property
+    def _changes(self) -> bool:
+        """Whether the mass matrix is treated as one that depends on the state."""
+        return bool(self.variable_mass) or not self.once
+
     @cached_property
     def solution(self) -> Array | None:
         """Matrix W, shape (n_x, n), with z'' = f W, in small scenes whose matrices never change."""
-        if self.variable_mass or not self.constraints_constant or is_sparse(self.constant_mass):
+        if self._changes or not self.constraints_constant or is_sparse(self.constant_mass):
             return None
         inverse = self._inverse_mass
         if self.constraints:
@@ -247,7 +255,7 @@ class Equations:
         """Solve M a + Phi_z^T lambda = f, Phi_z a = gamma for the free coordinates, f (n_batch, n)."""
         if is_sparse(self.constant_mass) and not self.variable_mass:
             return self._solve_sparse(x, f, gamma)
-        if self.variable_mass:
+        if self._changes:
             return self._solve_whole(x, f, gamma)
         free = f @ self._inverse_mass
         if not self.constraints:
@@ -331,13 +339,15 @@ class Equations:
 
     def _solve_sparse(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         rhs = np.concatenate([f, gamma], axis=1)
-        if self.constraints_constant:
+        if self.constraints_constant and self.once:
             solution = self._constant_factor(rhs)
         else:
             solution = np.array([self._factor_at(x, k)(rhs[k]) for k in range(len(rhs))])
         return solution[:, : self.n], solution[:, self.n :]
 
     def _factor_at(self, x: Array, k: int) -> Callable[[Array], Array]:
+        if not self.constraints:
+            return factorised(self.free_mass)
         return factorised(saddle_point(self.free_mass, self.jacobian_at(x, k) @ self.reduction.basis))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from hfsim.arrays import Array
@@ -11,7 +11,7 @@ from hfsim.build import Scene
 from hfsim.culprit import non_finite
 from hfsim.deck import SolveSpec
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose, integrate
+from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose, integrate, joined
 from hfsim.runaway import DisplacementWatch, EnergyWatch
 
 Progress = Callable[[float], None]
@@ -49,17 +49,10 @@ def run_integration(
     extra : callable, optional
         Called with every kept state like the watches against models that run away; may raise.
     """
+    if scene.parts and start is None and extra is None:
+        return _run_parts(scene, solve, progress)
     system, duration = scene.system, solve.duration
-    problem = Problem(
-        acceleration=system.acceleration,
-        project=partial(system.project, strict=True),
-        dissipates=system.dissipates,
-        admissible=system.admissible,
-        breakdown=system.breakdown,
-        culprit=lambda t, q, v: non_finite(scene, t, q, v),
-        linearized=system.linearized if system.linearizes else None,
-        increments=system.natural or PlainIncrements(),
-    )
+    problem = problem_of(scene)
     method = choose(solve, system.dissipates)
     watches: list[Watch] = [EnergyWatch(system), DisplacementWatch(system)]
     if extra is not None:
@@ -80,3 +73,51 @@ def run_integration(
     limits = Limits(solve.step, solve.max_steps)
     trajectory, stop = integrate(problem, method, begin, duration, limits, watch)
     return Integration(trajectory, problem, method.name, stop)
+
+
+def problem_of(scene: Scene) -> Problem:
+    """Return the equations of motion of a scene as integrators see them."""
+    system = scene.system
+    return Problem(
+        acceleration=system.acceleration,
+        project=partial(system.project, strict=True),
+        dissipates=system.dissipates,
+        admissible=system.admissible,
+        breakdown=system.breakdown,
+        culprit=lambda t, q, v: non_finite(scene, t, q, v),
+        linearized=system.linearized if system.linearizes else None,
+        increments=system.natural or PlainIncrements(),
+    )
+
+
+def _run_parts(scene: Scene, solve: SolveSpec, progress: Progress | None) -> Integration:
+    """Integrate each part of a scene with steps of its own; a part that stops ends all at that time."""
+    problem, runs, end = problem_of(scene), [], solve.duration
+    stop: HfsimError | KeyboardInterrupt | None = None
+    for number, part in enumerate(scene.parts):
+        told = None if progress is None else _share(progress, number, len(scene.parts))
+        run = run_integration(part.scene, solve.model_copy(update={"duration": end}), told)
+        runs.append(run)
+        problem.counts.add(run.problem.counts)
+        end = min(end, run.trajectory.t_end)
+        if run.stop is not None:
+            stop = _named(run.stop, part.bodies)
+        if isinstance(stop, KeyboardInterrupt) or not end:
+            break
+    if len(runs) < len(scene.parts) or not end:
+        return Integration(Trajectory(0.0, 0.0, scene.q, scene.v), problem, runs[0].method, stop)
+    paths = [(run.trajectory, part.columns) for run, part in zip(runs, scene.parts, strict=True)]
+    methods = ", ".join(dict.fromkeys(run.method for run in runs))
+    return Integration(joined(paths, end), problem, methods, stop)
+
+
+def _share(progress: Progress, number: int, count: int) -> Progress:
+    return lambda share: progress((number + share) / count)
+
+
+def _named(stop: HfsimError | KeyboardInterrupt, bodies: tuple[str, ...]) -> HfsimError | KeyboardInterrupt:
+    """Say which part of the scene stopped."""
+    part = f"in the part of {', '.join(bodies)}: "
+    if isinstance(stop, SolverFailure):
+        return replace(stop, reason=part + stop.reason)
+    return LimitReached(part + stop.reason, stop.time) if isinstance(stop, LimitReached) else stop

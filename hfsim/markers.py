@@ -74,9 +74,10 @@ def joint_support(*markers: Marker) -> IntArray:
 
 @dataclass(frozen=True)
 class GroundMarker:
-    """A point of the ground; it never moves."""
+    """A point of the ground, or of a body welded to it, turned by an angle [rad]; it never moves."""
 
     place: tuple[float, float] = (0.0, 0.0)
+    turn: float = 0.0
     columns: slice = field(default_factory=lambda: slice(0, 0))
     linear: bool = True
     keeps_turns: bool = True
@@ -99,8 +100,8 @@ class GroundMarker:
         return np.zeros((len(x), 2))
 
     def angle(self, x: Array) -> Array:
-        """Return zero."""
-        return np.zeros(len(x))
+        """Return the fixed angle."""
+        return np.full(len(x), self.turn)
 
     def angle_jacobian(self, x: Array) -> Array:
         """Return an empty row."""

@@ -55,5 +55,5 @@ def dependence(
     null = left[:, rank:] if rank < len(Phi_x) else left[:, -1:]
     weight = np.abs(null).max(axis=1)
     involved = (n for n, members in joints.items() if any(weight[rows[k]].max() > share for k in members))
-    size = float(sizes[-1] / sizes[0]) if len(sizes) == len(Phi_x) else 0.0
+    size = float(sizes[-1] / sizes[0]) if len(sizes) == len(Phi_x) and sizes[0] > 0.0 else 0.0
     return Dependence(len(Phi_x) - rank, size, tuple(involved))

@@ -50,6 +50,11 @@ class Reduction:
         return bool(self.basis.shape[0] == self.basis.shape[1])
 
     @cached_property
+    def rows(self) -> IntArray:
+        """The coordinate that each free one stands for, shape (n_z,)."""
+        return np.asarray(abs(self.basis).argmax(axis=0)).ravel()
+
+    @cached_property
     def _transposed(self) -> Matrix:
         return np.ascontiguousarray(self.basis.T) if not is_sparse(self.basis) else self.basis.T.tocsr()
 

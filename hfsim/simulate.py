@@ -16,6 +16,7 @@ from hfsim.diagnosis import diagnose, suspect, time_for
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integration import Integration, Progress, run_integration
 from hfsim.integrators import Trajectory
+from hfsim.plan import plan_of
 from hfsim.solution import Channel, Run
 from hfsim.validity import validity_warnings, watch_validity
 
@@ -29,6 +30,7 @@ def simulate(
     progress: Progress | None = None,
     error_estimate: bool = True,
     diagnosis: bool = False,
+    outlines: bool | None = None,
 ) -> Run:
     """Simulate one scene with one model.
 
@@ -43,6 +45,8 @@ def simulate(
         Whether to measure the error of the integration by a second, tighter one.
     diagnosis : bool
         Whether to find out by short experiments why a run fails or is suspicious.
+    outlines : bool, optional
+        Whether to compute the outlines of the bodies; without it, if the deck wants plots or everything.
 
     Returns
     -------
@@ -74,8 +78,11 @@ def simulate(
                 stop = diagnose(scene, done, time_for(clock.cpu["solve"]))
             elif stop is None:
                 statistics["suspicion"] = suspect(scene, done, statistics, time_for(clock.cpu["solve"]))
+    statistics["plan"] = plan_of(scene)
     statistics["cpu_s"], statistics["wall_s"] = clock.cpu, clock.wall
     status, reason, failure, code = _outcome(scene, stop)
+    if outlines is None:
+        outlines = not scene.left_out.fires("plots")
     return Run(
         name=scene.deck.name,
         model=scene.model,
@@ -84,7 +91,7 @@ def simulate(
         reason=reason,
         t=samples.t,
         channels=channels,
-        outlines={name: body.outline(samples.x) for name, body in scene.bodies.items()},
+        outlines={name: body.outline(samples.x) for name, body in scene.bodies.items()} if outlines else {},
         statistics=statistics,
         failure=failure,
         exit_code=code,
@@ -134,7 +141,12 @@ def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> Samples:
 
 def _turns(scene: Scene, trajectory: Trajectory, times: Array) -> dict[str, Array]:
     """Count full turns of bodies whose angle is measured from slopes, along all steps."""
-    names = [name for name, body in scene.bodies.items() if body.angle_column is None]
+    unread = scene.left_out["turns"]
+    names = [
+        name
+        for name, body in scene.bodies.items()
+        if body.angle_column is None and f"turns of bodies.{name}" not in unread
+    ]
     if not names or not len(times):
         return {}
     ends = trajectory.step_ends()

@@ -46,12 +46,16 @@ class System:
         Of the free coordinates.
     natural : NaturalIncrements or None
         Coordinates for Newton corrections of the state; None where the state's own serve.
+    keeps_rates, keeps_work : bool
+        Compute rates and the power put in even where they are not needed.
     """
 
     charts: tuple[FrameChart, ...]
     forces: tuple[ForcePart, ...]
     equations: Equations
     natural: NaturalIncrements | None
+    keeps_rates: bool = False
+    keeps_work: bool = False
 
     @property
     def n(self) -> int:
@@ -90,7 +94,7 @@ class System:
             return self.equations
         own = self.equations
         nothing = Reduction.nothing(self.n_x, is_sparse(own.constant_mass))
-        return Equations(own.constant_mass, own.variable_mass, own.all_constraints, nothing)
+        return Equations(own.constant_mass, own.variable_mass, own.all_constraints, nothing, own.once)
 
     # ------------------------------------------------------------------ coordinates
 
@@ -139,7 +143,8 @@ class System:
     @cached_property
     def uses_rates(self) -> bool:
         """Whether forces or constraints need the rates u."""
-        return any(f.uses_rates for f in self.forces) or not self.equations.constraints_constant
+        needed = any(f.uses_rates for f in self.forces) or not self.equations.constraints_constant
+        return needed or self.keeps_rates
 
     @cached_property
     def dissipates(self) -> bool:
@@ -148,7 +153,9 @@ class System:
 
     @cached_property
     def exchanges_power(self) -> bool:
-        """Whether energy can enter or leave: loads, dampers, drivers."""
+        """Whether energy can enter or leave by loads, dampers, drivers; or power is computed all the same."""
+        if self.keeps_work:
+            return True
         return any(f.exchanges_power for f in self.forces) or any(c.driven for c in self.constraints)
 
     def force(self, t: Array, x: Array, u: Array) -> Array:

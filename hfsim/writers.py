@@ -37,6 +37,7 @@ _SUMMARY_KEYS = (
     "constraint_position",
     "constraint_velocity",
     "error_estimate",
+    "plan",
 )
 """Keys that every summary has, with null where the simulation does not know."""
 

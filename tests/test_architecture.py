@@ -41,6 +41,8 @@ ALLOWED = {
     "reduction": {"arrays", "matrices"},
     "linearized": {"matrices"},
     "parts": {"arrays", "matrices"},
+    "rules": set(),
+    "plan": GROUND | {"bodies", "build", "culprit", "deck", "models", "rules"},
     "progress": set(),
     "clock": set(),
     "laws": GROUND,
@@ -56,11 +58,11 @@ ALLOWED = {
     "equations": GROUND | {"constraints", "markers"},
     "elimination": GROUND | {"bodies", "constraints", "markers", "models"},
     "system": GROUND | {"constraints", "equations", "models"},
-    "deck": GROUND | {"bodies", "forces", "joints", "laws", "materials"},
+    "deck": GROUND | {"bodies", "forces", "joints", "laws", "materials", "rules"},
     "start": GROUND | {"bodies", "constraints", "deck"},
     "build": GROUND
     | {"bodies", "constraints", "deck", "elements", "elimination", "equations"}
-    | {"forces", "markers", "models", "rank", "start", "system"},
+    | {"forces", "markers", "models", "rank", "rules", "start", "system"},
     "channels": GROUND | {"build"},
     "culprit": GROUND | {"build"},
     "integration": GROUND | {"build", "culprit", "deck", "integrators", "runaway"},
@@ -84,13 +86,13 @@ ALLOWED = {
     "runaway": GROUND | {"models", "system"},
     "simulate": GROUND
     | {"balance", "build", "channels", "clock", "deck", "diagnosis", "integration", "integrators"}
-    | {"system", "validity"},
+    | {"plan", "system", "validity"},
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
     "studies": GROUND
     | {"balance", "bodies", "build", "channels", "deck", "diagnosis", "elements", "growth", "integration"}
-    | {"integrators", "models", "simulate", "writers"},
+    | {"integrators", "models", "plan", "rules", "simulate", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }

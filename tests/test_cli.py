@@ -13,6 +13,11 @@ import pytest
 from click.testing import CliRunner
 
 import hfsim.commands
+
+# what commands import later needs the real deck module, for which the tests put in another
+import hfsim.plots
+import hfsim.studies.compare
+import hfsim.validity
 from hfsim.cli import COMMANDS, app
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.progress import Progress
@@ -23,6 +28,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 class FakeDeck:
     """A deck file of one line: its name. Overrides are kept as they are."""
+
+    output = types.SimpleNamespace(plots=True)
 
     def __init__(self, path, overrides):
         self.name = Path(path).read_text().strip()
@@ -50,7 +57,7 @@ class FakeScene:
             raise DeckError("case", [DeckProblem("joints", "cannot be closed")])
         return {"bodies": {"beam": 2, "rigid": 1}, "joints": 3, "unknowns": 40, "multipliers": 6}
 
-    def simulate(self, loaded, model=None, progress=None, error_estimate=True, diagnosis=False):
+    def simulate(self, loaded, model=None, progress=None, error_estimate=True, **_):
         self.check(loaded)
         model = model or loaded.deck.resolved()["solve"]["model"]
         self.calls.append((loaded.deck.name, model, error_estimate))

@@ -37,7 +37,7 @@ def nodal(mesh, columns, x, y=0.0):
 
 
 MARKERS = {
-    "ground": GroundMarker((0.3, -0.2)),
+    "ground": GroundMarker((0.3, -0.2), 0.4),
     "hub": RigidMarker(HUB),
     "plate": RigidMarker(PLATE, (0.4, -0.3)),
     "rope_tip": nodal(CABLE, ROPE, 1.2),

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from hfsim.arrays import Array, IntArray
-from hfsim.markers import Marker, NodalMarker, RigidMarker
+from hfsim.markers import GroundMarker, Marker, NodalMarker, RigidMarker
 from hfsim.models.low_order import LowOrderBeam, LowOrderMarker
 from hfsim.models.mesh import BeamMesh
 from hfsim.rotations import normal, rotate
@@ -87,8 +87,53 @@ class RigidBody:
 
     def outline(self, x: Array) -> Array:
         """Return the polyline from the centre of mass through the named points."""
-        places = [(0.0, 0.0), *self.points.values()]
-        return np.stack([self.marker(place).position(x) for place in places], axis=1)
+        return _polyline(self, x)
+
+
+@dataclass(frozen=True)
+class FoldedBody:
+    """A body that cannot move: it has no coordinates, and its points are points of the ground.
+
+    Attributes
+    ----------
+    origin : tuple of float
+        Place of its origin [m].
+    angle : float
+        Angle of its frame, full turns included [rad].
+    """
+
+    name: str
+    origin: Place
+    angle: float
+    points: dict[str, Place]
+    columns: slice = field(default_factory=lambda: slice(0, 0))
+
+    @property
+    def angle_column(self) -> int | None:
+        """None: it has no coordinates."""
+        return None
+
+    @property
+    def position_columns(self) -> IntArray:
+        """None."""
+        return np.zeros((0, 2), dtype=np.intp)
+
+    def marker(self, place: Place) -> Marker:
+        """Return a point of the ground."""
+        x, y = np.array(self.origin) + rotate(np.array([self.angle]), np.array(place))[0]
+        return GroundMarker((float(x), float(y)), self.angle)
+
+    def placed(self, origin: Array, angle: float) -> Array:
+        """Return no coordinates."""
+        return np.zeros(0)
+
+    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+        """Return no rates."""
+        return np.zeros(0)
+
+    def outline(self, x: Array) -> Array:
+        """Return the polyline from the origin through the named points."""
+        return _polyline(self, x)
 
 
 @dataclass(frozen=True)
@@ -171,6 +216,11 @@ class LowOrderBody:
         """Return points of the centre line."""
         places = _outline_places(self.beam.mesh)
         return np.stack([LowOrderMarker(self.beam, float(a)).position(x) for a in places], axis=1)
+
+
+def _polyline(body: Body, x: Array) -> Array:
+    places = [(0.0, 0.0), *body.points.values()]
+    return np.stack([body.marker(place).position(x) for place in places], axis=1)
 
 
 def _outline_places(mesh: BeamMesh) -> Array:

@@ -83,6 +83,12 @@ deck_options = _stacked(
 
 model_option = click.option("--model", metavar="MODEL", help="Short for --set solve.model=MODEL.")
 
+keep_all_option = click.option(
+    "--keep-all",
+    is_flag=True,
+    help="Leave nothing out: short for --set solve.keep_all=true; see 'hfsim plan'.",
+)
+
 output_options = _stacked(
     click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Where results go."),
     click.option("--force", is_flag=True, help="Replace the results of a finished run."),
@@ -362,9 +368,10 @@ def assemble(loaded: LoadedDeck) -> None:
     check(loaded)
 
 
-def with_model(overrides: Sequence[str], model: str | None) -> tuple[str, ...]:
-    """Return the overrides with ``--model`` among them; it wins over ``--set solve.model``."""
-    return (*overrides, f"solve.model={model}") if model else tuple(overrides)
+def with_settings(overrides: Sequence[str], model: str | None, keep_all: bool = False) -> tuple[str, ...]:
+    """Return the overrides with ``--model`` and ``--keep-all`` among them; they win over ``--set``."""
+    own = [f"solve.model={model}"] if model else []
+    return (*overrides, *own, *(["solve.keep_all=true"] if keep_all else []))
 
 
 def claim_study(output: Path | None, deck_name: str, suffix: str, marker: str, force: bool) -> RunFolder:

@@ -15,7 +15,7 @@ from hfsim.commands import (
     plural,
     report_error,
     talk_options,
-    with_model,
+    with_settings,
     worst,
 )
 from hfsim.errors import HfsimError
@@ -49,7 +49,7 @@ def check(
 ) -> None:
     """Validate and assemble each DECK; every one is looked at, exit code 2 if any is bad."""
     talk = Talk(quiet, verbose, as_json)
-    settings = with_model(overrides, model)
+    settings = with_settings(overrides, model)
     raise click.exceptions.Exit(worst([_check_one(argument, settings, talk) for argument in decks]))
 
 

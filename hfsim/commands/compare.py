@@ -19,12 +19,13 @@ from hfsim.commands import (
     command_line,
     deck_options,
     find_deck,
+    keep_all_option,
     load_decks,
     output_options,
     print_error,
     provenance_of,
     talk_options,
-    with_model,
+    with_settings,
 )
 
 if TYPE_CHECKING:
@@ -82,6 +83,7 @@ class Plan:
 )
 @output_options
 @deck_options
+@keep_all_option
 @click.option(
     "--error-estimate", is_flag=True, help="Let each model estimate its own time integration error too."
 )
@@ -97,6 +99,7 @@ def compare(
     force: bool,
     no_plots: bool,
     overrides: tuple[str, ...],
+    keep_all: bool,
     error_estimate: bool,
     quiet: bool,
     verbose: bool,
@@ -111,7 +114,7 @@ def compare(
     talk = Talk(quiet, verbose, as_json)
     chosen = choose_models(models, reference, require)
     plan = make_plan(
-        case or default_case(), reference, chosen, overrides, output, force,
+        case or default_case(), reference, chosen, with_settings(overrides, None, keep_all), output, force,
         plots=not no_plots, error_estimate=error_estimate, repeats=repeats, talk=talk,
     )  # fmt: skip
     raise click.exceptions.Exit(do_comparison(plan, max_error, require))
@@ -165,7 +168,7 @@ def make_plan(
     from hfsim.runfolder import claim, folder_name
 
     deck = str(find_deck(argument, talk))
-    decks = {m: load_decks([deck], with_model(overrides, m), talk, assemble)[0] for m in models}
+    decks = {m: load_decks([deck], with_settings(overrides, m), talk, assemble)[0] for m in models}
     path = output or Path(folder_name(decks[reference].deck.name, ".compare"))
     return Plan(
         argument=argument,
@@ -222,11 +225,14 @@ def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
 
     deck = plan.decks[model]
     watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
-    provenance = provenance_of(deck, plan.argument, with_model(plan.overrides, model))
+    provenance = provenance_of(deck, plan.argument, with_settings(plan.overrides, model))
     log = RunLog(plan.talk.detail)
     log.add(command_line())
     with Progress(f"{deck.deck.name}, {model}", sys.stderr, plan.talk.quiet) as progress:
-        run = simulate(deck, model=model, progress=progress, error_estimate=plan.error_estimate)
+        # the extent of the bodies is a scale of the comparison
+        run = simulate(
+            deck, model=model, progress=progress, error_estimate=plan.error_estimate, outlines=True
+        )
         solves = [run.phase_cpu("solve"), *_repeated(plan, model, run)]
     run, summary = save_run(plan.folders[model], run, provenance, watch, log, plan.plots)
     for warning in summary["warnings"]:

@@ -18,13 +18,14 @@ from hfsim.commands import (
     assemble,
     command_line,
     deck_options,
+    keep_all_option,
     load_decks,
     model_option,
     output_options,
     provenance_of,
     report_error,
     talk_options,
-    with_model,
+    with_settings,
     worst,
 )
 
@@ -59,6 +60,7 @@ class Settings:
 @output_options
 @deck_options
 @model_option
+@keep_all_option
 @click.option(
     "--no-error-estimate", is_flag=True, help="Skip the second, coarser run that estimates the error."
 )
@@ -75,6 +77,7 @@ def run(
     no_plots: bool,
     overrides: tuple[str, ...],
     model: str | None,
+    keep_all: bool,
     no_error_estimate: bool,
     no_diagnosis: bool,
     quiet: bool,
@@ -88,7 +91,7 @@ def run(
     that no deck stops the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130).
     """
     settings = Settings(
-        with_model(overrides, model),
+        with_settings(overrides, model, keep_all),
         not no_plots,
         not no_error_estimate,
         not no_diagnosis,
@@ -169,15 +172,17 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     log = RunLog(settings.talk.detail)
     log.add(command_line())
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
+    plots = settings.plots and job.loaded.deck.output.plots
     with Progress(job.loaded.deck.name, sys.stderr, settings.talk.quiet) as progress:
         result = simulate(
             job.loaded,
             progress=progress,
             error_estimate=settings.error_estimate,
             diagnosis=settings.diagnosis,
+            outlines=plots,
         )
     log.add(f"model {result.model}, method {result.method}")
-    result, summary = save_run(job.folder, result, provenance, watch, log, settings.plots)
+    result, summary = save_run(job.folder, result, provenance, watch, log, plots)
     tell(result, summary, job.folder.path, settings.talk)
     return result.exit_code
 

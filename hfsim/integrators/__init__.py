@@ -14,6 +14,7 @@ from hfsim.integrators._base import (
     Segment,
     Trajectory,
     integrate,
+    joined,
 )
 from hfsim.integrators._tableau import gauss, radau
 from hfsim.integrators.collocation import CollocationMethod
@@ -85,4 +86,5 @@ __all__ = [
     "Trajectory",
     "choose",
     "integrate",
+    "joined",
 ]

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, IntArray
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._tableau import legendre
 from hfsim.linearized import Linearized
+from hfsim.shapes import gauss_legendre
 
 
 @dataclass
@@ -29,6 +31,11 @@ class Counts:
     calls: int = 0
     """Batches in which they were."""
     factorisations: int = 0
+
+    def add(self, other: Counts) -> None:
+        """Add what another run cost."""
+        for name, value in vars(other).items():
+            setattr(self, name, getattr(self, name) + value)
 
 
 class Increments(Protocol):
@@ -256,6 +263,51 @@ class Trajectory:
     def step_ends(self) -> Array:
         """Return all step boundaries, the start and the end included."""
         return np.array([s.t for s in self.segments] + [self.t_end])
+
+
+def joined(paths: list[tuple[Trajectory, IntArray]], t_end: float) -> Trajectory:
+    """Return one trajectory of parts that were integrated apart, up to a time that all have reached.
+
+    Its steps end wherever one of any part does; within them the parts' polynomials are the same.
+
+    Parameters
+    ----------
+    paths : list of (Trajectory, ndarray of int)
+        Each part with the columns that its state has in the whole.
+    t_end : float
+    """
+    n = sum(len(columns) for _, columns in paths)
+    ends = np.unique(np.concatenate([path.step_ends() for path, _ in paths]))
+    ends = np.append(ends[ends < t_end], t_end)
+    q, v = np.empty((len(ends), n)), np.empty((len(ends), n))
+    count = max((len(s.series) for path, _ in paths for s in path.segments), default=1)
+    series = np.zeros((len(ends) - 1, count, n))
+    for path, columns in paths:
+        q[:, columns], v[:, columns] = path.at(ends)
+        if path.t_end == t_end:
+            q[-1, columns], v[-1, columns] = path.q, path.v
+        series[:, :, columns] = _cut(path.segments, ends, count)
+    steps = [Segment(a, b - a, q[k], v[k], series[k]) for k, (a, b) in enumerate(pairwise(map(float, ends)))]
+    return Trajectory(paths[0][0].t_start, float(t_end), q[-1], v[-1], steps)
+
+
+def _cut(segments: list[Segment], ends: Array, count: int) -> Array:
+    """Return the series of steps over the stretches between ``ends``, shape (n_stretches, count, n)."""
+    places, weights = gauss_legendre(count)
+    basis, _, _ = legendre(places, count)
+    fit = (2.0 * np.arange(count) + 1.0)[:, None] * basis.T * weights
+    inside = ends[:-1, None] + np.diff(ends)[:, None] * places
+    starts = np.array([step.t for step in segments])
+    owner = np.clip(np.searchsorted(starts, ends[:-1], side="right") - 1, 0, len(starts) - 1)
+    out = np.zeros((len(inside), count, segments[0].series.shape[1]))
+    for k in np.unique(owner):
+        mine, step = np.flatnonzero(owner == k), segments[k]
+        if len(mine) == 1 and ends[mine[0]] == step.t:
+            out[mine[0], : len(step.series)] = step.series
+            continue
+        values, _, _ = legendre((inside[mine].ravel() - step.t) / step.h, len(step.series))
+        out[mine] = fit @ (values @ step.series).reshape(len(mine), count, -1)
+    return out
 
 
 @dataclass(frozen=True)

@@ -213,6 +213,11 @@ class KelvinVoigtForce(ForcePart):
         """Return True."""
         return True
 
+    @property
+    def dissipates(self) -> bool:
+        """Whether there is any damping."""
+        return bool(self.axial.any() or self.bending.any())
+
     @classmethod
     def of(cls, elements: Connectivity, degree: int, axial: float, bending: float) -> KelvinVoigtForce:
         """Return the force of equal elements from EA le tau_a and EI / le tau_b [J s]."""
@@ -280,9 +285,17 @@ class KelvinVoigtForce(ForcePart):
 
 @dataclass(frozen=True)
 class ConstantForce(ForcePart):
-    """Weight of bodies whose mass matrix is constant: one vector for all states (eq. 31)."""
+    """Weight of bodies whose mass matrix is constant: one vector for all states (eq. 31).
+
+    Attributes
+    ----------
+    force : ndarray, shape (n,)
+    energy : float
+        Energy of bodies that cannot move [J].
+    """
 
     force: Array
+    energy: float = 0.0
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the constant vector."""
@@ -294,4 +307,4 @@ class ConstantForce(ForcePart):
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return minus the work of the force from the origin."""
-        return np.asarray(-(x @ self.force))
+        return np.asarray(self.energy - x @ self.force)

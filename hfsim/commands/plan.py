@@ -1,0 +1,194 @@
+"""`hfsim plan`: what is built of a scene, what is left out, why, and what that saves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hfsim.commands import (
+    CASES,
+    Talk,
+    as_table,
+    deck_options,
+    find_deck,
+    keep_all_option,
+    model_option,
+    shipped_cases,
+    talk_options,
+    with_settings,
+)
+
+if TYPE_CHECKING:
+    from hfsim.deck import LoadedDeck
+    from hfsim.studies.plan import RuleCost
+
+_PROOF_SHARE = 0.1
+"""Part of the duration for which single rules are timed in the proof."""
+
+
+@click.command()
+@click.argument("decks", nargs=-1, metavar="[DECK]...")
+@deck_options
+@model_option
+@keep_all_option
+@click.option("--measure", is_flag=True, help="Run with and without each rule, in turns, and tell the times.")
+@click.option(
+    "--proof", is_flag=True, help="Only the table of all rules: sizes, times, differences; all shipped cases."
+)
+@click.option(
+    "--repeats",
+    type=click.IntRange(min=1),
+    default=5,
+    show_default=True,
+    help="Runs of which the median counts.",
+)
+@talk_options
+def plan(
+    decks: tuple[str, ...],
+    overrides: tuple[str, ...],
+    model: str | None,
+    keep_all: bool,
+    measure: bool,
+    proof: bool,
+    repeats: int,
+    quiet: bool,
+    verbose: bool,
+    as_json: bool,
+) -> None:
+    """Tell what is built of each DECK and what is left out, with reasons and savings; nothing is written."""
+    talk = Talk(quiet, verbose, as_json)
+    if not decks and not proof:
+        raise click.UsageError("name a deck, or --proof for all shipped cases")
+    settings = with_settings(overrides, model, keep_all)
+    if proof:
+        names = decks or (*shipped_cases(), *(str(path) for path in sorted((CASES / "rules").glob("*.yaml"))))
+        _prove([_load(name, settings, talk) for name in names], repeats, talk)
+        return
+    for name in decks:
+        _tell(_load(name, settings, talk), measure, repeats, talk)
+
+
+def _load(argument: str, settings: tuple[str, ...], talk: Talk) -> LoadedDeck:
+    from hfsim.deck import load_deck
+
+    return load_deck(find_deck(argument, talk), settings)
+
+
+def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
+    from hfsim.build import build
+    from hfsim.plan import keeping, plan_of, predicted_call
+
+    scene = build(loaded)
+    facts = plan_of(scene)
+    everything = build(keeping(loaded, "all"))
+    facts["keep_all"] = {
+        "sizes": plan_of(everything)["sizes"],
+        "predicted_call_us": predicted_call(everything),
+    }
+    for entry in facts["left_out"]:
+        without = predicted_call(build(keeping(loaded, entry["rule"])))
+        entry["predicted_call_us_saved"] = without - facts["predicted_call_us"]
+    costs: list[RuleCost] = []
+    if measured:
+        from hfsim.studies.plan import measure
+
+        costs = list(measure(loaded, repeats))
+        facts["measured"] = [cost.facts() for cost in costs]
+    talk.facts({"name": loaded.deck.name, **facts})
+    talk.result(as_text(loaded.deck.name, facts))
+    if costs:
+        talk.result(f"\nmeasured, CPU, medians of {repeats}:\n{cost_table(costs)}")
+
+
+def as_text(name: str, facts: Mapping[str, Any]) -> str:
+    """Return a plan as people read it."""
+    sizes, every = facts["sizes"], facts["keep_all"]["sizes"]
+    lines = [
+        f"{name}: model {facts['model']}, {sizes['unknowns']} unknowns, {sizes['multipliers']} multipliers "
+        f"(with --keep-all: {every['unknowns']}, {every['multipliers']})",
+        "\nkept",
+        *(_kept_line(entry) for entry in facts["kept"]),
+        "\nleft out",
+        *(line for entry in facts["left_out"] for line in _left_lines(entry)),
+        "\nnothing to leave out",
+        *(f"  {entry['rule']}: {entry['leaves_out']}: {entry['reason']}" for entry in facts["not_left_out"]),
+        f"\nalgebra: {facts['algebra']}",
+        f"predicted: {facts['predicted_call_us']:.0f} us of CPU for the accelerations of 16 states "
+        f"(with --keep-all: {facts['keep_all']['predicted_call_us']:.0f} us)",
+    ]
+    return "\n".join(lines)
+
+
+def _kept_line(entry: Mapping[str, Any]) -> str:
+    counts = _counts({k: v for k, v in entry.items() if k not in ("item", "what", "reason")})
+    return f"  {entry['item']}: {entry['what']}{counts}: {entry['reason']}"
+
+
+def _left_lines(entry: Mapping[str, Any]) -> Iterable[str]:
+    yield f"  {entry['rule']}: {entry['leaves_out']}{_counts(entry['saves'])}: {entry['reason']}"
+    yield f"    {', '.join(entry['items'])}"
+    if entry["predicted_call_us_saved"]:
+        yield f"    predicted: {entry['predicted_call_us_saved']:.1f} us of a call"
+
+
+def _counts(counts: Mapping[str, Any]) -> str:
+    parts = [
+        f"{key.replace('_', ' ')} {value}"
+        for key, value in counts.items()
+        if isinstance(value, int) and value
+    ]
+    parts += [str(value) for value in counts.values() if isinstance(value, str)]
+    return f" [{', '.join(parts)}]" if parts else ""
+
+
+def cost_table(costs: Sequence[RuleCost]) -> str:
+    """Return the table of rules: sizes, times and differences; pairs are without / with the rule."""
+    head = ["rule", "scene", "unknowns", "multipliers", "call, predicted [us]", "call [us]", "run [s]"]
+    head += ["ratio", "m, rad", "other"]
+    rows = [head]
+    for one in costs:
+        rows.append(
+            [
+                one.rule,
+                one.scene,
+                _pair(one.unknowns, "d"),
+                _pair(one.multipliers, "d"),
+                _pair(one.predicted_call_us, ".0f"),
+                _pair(one.call_us, ".0f"),
+                _pair(one.run_s, ".3f"),
+                f"{one.run_s[0] / one.run_s[1]:.2f}",
+                f"{one.difference:.0e}",
+                f"{one.difference_of_rest:.0e}",
+            ]
+        )
+    return as_table(rows)
+
+
+def _pair(values: tuple[float, float], form: str) -> str:
+    return " / ".join(format(value, form) for value in values)
+
+
+def _prove(decks: Sequence[LoadedDeck], repeats: int, talk: Talk) -> None:
+    from hfsim.rules import RULES
+    from hfsim.studies.plan import ALL, measure
+
+    costs = []
+    for loaded in decks:
+        for cost in measure(loaded, repeats, _PROOF_SHARE):
+            costs.append(cost)
+            talk.note(
+                f"{cost.scene}, {cost.rule}: {cost.run_s[0] / cost.run_s[1]:.2f}, {cost.difference:.0e}"
+            )
+    order = [*RULES, ALL]
+    costs.sort(key=lambda cost: order.index(cost.rule))
+    whole = {cost.scene: cost.run_s[0] / cost.run_s[1] for cost in costs if cost.rule == ALL}
+    silent = [name for name in RULES if name not in {cost.rule for cost in costs}]
+    talk.facts({"proof": [cost.facts() for cost in costs], "ratios": whole, "never_fired": silent})
+    talk.result(f"without / with each rule, CPU, medians of {repeats} taken in turns\n{cost_table(costs)}")
+    talk.result(
+        f"all rules together: {median(whole.values()):.2f} times less CPU, median of {len(whole)} scenes"
+    )
+    talk.result(f"fired in none of them: {', '.join(silent) or 'none'}")
