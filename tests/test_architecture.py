@@ -89,7 +89,7 @@ ALLOWED = {
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
     "studies": GROUND
-    | {"balance", "bodies", "build", "channels", "deck", "elements", "integration", "integrators"}
+    | {"balance", "bodies", "build", "channels", "clock", "deck", "elements", "integration", "integrators"}
     | {"models", "simulate", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
