@@ -155,8 +155,24 @@ class SolveSpec(Spec):
     keep_all: Flag = False
     """Build and compute everything, whether the scene needs it or not: for checking."""
 
+    target_error: Annotated[Number, Gt(0), Le(0.5)] | None = None
+    """Total error, of mesh and time, that `run` is to reach by its choice of elements, degrees and tolerance:
+    largest over time in the worst channel, relative to the channel's range [-]."""
+
+    target_channels: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
+    """Channels that must reach the target error; all but energy.total and constraint residuals without it."""
+
+    budget: PositiveTime | None = None
+    """Time that the search for the target error may take [s]; 60 without it."""
+
     def complaints(self) -> Iterator[Complaint]:
-        """Yield a step longer than the run."""
+        """Yield a step longer than the run, and keys that do not go together."""
+        if self.target_error is None:
+            for key in ("target_channels", "budget"):
+                if getattr(self, key) is not None:
+                    yield Complaint((key,), "goes with target_error only", "give target_error, e.g. 1e-3")
+        elif self.step is not None:
+            yield Complaint(("step",), "target_error chooses the steps itself", "remove one of the two")
         if self.step is not None and self.step > self.duration:
             yield Complaint(
                 ("step",), f"a step of {self.step:g} s is longer than the run, {self.duration:g} s"
@@ -253,6 +269,11 @@ class Deck(Spec):
         """Hash of the resolved deck; equal decks have equal hashes."""
         canonical = json.dumps(self.resolved(), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def is_judged(channel: str) -> bool:
+    """Return whether errors of a channel count: not those of residuals, nor of the conserved energy."""
+    return channel != "energy.total" and not channel.startswith("constraint.")
 
 
 def default_channels(bodies: dict[str, Any]) -> tuple[str, ...]:
@@ -381,6 +402,7 @@ class _Checks:
         yield from self._connections()
         yield from self._initial_names()
         yield from self._channels()
+        yield from self._target_channels()
         yield from self._dimensions()
         yield from self._beam_sizes()
         yield from self._model_options()
@@ -610,6 +632,18 @@ class _Checks:
             for name, entry in self.entries[kind].items():
                 for key in keys:
                     yield (kind, name, key), getattr(entry, key, None)
+
+    def _target_channels(self) -> Iterator[Complaint]:
+        output: OutputSpec | None = self.entries["output"]
+        if self.solve is None or output is None or output.channels is None:
+            return
+        judged = [c for c in output.channels if is_judged(c)]
+        for i, name in enumerate(self.solve.target_channels or ()):
+            path = ("solve", "target_channels", i)
+            if name in output.channels and name not in judged:
+                yield Complaint(path, f"'{name}' has no range that errors could be measured by")
+            elif name not in output.channels:
+                yield Complaint(path, f"'{name}' is not among output.channels", did_you_mean(name, judged))
 
     def _output_rows(self) -> Iterator[Complaint]:
         output: OutputSpec | None = self.entries["output"]

@@ -11,7 +11,7 @@ from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.channels import CHANNELS, Samples
 from hfsim.clock import PhaseClock
-from hfsim.deck import LoadedDeck
+from hfsim.deck import LoadedDeck, is_judged
 from hfsim.diagnosis import diagnose, suspect, time_for
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integration import Integration, Progress, run_integration
@@ -63,6 +63,29 @@ def simulate(
         scene = build(loaded, model)
     with clock.phase("solve"):
         done = run_integration(scene, scene.deck.solve, progress)
+    return assess(scene, done, clock, error_estimate, diagnosis, outlines)
+
+
+def assess(
+    scene: Scene,
+    done: Integration,
+    clock: PhaseClock,
+    error_estimate: bool = True,
+    diagnosis: bool = False,
+    outlines: bool | None = None,
+) -> Run:
+    """Return what an integration has found, with its error and what is doubtful about it.
+
+    Parameters
+    ----------
+    scene : Scene
+    done : Integration
+    clock : PhaseClock
+        With the phases so far, ``solve`` among them; gets those that follow.
+    error_estimate, diagnosis, outlines : bool
+        As in `simulate`.
+    """
+    with clock.phase("solve"):
         samples = sample(scene, done.trajectory)
         # numbers out of all range at the end of a failed run: they never reach a file
         with np.errstate(all="ignore"):
@@ -222,22 +245,43 @@ def _measured_error(
     update |= {"duration": done.trajectory.t_end, "max_steps": None}
     again = run_integration(scene, solve.model_copy(update=update)).trajectory
     reference = compute_channels(samples_at(scene, again, samples.t[samples.t <= again.t_end]))
+    absolute, relative = channel_errors(channels, reference)
+    return {
+        "error_estimate": max(relative.values(), default=0.0),
+        "error_by_channel": absolute,
+        "error_estimate_by": f"difference to a second run, gauss at tolerance {tighter:g}",
+    }
+
+
+def channel_errors(
+    channels: tuple[Channel, ...], reference: tuple[Channel, ...]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the largest distance of each channel to that of a reference, which may end earlier.
+
+    Parameters
+    ----------
+    channels, reference : tuple of Channel
+        The same ones, at the same times.
+
+    Returns
+    -------
+    absolute : dict of str to float
+        In the unit of the channel; without residuals of the joints.
+    relative : dict of str to float
+        Over the channel's range in the reference, at least a thousandth of the largest range among those of
+        its unit [-]; without ``energy.total``, which has no range to be measured by where it is conserved.
+    """
     spans = _spans(reference)
-    errors: dict[str, float] = {}
+    absolute: dict[str, float] = {}
     relative: dict[str, float] = {}
     for mine, better in zip(channels, reference, strict=True):
         n = len(better.values)
         if not n or mine.name.startswith("constraint."):
             continue
-        errors[mine.name] = float(np.abs(mine.values[:n] - better.values).max())
-        # the total energy of a conservative scene has no range to be measured by
-        if mine.name != "energy.total" and spans[mine.name] > 0.0:
-            relative[mine.name] = errors[mine.name] / spans[mine.name]
-    return {
-        "error_estimate": max(relative.values(), default=0.0),
-        "error_by_channel": errors,
-        "error_estimate_by": f"difference to a second run, gauss at tolerance {tighter:g}",
-    }
+        absolute[mine.name] = float(np.abs(mine.values[:n] - better.values).max())
+        if is_judged(mine.name) and spans[mine.name] > 0.0:
+            relative[mine.name] = absolute[mine.name] / spans[mine.name]
+    return absolute, relative
 
 
 def _spans(channels: tuple[Channel, ...]) -> dict[str, float]:

@@ -91,8 +91,8 @@ ALLOWED = {
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
     "studies": GROUND
-    | {"balance", "bodies", "build", "channels", "deck", "diagnosis", "elements", "growth", "integration"}
-    | {"integrators", "models", "plan", "rules", "simulate", "writers"},
+    | {"balance", "bodies", "build", "channels", "clock", "deck", "diagnosis", "elements", "growth"}
+    | {"integration", "integrators", "models", "plan", "rules", "simulate", "writers"},
     "cli": {"__init__", "commands"},
     "commands": None,
 }

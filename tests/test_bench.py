@@ -24,6 +24,7 @@ from hfsim.studies.bench import (
     as_rows,
     bench,
     channel_error,
+    model_advice,
     pareto,
     recommend,
 )
@@ -331,3 +332,43 @@ def test_the_command_compares_degrees(tmp_path):
         rows = list(csv.DictReader(file))
     assert {(row["degree"], row["unknowns"]) for row in rows} >= {("3", "10"), ("5", "18")}
     assert call("bench", "pendulum", "--degrees", "2,5").exit_code == 2
+
+
+# --- models against the exact one ----------------------------------------------------------------
+
+
+def test_models_are_held_against_the_exact_one():
+    """A stiff beam begins to fall: linear suffices for 1 %, but not for 0.01 %."""
+    stiff = pendulum("materials.rubber.youngs_modulus=7e8", "output.channels=[b1.tip.y]")
+    found = bench(stiff, sweep(methods=("gauss",), models=("linear", "exact"), repeats=1), Budget(60.0))
+    linear, exact = found.cells
+    assert exact.model_error is None and 1e-4 < linear.model_error < 1e-2
+    assert linear.model_channel == "b1.tip.y"
+    tight = {p.model: p for p in found.points if p.tolerance == 1e-6}
+    assert tight["exact"].exact_error == pytest.approx(tight["exact"].error)
+    assert tight["linear"].error < 1e-5 < 0.9 * linear.model_error < tight["linear"].exact_error
+    assert tight["linear"].exact_error == pytest.approx(linear.model_error, rel=1e-2)
+    advice_lines = found.recommendations
+    assert any(line.startswith("linear, 4 elements: off exact by") for line in advice_lines)
+    (one_percent,) = (line for line in advice_lines if line.startswith("for 1 % of exact: "))
+    assert "linear suffices" in one_percent or "linear would do too" in one_percent
+    assert any("for 0.01 % of exact: exact, no other model suffices" in line for line in advice_lines)
+
+
+def test_advice_on_models():
+    points = [
+        replace(point(0.02, None), model="linear", total_error=3e-3),
+        replace(point(0.09, None), model="exact", total_error=1e-5),
+    ]
+    assert model_advice(points, "1 %", 1e-2) == (
+        "for 1 % of exact: linear suffices: gauss, tolerance 1e-4: 0.02 s; exact: 0.09 s"
+    )
+    assert model_advice(points, "0.01 %", 1e-4) == (
+        "for 0.01 % of exact: exact, no other model suffices: gauss, tolerance 1e-4: 0.09 s"
+    )
+    assert "no model that was tried" in model_advice(points, "1e-6", 1e-6)
+
+
+def test_one_model_has_nothing_to_be_held_against(small):
+    assert all(p.exact_error is None for p in small.points)
+    assert not any("of exact" in line for line in small.recommendations)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,12 +16,16 @@ from hfsim.commands import (
     Talk,
     as_table,
     assemble,
+    brief,
     command_line,
     deck_options,
     keep_all_option,
     load_decks,
     model_option,
+    names,
     output_options,
+    parse_budget,
+    print_error,
     provenance_of,
     report_error,
     talk_options,
@@ -65,6 +69,20 @@ class Settings:
     "--no-error-estimate", is_flag=True, help="Skip the second, coarser run that estimates the error."
 )
 @click.option(
+    "--target-error",
+    metavar="X",
+    help="Choose elements, degrees and tolerance for this total error, e.g. 1e-3 (solve.target_error).",
+)
+@click.option(
+    "--target-channels", metavar="A,B,...", help="Channels that must reach it; all that can without it."
+)
+@click.option(
+    "--budget",
+    metavar="TIME",
+    callback=lambda _, __, text: parse_budget(text) if text else None,
+    help="Time that this may take, e.g. 90s or 2min; 60s without it.",
+)
+@click.option(
     "--no-diagnosis",
     is_flag=True,
     help="Skip the short experiments that tell why a run fails or is suspicious.",
@@ -79,6 +97,9 @@ def run(
     model: str | None,
     keep_all: bool,
     no_error_estimate: bool,
+    target_error: str | None,
+    target_channels: str | None,
+    budget: float | None,
     no_diagnosis: bool,
     quiet: bool,
     verbose: bool,
@@ -89,21 +110,52 @@ def run(
     Results go to '<deck name>.out' in the current folder, or to -o DIR; several decks get a folder each
     inside DIR. All decks are checked before the first one runs: if one is bad, nothing is run. After
     that no deck stops the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130).
+
+    With --target-error, each deck is refined by itself until the error of mesh and time together, largest
+    over time in the worst channel and relative to its range, keeps the target; what was chosen is in
+    resolved.yaml. Exit code 4: no refinement reaches it; 5: the budget does not suffice. The best result is
+    kept then.
     """
+    overrides = (
+        *with_settings(overrides, model, keep_all),
+        *_target(target_error, target_channels, budget),
+    )
     settings = Settings(
-        with_settings(overrides, model, keep_all),
+        overrides,
         not no_plots,
         not no_error_estimate,
         not no_diagnosis,
         Talk(quiet, verbose, as_json),
     )
     jobs = plan_jobs(decks, settings, output, force)
+    _refuse_blind(jobs, settings)
     codes: list[int] = []
     for number, job in enumerate(jobs):
         codes.append(_do_safely(job, settings, first=number == 0))
         if codes[-1] == 130:
             break
     raise click.exceptions.Exit(worst(codes))
+
+
+def _target(error: str | None, channels: str | None, budget: float | None) -> Iterator[str]:
+    """Yield the overrides of the deck that options on the target error stand for."""
+    if error is not None:
+        yield f"solve.target_error={error}"
+    if channels is not None:
+        yield f"solve.target_channels=[{', '.join(names(channels))}]"
+    if budget is not None:
+        yield f"solve.budget={budget}"
+
+
+def _refuse_blind(jobs: Sequence[Job], settings: Settings) -> None:
+    for job in jobs:
+        if not settings.error_estimate and has_target(job.loaded):
+            raise click.UsageError(f"{job.argument}: a target error cannot go with --no-error-estimate")
+
+
+def has_target(loaded: LoadedDeck) -> bool:
+    """Return whether a deck states the error that its run is to reach."""
+    return "target_error" in loaded.deck.resolved()["solve"]
 
 
 def plan_jobs(decks: Sequence[str], settings: Settings, output: Path | None, force: bool) -> list[Job]:
@@ -174,13 +226,19 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
     plots = settings.plots and job.loaded.deck.output.plots
     with Progress(job.loaded.deck.name, sys.stderr, settings.talk.quiet) as progress:
-        result = simulate(
-            job.loaded,
-            progress=progress,
-            error_estimate=settings.error_estimate,
-            diagnosis=settings.diagnosis,
-            outlines=plots,
-        )
+        if has_target(job.loaded):
+            from hfsim.studies.refine import refine
+
+            result, chosen = refine(job.loaded, progress=progress, diagnosis=settings.diagnosis)
+            provenance = replace(provenance, resolved=chosen.deck.resolved())
+        else:
+            result = simulate(
+                job.loaded,
+                progress=progress,
+                error_estimate=settings.error_estimate,
+                diagnosis=settings.diagnosis,
+                outlines=plots,
+            )
     log.add(f"model {result.model}, method {result.method}")
     result, summary = save_run(job.folder, result, provenance, watch, log, plots)
     tell(result, summary, job.folder.path, settings.talk)
@@ -192,12 +250,12 @@ def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk) -> None
     for warning in summary["warnings"]:
         talk.note(f"{run.name}: warning: {warning}")
     if run.status != "done":
-        from hfsim.commands import print_error
-
         print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
         if run.failure:
             print_error(findings(run.failure))
-    elif summary.get("suspicion"):
+    elif run.exit_code:
+        print_error(f"{run.name}: {run.reason}")
+    if run.status == "done" and summary.get("suspicion"):
         doubt = summary["suspicion"]
         talk.note(f"{run.name}: suspicious: {doubt['reason']}\n{findings(doubt)}")
     talk.facts(summary)
@@ -225,8 +283,38 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
     }
     width = max(map(len, facts))
     lines = [f"  {name.ljust(width)}  {text}" for name, text in facts.items()]
-    return "\n".join([*lines, *_last_values(run)])
+    levels = level_table(summary["refinement"]) if summary.get("refinement") else []
+    return "\n".join([*lines, *levels, *_last_values(run)])
 
+
+def level_table(found: Mapping[str, Any]) -> list[str]:
+    """Return the levels of a refinement, a row each, and which was chosen and why."""
+    head = ["refined", "tolerance", "unknowns", "steps", "CPU [s]", "change", "error", "mesh"]
+    rows = [["level", *head]]
+    chosen = found["chosen"]
+    for level in found["levels"]:
+        mark = "*" if level["number"] == chosen["number"] else ""
+        mesh = ", ".join(f"{body} {n['elements']} x {n['degree']}" for body, n in level["bodies"].items())
+        change = brief(level["change"])
+        if level["status"] != "done":
+            change = level["status"]
+        rows.append(
+            [f"{level['number']}{mark}", level["refined"], f"{level['tolerance']:.1e}",
+             number(level["unknowns"]), number(level["steps"]), f"{level['cpu_s']:.3f}", change,
+             brief(level["estimate"]), mesh if len(mesh) <= _WIDEST else f"{mesh[:_WIDEST]}..."]
+        )  # fmt: skip
+    where = f" in {chosen['channel']}" if chosen["channel"] else ""
+    return [
+        f"  target error {found['target']:g}: {found['status']}, estimate {brief(found['estimate'])}{where}; "
+        f"{found['cpu_s']:.2f} s CPU in {len(found['levels'])} levels",
+        as_table(rows, "    "),
+        "    mesh: elements x degree; change: of the level refined, relative to the channel's range",
+        f"    * {chosen['why']}",
+    ]
+
+
+_WIDEST = 60
+"""Characters of a mesh in a table."""
 
 _CLASSES = {
     "numerical": "numerical: the method makes it, not the model or the mechanism",

@@ -11,7 +11,7 @@ Nothing is printed or written here.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -232,6 +232,9 @@ class Point:
         Whether `error` is the floor because the true one is smaller.
     total_error : float or None
         Error against the mesh-converged reference [-].
+    exact_error : float or None
+        Error against the best reference of the model exact (ancf where exact is not swept), that of the model
+        included; None where neither is there [-].
     """
 
     model: str
@@ -257,6 +260,7 @@ class Point:
     worst_channel: str = ""
     below_floor: bool = False
     total_error: float | None = None
+    exact_error: float | None = None
     channels: tuple[ChannelError, ...] = ()
 
     @property
@@ -308,6 +312,10 @@ class Cell:
         The same distance for each judged channel [-].
     mesh_reference, mesh_reference_degree : int or None
         Elements of that reference and their degree.
+    model_error : float or None
+        Distance to the reference of the model exact on the same mesh in the worst judged channel [-].
+    model_channel : str
+        That channel.
     """
 
     model: str
@@ -326,6 +334,8 @@ class Cell:
     mesh_errors: dict[str, float] = field(default_factory=dict)
     mesh_reference: int | None = None
     mesh_reference_degree: int = 3
+    model_error: float | None = None
+    model_channel: str = ""
 
     @property
     def mesh(self) -> str:
@@ -401,7 +411,24 @@ class Bench:
             meshes = len({p.mesh for p in mine}) > 1
             prefix = f"{model}: " if len(models) > 1 else ""
             lines += [prefix + advice(mine, words, target, meshes) for words, target in TARGETS.items()]
-        return lines
+        return [*lines, *self._advice_on_models()]
+
+    def _advice_on_models(self) -> list[str]:
+        """Return how far each model is from exact, and for each target the cheapest model that suffices."""
+        others = [cell for cell in self.cells if cell.model_error is not None]
+        lines = [
+            f"{c.model}, {c.mesh}: off {self._true_model} by {c.model_error:.1e} in {c.model_channel}"
+            for c in others
+        ]
+        if not others:
+            return lines
+        judged = [replace(p, error=None, total_error=p.exact_error) for p in self.points]
+        meshes = len({p.mesh for p in judged}) > 1
+        return lines + [model_advice(judged, words, target, meshes) for words, target in TARGETS.items()]
+
+    @property
+    def _true_model(self) -> str:
+        return _true_model({cell.model for cell in self.cells})
 
 
 # --- solving -------------------------------------------------------------------------------------
@@ -430,6 +457,7 @@ class _Work:
     scene: Scene
     truth: _Truth | None
     fine: _Truth | None = None
+    exact: _Truth | None = None
 
 
 def with_mesh(loaded: LoadedDeck, count: int | None, degree: int | None, times: int = 1) -> LoadedDeck:
@@ -602,6 +630,30 @@ def _split(works: Sequence[_Work], fine: _Work) -> None:
         finer.cell = replace(finer.cell, mesh_order=observed_order(coarse.cell, finer.cell))
 
 
+def _true_model(models: Collection[str]) -> str:
+    """Return the model that the others are held against; exact and ancf are the same up to coordinates."""
+    return next((name for name in ("exact", "ancf") if name in models), "")
+
+
+def _compare_models(works: Sequence[_Work]) -> None:
+    """Note how far each model is from the exact one; nothing with a single model."""
+    models = {w.cell.model for w in works}
+    yardsticks = {
+        (w.cell.elements, w.cell.degree): w for w in works if w.cell.model == _true_model(models) and w.truth
+    }
+    for work in works if len(models) > 1 else ():
+        yardstick = yardsticks.get((work.cell.elements, work.cell.degree))
+        if yardstick is None or yardstick.truth is None:
+            continue
+        work.exact = yardstick.fine or yardstick.truth
+        if work is yardstick or work.truth is None:
+            continue
+        errors = [e for e in _channel_errors(work.truth.channels, yardstick.truth) if e.judged]
+        worst = max(errors, key=lambda e: e.max_relative, default=None)
+        if worst is not None:
+            work.cell = replace(work.cell, model_error=worst.max_relative, model_channel=worst.channel)
+
+
 def observed_order(coarse: Cell, fine: Cell, channel: str | None = None) -> float | None:
     """Return the order by which the mesh error fell from one mesh to a finer one; None if not known.
 
@@ -767,16 +819,18 @@ def _judged(point: Point, done: Integration, work: _Work) -> Point:
     if not all(np.isfinite(channel.values).all() for channel in channels):
         return replace(point, status="failed", reason="the result is not finite")
     errors = _channel_errors(channels, work.truth)
-    total = None
-    if work.fine is not None:
-        fine_errors = _channel_errors(channels, work.fine)
-        total = max((e.max_relative for e in fine_errors if e.judged), default=work.fine.floor)
+    total, exact = (None if one is None else _largest_error(channels, one) for one in (work.fine, work.exact))
     judged = [e for e in errors if e.judged]
     worst = max(judged, key=lambda e: e.max_relative, default=None)
     return replace(
         point, status="done", energy_drift=drift, channels=errors, total_error=total,
-        **(_worst(worst, judged, work.truth.floor) if worst else {}),
+        exact_error=exact, **(_worst(worst, judged, work.truth.floor) if worst else {}),
     )  # fmt: skip
+
+
+def _largest_error(channels: Sequence[Channel], truth: _Truth) -> float:
+    errors = (e.max_relative for e in _channel_errors(channels, truth) if e.judged)
+    return max(errors, default=truth.floor)
 
 
 def _worst(worst: ChannelError, judged: Sequence[ChannelError], floor: float) -> dict[str, Any]:
@@ -860,6 +914,32 @@ def advice(points: Sequence[Point], words: str, target: float, meshes: bool = Fa
     return f"for {words}: {why}; best {error:.1e} with {_setting(most, meshes)}: {most.cpu:.2g} s"
 
 
+def model_advice(points: Sequence[Point], words: str, target: float, meshes: bool = False) -> str:
+    """Return in a sentence the cheapest model for one target, beside the exact one.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        With the error against the exact model as their total one.
+    words : str
+        The target in words.
+    target : float
+    meshes : bool
+        Whether meshes are to be named.
+    """
+    true = _true_model({p.model for p in points})
+    best, plain = recommend(points, target), recommend([p for p in points if p.model == true], target)
+    if best is None:
+        return f"for {words} of {true}: no model that was tried reaches it"
+    setting = f"{_setting(best, meshes)}: {best.cpu:.2g} s"
+    if best.model == true:
+        rest = sorted({p.model for p in points if recommend([p], target)} - {true})
+        also = f" ({', '.join(rest)} would do too)" if rest else ", no other model suffices"
+        return f"for {words} of {true}: {true}{also}: {setting}"
+    beside = f"; {true}: {plain.cpu:.2g} s" if plain else ""
+    return f"for {words} of {true}: {best.model} suffices: {setting}{beside}"
+
+
 def _setting(point: Point, meshes: bool) -> str:
     mesh = f"{point.mesh}, " if meshes else ""
     return f"{mesh}{point.method}, {point.level}"
@@ -920,6 +1000,7 @@ def _references(loaded: LoadedDeck, sweep: Sweep, works: list[_Work], budget: Bu
         in_time -= budget.used - start
     if meshes:
         _finer_truths(loaded, sweep, works, budget, (1.0 - _IN_TIME_SHARE) * share)
+    _compare_models(works)
 
 
 def _in_order(points: Sequence[Point], sweep: Sweep) -> tuple[Point, ...]:
@@ -935,12 +1016,13 @@ def _in_order(points: Sequence[Point], sweep: Sweep) -> tuple[Point, ...]:
 _POINT_COLUMNS = (
     "model", "elements", "degree", "method", "tolerance", "step", "status", "reason", "cpu", "cpu_min",
     "cpu_max", "repeats", "steps", "rejected", "newton_iterations", "evaluations", "factorisations",
-    "energy_drift", "error", "rms_error", "worst_channel", "below_floor", "total_error",
+    "energy_drift", "error", "rms_error", "worst_channel", "below_floor", "total_error", "exact_error",
 )  # fmt: skip
+_CELL_COLUMNS = ("unknowns", "mesh_error", "model_error", "floor")
 _CHANNEL_COLUMNS = ("unit", "max_abs", "max_relative", "rms_relative", "below_floor", "judged")
 
 CSV_COLUMNS = (
-    *_POINT_COLUMNS, "unknowns", "mesh_error", "floor",
+    *_POINT_COLUMNS, *_CELL_COLUMNS,
     "channel", *(f"channel_{name}" for name in _CHANNEL_COLUMNS), "channel_floor", "channel_mesh_error",
 )  # fmt: skip
 """Columns of ``bench.csv``."""
@@ -952,7 +1034,9 @@ def as_rows(result: Bench) -> list[dict[str, object]]:
     for cell in result.cells:
         for point in result.points_of(cell):
             facts = {name: getattr(point, name) for name in _POINT_COLUMNS}
-            facts |= {"unknowns": cell.unknowns, "mesh_error": cell.mesh_error, "floor": cell.floor}
+            facts |= {
+                name: getattr(cell, name) for name in ("unknowns", "mesh_error", "model_error", "floor")
+            }
             for error in point.channels:
                 mine = {f"channel_{name}": getattr(error, name) for name in _CHANNEL_COLUMNS}
                 mine |= {"channel": error.channel, "channel_floor": cell.floors[error.channel]}

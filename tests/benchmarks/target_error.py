@@ -1,0 +1,117 @@
+"""Refinement to a target error, held against references that it does not know.
+
+    python tests/benchmarks/target_error.py [--scenes pendulum,...] [--targets 1e-1,1e-2] [--channels all]
+
+For each scene and target, what `hfsim run --target-error` chooses, its estimate, and the true error: the
+distance to a run on a much finer mesh with a much tighter tolerance, largest over time in the worst channel,
+relative to its range.  How far the reference itself can be trusted is told by a second one of other elements
+and degree.  Effectivity: estimate over true error; 1 or above is honest, much above 1 is wasteful.  A row
+whose true error does not exceed three times that trust is marked '~'.  CPU seconds: of the whole refinement,
+and of the chosen level alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+from hfsim.build import build
+from hfsim.deck import LoadedDeck, is_judged, load_deck
+from hfsim.integration import run_integration
+from hfsim.simulate import channel_errors, compute_channels, sample
+from hfsim.solution import Channel
+from hfsim.studies.refine import refine
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+@dataclass(frozen=True)
+class Task:
+    """A scene: span [s], output interval [s], beams, and two references (elements, degree, tolerance)."""
+
+    duration: float
+    interval: float
+    beams: tuple[str, ...]
+    references: tuple[tuple[int, int, float], ...]
+
+
+TASKS = {
+    "pendulum": Task(0.7, 0.01, ("b1",), ((28, 7, 1e-6), (36, 5, 1e-6))),
+    "two_beams_relative": Task(0.5, 0.01, ("b1", "b2"), ((6, 9, 1e-6), (8, 7, 1e-6))),
+    "hub_beams": Task(0.5, 0.02, ("b1", "b2"), ((6, 9, 1e-6), (8, 7, 1e-6))),
+    "hub_beams_soft": Task(0.5, 0.02, ("b1", "b2"), ((12, 9, 1e-5), (16, 7, 1e-5))),
+}
+
+
+def deck(name: str, *overrides: str) -> LoadedDeck:
+    """Return a shipped scene over the span of its task."""
+    task = TASKS[name]
+    span = (f"solve.duration={task.duration}", f"output.interval={task.interval}")
+    return load_deck(CASES / f"{name}.yaml", (*span, *overrides))
+
+
+def reference(name: str, elements: int, degree: int, tolerance: float) -> tuple[Channel, ...]:
+    """Return the channels of a run on a given mesh."""
+    mesh = {"elements": elements, "degree": degree}
+    options = [f"bodies.{beam}.{key}={n}" for beam in TASKS[name].beams for key, n in mesh.items()]
+    # the stepping that costs less on fine meshes
+    scene = build(deck(name, *options, f"solve.tolerance={tolerance}", "solve.coordinates=frame"))
+    done = run_integration(scene, scene.deck.solve)
+    assert done.stop is None, done.stop
+    return compute_channels(sample(scene, done.trajectory))
+
+
+def error(channels: tuple[Channel, ...], truth: tuple[Channel, ...], counted: list[str]) -> float:
+    """Return the error in the worst channel that counts [-]."""
+    relative = channel_errors(channels, truth)[1]
+    return max(relative[name] for name in counted)
+
+
+def measure(name: str, targets: list[str], which: str, budget: float) -> None:
+    """Print the rows of one scene."""
+    start = time.process_time()
+    truth, check = (reference(name, *setting) for setting in TASKS[name].references)
+    channels = [c for c in deck(name).deck.channels if is_judged(c)]
+    tips = [c for c in channels if c.endswith((".tip.x", ".tip.y"))]
+    counted = tips if which == "tips" else channels
+    trust = error(check, truth, counted)
+    print(f"# {name}: references {TASKS[name].references}, {trust:.1e} apart, "
+          f"{time.process_time() - start:.0f} s", flush=True)  # fmt: skip
+    for target in targets:
+        options = (f"solve.target_error={target}", f"solve.target_channels=[{', '.join(counted)}]")
+        run, _ = refine(deck(name, *options, f"solve.budget={budget}"))
+        found = run.statistics["refinement"]
+        chosen = found["chosen"]
+        true = error(run.channels, truth, counted)
+        estimate = found["estimate"]
+        effect = f"{estimate / true:.2g}" if estimate else "-"
+        mesh = ", ".join(f"{n['elements']} x {n['degree']}" for n in chosen["bodies"].values())
+        doubt = "~" if true < 3.0 * trust else ""
+        print(f"| `{name}`, {which} | {target} | {found['status']} | {estimate or 0:.1e} | "
+              f"{doubt}{true:.1e} | {effect} | {found['cpu_s']:.2f} | {chosen['cpu_s']:.2f} | {mesh} | "
+              f"{chosen['tolerance']:.0e} | {found['limiting_channel']} |", flush=True)  # fmt: skip
+
+
+def main() -> None:
+    """Read the command line and measure."""
+    raw = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=raw)
+    parser.add_argument("--scenes", default=",".join(TASKS))
+    parser.add_argument("--targets", default="1e-1,1e-2,1e-3,1e-4")
+    parser.add_argument("--channels", default="tips", choices=("tips", "all"))
+    parser.add_argument("--budget", type=float, default=60.0, help="seconds for each target")
+    given = parser.parse_args()
+    print("| scene, channels | target | status | estimate | true error | effectivity | CPU [s] "
+          "| chosen alone [s] | mesh (elements x degree) | tolerance | worst channel |")  # fmt: skip
+    print("|" + "---|" * 11)
+    for name in given.scenes.split(","):
+        measure(name, given.targets.split(","), given.channels, given.budget)
+
+
+if __name__ == "__main__":
+    main()
