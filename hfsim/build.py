@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import reduce
+from typing import Literal
 
 import numpy as np
 
@@ -92,7 +93,7 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
     """
     deck = loaded.deck
     name = model or deck.solve.model
-    kind = MODELS[name].stepping_in(deck.solve.coordinates)
+    kind = MODELS[name].stepping_in(_coordinates(loaded, name))
     bodies, meshes = _bodies(deck, kind)
     joints, constraints = _joints(deck, bodies)
     start = Start(
@@ -112,6 +113,23 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
     q, v = system.state(x[None], u[None], near)
     q, v = system.project(np.zeros(1), q, v)
     return Scene(loaded, name, system, bodies, joints, q[0], v[0], angles)
+
+
+def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "absolute"]:
+    """Return the coordinates to make steps in: those with a constant mass matrix for the method energy.
+
+    Raises
+    ------
+    DeckError
+        If the model has none.
+    """
+    solve = loaded.deck.solve
+    if solve.method != "energy":
+        return solve.coordinates
+    if MODELS[model].strain == "low_order":
+        why = f"energy needs a constant mass matrix, and that of {model} changes with the motion"
+        raise loaded.problem("solve.method", why, "take gauss, or another model")
+    return "absolute"
 
 
 def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:

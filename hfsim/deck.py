@@ -113,7 +113,7 @@ class SolveSpec(Spec):
     duration: PositiveTime
     """Time to simulate [s]."""
 
-    method: Literal["gear", "gauss", "radau", "generalized_alpha", "explicit", "auto"] = "auto"
+    method: Literal["gear", "gauss", "radau", "energy", "generalized_alpha", "explicit", "auto"] = "auto"
     """Integration method."""
 
     tolerance: Annotated[Number, Gt(0), Le(0.1)] = 1e-8
@@ -126,7 +126,7 @@ class SolveSpec(Spec):
     """Order of the method gear [-]."""
 
     stages: Annotated[Count, Le(24)] | None = None
-    """Stages of the methods gauss and radau [-]."""
+    """Stages of the methods gauss, radau and energy [-]."""
 
     rho_inf: UnitInterval = 0.8
     """Spectral radius at infinite frequency of the method generalized_alpha [-]."""
@@ -142,7 +142,10 @@ class SolveSpec(Spec):
     """Steps after which the run stops [-]."""
 
     def complaints(self) -> Iterator[Complaint]:
-        """Yield a step longer than the run."""
+        """Yield a step longer than the run, and a frame where the method has none."""
+        if self.method == "energy" and self.coordinates == "frame":
+            why = "method energy makes its steps in absolute coordinates"
+            yield Complaint(("coordinates",), why, "leave this entry out")
         if self.step is not None and self.step > self.duration:
             yield Complaint(
                 ("step",), f"a step of {self.step:g} s is longer than the run, {self.duration:g} s"

@@ -59,6 +59,8 @@ def run_integration(
         culprit=lambda t, q, v: non_finite(scene, t, q, v),
         linearized=system.linearized if system.linearizes else None,
         increments=system.natural or PlainIncrements(),
+        constant_mass=system.linearizes,
+        quartic=system.quartic,
     )
     method = choose(solve, system.dissipates)
     watches: list[Watch] = [EnergyWatch(system), DisplacementWatch(system)]

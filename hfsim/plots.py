@@ -395,6 +395,7 @@ def _dress_log(axes: Axes) -> None:
 _METHOD_STYLES = {
     "gauss": ("#0072B2", "o"),
     "radau": ("#009E73", "s"),
+    "energy": ("#56B4E9", "v"),
     "gear": ("#D55E00", "^"),
     "generalized_alpha": ("#CC79A7", "D"),
     "explicit": ("#E69F00", "P"),

@@ -82,6 +82,11 @@ class ElasticForce(ForcePart):
     elements: Connectivity
     law: ElasticLaw
 
+    @property
+    def quartic(self) -> bool:
+        """Return what the law says."""
+        return self.law.quartic
+
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus the derivative of the strain energy, eq. (24)."""
         out -= self.elements.force(self.law.gradient(self.elements.vectors(x)))
@@ -272,6 +277,11 @@ class ConstantForce(ForcePart):
     """Weight of bodies whose mass matrix is constant: one vector for all states (eq. 31)."""
 
     force: Array
+
+    @property
+    def quartic(self) -> bool:
+        """Return True: the energy is linear."""
+        return True
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the constant vector."""

@@ -303,13 +303,15 @@ def growth_of(distance: Array) -> float:
 
 def solve_point(job: Job) -> Trial:
     """Solve one point as its deck says, with the method of the job."""
+    overrides = (*job.overrides, f"solve.method={job.method}")
     try:
-        scene = build(parse_deck(job.text, job.file, job.overrides), job.model)
+        deck = parse_deck(job.text, job.file, job.overrides).deck
+        scene = build(parse_deck(job.text, job.file, overrides), job.model)
     except DeckError as problem:
         return Trial("lost", reason=REFUSED + problem.problems[0].message)
     solve = scene.deck.solve
-    if job.method != solve.method:
-        solve = solve.model_copy(update={"method": job.method, "stages": None, "order": None})
+    if job.method != deck.solve.method:
+        solve = solve.model_copy(update={"stages": None, "order": None})
     start = time.process_time()
     try:
         done = run_integration(scene, solve, Budget(job.limit).guard(job.limit))

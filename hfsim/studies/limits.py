@@ -27,7 +27,7 @@ from hfsim.build import Scene, build
 from hfsim.deck import LoadedDeck, parse_deck
 from hfsim.errors import HfsimError
 from hfsim.integration import run_integration
-from hfsim.integrators import Trajectory, default_stages
+from hfsim.integrators import DEFAULT_STAGES, Trajectory, default_stages
 from hfsim.studies.bench import Budget, OutOfBudgetError
 from hfsim.studies.farm import Farm, Task
 
@@ -278,6 +278,7 @@ def theory(method: str, order: int | None = None) -> Theory:
     words = {
         "gauss": "A-stable, |R(iwh)| = 1",
         "radau": "L-stable, |R(iwh)| < 1",
+        "energy": "A-stable, |R(iwh)| = 1; keeps the energy of any motion",
         "gear": f"order {order}: A-stable",
         "generalized_alpha": "unconditionally stable for linear scenes",
     }[method]
@@ -352,7 +353,8 @@ class Limit:
 
 def measure(job: LimitJob) -> Limit:
     """Find the longest stable step of a method: double the step until it fails, then halve the gap."""
-    scene = build(parse_deck(job.text, job.file, job.overrides), job.model)
+    overrides = (*job.overrides, f"solve.method={job.method}")
+    scene = build(parse_deck(job.text, job.file, overrides), job.model)
     omega, shape = linearise(scene, 0.0, scene.q, scene.v).fastest_mode()
     period = 2.0 * np.pi / omega
     disturbed = _disturbed(scene, omega, shape)
@@ -361,6 +363,8 @@ def measure(job: LimitJob) -> Limit:
     stages = None
     if job.method in ("gauss", "radau"):
         stages = scene.deck.solve.stages or default_stages(scene.deck.solve.tolerance)
+    if job.method == "energy":
+        stages = scene.deck.solve.stages or DEFAULT_STAGES
     low, high, reason = None, None, ""
     try:
         step = BOUNDS[0]
