@@ -13,7 +13,7 @@ from hfsim.channels import CHANNELS, Samples
 from hfsim.clock import PhaseClock
 from hfsim.deck import LoadedDeck
 from hfsim.diagnosis import diagnose, suspect
-from hfsim.errors import HfsimError, LimitReached, SolverFailure
+from hfsim.errors import HfsimError, LimitReached, SolverFailure, Terminated
 from hfsim.integration import Integration, Progress, run_integration
 from hfsim.integrators import Trajectory
 from hfsim.solution import Channel, Run
@@ -244,6 +244,8 @@ def _outcome(
     if stop is None:
         return "done", "", None, 0
     if isinstance(stop, KeyboardInterrupt):
+        if isinstance(stop, Terminated):
+            return "interrupted", "ended by the signal SIGTERM", None, 143
         return "interrupted", "interrupted from the keyboard", None, 130
     if isinstance(stop, LimitReached):
         return "limit", stop.reason, None, stop.exit_code
