@@ -50,8 +50,6 @@ KICK = 1e2
 """Size of that disturbance over the tolerance it is solved with, relative to the largest speed of the motion:
 what grows must not be the error of the integration."""
 _MOST_KICK = 1e-4
-_AT_REST = 1e-11
-"""Way, relative to the scene, below which nothing moves: the energies and their drift are round-off."""
 _SWINGS = 50.0
 """Radians within the duration above which a mode counts as fast for the disturbance."""
 WINDOWS = 8
@@ -323,8 +321,7 @@ def solve_point(job: Job) -> Trial:
         status = "limit" if done.stop.exit_code == 5 else "failed"  # type: ignore[union-attr]
         return Trial(status, _kind(done), str(done.stop), end, steps=counts.steps, cpu=cpu)
     samples = sample(scene, done.trajectory)
-    resting = _travel(samples) < _AT_REST
-    drift = 0.0 if resting else float(balance(scene.system, step_samples(done.trajectory))["energy_drift"])
+    drift = float(balance(scene.system, step_samples(done.trajectory))["energy_drift"])
     channels = compute_channels(samples)
     if not (np.isfinite(drift) and all(np.isfinite(channel.values).all() for channel in channels)):
         return Trial("failed", "numerical", "the result is not finite", end, steps=counts.steps, cpu=cpu)
@@ -332,12 +329,6 @@ def solve_point(job: Job) -> Trial:
         (None, "") if job.truth is None else distance(channels, job.truth.channels, job.truth.scales)
     )
     return Trial("done", "", "", end, error, worst, drift, counts.steps, cpu, channels, samples.t)
-
-
-def _travel(samples: Samples) -> float:
-    """Return how far any coordinate gets from its start, over the largest one."""
-    x = samples.scene.system.absolute(samples.q)
-    return float(np.abs(x - x[:1]).max(initial=0.0)) / max(1.0, float(np.abs(x).max(initial=0.0)))
 
 
 def distance(
