@@ -129,7 +129,9 @@ def test_measured_and_predicted_steps_agree_within_a_per_cent(method, order):
     assert found.beyond - found.longest <= 0.01 * found.beyond
 
 
-@pytest.mark.parametrize(("method", "order"), [("gauss", None), ("energy", None), ("gear", 2), ("generalized_alpha", None)])
+@pytest.mark.parametrize(
+    ("method", "order"), [("gauss", None), ("energy", None), ("gear", 2), ("generalized_alpha", None)]
+)
 def test_methods_that_stand_any_step(method, order):
     found = measure(LimitJob(WHEEL, "wheel", ("solve.stages=2",), "exact", method, order, 30.0))
     assert found.beyond is None and found.predicted is None

@@ -135,7 +135,7 @@ class EnergyMethod(CollocationMethod):
         return float((left_out / (self.tolerance * (1.0 + np.abs(q)))).max())
 
     def _growth(self, error: float, h: float) -> float:
-        growth = 0.9 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 2))
+        growth = 0.8 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 2))
         return float(growth if error > 1.0 else min(growth, 1.25, self._cap / h))
 
     def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
