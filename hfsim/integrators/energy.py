@@ -14,8 +14,8 @@ k >= 2 s.  With k = s the method is Gauss collocation.
 The path is determined by its accelerations at s Gauss points, for which the equations read as those of
 `hfsim.integrators.collocation` with the accelerations replaced by those of the series; so do their
 solution by simplified Newton iteration and the guess.  Where that does not converge, all derivatives
-along the path are taken into a full Newton iteration.  Both end at round-off only: what is left of the
-equations is what is lost of the energy.
+along the path are taken into a full Newton iteration, and at last the solution is followed from a step
+of no length.  All end at round-off only: what is left of the equations is what is lost of the energy.
 """
 
 from __future__ import annotations
