@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -118,7 +118,7 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
     """
     deck = loaded.deck
     name = model or deck.solve.model
-    kind = MODELS[name].stepping_in(deck.solve.coordinates)
+    kind = MODELS[name].stepping_in(_coordinates(loaded, name))
     bodies = _bodies(deck, kind)
     joints, constraints = _joints(deck, bodies)
     start = Start(
@@ -192,6 +192,23 @@ def _folded(
         for name, place in places.items()
     }
     return _bodies(deck, model, folded)
+
+
+def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "absolute"]:
+    """Return the coordinates to make steps in: those with a constant mass matrix for the method energy.
+
+    Raises
+    ------
+    DeckError
+        If the model has none.
+    """
+    solve = loaded.deck.solve
+    if solve.method != "energy":
+        return solve.coordinates
+    if MODELS[model].strain == "low_order":
+        why = f"energy needs a constant mass matrix, and that of {model} changes with the motion"
+        raise loaded.problem("solve.method", why, "take gauss, or another model")
+    return "absolute"
 
 
 def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:

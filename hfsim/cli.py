@@ -1,7 +1,7 @@
 """The `hfsim` command: finds the sub-command asked for and turns errors into text and an exit code.
 
 Exit codes: 0 done; 1 internal error; 2 bad command line or deck; 3 the solver failed or the model broke
-down; 4 a stated tolerance was missed; 5 a limit was reached; 130 interrupted.
+down; 4 a stated tolerance was missed; 5 a limit was reached; 130 interrupted; 143 terminated.
 
 Only click is imported here, so that help and mistakes cost nothing; each sub-command brings the rest.
 """
@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import signal
 
 import click
 
@@ -25,6 +26,9 @@ COMMANDS = {
     "check": "Validate and assemble decks; run nothing, write nothing.",
 }
 """Sub-command: its line in ``hfsim --help``; a module of `hfsim.commands` has a function of that name."""
+
+
+INTERRUPTED = 130
 
 
 class LazyGroup(click.Group):
@@ -55,7 +59,7 @@ class LazyGroup(click.Group):
             raise
         except KeyboardInterrupt:
             click.echo("interrupted", err=True)
-            ctx.exit(130)
+            ctx.exit(INTERRUPTED)
         except Exception as error:
             from hfsim.commands import report_error
 
@@ -68,7 +72,7 @@ def app() -> None:
     """Simulate flexible multibody systems: four models of one scene, with their error and cost.
 
     Exit codes: 0 done, 1 internal error, 2 bad command line or deck, 3 the solver failed or the model
-    broke down, 4 a stated tolerance was missed, 5 a limit was reached, 130 interrupted.
+    broke down, 4 a stated tolerance was missed, 5 a limit was reached, 130 interrupted, 143 terminated.
     """
 
 
@@ -82,4 +86,32 @@ def main() -> None:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the matrices are small: more threads only cost CPU time
-    app(prog_name="hfsim")
+    terminated = _take_sigterm_as_interruption()
+    try:
+        app(prog_name="hfsim")
+    except SystemExit as stop:
+        if terminated and stop.code == INTERRUPTED:
+            raise SystemExit(128 + signal.SIGTERM) from None
+        raise
+
+
+def _take_sigterm_as_interruption() -> list[int]:
+    """Let SIGTERM end this process as Ctrl-C does, once; return the list in which it is noted.
+
+    Worker processes, which inherit this, end at once, and so does this process at a second signal.
+    """
+    process = os.getpid()
+    seen: list[int] = []
+
+    def take(number: int, frame: object) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        if os.getpid() != process:
+            os.kill(os.getpid(), number)
+            return
+        seen.append(number)
+        from hfsim.errors import Terminated
+
+        raise Terminated
+
+    signal.signal(signal.SIGTERM, take)
+    return seen

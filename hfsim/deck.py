@@ -121,7 +121,7 @@ class SolveSpec(Spec):
     duration: PositiveTime
     """Time to simulate [s]."""
 
-    method: Literal["gear", "gauss", "radau", "generalized_alpha", "explicit", "auto"] = "auto"
+    method: Literal["gear", "gauss", "radau", "energy", "generalized_alpha", "explicit", "auto"] = "auto"
     """Integration method."""
 
     tolerance: Annotated[Number, Gt(0), Le(0.1)] = 1e-8
@@ -134,7 +134,7 @@ class SolveSpec(Spec):
     """Order of the method gear [-]."""
 
     stages: Annotated[Count, Le(24)] | None = None
-    """Stages of the methods gauss and radau [-]."""
+    """Stages of the methods gauss, radau and energy [-]."""
 
     rho_inf: UnitInterval = 0.8
     """Spectral radius at infinite frequency of the method generalized_alpha [-]."""
@@ -173,6 +173,9 @@ class SolveSpec(Spec):
                     yield Complaint((key,), "goes with target_error only", "give target_error, e.g. 1e-3")
         elif self.step is not None:
             yield Complaint(("step",), "target_error chooses the steps itself", "remove one of the two")
+        if self.method == "energy" and self.coordinates == "frame":
+            why = "method energy makes its steps in absolute coordinates"
+            yield Complaint(("coordinates",), why, "leave this entry out")
         if self.step is not None and self.step > self.duration:
             yield Complaint(
                 ("step",), f"a step of {self.step:g} s is longer than the run, {self.duration:g} s"

@@ -70,6 +70,10 @@ class DeckError(HfsimError):
         return f"{head}\n{problem.line:5d} | {source}\n      | {caret}"
 
 
+class Terminated(KeyboardInterrupt):
+    """The signal SIGTERM, taken as an interruption from the keyboard is."""
+
+
 @dataclass
 class SolverFailure(HfsimError):  # noqa: N818
     """The integration could not go on: the solver failed or the model broke down.

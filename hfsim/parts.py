@@ -39,6 +39,11 @@ class ForcePart:
         return self.dissipates
 
     @property
+    def quartic(self) -> bool:
+        """Whether the energy it stores is a polynomial of degree four at most in x."""
+        return False
+
+    @property
     def support(self) -> IntArray:
         """Coordinates in x that the force depends on or acts on."""
         raise NotImplementedError

@@ -13,7 +13,7 @@ from hfsim.channels import CHANNELS, Samples
 from hfsim.clock import PhaseClock
 from hfsim.deck import LoadedDeck, is_judged
 from hfsim.diagnosis import diagnose, suspect, time_for
-from hfsim.errors import HfsimError, LimitReached, SolverFailure
+from hfsim.errors import HfsimError, LimitReached, SolverFailure, Terminated
 from hfsim.integration import Integration, Progress, run_integration
 from hfsim.integrators import Trajectory
 from hfsim.plan import plan_of
@@ -300,6 +300,8 @@ def _outcome(
     if stop is None:
         return "done", "", None, 0
     if isinstance(stop, KeyboardInterrupt):
+        if isinstance(stop, Terminated):
+            return "interrupted", "ended by the signal SIGTERM", None, 143
         return "interrupted", "interrupted from the keyboard", None, 130
     if isinstance(stop, LimitReached):
         return "limit", stop.reason, None, stop.exit_code

@@ -222,6 +222,12 @@ class System:
         """Whether `linearized` is at hand: the state are coordinates with a constant mass matrix."""
         return not self.charts and not self.variable_mass
 
+    @property
+    def quartic(self) -> bool:
+        """Whether mass and joints are constant in the state and the potential a polynomial of degree four."""
+        constant = self.linearizes and self.equations.constraints_constant
+        return constant and all(part.quartic for part in self.forces)
+
     def linearized(self, t: float, q: Array, v: Array) -> Linearized:
         """Return the equations of motion linearised at a state (n,)."""
         time, x, u = np.array([t]), self.absolute(q[None]), self.absolute_velocity(q[None], v[None])

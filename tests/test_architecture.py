@@ -93,7 +93,7 @@ ALLOWED = {
     "studies": GROUND
     | {"balance", "bodies", "build", "channels", "clock", "deck", "diagnosis", "elements", "growth"}
     | {"integration", "integrators", "models", "plan", "rules", "simulate", "writers"},
-    "cli": {"__init__", "commands"},
+    "cli": {"__init__", "commands", "errors"},
     "commands": None,
 }
 """What each module or sub-package may import; None: everything. Layers as in the README: ground, parts, assembly, front."""

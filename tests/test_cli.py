@@ -436,3 +436,29 @@ def test_progress_redraws_one_line_on_a_terminal_and_wipes_it():
     assert "\n" not in stream.text
     assert stream.text.endswith(" \r")
     assert "case:  46 %, 16 s, about 19 s to go" in stream.text
+
+
+TERMINATED = """
+import os, signal
+import hfsim.integration
+
+def watch(self, t, q, v):
+    if t > 0.05:
+        os.kill(os.getpid(), signal.SIGTERM)
+
+hfsim.integration.EnergyWatch.__call__ = watch
+from hfsim.cli import main
+main()
+"""
+
+
+def test_sigterm_ends_a_run_as_an_interruption_does(tmp_path):
+    """What was computed is kept, and said to be unfinished."""
+    command = ["run", "pendulum", "--no-plots", "-o", str(tmp_path / "o")]
+    done = subprocess.run([sys.executable, "-c", TERMINATED, *command], capture_output=True, timeout=60)
+    assert done.returncode == 143
+    assert b"Traceback" not in done.stderr
+    summary = json.loads((tmp_path / "o" / "summary.json").read_text())
+    assert (summary["status"], summary["exit_code"]) == ("interrupted", 143)
+    assert "SIGTERM" in summary["reason"]
+    assert len((tmp_path / "o" / "history.csv").read_text().splitlines()) > 5

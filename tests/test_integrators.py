@@ -11,6 +11,7 @@ from hfsim.integrators import Limits, Problem, integrate
 from hfsim.integrators._base import Segment, two_point_series
 from hfsim.integrators._tableau import gauss, legendre, radau
 from hfsim.integrators.collocation import CollocationMethod
+from hfsim.integrators.energy import EnergyMethod
 from hfsim.integrators.explicit import Explicit
 from hfsim.integrators.gear import Gear
 from hfsim.integrators.generalized_alpha import GeneralizedAlpha
@@ -57,6 +58,9 @@ FIXED = {
         f"radau-{s}": (lambda h, s=s: CollocationMethod("radau", radau(s), TIGHT), 2 * s - 1)
         for s in (1, 2, 3)
     },
+    **{
+        f"energy-{s}": (lambda h, s=s: EnergyMethod("energy", gauss(s), TIGHT), 2 * s) for s in (1, 2, 3, 4)
+    },
     **{f"gear-{k}": (lambda h, k=k: Gear(TIGHT, h, k), k) for k in (1, 2, 3, 4, 5)},
     **{
         f"generalized_alpha-{r}": (lambda h, r=r: GeneralizedAlpha(TIGHT, r), 2) for r in (0.0, 0.5, 0.8, 1.0)
@@ -67,11 +71,12 @@ STEPS = {1: (400, 800), 2: (100, 200), 3: (80, 160), 4: (60, 120), 5: (80, 160),
 FREE = {
     "gauss": lambda tolerance: CollocationMethod("gauss", gauss(8), tolerance),
     "radau": lambda tolerance: CollocationMethod("radau", radau(6), tolerance),
+    "energy": lambda tolerance: EnergyMethod("energy", gauss(4), tolerance),
     "gear": lambda tolerance: Gear(tolerance),
     "generalized_alpha": lambda tolerance: GeneralizedAlpha(tolerance, 0.8),
     "explicit": lambda tolerance: Explicit(tolerance),
 }
-MOST_EVALUATIONS = {"gauss": 1500, "radau": 1500, "gear": 300, "generalized_alpha": 20_000, "explicit": 900}
+MOST_EVALUATIONS = {"gauss": 1500, "radau": 1500, "energy": 2400, "gear": 300, "generalized_alpha": 20_000, "explicit": 900}
 """States looked at for one swing of 4 s at tolerance 1e-7: half as many again as measured, rounded up."""
 IMPLICIT = [name for name in FREE if name != "explicit"]
 
@@ -137,6 +142,9 @@ def constrained():
         "gauss-3",
         "radau-2",
         "radau-3",
+        "energy-1",
+        "energy-2",
+        "energy-3",
         "gear-2",
         "gear-3",
         "gear-4",

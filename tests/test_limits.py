@@ -207,11 +207,27 @@ def test_measured_and_predicted_steps_agree_within_a_per_cent(method, order):
     assert found.beyond - found.longest <= 0.01 * found.beyond
 
 
-@pytest.mark.parametrize(("method", "order"), [("gauss", None), ("gear", 2), ("generalized_alpha", None)])
+@pytest.mark.parametrize(
+    ("method", "order"), [("gauss", None), ("energy", None), ("gear", 2), ("generalized_alpha", None)]
+)
 def test_methods_that_stand_any_step(method, order):
     found = measure(LimitJob(WHEEL, "wheel", ("solve.stages=2",), "exact", method, order, 30.0))
     assert found.beyond is None and found.predicted is None
     assert found.longest > 10.0
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("step", [0.9, 1.0, 20.0])
+def test_gear_of_low_order_stands_any_step_of_a_cantilever(order, step):
+    """The starting values come from Gauss collocation, which must stand them too."""
+    scene = build(parse_deck(CANTILEVER), "linear")
+    omega, shape = linearise(scene, 0.0, scene.q, scene.v).fastest_mode()
+    h = 2.0 * np.pi / omega * step
+    update = {"method": "gear", "order": order, "step": h, "duration": 60 * h}
+    begin = (0.0, scene.q, scene.v + 1e-6 * omega * shape)
+    done = run_integration(scene, scene.deck.solve.model_copy(update=update), start=begin)
+    assert done.stop is None
+    assert np.abs(done.trajectory.v).max() < np.abs(begin[2]).max()
 
 
 def test_the_command(tmp_path):

@@ -31,7 +31,7 @@ STARTED = time.perf_counter()
 CASES = Path(__file__).resolve().parent.parent / "cases"
 """Decks shipped with hfsim."""
 
-_SEVERITY = (0, 4, 5, 3, 2, 1, 130)
+_SEVERITY = (0, 4, 5, 3, 2, 1, 130, 143)
 """Exit codes from harmless to grave."""
 
 _SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
@@ -46,7 +46,7 @@ class DeckNotFoundError(HfsimError):
 
 
 def worst(codes: Iterable[int]) -> int:
-    """Return the gravest of several exit codes: 0 < 4 < 5 < 3 < 2 < 1 < 130; codes unknown here count as 1.
+    """Return the gravest of several exit codes: 0 < 4 < 5 < 3 < 2 < 1 < 130 < 143; others count as 1.
 
     Examples
     --------

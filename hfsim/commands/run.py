@@ -109,7 +109,8 @@ def run(
 
     Results go to '<deck name>.out' in the current folder, or to -o DIR; several decks get a folder each
     inside DIR. All decks are checked before the first one runs: if one is bad, nothing is run. After
-    that no deck stops the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130).
+    that no deck stops the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130 <
+    143).
 
     With --target-error, each deck is refined by itself until the error of mesh and time together, largest
     over time in the worst channel and relative to its range, keeps the target; what was chosen is in
@@ -132,7 +133,7 @@ def run(
     codes: list[int] = []
     for number, job in enumerate(jobs):
         codes.append(_do_safely(job, settings, first=number == 0))
-        if codes[-1] == 130:
+        if codes[-1] in (130, 143):
             break
     raise click.exceptions.Exit(worst(codes))
 

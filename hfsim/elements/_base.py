@@ -86,6 +86,10 @@ class ElasticLaw(Protocol):
     V has shape (..., n_elements, n_vectors, n_dim); energies are in joule.
     """
 
+    @property
+    def quartic(self) -> bool:
+        """Whether the energy is a polynomial of degree four in V."""
+
     def energy(self, V: Array) -> Array:
         """Return the stored energy of each element, shape (..., n_elements)."""
 
@@ -208,6 +212,11 @@ class GramLaw:
     reference: Array
     scale: Array
     dimension: int = 2
+
+    @property
+    def quartic(self) -> bool:
+        """Return True."""
+        return True
 
     def joined(self, other: GramLaw) -> GramLaw:
         """Return the law of this one's elements followed by the other's."""

@@ -107,6 +107,11 @@ class QuadratureLaw:
     bending_points: int
     degree: int = 3
 
+    @property
+    def quartic(self) -> bool:
+        """Whether the strain is Green's and the curvature linear."""
+        return not self.engineering and not self.exact_curvature
+
     def joined(self, other: QuadratureLaw) -> QuadratureLaw:
         """Return the law of this one's elements followed by the other's."""
         return replace(

@@ -374,6 +374,11 @@ class NodalLaw:
     energies: ElasticLaw
     differences: Array
 
+    @property
+    def quartic(self) -> bool:
+        """Return what the energy says."""
+        return self.energies.quartic
+
     def energy(self, V: Array) -> Array:
         """Return the stored energy of each element [J], shape (..., n_elements)."""
         return self.energies.energy(self.differences @ V)

@@ -63,9 +63,18 @@ class RotationalSpring(ForcePart):
         """Whether there is a damper."""
         return self.damping > 0.0
 
+    @property
+    def quartic(self) -> bool:
+        """Whether the angle is a coordinate."""
+        return self._keeps_turns and not self.damping
+
+    @property
+    def _keeps_turns(self) -> bool:
+        return self.first.keeps_turns and self.second.keeps_turns
+
     def _deflection(self, x: Array) -> Array:
         angle = self.second.angle(x) - self.first.angle(x) - self.rest_angle
-        return angle if self.first.keeps_turns and self.second.keeps_turns else wrap(angle)
+        return angle if self._keeps_turns else wrap(angle)
 
     def _rate(self, x: Array, u: Array) -> Array:
         return np.asarray(

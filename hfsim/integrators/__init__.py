@@ -18,6 +18,7 @@ from hfsim.integrators._base import (
 )
 from hfsim.integrators._tableau import gauss, radau
 from hfsim.integrators.collocation import CollocationMethod
+from hfsim.integrators.energy import DEFAULT_STAGES, EnergyMethod
 from hfsim.integrators.explicit import Explicit
 from hfsim.integrators.gear import Gear
 from hfsim.integrators.generalized_alpha import GeneralizedAlpha
@@ -46,6 +47,10 @@ def _radau(solve: SolveSpec) -> Method:
     return CollocationMethod("radau", radau(stages), solve.tolerance)
 
 
+def _energy(solve: SolveSpec) -> Method:
+    return EnergyMethod("energy", gauss(solve.stages or DEFAULT_STAGES), solve.tolerance)
+
+
 def _gear(solve: SolveSpec) -> Method:
     return Gear(solve.tolerance, solve.step, solve.order)
 
@@ -61,6 +66,7 @@ def _explicit(solve: SolveSpec) -> Method:
 METHODS: dict[str, Callable[[SolveSpec], Method]] = {
     "gauss": _gauss,
     "radau": _radau,
+    "energy": _energy,
     "gear": _gear,
     "generalized_alpha": _generalized_alpha,
     "explicit": _explicit,
@@ -76,6 +82,7 @@ def choose(solve: SolveSpec, dissipates: bool) -> Method:
 
 
 __all__ = [
+    "DEFAULT_STAGES",
     "METHODS",
     "Counts",
     "Limits",

@@ -104,6 +104,10 @@ class Problem:
         (t, q, v) -> the failure that names what is not finite in this state, or None.
     increments : Increments
         Coordinates for Newton corrections.
+    constant_mass : bool
+        Whether the state are coordinates with a constant mass matrix.
+    quartic : bool
+        Whether, besides, joints are linear in them and the potential is a polynomial of degree four at most.
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
@@ -114,6 +118,8 @@ class Problem:
     linearized: Callable[[float, Array, Array], Linearized] | None = None
     culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
     increments: Increments = field(default_factory=PlainIncrements)
+    constant_mass: bool = True
+    quartic: bool = False
     counts: Counts = field(default_factory=Counts)
 
     def evaluate(self, t: Array, q: Array, v: Array) -> Array:

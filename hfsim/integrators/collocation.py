@@ -79,8 +79,7 @@ class CollocationMethod:
             self._renew(t, q, v, 0.7 * h)
             return unsolved(0.7)
         a = solved
-        tail = np.abs(table.to_legendre[-2:] @ (table.A2 @ a)).max(axis=0) * h * h
-        error = float((tail / (self.tolerance * (1.0 + np.abs(q)))).max())
+        error = self._error(a, q, h)
         return Attempt(
             error=error,
             growth=self._growth(error, h),
@@ -97,6 +96,11 @@ class CollocationMethod:
         self._old = self._served or self._iterations > SERVES_WELL
         self._served = True
         self._cap *= 1.05
+
+    def _error(self, a: Array, q: Array, h: float) -> float:
+        """Return the size of the last terms in the Legendre series of the positions, over the tolerance."""
+        tail = np.abs(self.table.to_legendre[-2:] @ (self.table.A2 @ a)).max(axis=0) * h * h
+        return float((tail / (self.tolerance * (1.0 + np.abs(q)))).max())
 
     def _growth(self, error: float, h: float) -> float:
         growth = 0.9 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 1))

@@ -70,6 +70,20 @@ def derivative(
     return DenseDerivative(natural, by_q, by_v)
 
 
+def state_derivatives(problem: Problem, t: float, q: Array, v: Array) -> tuple[Array, Array | None] | None:
+    """Return the derivatives J_q and J_v of the accelerations at a state as dense matrices, (n, n).
+
+    J_v is None where nothing dissipates; None alone in scenes whose matrices are sparse.
+    """
+    if problem.linearized is None:
+        return problem.jacobians(t, q, v)
+    at = problem.linearized(t, q, v)
+    if is_sparse(at.mass):
+        return None
+    P = _mobility(at)
+    return -P @ at.stiffness, None if at.damping is None else -P @ at.damping
+
+
 def _by_differences(problem: Problem, t: float, q: Array, v: Array, natural: Increments) -> Derivative:
     by_q, by_v = problem.jacobians(t, q, v)
     by_q = _in_natural(natural, q, by_q)

@@ -93,6 +93,11 @@ class ElasticForce(ForcePart):
     elements: Connectivity
     law: ElasticLaw
 
+    @property
+    def quartic(self) -> bool:
+        """Return what the law says."""
+        return self.law.quartic
+
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus the derivative of the strain energy, eq. (24)."""
         out -= self.elements.force(self.law.gradient(self.elements.vectors(x)))
@@ -296,6 +301,11 @@ class ConstantForce(ForcePart):
 
     force: Array
     energy: float = 0.0
+
+    @property
+    def quartic(self) -> bool:
+        """Return True: the energy is linear."""
+        return True
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the constant vector."""

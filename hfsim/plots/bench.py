@@ -16,6 +16,7 @@ from hfsim.studies.bench import Bench, Cell, Point, observed_order, pareto, tidy
 _METHOD_STYLES = {
     "gauss": ("#0072B2", "o"),
     "radau": ("#009E73", "s"),
+    "energy": ("#56B4E9", "v"),
     "gear": ("#D55E00", "^"),
     "generalized_alpha": ("#CC79A7", "D"),
     "explicit": ("#E69F00", "P"),

@@ -47,8 +47,6 @@ CLASSES = {
 
 TRUTH_MODEL = "exact"
 """Model that counts as the truth."""
-_AT_REST = 1e-11
-"""Way, relative to the scene, below which nothing moves: the energies and their drift are round-off."""
 _STAGES = {"gauss": 14, "radau": 9}
 """Stages of references: those of no default, so that even where a run and its reference take the same few
 steps, two discretisations are compared."""
@@ -276,13 +274,15 @@ def _growth(scene: Scene, done: Integration, solve: SolveSpec, budget: Budget) -
 
 def solve_point(job: Job) -> Trial:
     """Solve one point as its deck says, with the method of the job."""
+    overrides = (*job.overrides, f"solve.method={job.method}")
     try:
-        scene = build(parse_deck(job.text, job.file, job.overrides), job.model)
+        deck = parse_deck(job.text, job.file, job.overrides).deck
+        scene = build(parse_deck(job.text, job.file, overrides), job.model)
     except DeckError as problem:
         return Trial("lost", reason=REFUSED + problem.problems[0].message)
     solve = scene.deck.solve
-    if job.method != solve.method:
-        solve = solve.model_copy(update={"method": job.method, "stages": None, "order": None})
+    if job.method != deck.solve.method:
+        solve = solve.model_copy(update={"stages": None, "order": None})
         scene = replace(scene, loaded=scene.loaded.with_solve(solve.model_dump()))
     start, budget = time.process_time(), Budget(job.limit)
     try:
@@ -297,8 +297,7 @@ def solve_point(job: Job) -> Trial:
 def _tried(job: Job, scene: Scene, done: Integration, left: float) -> Trial:
     """Return what came of a run that reached its end."""
     samples, end = sample(scene, done.trajectory), done.trajectory.t_end
-    resting = _travel(samples) < _AT_REST
-    drift = 0.0 if resting else float(balance(scene.system, step_samples(done.trajectory))["energy_drift"])
+    drift = float(balance(scene.system, step_samples(done.trajectory))["energy_drift"])
     channels = compute_channels(samples)
     if not (np.isfinite(drift) and all(np.isfinite(channel.values).all() for channel in channels)):
         return Trial("failed", "numerical", "the result is not finite", end)
@@ -325,12 +324,6 @@ def _doubt(scene: Scene, done: Integration, samples: Samples, drift: float, left
     """Return what makes a completed run suspicious; empty if nothing does."""
     facts = {"energy_drift": drift, "validity": validity(samples, done.trajectory)}
     return suspect(scene, done, facts, min(time_for(0.0), max(left, 0.0))) or {}
-
-
-def _travel(samples: Samples) -> float:
-    """Return how far any coordinate gets from its start, over the largest one."""
-    x = samples.scene.system.absolute(samples.q)
-    return float(np.abs(x - x[:1]).max(initial=0.0)) / max(1.0, float(np.abs(x).max(initial=0.0)))
 
 
 def distance(

@@ -23,7 +23,7 @@ from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.deck import LoadedDeck, parse_deck
 from hfsim.integration import run_integration
-from hfsim.integrators import Trajectory, default_stages
+from hfsim.integrators import DEFAULT_STAGES, Trajectory, default_stages
 from hfsim.studies.bench import Budget, OutOfBudgetError
 from hfsim.studies.farm import Farm, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
@@ -121,6 +121,7 @@ def theory(method: str, order: int | None = None) -> Theory:
     words = {
         "gauss": "A-stable, |R(iwh)| = 1",
         "radau": "L-stable, |R(iwh)| < 1",
+        "energy": "A-stable, |R(iwh)| = 1; keeps the energy of any motion",
         "gear": f"order {order}: A-stable",
         "generalized_alpha": "unconditionally stable for linear scenes",
     }[method]
@@ -215,7 +216,8 @@ class Limit:
 def measure(job: LimitJob) -> Limit:
     """Find the longest stable step of a method within the time the job has."""
     budget = job.budget()
-    scene = build(parse_deck(job.text, job.file, job.overrides), job.model)
+    overrides = (*job.overrides, f"solve.method={job.method}")
+    scene = build(parse_deck(job.text, job.file, overrides), job.model)
     omega, shape = fastest_mode(scene, 0.0, scene.q, scene.v)
     period = 2.0 * np.pi / omega
     disturbed = _disturbed(scene, omega, shape)
@@ -223,6 +225,8 @@ def measure(job: LimitJob) -> Limit:
     stages = None
     if job.method in ("gauss", "radau"):
         stages = scene.deck.solve.stages or default_stages(scene.deck.solve.tolerance)
+    if job.method == "energy":
+        stages = scene.deck.solve.stages or DEFAULT_STAGES
     found = Bracket(0.25 * said.longest if said.longest else 1.0)
     try:
         while (step := found.next()) is not None:

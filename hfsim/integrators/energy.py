@@ -1,0 +1,261 @@
+r"""Steps that keep the total energy: Hamiltonian boundary value methods HBVM(k, s).
+
+Within a step the motion is a polynomial path of degree s.  Its accelerations are a Legendre series of s
+terms whose coefficients are integrals over the path (Brugnano, Iavernaro and Trigiante, J. Numer. Anal.
+Ind. Appl. Math. 5 (2010) 17; s = 1: the average vector field method),
+
+    gamma_j = (2 j + 1) \int_0^1 P_j(c) a(t + c h, q(c), q'(c)) dc ,   j < s .
+
+The power of the forces along the path is then the change of the kinetic energy, whatever the step
+length, as long as the mass matrix is constant.  The integrals are evaluated at k Gauss points: without
+error if the potential is a polynomial of degree four, as that of Green strain with linear curvature, and
+k >= 2 s.  With k = s the method is Gauss collocation.
+
+The path is determined by its accelerations at s Gauss points, for which the equations read as those of
+`hfsim.integrators.collocation` with the accelerations replaced by those of the series; so do their
+solution by simplified Newton iteration and the guess.  Where that does not converge, all derivatives
+along the path are taken into a full Newton iteration, and at last the solution is followed from a step
+of no length.  All end at round-off only: what is left of the equations is what is lost of the energy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from hfsim.arrays import Array
+from hfsim.errors import SolverFailure
+from hfsim.integrators._base import Attempt, PlainIncrements, Problem
+from hfsim.integrators._tableau import gauss, legendre
+from hfsim.integrators.collocation import LINEAR, CollocationMethod
+from hfsim.integrators.derivative import state_derivatives
+
+DEFAULT_STAGES = 4
+POINTS_OTHERWISE = 16
+"""Least number of points along the path where the potential is no polynomial of degree four."""
+MAX_ITERATIONS = 40
+MAX_NEWTON = 60
+LEAST_SHARE = 1e-3
+"""Share of a full Newton correction below which the iteration is given up."""
+FIRST_SHARE, LEAST_MORE = 0.25, 5e-3
+"""By which shares of its length a step is made longer when its solution is followed."""
+NOTHING = 1e-17
+PATIENCE = 3
+"""Corrections one after another, none smaller than the smallest before, that end an iteration."""
+SERVES_WELL = 12
+"""Iterations to round-off in a step up to which its derivative is kept for the next."""
+ROUNDING = 1e-10
+"""Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more."""
+
+
+@dataclass(frozen=True)
+class Path:
+    """Quadrature along the path of a step that s stage accelerations determine.
+
+    Attributes
+    ----------
+    nodes : ndarray, shape (k,)
+        Places within the step.
+    moved, rate : ndarray, shape (k, s)
+        From stage accelerations to the displacement beyond uniform motion (over h^2) and to the change
+        of the path's velocity (over h): the velocity that the displacement has, of degree s - 1.
+    average : ndarray, shape (s, k)
+        From accelerations along the path to stage values of their Legendre series of s terms.
+    beyond : ndarray, shape (k,)
+        From accelerations along the path to the first coefficient that is left out.
+    """
+
+    nodes: Array
+    moved: Array
+    rate: Array
+    average: Array
+    beyond: Array
+
+
+@lru_cache(maxsize=64)
+def path(stages: int, points: int) -> Path:
+    """Return the quadrature with a number of points that is larger than that of the stages."""
+    table, quadrature = gauss(stages), gauss(points)
+    values, once, _ = legendre(quadrature.nodes, stages + 1)
+    coefficients = (2.0 * np.arange(stages + 1) + 1.0)[:, None] * values.T * quadrature.b
+    series = table.to_legendre @ table.A
+    return Path(
+        nodes=quadrature.nodes,
+        moved=once[:, :stages] @ series,
+        rate=values[:, :stages] @ series,
+        average=legendre(table.nodes, stages)[0] @ coefficients[:stages],
+        beyond=coefficients[stages],
+    )
+
+
+@dataclass
+class EnergyMethod(CollocationMethod):
+    """HBVM(k, s): ``table`` is that of Gauss collocation with s stages."""
+
+    def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
+        """Take the initial state and as many points along the path as its energy asks for.
+
+        Raises
+        ------
+        SolverFailure
+            If the mass matrix is not constant: no energy would be kept.
+        """
+        if not problem.constant_mass:
+            raise SolverFailure(
+                "method energy needs a constant mass matrix: absolute coordinates, and not model lowOrder",
+                t,
+                item="solve.method",
+                kind="deck",
+                remedy="set solve.coordinates: absolute",
+            )
+        least = 2 * self.table.stages
+        self._path = path(self.table.stages, least if problem.quartic else max(least, POINTS_OTHERWISE))
+        return super().start(problem, t, q, v)
+
+    def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
+        """Solve one step; inside it, not at its end, the first term left out makes the output better."""
+        tried = super().attempt(t, q, v, h)
+        # one stage alone would end elsewhere: its double integral is not zero
+        if not tried.solved or self.table.stages == 1:
+            return tried
+        more = (self._path.beyond @ self._along)[None]
+        return replace(tried, series=np.concatenate([tried.series, more]))
+
+    def accept(self, t: float, q: Array, v: Array) -> None:
+        """Ask for a new derivative if the last one served badly."""
+        self._old = self._iterations > SERVES_WELL
+        self._cap *= 1.05
+
+    def _error(self, a: Array, q: Array, h: float) -> float:
+        """Return what the first term that the series leaves out would move within the step."""
+        s = self.table.stages
+        left_out = h * h * np.abs(self._path.beyond @ self._along) / (4.0 * (2 * s + 1) * (2 * s + 3))
+        return float((left_out / (self.tolerance * (1.0 + np.abs(q)))).max())
+
+    def _growth(self, error: float, h: float) -> float:
+        growth = 0.8 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 2))
+        return float(growth if error > 1.0 else min(growth, 1.25, self._cap / h))
+
+    def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
+        """Return the stage accelerations, or None if no iteration converges."""
+        solved = self._simplified(t, q, v, h, a)
+        if solved is None:
+            solved = self._newton(t, q, v, h, a)
+        return self._followed(t, q, v, h) if solved is None else solved
+
+    def _followed(self, t: float, q: Array, v: Array, h: float) -> Array | None:
+        """Follow the solution from a step of no length, where the accelerations are those at the start."""
+        a = np.repeat(self._problem.single(t, q, v)[None], self.table.stages, axis=0)
+        share, more = 0.0, FIRST_SHARE
+        while share < 1.0:
+            if more < LEAST_MORE:
+                return None
+            ahead = min(1.0, share + more)
+            found = self._newton(t, q, v, ahead * h, a)
+            if found is None:
+                more *= 0.5
+            else:
+                a, share, more = found, ahead, 1.5 * more
+        return a
+
+    def _states(self, t: float, q: Array, v: Array, h: float, a: Array) -> tuple[Array, Array, Array]:
+        """Return times, positions and velocities at the points along the path."""
+        c = self._path.nodes
+        Q = q + (h * c)[:, None] * v + h * h * (self._path.moved @ a)
+        return t + h * c, Q, v + h * (self._path.rate @ a)
+
+    def _defect(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array:
+        """Return what the averaged accelerations are more than the stages'."""
+        self._along = self._problem.evaluate(*self._states(t, q, v, h, a))
+        self._problem.counts.iterations += 1
+        return np.asarray(self._path.average @ self._along - a)
+
+    def _simplified(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
+        table, natural = self.table, self._derivative.increments
+        plain = isinstance(natural, PlainIncrements)
+        uniform = q + (h * table.nodes)[:, None] * v
+        A2, back = h * h * table.A2, table.A2_inverse / h**2
+        correct = self._derivative.correction(table, h)
+        ending = _Stagnation(q)
+        for k in range(MAX_ITERATIONS):
+            self._iterations = k + 1
+            r = A2 @ self._defect(t, q, v, h, a)
+            at = natural.geometry(uniform + A2 @ a)
+            y, change = correct(natural.to_natural(at, r))
+            small = float(np.abs(y).max()) < LINEAR
+            if not plain:
+                y = natural.from_natural(at, y) if small else natural.advance(at, y)
+            a = a + back @ y
+            ended = ending.after(change)
+            if ended is not None:
+                return a if ended and np.isfinite(a).all() else None
+        return None
+
+    def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
+        """Iterate with the derivatives at every point of the path, by shortened corrections where needed.
+
+        A correction is shortened until the next one, with the same derivatives, becomes smaller (Deuflhard's
+        natural monotonicity test).
+        """
+        A2, ending = h * h * self.table.A2, _Stagnation(q)
+        r, share = self._defect(t, q, v, h, a), 1.0
+        for _ in range(MAX_NEWTON):
+            matrix = self._matrix(t, q, v, h, a)
+            if matrix is None:
+                return None
+            inverse = np.linalg.inv(matrix)
+            step = (inverse @ r.ravel()).reshape(a.shape)
+            size = float(np.abs(A2 @ step).max())
+            ended = ending.after(size)
+            if ended is not None:
+                return a + step if ended and np.isfinite(step).all() else None
+            share = min(1.0, 4.0 * share)
+            while share > LEAST_SHARE:
+                r = self._defect(t, q, v, h, a + share * step)
+                left = np.abs(A2 @ (inverse @ r.ravel()).reshape(a.shape)).max()
+                if left <= (1.0 - 0.25 * share) * size or size < ROUNDING:
+                    break
+                share *= 0.5
+            else:
+                return None
+            a = a + share * step
+        return None
+
+    def _matrix(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
+        """Return minus the derivative of the defect by the stage accelerations; None in sparse scenes."""
+        way, s, n = self._path, self.table.stages, len(q)
+        self._problem.counts.factorisations += 1
+        matrix = np.eye(s * n).reshape(s, n, s, n)
+        for k, state in enumerate(zip(*self._states(t, q, v, h, a), strict=True)):
+            derivatives = state_derivatives(self._problem, *state)
+            if derivatives is None:
+                return None
+            by_q, by_v = derivatives
+            matrix -= np.einsum("i,j,ab->iajb", way.average[:, k], h * h * way.moved[k], by_q)
+            if by_v is not None:
+                matrix -= np.einsum("i,j,ab->iajb", way.average[:, k], h * way.rate[k], by_v)
+        return matrix.reshape(s * n, s * n)
+
+
+class _Stagnation:
+    """Tells when corrections have become rounding."""
+
+    def __init__(self, q: Array) -> None:
+        self._scale = 1.0 + float(np.abs(q).max())
+        self._least = np.inf
+        self._idle = 0
+
+    def after(self, change: float) -> bool | None:
+        """Return whether the iteration has converged after a correction of this size; None: go on."""
+        relative = change / self._scale
+        if not relative < 1e6:
+            return False
+        if relative < NOTHING:
+            return True
+        self._idle = self._idle + 1 if relative > 0.9 * self._least else 0
+        self._least = min(self._least, relative)
+        if self._idle < PATIENCE:
+            return None
+        return self._least < ROUNDING
