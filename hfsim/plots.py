@@ -30,7 +30,13 @@ _SIZE = (8.0, 4.6)
 """Width and height of a plot against time [inch]."""
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 """Okabe and Ito's colours, which colour-blind readers can tell apart."""
-_MODEL_COLOURS = {"linear": "#D55E00", "lowOrder": "#0072B2", "exact": "#CC79A7", "ancf": "#009E73"}
+_MODEL_COLOURS = {
+    "rigid": "#E69F00",
+    "linear": "#D55E00",
+    "lowOrder": "#0072B2",
+    "exact": "#CC79A7",
+    "ancf": "#009E73",
+}
 _FRAMES = 20
 """Number of shapes in a stroboscopic picture."""
 _TIME_COLOURS = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))

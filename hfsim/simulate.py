@@ -105,6 +105,7 @@ def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
     return {
         "name": deck.name,
         "model": scene.model,
+        "models": scene.models,
         "bodies": {kind: kinds.count(kind) for kind in ("beam", "rigid") if kind in kinds},
         "joints": len(deck.joints),
         "springs": len(deck.springs),
@@ -172,11 +173,12 @@ def _statistics(scene: Scene, done: Integration, samples: Samples) -> dict[str, 
         "factorisations": counts.factorisations,
         "unknowns": system.n,
         "multipliers": system.n_rows,
+        "models": scene.models,
     }
     facts |= balance(system, step_samples(done.trajectory))
     facts["validity"] = validity(samples, done.trajectory)
     facts["warnings"] = _warnings(scene, done, facts["energy_drift"])
-    facts["warnings"] += validity_warnings(scene.model, facts["validity"])
+    facts["warnings"] += validity_warnings(scene.models, facts["validity"])
     return facts
 
 
@@ -194,7 +196,7 @@ def _warnings(scene: Scene, done: Integration, drift: float) -> list[str]:
         return []
     truncated = [body.name for body in scene.system.variable_mass if body.truncated]
     if truncated:
-        why = f"{scene.model} leaves out inertia terms of {', '.join(truncated)}; compare with exact"
+        why = f"lowOrder leaves out inertia terms of {', '.join(truncated)}; compare with exact"
     else:
         why = f"method {done.method} does not resolve the motion; lower the tolerance or take gauss"
     return [f"the energy balance is off by {drift:.2g} of the energies that change: {why}"]

@@ -15,7 +15,7 @@ magnitude: the error of a phase that grows over many periods is not in it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +34,8 @@ LEFT = 5e-3
 """Estimated relative error at which a model has left its range; see tests/benchmarks/validity.py."""
 CURVATURE = 1.9
 """Relative error of a deflection by `lowOrder` over the largest slope squared, measured on a cantilever."""
+TRUNCATED = ("linear", "lowOrder")
+"""Models of flexible beams that leave terms out."""
 STEEP = 0.3
 """Slope [rad] from which small angles are no longer small."""
 MAX_STATES = 2000
@@ -107,14 +109,14 @@ def watch_validity(scene: Scene, times: Array, q: Array, v: Array) -> dict[str, 
 def truncated_beams(scene: Scene) -> Iterator[NodalBeam | LowOrderBody]:
     """Yield the beams whose model leaves terms out."""
     for body in scene.bodies.values():
-        if isinstance(body, LowOrderBody) or (isinstance(body, NodalBeam) and scene.model == "linear"):
+        if isinstance(body, NodalBeam | LowOrderBody) and scene.models[body.name] in TRUNCATED:
             yield body
 
 
-def validity_warnings(model: str, validity: dict[str, Any]) -> list[str]:
+def validity_warnings(models: Mapping[str, str], validity: dict[str, Any]) -> list[str]:
     """Return a line for each body whose model left its range."""
     return [
-        f"body '{name}' left the range of {model} at t = {facts['left_at']:.4g} s: {facts['reason']}; "
+        f"body '{name}' left the range of {models[name]} at t = {facts['left_at']:.4g} s: {facts['reason']}; "
         "compare with exact"
         for name, facts in validity.items()
         if facts["left_at"] is not None
