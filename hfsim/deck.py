@@ -69,12 +69,6 @@ def _check_format(value: object) -> object:
     return FORMAT
 
 
-def _check_model(value: object) -> object:
-    if value == "auto":
-        raise refusal("'auto' is not available yet; choose rigid, linear, lowOrder, exact or ancf")
-    return value
-
-
 def _check_deck_name(value: str) -> str:
     if not value.strip() or "/" in value or "\\" in value or not value.isprintable():
         raise refusal(f"'{value}' cannot be a name", "it becomes the name of a folder")
@@ -107,10 +101,11 @@ class InitialSpec(Spec):
 class SolveSpec(Spec):
     """What is solved, and how."""
 
-    model: Annotated[
-        Literal["rigid", "linear", "lowOrder", "exact", "ancf"], BeforeValidator(_check_model)
-    ] = "exact"
-    """Model of the beams that have none of their own."""
+    model: Literal["rigid", "linear", "lowOrder", "exact", "ancf", "auto"] = "exact"
+    """Model of the beams that have none of their own; auto: the cheapest that suffices, chosen in the run."""
+
+    model_error: Annotated[Number, Gt(0), Le(1)] = 0.01
+    """Error of a beam's tip, relative to its range, that models chosen by auto may make [-]."""
 
     duration: PositiveTime
     """Time to simulate [s]."""

@@ -65,6 +65,11 @@ ALLOWED = {
     "culprit": GROUND | {"build"},
     "integration": GROUND | {"build", "culprit", "deck", "integrators", "runaway"},
     "validity": GROUND | {"bodies", "build", "models"},
+    "quasistatic": GROUND | {"bodies", "build", "culprit", "markers", "validity"},
+    "turns": GROUND | {"build", "integrators"},
+    "handover": GROUND | {"bodies", "build", "integrators", "quasistatic", "system", "turns", "validity"},
+    "adaptive": GROUND
+    | {"bodies", "build", "deck", "handover", "integration", "integrators", "quasistatic", "validity"},
     "diagnosis": GROUND
     | {
         "balance",
@@ -83,8 +88,8 @@ ALLOWED = {
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},
     "simulate": GROUND
-    | {"balance", "build", "channels", "clock", "deck", "diagnosis", "integration", "integrators"}
-    | {"system", "validity"},
+    | {"adaptive", "balance", "build", "channels", "clock", "deck", "diagnosis", "handover"}
+    | {"integration", "integrators", "system", "turns", "validity"},
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},

@@ -63,7 +63,7 @@ class BeamSpec(Spec):
     truncation: Literal["second_order", "none"] = "second_order"
     """Order in the deformation through which the model lowOrder keeps inertia terms."""
 
-    model: Literal["rigid", "linear", "lowOrder", "exact", "ancf"] | None = None
+    model: Literal["rigid", "linear", "lowOrder", "exact", "ancf", "auto"] | None = None
     """Model of this beam; that of ``solve.model`` without it."""
 
     points: Points = Field(default_factory=dict)
