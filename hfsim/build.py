@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
 from typing import Any, Literal
@@ -11,7 +11,7 @@ import numpy as np
 
 from hfsim.arrays import Array, IntArray
 from hfsim.bodies import BeamSpec, RigidSpec
-from hfsim.bodies.assembled import Body, FoldedBody, LowOrderBody, NodalBeam, RigidBody
+from hfsim.bodies.assembled import Body, FoldedBody, LowOrderBody, NodalBeam, RigidBeam, RigidBody
 from hfsim.constraints import Along, Constraint, RelativeAngle
 from hfsim.deck import Deck, LoadedDeck
 from hfsim.elements import ELEMENTS, Cable, ElasticLaw, Inertia, Measures, Stiffness, join_laws
@@ -35,6 +35,7 @@ from hfsim.models.mesh import BeamMesh
 from hfsim.models.natural import InteriorBeams, NaturalBeams
 from hfsim.parts import ForcePart
 from hfsim.rank import dependence
+from hfsim.reduction import Reduction
 from hfsim.rules import LeftOut, apply_rules, connected, still_bodies, welds
 from hfsim.spec import split_point
 from hfsim.start import Start, starting_state
@@ -43,12 +44,15 @@ from hfsim.system import System
 
 @dataclass(frozen=True)
 class Scene:
-    """A deck with one model, ready to be simulated.
+    """A deck with a model for each of its beams, ready to be simulated.
 
     Attributes
     ----------
     loaded : LoadedDeck
     model : str
+        Of the beams that have none of their own.
+    models : dict of str to str
+        Model of each beam.
     system : System
     bodies : dict of str to Body
     joints : dict of str to tuple of int
@@ -65,6 +69,7 @@ class Scene:
 
     loaded: LoadedDeck
     model: str
+    models: dict[str, str]
     system: System
     bodies: dict[str, Body]
     joints: dict[str, tuple[int, ...]]
@@ -102,14 +107,20 @@ class Part:
     columns: IntArray
 
 
-def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
+FALLBACK = "exact"
+"""Model of beams whose model is to be chosen in the run, where nothing chooses."""
+
+
+def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str] | None = None) -> Scene:
     """Assemble a scene.
 
     Parameters
     ----------
     loaded : LoadedDeck
     model : str, optional
-        Instead of the deck's.
+        Instead of the deck's ``solve.model``; beams with a model of their own keep it.
+    models : mapping of str to str, optional
+        Models of some beams, whatever the deck says.
 
     Raises
     ------
@@ -118,8 +129,10 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
     """
     deck = loaded.deck
     name = model or deck.solve.model
-    kind = MODELS[name].stepping_in(_coordinates(loaded, name))
-    bodies = _bodies(deck, kind)
+    named = deck.models(name) | dict(models or {})
+    named = {beam: FALLBACK if one == "auto" else one for beam, one in named.items()}
+    kinds = {beam: MODELS[one].stepping_in(_coordinates(loaded, one)) for beam, one in named.items()}
+    bodies = _bodies(deck, kinds)
     joints, constraints = _joints(deck, bodies)
     start = Start(
         bodies=bodies,
@@ -129,29 +142,29 @@ def build(loaded: LoadedDeck, model: str | None = None) -> Scene:
         refuse=loaded.problem,
     )
     x, u, angles = starting_state(start)
-    left_out = apply_rules(deck, kind)
+    left_out = apply_rules(deck, kinds)
     if left_out.fires("fixed_bodies"):
-        moving = _moving_columns(bodies, still_bodies(deck, kind))
-        bodies = _folded(deck, kind, bodies, x, angles)
+        moving = _moving_columns(bodies, still_bodies(deck, kinds))
+        bodies = _folded(deck, kinds, bodies, x, angles)
         joints, constraints = _joints(deck, bodies, left_out)
         x, u = x[moving], u[moving]
     elif left_out.fires("standing_drivers"):
         joints, constraints = _joints(deck, bodies, left_out)
-    system = _system(deck, kind, bodies, constraints, left_out, x)
+    system = _system(deck, kinds, bodies, constraints, left_out, x)
     _check_independent(loaded, system, joints, x)
-    near = np.zeros((1, system.n))
+    near = np.zeros((1, system.n_x))
     for body in bodies.values() if system.charts else ():
         if body.angle_column is not None:
             near[0, body.angle_column] = angles[body.name]
-    q, v = system.state(x[None], u[None], near)
+    q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
     q, v = system.project(np.zeros(1), q, v)
-    scene = Scene(loaded, name, system, bodies, joints, q[0], v[0], angles, left_out)
-    return replace(scene, parts=_parts(scene, kind)) if left_out.fires("parts") else scene
+    scene = Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out)
+    return replace(scene, parts=_parts(scene, kinds)) if left_out.fires("parts") else scene
 
 
-def _parts(scene: Scene, kind: Model) -> tuple[Part, ...]:
+def _parts(scene: Scene, kinds: Mapping[str, Model]) -> tuple[Part, ...]:
     """Assemble each part by itself."""
-    still = still_bodies(scene.deck, kind)
+    still = still_bodies(scene.deck, kinds)
     return tuple(_part(scene, group, still) for group in connected(scene.deck, still))
 
 
@@ -168,7 +181,8 @@ def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
         "loads": {k: load for k, load in deck.loads.items() if split_point(load.at)[0] in there},
         "initial": {name: entry for name, entry in deck.initial.items() if name in there},
     }
-    part = build(LoadedDeck(deck.model_copy(update=update), scene.loaded.source), scene.model)
+    own = {name: model for name, model in scene.models.items() if name in there}
+    part = build(LoadedDeck(deck.model_copy(update=update), scene.loaded.source), scene.model, own)
     columns = [np.arange(scene.bodies[n].columns.start, scene.bodies[n].columns.stop) for n in group]
     x_columns, of_x = np.concatenate(columns), np.zeros(scene.system.n_x, dtype=np.intp)
     of_x[scene.system.reduction.rows] = np.arange(scene.system.n)
@@ -181,17 +195,17 @@ def _moving_columns(bodies: dict[str, Body], still: tuple[str, ...]) -> IntArray
 
 
 def _folded(
-    deck: Deck, model: Model, bodies: dict[str, Body], x: Array, angles: dict[str, float]
+    deck: Deck, models: Mapping[str, Model], bodies: dict[str, Body], x: Array, angles: dict[str, float]
 ) -> dict[str, Body]:
     """Number the coordinates anew without the bodies that cannot move."""
     places = {
-        name: bodies[name].marker((0.0, 0.0)).position(x[None])[0] for name in still_bodies(deck, model)
+        name: bodies[name].marker((0.0, 0.0)).position(x[None])[0] for name in still_bodies(deck, models)
     }
     folded = {
         name: FoldedBody(name, (float(place[0]), float(place[1])), angles[name], bodies[name].points)
         for name, place in places.items()
     }
-    return _bodies(deck, model, folded)
+    return _bodies(deck, models, folded)
 
 
 def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "absolute"]:
@@ -221,7 +235,9 @@ def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:
     return body.marker(body.points[name] if name else (0.0, 0.0))
 
 
-def _bodies(deck: Deck, model: Model, folded: dict[str, FoldedBody] | None = None) -> dict[str, Body]:
+def _bodies(
+    deck: Deck, models: Mapping[str, Model], folded: dict[str, FoldedBody] | None = None
+) -> dict[str, Body]:
     """Number the coordinates: each body that is not folded has a run of its own in x."""
     bodies: dict[str, Body] = {}
     at = 0
@@ -231,18 +247,25 @@ def _bodies(deck: Deck, model: Model, folded: dict[str, FoldedBody] | None = Non
             continue
         points = {key: (place[0], place[1]) for key, place in spec.points.items()}
         if isinstance(spec, RigidSpec):
-            bodies[name] = RigidBody(name, slice(at, at + 3), points)
-            at += 3
-            continue
-        mesh = _mesh(deck, spec)
-        points |= {"root": (0.0, 0.0), "tip": (spec.length, 0.0)}
-        columns = slice(at, at + 2 * mesh.n_vectors)
-        at = columns.stop
-        if model.strain == "low_order":
-            bodies[name] = LowOrderBody(name, _low_order_beam(deck, name, mesh, columns), points)
+            bodies[name] = RigidBody(name, slice(at, at + 3), spec.mass, spec.inertia, points)
         else:
-            bodies[name] = NodalBeam(name, columns, mesh, model.frame, points)
+            points |= {"root": (0.0, 0.0), "tip": (spec.length, 0.0)}
+            bodies[name] = _beam(deck, name, spec, models[name], points, at)
+        at = bodies[name].columns.stop
     return bodies
+
+
+def _beam(
+    deck: Deck, name: str, spec: BeamSpec, model: Model, points: dict[str, tuple[float, float]], at: int
+) -> Body:
+    """Return a beam whose coordinates begin at a column."""
+    mesh = _mesh(deck, spec)
+    if model.strain == "none":
+        return RigidBeam.of(name, slice(at, at + 3), mesh, points)
+    columns = slice(at, at + 2 * mesh.n_vectors)
+    if model.strain == "low_order":
+        return LowOrderBody(name, _low_order_beam(deck, name, mesh, columns), points)
+    return NodalBeam(name, columns, mesh, model.frame, points)
 
 
 def _mesh(deck: Deck, spec: BeamSpec) -> BeamMesh:
@@ -315,51 +338,51 @@ def _standing(row: Constraint) -> Constraint:
 
 def _system(
     deck: Deck,
-    model: Model,
+    models: Mapping[str, Model],
     bodies: dict[str, Body],
     constraints: tuple[Constraint, ...],
     left_out: LeftOut,
     x: Array,
 ) -> System:
     n = len(x)
-    sparse = n > DENSE_UP_TO and not model.frame
-    mass = _constant_mass(deck, bodies, n, sparse)
+    sparse = n > DENSE_UP_TO and not any(model.frame for model in models.values())
+    mass = _constant_mass(bodies, n, sparse)
     variable = [body.beam for body in bodies.values() if isinstance(body, LowOrderBody)]
     forces: list[ForcePart] = list(variable)
     if not left_out.fires("weight"):
         forces.append(_weight(deck, bodies, mass))
-    forces += [*_beam_forces(deck, model, bodies, left_out, n)]
+    forces += [*_beam_forces(deck, models, bodies, left_out, n)]
     forces += _springs_and_loads(deck, bodies, left_out, x)
     beams = [body for body in bodies.values() if isinstance(body, NodalBeam)]
     masses: tuple[VariableMass, ...] = tuple(variable)
-    runs = list(_runs(beams))
-    charts = tuple(FrameChart(_columns(run), len(run), run[0].mesh.element.stride) for run in runs)
     moving = {name: body for name, body in bodies.items() if not isinstance(body, FoldedBody)}
     free = eliminate(moving, constraints if left_out.fires("tree_joints") else (), sparse)
+    framed = [beam for beam in beams if beam.framed]
+    # natural increments are those of the Green strain
+    exact = [beam for beam in beams if models[beam.name].strain == "exact"]
     natural = NaturalIncrements(
-        tuple(_natural(run, model) for run in runs), free.reduction, free.ties, free.natural_columns
+        tuple(_natural(run) for run in _runs(exact)), free.reduction, free.ties, free.natural_columns
     )
     return System(
-        charts=charts if model.frame else (),
+        charts=tuple(_chart(run, free.reduction) for run in _runs(framed)),
         forces=tuple(forces),
         equations=Equations(mass, masses, constraints, free.reduction, left_out.fires("constant_mass")),
-        natural=natural if model.strain == "exact" else None,
+        natural=natural if exact else None,
         keeps_rates=not left_out.fires("rates"),
         keeps_work=not left_out.fires("work"),
     )
 
 
-def _constant_mass(deck: Deck, bodies: dict[str, Body], n: int, sparse: bool) -> Matrix:
+def _constant_mass(bodies: dict[str, Body], n: int, sparse: bool) -> Matrix:
     parts = []
-    for name, body in bodies.items():
-        spec = deck.bodies[name]
+    for body in bodies.values():
         if isinstance(body, NodalBeam):
             block = np.kron(body.mesh.element.mass(body.mesh.inertia), np.eye(2))
             columns = _element_columns(body)
             parts.append(Entries.of_block(columns, columns, np.tile(block, (len(columns), 1, 1))))
-        elif isinstance(body, RigidBody) and isinstance(spec, RigidSpec):
+        elif isinstance(body, RigidBody):
             columns = np.arange(body.columns.start, body.columns.stop)
-            parts.append(Entries(columns, columns, np.array([spec.mass, spec.mass, spec.inertia])))
+            parts.append(Entries(columns, columns, np.array([body.mass, body.mass, body.inertia])))
     return assemble(parts, (n, n), sparse)
 
 
@@ -395,25 +418,30 @@ def _columns(run: list[NodalBeam]) -> slice:
     return slice(run[0].columns.start, run[-1].columns.stop)
 
 
-def _natural(run: list[NodalBeam], model: Model) -> NaturalBeams:
+def _chart(run: list[NodalBeam], reduction: Reduction) -> FrameChart:
+    return FrameChart(reduction.free_columns(_columns(run)), len(run), run[0].mesh.element.stride)
+
+
+def _natural(run: list[NodalBeam]) -> NaturalBeams:
     element = run[0].mesh.element
     kind = InteriorBeams if element.stride > element.per_node else NaturalBeams
-    return kind(_columns(run), len(run), element.stride, element.length, model.frame)
+    return kind(_columns(run), len(run), element.stride, element.length, run[0].framed)
 
 
 def _alike(a: NodalBeam, b: NodalBeam) -> bool:
-    side_by_side = a.columns.stop == b.columns.start
+    side_by_side = a.columns.stop == b.columns.start and a.framed == b.framed
     return side_by_side and np.array_equal(a.mesh.undeformed, b.mesh.undeformed)
 
 
 def _beam_forces(
-    deck: Deck, model: Model, bodies: dict[str, Body], left_out: LeftOut, n: int
+    deck: Deck, models: Mapping[str, Model], bodies: dict[str, Body], left_out: LeftOut, n: int
 ) -> Iterable[ForcePart]:
-    beams = [body for body in bodies.values() if isinstance(body, NodalBeam)]
-    if model.strain == "linear":
-        for body in beams:
+    beams: list[NodalBeam] = []
+    for body in bodies.values():
+        if isinstance(body, NodalBeam) and models[body.name].strain == "linear":
             yield _linear_force(deck, body)
-        return
+        elif isinstance(body, NodalBeam):
+            beams.append(body)
     groups: dict[object, list[NodalBeam]] = {}
     for body in beams:
         groups.setdefault(_law_kind(deck, body), []).append(body)

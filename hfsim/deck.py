@@ -71,12 +71,6 @@ def _check_format(value: object) -> object:
     return FORMAT
 
 
-def _check_model(value: object) -> object:
-    if value == "auto":
-        raise refusal("'auto' is not available yet; choose linear, lowOrder, exact or ancf")
-    return value
-
-
 def _check_rule(value: str) -> str:
     if value not in RULES:
         raise refusal(f"there is no rule '{value}'", did_you_mean(value, RULES))
@@ -115,8 +109,11 @@ class InitialSpec(Spec):
 class SolveSpec(Spec):
     """What is solved, and how."""
 
-    model: Annotated[Literal["linear", "lowOrder", "exact", "ancf"], BeforeValidator(_check_model)] = "exact"
-    """Model of the flexible bodies."""
+    model: Literal["rigid", "linear", "lowOrder", "exact", "ancf", "auto"] = "exact"
+    """Model of the beams that have none of their own; auto: the cheapest that suffices, chosen in the run."""
+
+    model_error: Annotated[Number, Gt(0), Le(1)] = 0.01
+    """Error of a beam's tip, relative to its range, that models chosen by auto may make [-]."""
 
     duration: PositiveTime
     """Time to simulate [s]."""
@@ -262,6 +259,11 @@ class Deck(Spec):
     def channels(self) -> tuple[str, ...]:
         """Columns of the output."""
         return typing.cast(tuple[str, ...], self.output.channels)
+
+    def models(self, model: str) -> dict[str, str]:
+        """Return the model of each beam: its own, or else the one given."""
+        beams = {name: body for name, body in self.bodies.items() if isinstance(body, BeamSpec)}
+        return {name: beam.model or model for name, beam in beams.items()}
 
     def resolved(self) -> dict[str, Any]:
         """Return the deck as plain data with defaults filled in and SI numbers; it loads as an equal deck."""
@@ -600,9 +602,10 @@ class _Checks:
                     yield Complaint(("bodies", name, "points", point), message)
 
     def _model_options(self) -> Iterator[Complaint]:
-        if self.solve is None or self.solve.model != "lowOrder":
-            return
         for name, beam in self.beams.items():
+            model = beam.model or (self.solve.model if self.solve else None)
+            if model != "lowOrder":
+                continue
             if beam.element == "continuum":
                 message = "the model lowOrder has no continuum element"
                 yield Complaint(("bodies", name, "element"), message, "element: cable, or another model")

@@ -211,15 +211,27 @@ def _truncated_model(stop: SolverFailure, trial: Experiments) -> SolverFailure |
     scene = trial.scene
     if next(truncated_beams(scene), None) is None:
         return None
-    exact = trial.passes("model exact", {}, build(scene.loaded, "exact"))
+    exact = trial.passes("model exact", {}, _all_exact(scene))
     undecided = "not" in trial.outcomes["model exact"].split()
     if not exact and not (stop.kind == "model" and undecided):
         return None
     name, term, sizes = _largest_term(stop, trial)
     evidence = {"term": term, **sizes, **trial.outcomes}
-    remedy = command(scene.loaded, {"solve.model": "exact"})
+    remedy = command(scene.loaded, _exact_for(scene, name))
     found = _classed(stop, "model", f"bodies.{name}", evidence, remedy)
     return found if found.cause else replace(found, cause="it goes away with the model exact")
+
+
+def _all_exact(scene: Scene) -> Scene:
+    """Return the same scene with every beam in the model exact."""
+    return build(scene.loaded, models=dict.fromkeys(scene.models, "exact"))
+
+
+def _exact_for(scene: Scene, name: str) -> dict[str, Any]:
+    """Return the entry of the deck that gives a beam the model exact."""
+    spec = scene.deck.bodies[name]
+    own = isinstance(spec, BeamSpec) and spec.model is not None
+    return {f"bodies.{name}.model" if own else "solve.model": "exact"}
 
 
 def _largest_term(stop: SolverFailure, trial: Experiments) -> tuple[str, str, dict[str, Any]]:
@@ -234,7 +246,7 @@ def _largest_term(stop: SolverFailure, trial: Experiments) -> tuple[str, str, di
         sizes["left_range_at"] = validity[name]["left_at"]
     if "smallest_eigenvalue" in stop.evidence:
         return name, "inertia of third order: the mass matrix becomes indefinite", sizes
-    if trial.scene.model == "lowOrder":
+    if trial.scene.models[name] == "lowOrder":
         return name, "inertia forces of third order", {**sizes, "inertia": largest["inertia"]}
     if largest["stiffening"] > 1.0:
         return name, "stiffening by axial force", {**sizes, "stiffening": largest["stiffening"]}
@@ -247,7 +259,7 @@ def _method(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     for what, update in _other_settings(trial):
         scene = None
         if "coordinates" in update:
-            scene = build(trial.scene.loaded.with_solve(update), trial.scene.model)
+            scene = build(trial.scene.loaded.with_solve(update), trial.scene.model, trial.scene.models)
         if trial.passes(what, update, scene):
             changes = _changes(trial, update)
             item = f"solve.{next(iter(update))}"
@@ -273,7 +285,7 @@ def _other_settings(trial: Experiments) -> Iterator[tuple[str, dict[str, Any]]]:
     for method in ("radau", "gauss", "gear"):
         if method != used:
             yield f"method {method}", {"method": method, "stages": None, "order": None}
-    if trial.scene.model in ("linear", "exact") and solve.coordinates == "frame":
+    if {"linear", "exact"} & set(trial.scene.models.values()) and solve.coordinates == "frame":
         yield "absolute coordinates", {"coordinates": "absolute"}
 
 
@@ -370,12 +382,10 @@ def _suspicious_balance(trial: Experiments, drift: float) -> SolverFailure | Non
             reason = "the energy balance is off, and is kept with smaller steps"
             return SolverFailure(reason, trial.stop_time, item, "numerical", facts, remedy)
     beams = [body for body in scene.system.variable_mass if body.truncated]
-    if beams and trial.passes("model exact", {}, build(scene.loaded, "exact")):
+    if beams and trial.passes("model exact", {}, _all_exact(scene)):
         facts = {**evidence, **trial.outcomes, "term": "inertia forces of third order"}
-        remedy = command(scene.loaded, {"solve.model": "exact"}, force=True)
-        reason = (
-            f"the energy balance is off whatever the steps, and is kept by exact: {scene.model} breaks it"
-        )
+        remedy = command(scene.loaded, _exact_for(scene, beams[0].name), force=True)
+        reason = "the energy balance is off whatever the steps, and is kept by exact: lowOrder breaks it"
         return SolverFailure(reason, trial.stop_time, f"bodies.{beams[0].name}", "model", facts, remedy)
     remedy = command(scene.loaded, {"solve.tolerance": 1e-10}, force=True)
     reason = "the energy balance is off, and no experiment kept it in the time allowed"
@@ -390,9 +400,9 @@ def _left_range(trial: Experiments, validity: dict[str, Any]) -> SolverFailure |
     if not left:
         return None
     name = min(left, key=lambda one: float(left[one]["left_at"]))
-    reason = f"body '{name}' left the range of {trial.scene.model}: {left[name]['reason']}"
+    reason = f"body '{name}' left the range of {trial.scene.models[name]}: {left[name]['reason']}"
     evidence = dict(left[name]["largest"])
-    remedy = command(trial.scene.loaded, {"solve.model": "exact"}, force=True)
+    remedy = command(trial.scene.loaded, _exact_for(trial.scene, name), force=True)
     return SolverFailure(reason, left[name]["left_at"], f"bodies.{name}", "model", evidence, remedy)
 
 
@@ -442,8 +452,12 @@ def instability(scene: Scene, growth: Growth) -> SolverFailure:
 def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     """A beam pressed together beyond what Green strain can bear, while the energy was still kept."""
     scene, path = trial.scene, trial.done.trajectory
-    beams = [one for one in scene.bodies.values() if isinstance(one, NodalBeam) and _is_green(scene, one)]
-    if scene.model == "linear" or not beams or not path.segments:
+    beams = [
+        one
+        for one in scene.bodies.values()
+        if isinstance(one, NodalBeam) and scene.models[one.name] != "linear" and _is_green(scene, one)
+    ]
+    if not beams or not path.segments:
         return None
     ends = step_samples(path)
     x = scene.system.absolute(ends.q)

@@ -4,7 +4,7 @@ A joint at which a position coordinate of one body coincides with one of another
 the ground, is linear in absolute coordinates.  Bodies are taken in from the ground outwards, each by
 the first such joint that leads to it; a joint between two bodies already taken in closes a loop and
 keeps its multipliers.  So do joints whose equations are not linear: angles between moving bodies,
-points between nodes or off the centre of mass.
+points between nodes or off the centre of mass, and all of bodies with coordinates in a body frame.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class FreeCoordinates:
 def eliminate(
     bodies: Mapping[str, Body], constraints: tuple[Constraint, ...], sparse: bool
 ) -> FreeCoordinates:
-    """Return the free coordinates of a scene in absolute coordinates.
+    """Return the free coordinates of a scene; bodies in body frames keep all of theirs.
 
     Parameters
     ----------
@@ -59,13 +59,14 @@ def eliminate(
     n = max(body.columns.stop for body in bodies.values())
     work = _Elimination(n)
     owners = {body.columns.start: name for name, body in bodies.items()}
-    for k, child, parent in _tree(constraints, owners):
+    linear = dict(_between_positions(bodies, constraints, owners))
+    for k, child, parent in _tree(linear, owners):
         body = bodies[str(_owner(child, owners))]
         if _at_coordinates(parent):
             work.attach(k, body, child, parent)
         else:
-            work.mount(body, child, parent, constraints)
-    for k, constraint in enumerate(constraints):
+            work.mount(body, child, parent, tuple(linear.values()))
+    for k, constraint in linear.items():
         clamp = _clamp(constraint)
         if clamp is not None and not work.dropped[clamp[0]].any():
             work.clamp(k, *clamp)
@@ -152,12 +153,22 @@ def _fixed_slope(child: NodalMarker, parent: RigidMarker, constraints: tuple[Con
     return None
 
 
+def _between_positions(
+    bodies: Mapping[str, Body], constraints: tuple[Constraint, ...], owners: Mapping[int, str]
+) -> Iterator[tuple[int, Constraint]]:
+    """Yield, with their numbers, the constraints between bodies whose coordinates are absolute."""
+    for k, c in enumerate(constraints):
+        ends = (_owner(marker, owners) for marker in (c.first, c.second))
+        if all(name is None or len(bodies[name].position_columns) for name in ends):
+            yield k, c
+
+
 def _tree(
-    constraints: tuple[Constraint, ...], owners: Mapping[int, str]
+    constraints: Mapping[int, Constraint], owners: Mapping[int, str]
 ) -> Iterator[tuple[int, Marker, Marker]]:
     """Yield (constraint, marker of the body taken in, marker it is attached to), from the ground outwards."""
     meeting: dict[str | None, list[tuple[int, Marker, Marker]]] = {}
-    for k, c in enumerate(constraints):
+    for k, c in constraints.items():
         if isinstance(c, Coincide):
             for child, parent in ((c.first, c.second), (c.second, c.first)):
                 if _place_columns(child) is not None and _carries(parent, child):

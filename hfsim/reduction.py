@@ -84,6 +84,13 @@ class Reduction:
         """Return the free part of rates or small changes."""
         return u if self.identity else np.asarray(u @ self._inverse)
 
+    def free_columns(self, columns: slice) -> slice:
+        """Return where coordinates of x that stand side by side, and on which no joint bears, stand in z."""
+        ends = np.zeros((2, len(self.offset)))
+        ends[0, columns.start] = ends[1, columns.stop - 1] = 1.0
+        first, last = self.free_rates(ends).argmax(axis=1)
+        return slice(int(first), int(last) + 1)
+
     def free_force(self, f: Array) -> Array:
         """Return the generalised forces on the free coordinates, f B."""
         return f if self.identity else np.asarray(f @ self.basis)

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 if TYPE_CHECKING:
     from hfsim.build import Scene
     from hfsim.deck import Deck
     from hfsim.models import Model
 
+Models: TypeAlias = "Mapping[str, Model]"
+"""Model of each beam, as it is stepped."""
 Items = tuple[str, ...]
 """Deck paths (``springs.coil``) or plain words for what is left out; empty if the rule does not fire."""
 Sizes = dict[str, int]
@@ -45,7 +47,7 @@ class Rule:
     because : str
         Why results do not change.
     find : callable
-        (deck, model) -> what can be left out.
+        (deck, models of the beams) -> what can be left out.
     saved : callable
         (assembled scene, what was found) -> what really was left out, and the counts it saves.
     """
@@ -54,7 +56,7 @@ class Rule:
     leaves_out: str
     when: str
     because: str
-    find: Callable[[Deck, Model], Items]
+    find: Callable[[Deck, Models], Items]
     saved: Callable[[Scene, Items], tuple[Items, Sizes]]
 
 
@@ -79,30 +81,30 @@ class LeftOut:
         return bool(self.found[rule])
 
 
-def apply_rules(deck: Deck, model: Model) -> LeftOut:
+def apply_rules(deck: Deck, models: Models) -> LeftOut:
     """Ask every rule."""
-    return LeftOut({name: apply_rule(name, deck, model) for name in RULES})
+    return LeftOut({name: apply_rule(name, deck, models) for name in RULES})
 
 
-def apply_rule(name: str, deck: Deck, model: Model) -> Items:
+def apply_rule(name: str, deck: Deck, models: Models) -> Items:
     """Ask one rule; it finds nothing if the deck switches it off."""
     kept = deck.solve.keep_all or name in deck.solve.keep
-    return () if kept else RULES[name].find(deck, model)
+    return () if kept else RULES[name].find(deck, models)
 
 
 # --- conditions ----------------------------------------------------------------------------------
 
 
-def _weight(deck: Deck, model: Model) -> Items:
+def _weight(deck: Deck, models: Models) -> Items:
     return () if any(deck.gravity) else tuple(f"weight of bodies.{name}" for name in deck.bodies)
 
 
-def _springs(deck: Deck, model: Model) -> Items:
+def _springs(deck: Deck, models: Models) -> Items:
     idle = (name for name, spring in deck.springs.items() if not spring.stiffness and not spring.damping)
     return tuple(f"springs.{name}" for name in idle)
 
 
-def _loads(deck: Deck, model: Model) -> Items:
+def _loads(deck: Deck, models: Models) -> Items:
     return tuple(f"loads.{name}" for name, load in deck.loads.items() if _is_zero(load))
 
 
@@ -111,10 +113,10 @@ def _is_zero(load: Any) -> bool:
     return not any(size) or (load.law is not None and load.law.type == "constant" and not load.law.value)
 
 
-def _damping(deck: Deck, model: Model) -> Items:
-    if model.strain != "exact":
-        return ()  # there it is of one piece with the elastic force
-    idle = (name for name, spec in _beams(deck) if not _is_damped(deck, spec))
+def _damping(deck: Deck, models: Models) -> Items:
+    # in other models it is of one piece with the elastic force
+    nodal = ((name, spec) for name, spec in _beams(deck) if models[name].strain == "exact")
+    idle = (name for name, spec in nodal if not _is_damped(deck, spec))
     return tuple(f"damping of bodies.{name}" for name in idle)
 
 
@@ -127,7 +129,7 @@ def _beams(deck: Deck) -> Iterator[tuple[str, Any]]:
     return ((name, spec) for name, spec in deck.bodies.items() if spec.type == "beam")
 
 
-def _standing_drivers(deck: Deck, model: Model) -> Items:
+def _standing_drivers(deck: Deck, models: Models) -> Items:
     return tuple(f"joints.{name}" for name, joint in deck.joints.items() if _stands(joint))
 
 
@@ -142,7 +144,7 @@ def _stands(joint: Any) -> bool:
     return still and (joint.position is None or value == 0.0)
 
 
-def _fixed_bodies(deck: Deck, model: Model) -> Items:
+def _fixed_bodies(deck: Deck, models: Models) -> Items:
     """Return the rigid bodies that undriven fixed joints weld to the ground, unless none would be left."""
     standing = {"ground"}
     for _ in deck.joints:
@@ -176,23 +178,39 @@ def welds(deck: Deck, bodies: Iterable[str]) -> frozenset[str]:
     return frozenset(found)
 
 
-def _tree_joints(deck: Deck, model: Model) -> Items:
-    if model.frame:
-        return ()  # joints are not linear in the coordinates of body frames
-    return tuple(f"joints.{name}" for name, joint in deck.joints.items() if joint.type != "prismatic")
+def _tree_joints(deck: Deck, models: Models) -> Items:
+    linear = (
+        name
+        for name, joint in deck.joints.items()
+        if joint.type in ("revolute", "fixed") and all(_is_linear(deck, models, p) for p in joint.between)
+    )
+    return tuple(f"joints.{name}" for name in linear)
 
 
-def _constant_mass(deck: Deck, model: Model) -> Items:
-    return () if model.strain == "low_order" else ("factors of the mass matrix",)
+def _is_linear(deck: Deck, models: Models, point: str) -> bool:
+    """Whether the position of a point is linear: not in body frames, nor off the centre of a rigid body."""
+    owner, _, place = point.partition(".")
+    if owner in models:
+        return not models[owner].frame and models[owner].strain == "exact"
+    return owner == "ground" or not place
 
 
-def _rates(deck: Deck, model: Model) -> Items:
-    if model.strain == "low_order" or any(s.damping for s in deck.springs.values()):
+def _constant_mass(deck: Deck, models: Models) -> Items:
+    return () if _varying(models) else ("factors of the mass matrix",)
+
+
+def _varying(models: Models) -> bool:
+    """Whether a mass matrix changes with the motion."""
+    return any(model.strain == "low_order" for model in models.values())
+
+
+def _rates(deck: Deck, models: Models) -> Items:
+    if _varying(models) or any(s.damping for s in deck.springs.values()):
         return ()
     return () if any(_is_damped(deck, spec) for _, spec in _beams(deck)) else ("rates of all points",)
 
 
-def _work(deck: Deck, model: Model) -> Items:
+def _work(deck: Deck, models: Models) -> Items:
     damped = any(s.damping for s in deck.springs.values())
     damped = damped or any(_is_damped(deck, spec) for _, spec in _beams(deck))
     acting = any(not _is_zero(load) for load in deck.loads.values())
@@ -200,11 +218,11 @@ def _work(deck: Deck, model: Model) -> Items:
     return () if damped or acting or driven else ("work put in",)
 
 
-def _parts(deck: Deck, model: Model) -> Items:
+def _parts(deck: Deck, models: Models) -> Items:
     """Return groups of bodies that no joint or spring connects, the ground apart; none if all are one."""
     if deck.solve.step is not None or _coordinates(deck) < PARTS_FROM:
         return ()
-    groups = connected(deck, still_bodies(deck, model))
+    groups = connected(deck, still_bodies(deck, models))
     return tuple(", ".join(group) for group in groups) if len(groups) > 1 else ()
 
 
@@ -214,9 +232,9 @@ def _coordinates(deck: Deck) -> int:
     return int(sum(beams)) + 3 * sum(spec.type == "rigid" for spec in deck.bodies.values())
 
 
-def still_bodies(deck: Deck, model: Model) -> tuple[str, ...]:
+def still_bodies(deck: Deck, models: Models) -> tuple[str, ...]:
     """Return the bodies that are folded into the ground."""
-    found = apply_rule("fixed_bodies", deck, model)
+    found = apply_rule("fixed_bodies", deck, models)
     return tuple(item.removeprefix("bodies.") for item in found)
 
 
@@ -234,22 +252,22 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))
 
 
-def _turns(deck: Deck, model: Model) -> Items:
-    if model.frame or model.strain == "low_order":
-        return ()  # there the angle is a coordinate
+def _turns(deck: Deck, models: Models) -> Items:
     asked = {channel.split(".")[0] for channel in deck.channels if channel.rpartition(".")[2] in _NEED_ANGLE}
-    return tuple(f"turns of bodies.{name}" for name, _ in _beams(deck) if name not in asked)
+    # elsewhere the angle is a coordinate
+    nodal = (name for name, model in models.items() if model.strain == "exact" and not model.frame)
+    return tuple(f"turns of bodies.{name}" for name in nodal if name not in asked)
 
 
 _NEED_ANGLE = ("angle", "deflection", "elongation")
 """Channels that are measured in a body's frame."""
 
 
-def _plots(deck: Deck, model: Model) -> Items:
+def _plots(deck: Deck, models: Models) -> Items:
     return () if deck.output.plots else ("plots and outlines",)
 
 
-def _never(deck: Deck, model: Model) -> Items:
+def _never(deck: Deck, models: Models) -> Items:
     return ()
 
 

@@ -14,6 +14,8 @@ from hfsim.system import System
 LIMIT = 100.0
 """Energy out of nothing, relative to all that was ever there, at which a model has broken down; large enough
 for a mass matrix that turns singular to be seen first."""
+ROUNDING = 1e-12
+"""Share of the energies at the start below which energy out of nothing is round-off."""
 LIMIT_LENGTHS = 10.0
 """Displacement over length at which a beam of the model linear has broken down."""
 
@@ -52,6 +54,7 @@ class EnergyWatch:
         power = float(system.power(time, x, u)[0]) if system.exchanges_power else 0.0
         if self._last is None:
             self._start, self._potential = moving + potential, potential
+            self._most = ROUNDING * (moving + abs(potential))
         else:
             self._work += 0.5 * (power + self._last[1]) * (t - self._last[0])
         self._last = (t, power)

@@ -1,11 +1,16 @@
-"""From a deck to results: build, integrate, sample, judge. The pipeline to read first."""
+"""From a deck to results: build, integrate, sample, judge. The pipeline to read first.
+
+Where models are chosen in the run, it consists of several legs, each with a scene of its own; else of one.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from hfsim.adaptive import Course, Leg, chooses, run_adaptive
 from hfsim.arrays import Array
 from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
@@ -14,10 +19,12 @@ from hfsim.clock import PhaseClock
 from hfsim.deck import LoadedDeck, is_judged
 from hfsim.diagnosis import diagnose, suspect, time_for
 from hfsim.errors import HfsimError, LimitReached, SolverFailure, Terminated
+from hfsim.handover import hand_over
 from hfsim.integration import Integration, Progress, run_integration
 from hfsim.integrators import Trajectory
 from hfsim.plan import plan_of
 from hfsim.solution import Channel, Run
+from hfsim.turns import count_turns
 from hfsim.validity import validity_warnings, watch_validity
 
 LARGE_DRIFT = 1e-3
@@ -59,43 +66,54 @@ def simulate(
         If the scene cannot be assembled.
     """
     clock = PhaseClock()
-    with clock.phase("build"):
-        scene = build(loaded, model)
-    with clock.phase("solve"):
-        done = run_integration(scene, scene.deck.solve, progress)
-    return assess(scene, done, clock, error_estimate, diagnosis, outlines)
+    course: Course | None = None
+    if chooses(loaded, model):
+        with clock.phase("solve"):
+            course = run_adaptive(loaded, model, progress)
+        legs = course.legs
+    else:
+        with clock.phase("build"):
+            scene = build(loaded, model)
+        with clock.phase("solve"):
+            legs = [Leg(scene, run_integration(scene, scene.deck.solve, progress))]
+    return assess(legs, clock, error_estimate, diagnosis, outlines, course)
 
 
 def assess(
-    scene: Scene,
-    done: Integration,
+    legs: Sequence[Leg],
     clock: PhaseClock,
     error_estimate: bool = True,
     diagnosis: bool = False,
     outlines: bool | None = None,
+    course: Course | None = None,
 ) -> Run:
-    """Return what an integration has found, with its error and what is doubtful about it.
+    """Return what integrations have found, with their error and what is doubtful about it.
 
     Parameters
     ----------
-    scene : Scene
-    done : Integration
+    legs : sequence of Leg
+        One, or several where models change in between.
     clock : PhaseClock
         With the phases so far, ``solve`` among them; gets those that follow.
     error_estimate, diagnosis, outlines : bool
         As in `simulate`.
+    course : Course, optional
+        How the models were chosen.
     """
+    scene, done = legs[-1].scene, legs[-1].done
     with clock.phase("solve"):
-        samples = sample(scene, done.trajectory)
+        samples = sample_legs(legs)
         # numbers out of all range at the end of a failed run: they never reach a file
         with np.errstate(all="ignore"):
-            channels = compute_channels(samples)
-            statistics = _statistics(scene, done, samples)
+            channels = join_channels(samples)
+            statistics = _statistics(legs, samples)
+    if course is not None:
+        statistics["auto"] = course.facts()
     if error_estimate and done.trajectory.segments and not isinstance(done.stop, KeyboardInterrupt):
         with clock.phase("error_estimate"):
-            statistics |= _measured_error(scene, done, samples, channels)
+            statistics |= _measured_error(legs, samples, channels)
     stop = done.stop
-    if diagnosis and not isinstance(stop, KeyboardInterrupt):
+    if diagnosis and len(legs) == 1 and not isinstance(stop, KeyboardInterrupt):
         with clock.phase("diagnosis"):
             if isinstance(stop, SolverFailure):
                 stop = diagnose(scene, done, time_for(clock.cpu["solve"]))
@@ -112,9 +130,9 @@ def assess(
         method=done.method,
         status=status,
         reason=reason,
-        t=samples.t,
+        t=np.concatenate([one.t for one in samples]),
         channels=channels,
-        outlines={name: body.outline(samples.x) for name, body in scene.bodies.items()} if outlines else {},
+        outlines=_outlines(samples) if outlines else {},
         statistics=statistics,
         failure=failure,
         exit_code=code,
@@ -135,6 +153,7 @@ def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
     return {
         "name": deck.name,
         "model": scene.model,
+        "models": scene.models,
         "bodies": {kind: kinds.count(kind) for kind in ("beam", "rigid") if kind in kinds},
         "joints": len(deck.joints),
         "springs": len(deck.springs),
@@ -145,44 +164,67 @@ def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
     }
 
 
-def sample(scene: Scene, trajectory: Trajectory) -> Samples:
-    """Read the trajectory at the output times and move the states onto the joints."""
+def sample_legs(legs: Sequence[Leg]) -> list[Samples]:
+    """Read each leg at its output times; one at which models change belongs to the leg that ends."""
+    parts, seen = [], -np.inf
+    for leg in legs:
+        times = output_times(leg.scene)
+        mine = times[(times > seen) & (times <= leg.done.trajectory.t_end)]
+        parts.append(samples_at(leg.scene, leg.done.trajectory, mine))
+        seen = leg.done.trajectory.t_end
+    return parts
+
+
+def join_channels(samples: Sequence[Samples]) -> tuple[Channel, ...]:
+    """Return the columns that the deck asks for, over all legs."""
+    parts = [compute_channels(one) for one in samples]
+    return tuple(
+        Channel(same[0].name, same[0].unit, np.concatenate([one.values for one in same]))
+        for same in zip(*parts, strict=True)
+    )
+
+
+def _outlines(samples: Sequence[Samples]) -> dict[str, Array]:
+    """Return the outlines of all bodies over all legs; those of a rigid beam get as many points as later."""
+    outlines: dict[str, Array] = {}
+    for name in samples[0].scene.bodies:
+        parts = [one.scene.bodies[name].outline(one.x) for one in samples]
+        most = max(part.shape[1] for part in parts)
+        outlines[name] = np.concatenate([_refined(part, most) for part in parts])
+    return outlines
+
+
+def _refined(points: Array, count: int) -> Array:
+    """Return polylines (n_times, n_points, 2) with straight pieces cut until there are ``count`` points."""
+    n = points.shape[1]
+    if n == count:
+        return points
+    at = np.linspace(0.0, n - 1.0, count)
+    left = np.minimum(at.astype(int), n - 2)
+    share = (at - left)[:, None]
+    return np.asarray(points[:, left] * (1.0 - share) + points[:, left + 1] * share)
+
+
+def output_times(scene: Scene) -> Array:
+    """Return the output times of a whole run."""
     count = int(np.floor(scene.deck.solve.duration / scene.deck.interval * (1.0 + 1e-12)))
     times = scene.deck.interval * np.arange(count + 1)
     times[-1] = min(times[-1], scene.deck.solve.duration)
-    times = times[times <= trajectory.t_end]
-    return samples_at(scene, trajectory, times)
+    return np.asarray(times)
+
+
+def sample(scene: Scene, trajectory: Trajectory) -> Samples:
+    """Read the trajectory at the output times and move the states onto the joints."""
+    times = output_times(scene)
+    return samples_at(scene, trajectory, times[times <= trajectory.t_end])
 
 
 def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> Samples:
     """Return samples at sorted times."""
     q, v = trajectory.at(times)
     q, v = scene.system.project(times, q, v)
-    turns = _turns(scene, trajectory, times)
+    turns = count_turns(scene, trajectory, times)
     return Samples(scene, times, q, v, turns)
-
-
-def _turns(scene: Scene, trajectory: Trajectory, times: Array) -> dict[str, Array]:
-    """Count full turns of bodies whose angle is measured from slopes, along all steps."""
-    unread = scene.left_out["turns"]
-    names = [
-        name
-        for name, body in scene.bodies.items()
-        if body.angle_column is None and f"turns of bodies.{name}" not in unread
-    ]
-    if not names or not len(times):
-        return {}
-    ends = trajectory.step_ends()
-    inner = (ends[:-1, None] + np.diff(ends)[:, None] * np.array([0.25, 0.5, 0.75])).ravel()
-    every = np.unique(np.concatenate([ends, inner, times]))
-    x = scene.system.absolute(trajectory.at(every)[0])
-    at = np.searchsorted(every, times)
-    turns = {}
-    for name in names:
-        angle = np.unwrap(scene.marker(name).angle(x))
-        start = scene.start_angles[name]
-        turns[name] = (angle + 2.0 * np.pi * np.round((start - angle[0]) / (2.0 * np.pi)))[at]
-    return turns
 
 
 def compute_channels(samples: Samples) -> tuple[Channel, ...]:
@@ -196,7 +238,25 @@ def compute_channels(samples: Samples) -> tuple[Channel, ...]:
     return tuple(columns)
 
 
-def _statistics(scene: Scene, done: Integration, samples: Samples) -> dict[str, Any]:
+_SUMS = (
+    *("steps", "rejected", "newton_iterations", "evaluations", "evaluation_calls", "factorisations"),
+    "work_done",
+)
+_LARGEST = ("unknowns", "multipliers", "energy_drift", "constraint_position", "constraint_velocity")
+
+
+def _statistics(legs: Sequence[Leg], samples: Sequence[Samples]) -> dict[str, Any]:
+    """Return the statistics of a run: sums or the largest over its legs, the rest of the last."""
+    parts = [_of_leg(leg.scene, leg.done, one) for leg, one in zip(legs, samples, strict=True)]
+    facts = dict(parts[-1])
+    facts |= {key: sum(part[key] for part in parts) for key in _SUMS}
+    facts |= {key: max(part[key] for part in parts) for key in _LARGEST}
+    facts["energy_initial"] = parts[0]["energy_initial"]
+    facts["warnings"] = [warning for part in parts for warning in part["warnings"]]
+    return facts
+
+
+def _of_leg(scene: Scene, done: Integration, samples: Samples) -> dict[str, Any]:
     counts, system = done.problem.counts, scene.system
     facts: dict[str, Any] = {
         "steps": counts.steps,
@@ -207,11 +267,12 @@ def _statistics(scene: Scene, done: Integration, samples: Samples) -> dict[str, 
         "factorisations": counts.factorisations,
         "unknowns": system.n,
         "multipliers": system.n_rows,
+        "models": scene.models,
     }
     facts |= balance(system, step_samples(done.trajectory))
     facts["validity"] = validity(samples, done.trajectory)
     facts["warnings"] = _warnings(scene, done, facts["energy_drift"])
-    facts["warnings"] += validity_warnings(scene.model, facts["validity"])
+    facts["warnings"] += validity_warnings(scene.models, facts["validity"])
     return facts
 
 
@@ -229,23 +290,34 @@ def _warnings(scene: Scene, done: Integration, drift: float) -> list[str]:
         return []
     truncated = [body.name for body in scene.system.variable_mass if body.truncated]
     if truncated:
-        why = f"{scene.model} leaves out inertia terms of {', '.join(truncated)}; compare with exact"
+        why = f"lowOrder leaves out inertia terms of {', '.join(truncated)}; compare with exact"
     else:
         why = f"method {done.method} does not resolve the motion; lower the tolerance or take gauss"
     return [f"the energy balance is off by {drift:.2g} of the energies that change: {why}"]
 
 
 def _measured_error(
-    scene: Scene, done: Integration, samples: Samples, channels: tuple[Channel, ...]
+    legs: Sequence[Leg], samples: Sequence[Samples], channels: tuple[Channel, ...]
 ) -> dict[str, Any]:
-    """Integrate again, tighter and with Gauss collocation, and return the largest differences."""
-    solve = scene.deck.solve
+    """Integrate again, tighter and with Gauss collocation, and return the largest differences.
+
+    Models change where they did in the run: how good they are is not judged here.
+    """
+    solve = legs[0].scene.deck.solve
     tighter = max(min(solve.tolerance, 1e-6) * 1e-2, 1e-13)
-    update = {"method": "gauss", "tolerance": tighter, "step": None, "stages": None}
-    update |= {"duration": done.trajectory.t_end, "max_steps": None}
-    again = run_integration(scene, solve.model_copy(update=update)).trajectory
-    reference = compute_channels(samples_at(scene, again, samples.t[samples.t <= again.t_end]))
-    absolute, relative = channel_errors(channels, reference)
+    update = {"method": "gauss", "tolerance": tighter, "step": None, "stages": None, "max_steps": None}
+    parts: list[Samples] = []
+    before: tuple[Scene, Trajectory] | None = None
+    for leg, mine in zip(legs, samples, strict=True):
+        path = leg.done.trajectory
+        again = solve.model_copy(update=update | {"duration": path.t_end})
+        scene = leg.scene if before is None else hand_over(before[0], leg.scene, before[1])[0]
+        tight = run_integration(scene, again, start=(path.t_start, scene.q, scene.v)).trajectory
+        parts.append(samples_at(scene, tight, mine.t[mine.t <= tight.t_end]))
+        if tight.t_end < path.t_end:
+            break
+        before = scene, tight
+    absolute, relative = channel_errors(channels, join_channels(parts))
     return {
         "error_estimate": max(relative.values(), default=0.0),
         "error_by_channel": absolute,
@@ -274,22 +346,26 @@ def channel_errors(
     spans = _spans(reference)
     absolute: dict[str, float] = {}
     relative: dict[str, float] = {}
-    for mine, better in zip(channels, reference, strict=True):
-        n = len(better.values)
-        if not n or mine.name.startswith("constraint."):
+    for channel, better in zip(channels, reference, strict=True):
+        n, name = len(better.values), channel.name
+        if not n or name.startswith("constraint."):
             continue
-        absolute[mine.name] = float(np.abs(mine.values[:n] - better.values).max())
-        if is_judged(mine.name) and spans[mine.name] > 0.0:
-            relative[mine.name] = absolute[mine.name] / spans[mine.name]
+        absolute[name] = float(np.abs(channel.values[:n] - better.values).max())
+        if is_judged(name) and spans[name] > 0.0:
+            relative[name] = absolute[name] / spans[name]
     return absolute, relative
 
 
 def _spans(channels: tuple[Channel, ...]) -> dict[str, float]:
-    """Return the range of each channel, at least a thousandth of the largest among those of its unit."""
+    """Return the range of each channel, at least a thousandth of the largest among those of its unit.
+
+    What does not change but for round-off has a millionth of its size as its range.
+    """
     ranges = {c.name: float(np.ptp(c.values)) if len(c.values) else 0.0 for c in channels}
     largest: dict[str, float] = {}
     for c in channels:
-        largest[c.unit] = max(largest.get(c.unit, 0.0), ranges[c.name])
+        size = 1e-3 * float(np.abs(c.values).max(initial=0.0))
+        largest[c.unit] = max(largest.get(c.unit, 0.0), ranges[c.name], size)
     return {c.name: max(ranges[c.name], 1e-3 * largest[c.unit]) for c in channels}
 
 

@@ -37,7 +37,8 @@ class Run:
     name : str
         Name of the deck.
     model, method : str
-        What was really used; never ``auto``.
+        Model of the beams that have none of their own, ``auto`` where it was chosen in the run; the method
+        really used.
     status : str
         ``done``, ``failed``, ``limit`` or ``interrupted``.
     reason : str

@@ -102,6 +102,10 @@ class System:
         """Return the body frames of each chart; what the maps below have in common."""
         return [chart.frames(q) for chart in self.charts]
 
+    def arranged(self, q: Array) -> Array:
+        """Return the state in the places of x, shape (n_batch, n_x): as it is, so relative in body frames."""
+        return self.reduction.expand(q)
+
     def absolute(self, q: Array, frames: list[Frames] | None = None) -> Array:
         """Return the absolute coordinates x(q), shape (n_batch, n_x)."""
         frames = self.frames(q) if frames is None else frames
@@ -263,7 +267,7 @@ class System:
         if not self.variable_mass:
             return None
         size, motion = self._smallest_inertia(q)
-        if size > NEARLY_SINGULAR * self._smallest_inertia(np.zeros_like(q))[0]:
+        if size > NEARLY_SINGULAR * self._smallest_inertia(self._undeformed(q))[0]:
             return None
         body = max(self.variable_mass, key=lambda one: float(np.sum(motion[one.columns] ** 2)))
         return SolverFailure(
@@ -275,6 +279,14 @@ class System:
             kind="model",
             evidence={"smallest_eigenvalue": size},
         )
+
+    def _undeformed(self, q: Array) -> Array:
+        """Return the state with no deformation of the bodies whose mass matrix depends on it."""
+        straight = q.copy()
+        for body in self.variable_mass:
+            own = self.reduction.free_columns(body.columns)
+            straight[own.start + 3 : own.stop] = 0.0
+        return straight
 
     def _smallest_inertia(self, q: Array) -> tuple[float, Array]:
         """Return the smallest eigenvalue of the mass matrix among allowed motions, and that motion.

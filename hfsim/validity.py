@@ -7,6 +7,9 @@ the beam's tip, relative to the largest range of a coordinate of the tip over th
 
     linear     (s + |N v'^2| / |EI v''^2| |v|) / range      s = 1/2 int v'^2, N = EA u1'
     lowOrder   `CURVATURE` max v'^2 |v| / range             v deflection of the tip in the body frame
+    rigid      2 (|v| (1 + pi/2 n) + |u| (1 + 2 theta)) / range     after n half periods and theta turned
+
+u and v of a rigid beam are those of the same forces at rest (`hfsim.quasistatic`).
 
 In the model linear |N v'^2| is a mean over the time that bending takes to answer, and of what
 oscillates, |EI v''^2| and |v|, the largest values so far count.  The estimate is one of order of
@@ -15,7 +18,7 @@ magnitude: the error of a phase that grows over many periods is not in it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +37,10 @@ LEFT = 5e-3
 """Estimated relative error at which a model has left its range; see tests/benchmarks/validity.py."""
 CURVATURE = 1.9
 """Relative error of a deflection by `lowOrder` over the largest slope squared, measured on a cantilever."""
+RINGING = 2.0
+"""Largest deformation under a load that sets in suddenly over that of the same load at rest."""
+TRUNCATED = ("linear", "lowOrder")
+"""Models of flexible beams that leave terms out."""
 STEEP = 0.3
 """Slope [rad] from which small angles are no longer small."""
 MAX_STATES = 2000
@@ -107,14 +114,14 @@ def watch_validity(scene: Scene, times: Array, q: Array, v: Array) -> dict[str, 
 def truncated_beams(scene: Scene) -> Iterator[NodalBeam | LowOrderBody]:
     """Yield the beams whose model leaves terms out."""
     for body in scene.bodies.values():
-        if isinstance(body, LowOrderBody) or (isinstance(body, NodalBeam) and scene.model == "linear"):
+        if isinstance(body, NodalBeam | LowOrderBody) and scene.models[body.name] in TRUNCATED:
             yield body
 
 
-def validity_warnings(model: str, validity: dict[str, Any]) -> list[str]:
+def validity_warnings(models: Mapping[str, str], validity: dict[str, Any]) -> list[str]:
     """Return a line for each body whose model left its range."""
     return [
-        f"body '{name}' left the range of {model} at t = {facts['left_at']:.4g} s: {facts['reason']}; "
+        f"body '{name}' left the range of {models[name]} at t = {facts['left_at']:.4g} s: {facts['reason']}; "
         "compare with exact"
         for name, facts in validity.items()
         if facts["left_at"] is not None
@@ -122,18 +129,11 @@ def validity_warnings(model: str, validity: dict[str, Any]) -> list[str]:
 
 
 def _judge(scene: Scene, body: NodalBeam | LowOrderBody, t: Array, x: Array, u: Array) -> dict[str, Any]:
-    spec = scene.deck.bodies[body.name]
-    assert isinstance(spec, BeamSpec)
-    material, section = scene.deck.materials[spec.material], scene.deck.sections[spec.section]
-    EA, EI = material.youngs_modulus * section.area, material.youngs_modulus * section.second_moment
+    spec = _beam(scene, body.name)
     seen = deformation(body, x, u)
-    reach = float(np.ptp(scene.marker(f"{body.name}.tip").position(x), axis=0).max())
-    # a model that runs away must not be judged by how far it has run
-    lengths = sum(one.length for one in scene.deck.bodies.values() if isinstance(one, BeamSpec))
-    scale = max(min(reach, 2.0 * lengths), 1e-9 * spec.length)
-    first = _first_frequency(scene, body.name, spec.length, np.sqrt(EI / (material.density * section.area)))
-    stiffening = _stiffening(seen, EA, EI, t, 1.0 / first)
-    terms = _error_terms(seen, isinstance(body, LowOrderBody), stiffening)
+    scale = max(tip_range(scene, body.name, x), 1e-9 * spec.length)
+    first, stiffening = _stiffening_of(scene, body.name, seen, t)
+    terms = _error_terms(seen, scene.models[body.name], stiffening)
     error = sum(terms.values(), np.zeros(len(t))) / scale
     largest = {
         "estimated_error": float(error.max()),
@@ -148,23 +148,95 @@ def _judge(scene: Scene, body: NodalBeam | LowOrderBody, t: Array, x: Array, u: 
     if not len(left):
         return {"left_at": None, "reason": "", "largest": largest}
     at = int(left[0])
-    return {"left_at": float(t[at]), "reason": _reason(terms, at, seen, error), "largest": largest}
+    return {"left_at": float(t[at]), "reason": error_reason(terms, at, seen, error), "largest": largest}
 
 
-def _error_terms(seen: Deformation, low_order: bool, stiffening: Array) -> dict[str, Array]:
+def _beam(scene: Scene, name: str) -> BeamSpec:
+    spec = scene.deck.bodies[name]
+    assert isinstance(spec, BeamSpec)
+    return spec
+
+
+def tip_range(scene: Scene, name: str, x: Array) -> float:
+    """Return the largest range of a coordinate of a beam's tip [m] in states (n_batch, n).
+
+    At most twice the length of all beams: a model that runs away must not be judged by how far it has run.
+    """
+    reach = float(np.ptp(scene.marker(f"{name}.tip").position(x), axis=0).max())
+    lengths = sum(one.length for one in scene.deck.bodies.values() if isinstance(one, BeamSpec))
+    return min(reach, 2.0 * lengths)
+
+
+def tip_error(scene: Scene, name: str, model: str, seen: Deformation, t: Array) -> dict[str, Array]:
+    """Return what a model leaves out at the tip of a beam that deforms so [m], by cause, (n_batch,) each.
+
+    Parameters
+    ----------
+    scene : Scene
+    name : str
+        Of the beam.
+    model : str
+        ``rigid``, ``linear`` or ``lowOrder``; need not be that of the scene.
+    seen : Deformation
+    t : ndarray, shape (n_batch,)
+        In order.
+    """
+    stiffening = _stiffening_of(scene, name, seen, t)[1] if model == "linear" else np.zeros(len(t))
+    if model == "rigid":
+        return {"bending": _bending_left_out(seen), "stretch": _stretch_left_out(seen, t)}
+    return _error_terms(seen, model, stiffening)
+
+
+def _stiffening_of(scene: Scene, name: str, seen: Deformation, t: Array) -> tuple[float, Array]:
+    """Return the first bending frequency of a beam [rad/s] and the stiffening left out, (n_batch,)."""
+    spec = _beam(scene, name)
+    material, section = scene.deck.materials[spec.material], scene.deck.sections[spec.section]
+    EA, EI = material.youngs_modulus * section.area, material.youngs_modulus * section.second_moment
+    first = _first_frequency(scene, name, spec.length, np.sqrt(EI / (material.density * section.area)))
+    return first, _stiffening(seen, EA, EI, t, 1.0 / first)
+
+
+def _error_terms(seen: Deformation, model: str, stiffening: Array) -> dict[str, Array]:
     """Return estimates of the error of the tip [m] by what causes it, each of shape (n_batch,)."""
     steepest = np.abs(seen.slope).max(axis=1)
-    if low_order:
+    if model == "lowOrder":
         return {"curvature": CURVATURE * steepest**2 * np.abs(seen.tip)}
     deflection = np.maximum.accumulate(np.abs(seen.tip))
     return {"foreshortening": seen.shortening, "stiffening": stiffening * deflection}
 
 
-def _reason(terms: dict[str, Array], at: int, seen: Deformation, error: Array) -> str:
+def _stretch_left_out(seen: Deformation, t: Array) -> Array:
+    """Return the elongation left out [m], shape (n_batch,): the largest so far, and the angle it costs.
+
+    A free spin slows down by twice the share by which the body gets longer.
+    """
+    spin = np.abs(seen.spin)
+    turned = np.concatenate([[0.0], np.cumsum(0.5 * (spin[1:] + spin[:-1]) * np.diff(t))])
+    largest = RINGING * np.maximum.accumulate(np.abs(seen.axial @ seen.weights))
+    return np.asarray(largest * (1.0 + 2.0 * turned))
+
+
+def _bending_left_out(seen: Deformation) -> Array:
+    """Return the deflection left out [m], shape (n_batch,): the largest so far, and the phase it costs.
+
+    What bends by a share e of its swing swings slower by e / 2 at most: by pi / 2 of e each half period.
+    """
+    largest = RINGING * np.maximum.accumulate(np.abs(seen.tip))
+    side = np.sign(np.where(np.abs(seen.tip) > 0.1 * np.abs(seen.tip).max(initial=0.0), seen.tip, 0.0))
+    sides = side[side != 0.0]
+    turned = np.zeros(len(side))
+    turned[np.flatnonzero(side)[1:]] = sides[1:] != sides[:-1]
+    return np.asarray(largest * (1.0 + 0.5 * np.pi * np.cumsum(turned)))
+
+
+def error_reason(terms: dict[str, Array], at: int, seen: Deformation, error: Array) -> str:
+    """Return in words which term (see `tip_error`) prevails at index ``at``, and how large all are."""
     name = max(terms, key=lambda one: float(terms[one][at]))
     words = {
         "foreshortening": "the foreshortening it leaves out is no longer small",
         "stiffening": "the stiffening by axial force that it leaves out is no longer small against bending",
+        "bending": "the bending it leaves out is no longer small",
+        "stretch": "the stretch it leaves out is no longer small",
         "curvature": "the terms of third order in the deflection that it leaves out are no longer small",
     }[name]
     slope = float(np.abs(seen.slope[at]).max())

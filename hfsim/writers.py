@@ -262,7 +262,7 @@ def write_json(path: Path, facts: Mapping[str, Any]) -> None:
 
 
 def write_resolved(path: Path, provenance: Provenance, model: str) -> None:
-    """Write the deck with all defaults as YAML; its ``solve.model`` is the model that really ran."""
+    """Write the deck with all defaults as YAML; its ``solve.model`` is the model of the run."""
     import yaml
 
     deck = dict(provenance.resolved)

@@ -67,6 +67,11 @@ ALLOWED = {
     "culprit": GROUND | {"build"},
     "integration": GROUND | {"build", "culprit", "deck", "integrators", "runaway"},
     "validity": GROUND | {"bodies", "build", "models"},
+    "quasistatic": GROUND | {"bodies", "build", "culprit", "markers", "validity"},
+    "turns": GROUND | {"build", "integrators"},
+    "handover": GROUND | {"bodies", "build", "integrators", "quasistatic", "system", "turns", "validity"},
+    "adaptive": GROUND
+    | {"bodies", "build", "deck", "handover", "integration", "integrators", "quasistatic", "validity"},
     "diagnosis": GROUND
     | {
         "balance",
@@ -85,13 +90,13 @@ ALLOWED = {
     "balance": GROUND | {"integrators", "system"},
     "runaway": GROUND | {"models", "system"},
     "simulate": GROUND
-    | {"balance", "build", "channels", "clock", "deck", "diagnosis", "integration", "integrators"}
-    | {"plan", "system", "validity"},
+    | {"adaptive", "balance", "build", "channels", "clock", "deck", "diagnosis", "handover"}
+    | {"integration", "integrators", "plan", "system", "turns", "validity"},
     "writers": GROUND,
     "runfolder": GROUND | {"clock", "writers", "plots"},
     "plots": GROUND | {"studies"},
     "studies": GROUND
-    | {"balance", "bodies", "build", "channels", "clock", "deck", "diagnosis", "elements", "growth"}
+    | {"adaptive", "balance", "bodies", "build", "channels", "clock", "deck", "diagnosis", "elements", "growth"}
     | {"integration", "integrators", "models", "plan", "rules", "simulate", "writers"},
     "cli": {"__init__", "commands", "errors"},
     "commands": None,

@@ -35,6 +35,9 @@ class FakeDeck:
         self.name = Path(path).read_text().strip()
         self.settings = dict(item.split("=", 1) for item in overrides)
 
+    def models(self, model):
+        return {}
+
     def resolved(self):
         return {"name": self.name, "solve": {"model": self.settings.get("solve.model", "exact")}}
 

@@ -316,7 +316,7 @@ def test_overrides_reach_the_deck():
         ("bodies.arm.length.x=8", "bodies.arm.length.x"),
         ("joints.pin.between.2=arm", "joints.pin.between.2"),
         ("joints.pin.between.1=leg", "joints.pin.between.1"),
-        ("solve.model=auto", "solve.model"),
+        ("solve.model=automatic", "solve.model"),
         ("solve.model=[exact", "solve.model"),
         ("bodies.arm={type: beam, type: rigid}", "bodies.arm"),
         ("solve.duration=.nan", "solve.duration"),

@@ -59,7 +59,11 @@ NOT_HERE = {
     "damping": ["materials.rubber.axial_damping=1e-4"],
     "standing_drivers": ["joints.stop.angle={type: constant_rate, rate: 1.0, start: 0.5}"],
     "fixed_bodies": ["output.channels=[weld.force_x]"],
-    "tree_joints": ["solve.coordinates=frame"],
+    "tree_joints": [
+        "solve.coordinates=frame",
+        "joints.axle.between=[ground.far, wheel.rim]",
+        "joints.post.between=[ground, gauge.eye]",
+    ],
     "constant_mass": ["solve.model=lowOrder"],
     "rates": ["springs.coil.damping=0.1"],
     "work": ["loads.none.force=[1.0, 0.0]"],

@@ -32,7 +32,7 @@ class Body(Protocol):
 
     @property
     def angle_column(self) -> int | None:
-        """Coordinate of the state that is its frame angle with all turns; None where slopes give it."""
+        """Column of `System.arranged` that is its frame angle with all turns; None where slopes give it."""
 
     @property
     def points(self) -> dict[str, Place]:
@@ -57,10 +57,21 @@ class Body(Protocol):
 
 @dataclass(frozen=True)
 class RigidBody:
-    """A rigid body with coordinates (x, y, angle); its origin is its centre of mass."""
+    """A rigid body with coordinates (x, y, angle); its origin is its centre of mass.
+
+    Attributes
+    ----------
+    name : str
+    columns : slice
+    mass, inertia : float
+        Mass [kg] and moment of inertia about the centre of mass [kg m^2].
+    points : dict of str to Place
+    """
 
     name: str
     columns: slice
+    mass: float
+    inertia: float
     points: dict[str, Place] = field(default_factory=dict)
 
     @property
@@ -137,6 +148,40 @@ class FoldedBody:
 
 
 @dataclass(frozen=True)
+class RigidBeam(RigidBody):
+    """A beam of the model rigid: its frame is at the root, its coordinates are those of its mid-point."""
+
+    length: float = 0.0
+
+    @classmethod
+    def of(cls, name: str, columns: slice, mesh: BeamMesh, points: dict[str, Place]) -> RigidBeam:
+        """Return the rigid body with the mass and the inertia that a mesh has in rigid motion."""
+        mass = float(mesh.positions @ mesh.mass @ mesh.positions)
+        about_root = float(np.sum(mesh.undeformed * (mesh.mass @ mesh.undeformed)))
+        inertia = about_root - mass * (0.5 * mesh.length) ** 2
+        return cls(name, columns, mass, inertia, points, mesh.length)
+
+    def _to_centre(self, angle: float) -> Array:
+        return 0.5 * self.length * np.array([np.cos(angle), np.sin(angle)])
+
+    def marker(self, place: Place) -> Marker:
+        """Return the marker of a material point."""
+        return RigidMarker(self.columns, (place[0] - 0.5 * self.length, place[1]))
+
+    def placed(self, origin: Array, angle: float) -> Array:
+        """Return the mid-point and the angle."""
+        return super().placed(origin + self._to_centre(angle), angle)
+
+    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+        """Return the velocity of the mid-point and the angular velocity."""
+        return super().moving(angle, velocity + omega * normal(self._to_centre(angle)), omega)
+
+    def outline(self, x: Array) -> Array:
+        """Return root and tip."""
+        return np.stack([self.marker((a, 0.0)).position(x) for a in (0.0, self.length)], axis=1)
+
+
+@dataclass(frozen=True)
 class NodalBeam:
     """A beam in absolute nodal coordinates: models exact, linear and ancf."""
 
@@ -148,12 +193,14 @@ class NodalBeam:
 
     @property
     def angle_column(self) -> int | None:
-        """The third coordinate of the state, if the state has a body frame."""
+        """The third coordinate, if the state has a body frame."""
         return int(self.columns.start) + 2 if self.framed else None
 
     @property
     def position_columns(self) -> IntArray:
-        """Those of the nodes."""
+        """Those of the nodes, unless they are relative to a frame."""
+        if self.framed:
+            return np.zeros((0, 2), dtype=np.intp)
         vectors = np.flatnonzero(self.mesh.positions)
         return np.asarray(self.columns.start + 2 * vectors[:, None] + np.arange(2))
 

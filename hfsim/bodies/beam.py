@@ -63,6 +63,9 @@ class BeamSpec(Spec):
     truncation: Literal["second_order", "none"] = "second_order"
     """Order in the deformation through which the model lowOrder keeps inertia terms."""
 
+    model: Literal["rigid", "linear", "lowOrder", "exact", "ancf", "auto"] | None = None
+    """Model of this beam; that of ``solve.model`` without it."""
+
     points: Points = Field(default_factory=dict)
     """Named points in the undeformed body frame [m]."""
 

@@ -51,7 +51,7 @@ class Samples:
         """Return the angle of a body frame [rad], continuous over full turns."""
         column = self.scene.bodies[body].angle_column
         if column is not None:
-            return (self.q if self.scene.system.charts else self.x)[:, column]
+            return self.scene.system.arranged(self.q)[:, column]
         measured = self.scene.marker(body).angle(self.x)
         near = self.turns[body]
         return np.asarray(near + wrap(measured - near))

@@ -29,7 +29,7 @@ from hfsim.commands import (
 )
 
 if TYPE_CHECKING:
-    from hfsim.deck import LoadedDeck
+    from hfsim.deck import Deck, LoadedDeck
     from hfsim.runfolder import RunFolder
     from hfsim.solution import Run
     from hfsim.studies.compare import ChannelScale, Comparison, ModelResult
@@ -169,6 +169,9 @@ def make_plan(
 
     deck = str(find_deck(argument, talk))
     decks = {m: load_decks([deck], with_settings(overrides, m), talk, assemble)[0] for m in models}
+    own = own_models(decks[reference].deck)
+    if own:
+        talk.note(f"{own} in every run: a body's own model is not replaced")
     path = output or Path(folder_name(decks[reference].deck.name, ".compare"))
     return Plan(
         argument=argument,
@@ -183,6 +186,12 @@ def make_plan(
         repeats=repeats,
         talk=talk,
     )
+
+
+def own_models(deck: Deck) -> str:
+    """Return which bodies have a model of their own, in words; empty if none has."""
+    beams = deck.models("").items()
+    return ", ".join(f"'{body}' is {model}" for body, model in beams if model)
 
 
 def do_comparison(plan: Plan, max_error: float, require: Sequence[str]) -> int:
@@ -236,9 +245,8 @@ def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
         solves = [run.phase_cpu("solve"), *_repeated(plan, model, run)]
     run, summary = save_run(plan.folders[model], run, provenance, watch, log, plan.plots)
     for warning in summary["warnings"]:
-        if warning not in validity_warnings(
-            model, summary.get("validity") or {}
-        ):  # told with the differences
+        told_with_differences = validity_warnings(summary.get("models") or {}, summary.get("validity") or {})
+        if warning not in told_with_differences:
             plan.talk.note(f"{model}: warning: {warning}")
     if run.status not in ("done", "interrupted"):
         plan.talk.note(f"{model}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")

@@ -274,6 +274,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
     """Return the table of results that people read."""
     facts = {
         "model, method": f"{run.model}, {run.method}",
+        **_models(summary),
         "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
         "steps": _steps(summary),
         "CPU time": _times(summary["cpu_s"]),
@@ -316,6 +317,27 @@ def level_table(found: Mapping[str, Any]) -> list[str]:
 
 _WIDEST = 60
 """Characters of a mesh in a table."""
+
+
+def _models(summary: Mapping[str, Any]) -> dict[str, str]:
+    """Return the rows that say which beams spent how much of the time in which model, and the changes."""
+    auto = summary.get("auto")
+    if not auto:
+        models = summary.get("models") or {}
+        mixed = len(set(models.values())) > 1
+        return {"models": ", ".join(f"{body} {model}" for body, model in models.items())} if mixed else {}
+    spent = [
+        f"{body} " + ", ".join(f"{model} {share:.0%}" for model, share in shares.items())
+        for body, shares in auto["shares"].items()
+    ]
+    rows = {"share of time": "; ".join(spent)}
+    for n, one in enumerate(auto["switches"], 1):
+        rows[f"change {n}"] = (
+            f"{one['time']:.4g} s: {one['body']} from {one['model']} to {one['next_model']}: "
+            f"{one['reason']}; energy {one['energy_gained']:+.2g} J"
+        )
+    return rows
+
 
 _CLASSES = {
     "numerical": "numerical: the method makes it, not the model or the mechanism",

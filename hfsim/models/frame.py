@@ -45,7 +45,7 @@ class FrameChart:
     Attributes
     ----------
     columns : slice
-        Where the coordinates of these beams stand, in q and in x alike.
+        Where the coordinates of these beams stand, in the state and among the free coordinates alike.
     bodies : int
         Number of beams.
     stride : int

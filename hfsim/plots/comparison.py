@@ -24,7 +24,13 @@ from hfsim.plots.style import (
 from hfsim.solution import Channel, Run
 from hfsim.studies.compare import Comparison, ending, percent
 
-_MODEL_COLOURS = {"linear": "#D55E00", "lowOrder": "#0072B2", "exact": "#CC79A7", "ancf": "#009E73"}
+_MODEL_COLOURS = {
+    "rigid": "#E69F00",
+    "linear": "#D55E00",
+    "lowOrder": "#0072B2",
+    "exact": "#CC79A7",
+    "ancf": "#009E73",
+}
 _OFF_SCALE = 1e3
 """Relative differences above this are drawn here."""
 _CLIP = 3.0

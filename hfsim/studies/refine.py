@@ -20,6 +20,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from hfsim.adaptive import Leg
 from hfsim.bodies import BeamSpec
 from hfsim.build import Scene, build
 from hfsim.clock import PhaseClock
@@ -659,7 +660,7 @@ def _as_run(search: _Search, found: Refinement, diagnosis: bool) -> Run:
     clock = chosen.clock
     clock.cpu["refinement"] = found.cpu - sum(clock.cpu.values())
     clock.wall["refinement"] = found.used - sum(clock.wall.values())
-    run = assess(chosen.scene, chosen.done, clock, error_estimate=False, diagnosis=diagnosis)
+    run = assess([Leg(chosen.scene, chosen.done)], clock, error_estimate=False, diagnosis=diagnosis)
     facts: dict[str, Any] = {"refinement": found.facts(), "error_estimate": chosen.estimate}
     if search.current is not None and chosen.estimate is not None:
         other = search.current if chosen is not search.current else search.levels[chosen.base]
