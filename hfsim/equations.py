@@ -2,8 +2,8 @@
 
 Masses, constraints and forces are those of the coordinates x; solved are the free coordinates z of a
 `Reduction`, so that only the constraints it has not taken care of need multipliers.  Small scenes are
-solved with dense matrices for all states at once, large ones with sparse factors, state by state where
-the matrix depends on the state.
+solved with dense matrices for all states at once, large ones with sparse factors; state by state only where
+the matrix depends on the state and joints depend on many coordinates.
 """
 
 from __future__ import annotations
@@ -19,8 +19,11 @@ import numpy as np
 from hfsim.arrays import Array, IntArray
 from hfsim.constraints import Constraint
 from hfsim.markers import joint_support
-from hfsim.matrices import Entries, Matrix, assemble, factorised, is_sparse, saddle_point
+from hfsim.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
 from hfsim.reduction import Reduction
+
+FEW = 60
+"""Coordinates at joints up to which large scenes are solved by these; beyond, with the whole matrix."""
 
 Places: TypeAlias = slice | IntArray
 
@@ -253,11 +256,11 @@ class Equations:
 
     def constrained(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Solve M a + Phi_z^T lambda = f, Phi_z a = gamma for the free coordinates, f (n_batch, n)."""
-        if is_sparse(self.constant_mass) and not self.variable_mass:
+        if is_sparse(self.constant_mass) and not self._few_joint_coordinates:
             return self._solve_sparse(x, f, gamma)
         if self._changes:
             return self._solve_whole(x, f, gamma)
-        free = f @ self._inverse_mass
+        free = self._unconstrained(f)
         if not self.constraints:
             return free, gamma
         reading, mobility, spreading = self._at_joints
@@ -267,9 +270,23 @@ class Equations:
         return free - (multipliers[:, None, :] @ J)[:, 0] @ spreading, multipliers
 
     @cached_property
+    def _few_joint_coordinates(self) -> bool:
+        """Whether joints are best solved with the few coordinates they depend on, in a large scene."""
+        return self.once and len(self._support) <= FEW
+
+    def _unconstrained(self, f: Array) -> Array:
+        """Return M^-1 f for forces (n_batch, n)."""
+        return self._mass_factor(f) if is_sparse(self.constant_mass) else np.asarray(f @ self._inverse_mass)
+
+    @cached_property
+    def _mass_factor(self) -> Callable[[Array], Array]:
+        return factorised(self.free_mass)
+
+    @cached_property
     def _support(self) -> IntArray:
         """Columns of x that the constraints depend on."""
-        return joint_support(*(m for c in self.constraints for m in (c.first, c.second)))
+        markers = [m for c in self.constraints for m in (c.first, c.second)]
+        return joint_support(*markers) if markers else np.zeros(0, dtype=np.intp)
 
     @cached_property
     def _at_joints(self) -> tuple[Array, Array, Array]:
@@ -278,8 +295,8 @@ class Equations:
         From free coordinates to those at the joints (n, k); what unit forces there accelerate there
         (k, k), and everywhere (k, n).
         """
-        rows = self.reduction.basis[self._support]
-        spreading = rows @ self._inverse_mass
+        rows = dense(self.reduction.basis[self._support])
+        spreading = self._unconstrained(rows)
         return np.ascontiguousarray(rows.T), spreading @ rows.T, spreading
 
     def _joint_jacobians(self, x: Array) -> Array:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import hfsim.build
+import hfsim.equations
 import hfsim.matrices
 from hfsim.build import build
 from hfsim.deck import parse_deck
@@ -71,11 +72,16 @@ def scene_of(name, extra=""):
     return build(parse_deck(HEAD + SCENES[name] + extra))
 
 
-@pytest.fixture
-def sparse(monkeypatch):
-    """Take small scenes for large ones."""
-    monkeypatch.setattr(hfsim.matrices, "DENSE_UP_TO", 0)
-    monkeypatch.setattr(hfsim.build, "DENSE_UP_TO", 0)
+@pytest.fixture(params=[hfsim.equations.FEW, -1], ids=["joint coordinates", "whole matrix"])
+def switch(request, monkeypatch):
+    """Return what makes small scenes pass for large ones, with few or many coordinates at joints."""
+
+    def to_sparse():
+        monkeypatch.setattr(hfsim.equations, "FEW", request.param)
+        monkeypatch.setattr(hfsim.matrices, "DENSE_UP_TO", 0)
+        monkeypatch.setattr(hfsim.build, "DENSE_UP_TO", 0)
+
+    return to_sparse
 
 
 def states(scene, count=3, size=0.02, seed=5):
@@ -108,13 +114,13 @@ def test_a_loop_keeps_the_multipliers_that_close_it():
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_sparse_matrices_give_what_dense_ones_give(name, request):
+def test_sparse_matrices_give_what_dense_ones_give(name, switch):
     small = scene_of(name)
     q, v = states(small)
     t = np.zeros(len(q))
     a = small.system.acceleration(t, q, v)
     kinetic = small.system.kinetic_energy(small.system.absolute(q), small.system.absolute_velocity(q, v))
-    request.getfixturevalue("sparse")
+    switch()
     large = scene_of(name).system
     assert is_sparse(large.equations.constant_mass)
     assert large.acceleration(t, q, v) == pytest.approx(a, abs=1e-9 * np.abs(a).max())
@@ -200,7 +206,7 @@ def problem_of(scene, natural=False):
 
 @pytest.mark.parametrize("natural", [False, True])
 @pytest.mark.parametrize("name", SCENES)
-def test_corrections_are_alike_dense_and_sparse(name, natural, request):
+def test_corrections_are_alike_dense_and_sparse(name, natural, switch):
     """Modes, and factors for each pole, solve the same equations for residuals that the joints allow."""
     table, h = gauss(4), 3e-3
     scene = scene_of(name)
@@ -210,7 +216,7 @@ def test_corrections_are_alike_dense_and_sparse(name, natural, request):
     found = []
     for kind in ("dense", "sparse"):
         if kind == "sparse":
-            request.getfixturevalue("sparse")
+            switch()
         scene = scene_of(name)
         problem = problem_of(scene, natural)
         d = derivative(problem, 0.0, q[0], v[0], problem.increments if natural else None)
