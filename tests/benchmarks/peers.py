@@ -345,7 +345,7 @@ def draw(points: list[Point], names: list[str], path: Path) -> None:
         axis.set(xscale="log", yscale="log", title=name, xlabel="CPU time of the solve [s]")
         axis.set(ylabel="largest error of the tip [m]")
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.15))
+        axis.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.2))
     figure.tight_layout()
     figure.savefig(path, dpi=130)
 
