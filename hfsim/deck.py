@@ -20,7 +20,7 @@ from annotated_types import Gt, Le
 from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError, model_validator
 
 from hfsim.bodies import AnyBody, BeamSpec
-from hfsim.bodies.beam import END_POINTS
+from hfsim.bodies.beam import DEFAULT_ELEMENTS, END_POINTS
 from hfsim.deck_source import DeckSource, Path, did_you_mean, parse_source, read_source
 from hfsim.errors import DeckError
 from hfsim.forces import AnyLoad, AnySpring, ForceSpec
@@ -53,6 +53,9 @@ from hfsim.spec import (
 
 FORMAT = 1
 """The deck format this version reads."""
+
+DEFAULT_TARGET = 1e-2
+"""Target error of decks that leave elements to `run` and state no target [-]."""
 
 _MAX_ROWS = 10_000_000
 _RESERVED = ("energy", "constraint", "t")
@@ -167,9 +170,12 @@ class SolveSpec(Spec):
         if self.target_error is None:
             for key in ("target_channels", "budget"):
                 if getattr(self, key) is not None:
-                    yield Complaint((key,), "goes with target_error only", "give target_error, e.g. 1e-3")
+                    why = "goes with target_error or elements: auto only"
+                    yield Complaint((key,), why, "give target_error, e.g. 1e-3")
         elif self.step is not None:
-            yield Complaint(("step",), "target_error chooses the steps itself", "remove one of the two")
+            yield Complaint(
+                ("step",), "target_error and elements: auto choose the steps", "remove one of them"
+            )
         if self.method == "energy" and self.coordinates == "frame":
             why = "method energy makes its steps in absolute coordinates"
             yield Complaint(("coordinates",), why, "leave this entry out")
@@ -272,8 +278,12 @@ class Deck(Spec):
     @property
     def deck_sha256(self) -> str:
         """Hash of the resolved deck; equal decks have equal hashes."""
-        canonical = json.dumps(self.resolved(), sort_keys=True, separators=(",", ":"))
-        return hashlib.sha256(canonical.encode()).hexdigest()
+        return _sha256(self.resolved())
+
+
+def _sha256(resolved: dict[str, Any]) -> str:
+    canonical = json.dumps(resolved, sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
 
 
 def is_judged(channel: str) -> bool:
@@ -295,15 +305,37 @@ def default_channels(bodies: dict[str, Any]) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class LoadedDeck:
-    """A deck and where it came from."""
+    """A deck and where it came from.
+
+    Attributes
+    ----------
+    deck : Deck
+        With numbers of elements throughout.
+    source : DeckSource
+    auto_elements : tuple of str
+        Beams whose elements the deck leaves to `hfsim run`; it has a target error then.
+    """
 
     deck: Deck
     source: DeckSource = field(repr=False, compare=False)
+    auto_elements: tuple[str, ...] = ()
 
     @property
     def deck_sha256(self) -> str:
-        """Hash of the resolved deck."""
-        return self.deck.deck_sha256
+        """Hash of the resolved deck, and of which elements are left open."""
+        resolved = self.deck.resolved()
+        for name in self.auto_elements:
+            resolved["bodies"][name]["elements"] = "auto"
+        return _sha256(resolved)
+
+    def with_numbers(self) -> LoadedDeck:
+        """Return the deck with the default elements where it leaves them open, and then without target."""
+        if not self.auto_elements:
+            return self
+        numbers = [f"bodies.{name}.elements={DEFAULT_ELEMENTS}" for name in self.auto_elements]
+        stated = self.source.data["solve"]
+        none = [f"solve.{key}=null" for key in ("target_error", "target_channels", "budget") if key in stated]
+        return parse_deck(self.source.text, self.source.file, (*self.overrides, *numbers, *none))
 
     @property
     def overrides(self) -> tuple[str, ...]:
@@ -350,6 +382,10 @@ def parse_deck(text: str, file: str = "deck", overrides: Sequence[str] = ()) -> 
 
 def _load(source: DeckSource, stem: str) -> LoadedDeck:
     data = {"name": stem, **{key: value for key, value in source.data.items() if value is not None}}
+    auto = _auto_elements(data)
+    solve = data.get("solve")
+    if auto and isinstance(solve, dict) and solve.get("target_error") is None:
+        data["solve"] = {**solve, "target_error": DEFAULT_TARGET}
     deck, complaints = None, []
     try:
         deck = Deck.model_validate(data)
@@ -362,7 +398,14 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
     if problems or deck is None:
         # What follows from a problem at the very same place is left out.
         raise source.error({(one.path, one.line, one.column): one for one in reversed(problems)}.values())
-    return LoadedDeck(deck, source)
+    return LoadedDeck(deck, source, auto)
+
+
+def _auto_elements(data: dict[str, Any]) -> tuple[str, ...]:
+    """Return the bodies of a deck's plain data that leave their elements open."""
+    bodies = data.get("bodies")
+    pairs = bodies.items() if isinstance(bodies, dict) else ()
+    return tuple(name for name, body in pairs if isinstance(body, dict) and body.get("elements") == "auto")
 
 
 def _readable_entries(data: dict[str, Any]) -> dict[str, Any]:

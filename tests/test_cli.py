@@ -53,7 +53,7 @@ class FakeScene:
         deck = FakeDeck(path, overrides)
         if deck.name == "bad" or deck.settings.get("solve.model") == "nonsense":
             raise DeckError(str(path), [DeckProblem("bodies", "is missing")])
-        return types.SimpleNamespace(deck=deck, deck_sha256="f" * 64)
+        return types.SimpleNamespace(deck=deck, deck_sha256="f" * 64, auto_elements=())
 
     def check(self, loaded, model=None):
         if loaded.deck.name == "unbuildable":

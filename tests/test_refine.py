@@ -8,6 +8,7 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from hfsim.build import build
 from hfsim.cli import app
 from hfsim.commands import CASES
 from hfsim.deck import is_judged, load_deck, parse_deck
@@ -74,6 +75,71 @@ def test_only_the_body_that_matters_is_refined():
     assert bodies["b2"] == {"elements": 2, "degree": 3}
     assert bodies["b1"]["elements"] * (bodies["b1"]["degree"] - 1) >= 16
     assert true_error(run, unlike(deck, 10, 5, 1e-6), deck.deck.channels) <= 1e-2
+
+
+def auto_and_fixed(*overrides):
+    """Return two pendulums side by side, the mesh of the second left open."""
+    other = {"type": "beam", "material": "firm", "section": "strip", "length": 0.4, "elements": "auto"}
+    return (
+        "materials.firm={density: 5540.0, youngs_modulus: 7.0e8}", f"bodies.b2={json.dumps(other)}",
+        "joints.other={type: revolute, between: [ground, b2.root]}", "initial.b2={angle: 0.0}",
+        "bodies.b1.elements=3", "output.channels=[b2.tip.x, b2.tip.y]", "solve.duration=0.12", *overrides,
+    )  # fmt: skip
+
+
+def test_only_beams_with_auto_elements_are_refined(tmp_path):
+    sets = [word for change in auto_and_fixed() for word in ("--set", change)]
+    result = call("run", "pendulum", "--no-plots", "-o", tmp_path / "out", *sets)
+    assert result.exit_code == 0, result.output
+    assert "not counted: mesh errors of b1" in result.stdout
+    found = json.loads((tmp_path / "out" / "summary.json").read_text())["refinement"]
+    assert (found["status"], found["target"], found["fixed_meshes"]) == ("reached", 1e-2, ["b1"])
+    assert all(level["bodies"]["b1"] == {"elements": 3, "degree": 3} for level in found["levels"])
+    assert found["levels"][0]["bodies"]["b2"] == {"elements": 2, "degree": 3}
+    assert any(level["refined"].endswith("of b2") for level in found["levels"])
+    deck = load_deck(tmp_path / "out" / "resolved.yaml")
+    chosen = found["chosen"]["bodies"]["b2"]
+    assert (deck.deck.bodies["b2"].elements, deck.deck.bodies["b2"].degree) == tuple(chosen.values())
+    assert deck.auto_elements == () and deck.deck.solve.target_error is None
+    finer = deck.deck.bodies["b2"].model_copy(update={"elements": 8, "degree": 5})
+    solve = deck.deck.solve.model_copy(update={"tolerance": 1e-7})
+    bodies = {**deck.deck.bodies, "b2": finer}
+    truth = replace(deck, deck=deck.deck.model_copy(update={"bodies": bodies, "solve": solve}))
+    run, fine = (simulate(one, error_estimate=False) for one in (deck, truth))
+    assert true_error(run, fine.channels, deck.deck.channels) <= found["estimate"] <= 1e-2
+
+
+def test_other_commands_take_auto_elements_as_four(tmp_path):
+    given = load_deck(CASES / "pendulum.yaml", auto_and_fixed())
+    assert (given.auto_elements, given.deck.solve.target_error) == (("b2",), 1e-2)
+    four = load_deck(CASES / "pendulum.yaml", auto_and_fixed("bodies.b2.elements=4"))
+    assert given.with_numbers().deck == four.deck
+    assert given.deck_sha256 != given.with_numbers().deck_sha256 == four.deck_sha256
+    hurried = load_deck(CASES / "pendulum.yaml", auto_and_fixed("solve.budget=3"))
+    assert hurried.with_numbers().deck == four.deck
+
+    def told(command, *arguments):
+        sets = [word for change in auto_and_fixed("solve.duration=0.01") for word in ("--set", change)]
+        result = call(command, *arguments, *sets)
+        assert result.exit_code == 0, result.output
+        assert result.stderr.count("elements: auto of b2 taken as 4") == 1
+        return result.stdout
+
+    assert json.loads(told("check", "pendulum", "--json"))["unknowns"] == build(four).system.n
+    told("compare", "exact", "linear", "--case", "pendulum", "--no-plots", "-o", tmp_path / "compared")
+    for path in (tmp_path / "compared").rglob("resolved.yaml"):
+        deck = yaml.safe_load(path.read_text())
+        assert deck["bodies"]["b2"]["elements"] == 4 and "target_error" not in deck["solve"]
+
+
+def test_auto_elements_in_deck_words():
+    for change, words in {
+        "bodies.b1.elements=many": "must be a whole number or auto, not 'many'",
+        "solve.step=1e-3": "target_error and elements: auto choose the steps",
+        "bodies.b1.elements=0": "must be at least 1",
+    }.items():
+        with pytest.raises(DeckError, match=words):
+            load_deck(CASES / "pendulum.yaml", auto_and_fixed(change))
 
 
 DOUBLE_PENDULUM = """
@@ -207,8 +273,8 @@ def test_moves():
 def test_the_deck_refuses_what_does_not_go_together():
     with pytest.raises(DeckError) as caught:
         load_deck(CASES / "pendulum.yaml", ("solve.budget=3", "solve.target_channels=[b1.tip.x]"))
-    assert str(caught.value).count("goes with target_error only") == 2
-    with pytest.raises(DeckError, match="chooses the steps itself"):
+    assert str(caught.value).count("goes with target_error or elements: auto only") == 2
+    with pytest.raises(DeckError, match="choose the steps"):
         pendulum(1e-3, "solve.step=1e-3")
     with pytest.raises(DeckError, match=r"'b1.tip.z' is not among output.channels \(did you mean"):
         pendulum(1e-3, "solve.target_channels=[b1.tip.z]")

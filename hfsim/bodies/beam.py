@@ -6,12 +6,21 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from annotated_types import Ge, Le
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
-from hfsim.spec import Complaint, Count, Flag, Points, PositiveLength, Spec
+from hfsim.spec import Complaint, Count, Flag, Points, PositiveLength, Spec, refusal, shown
 
 END_POINTS = ("root", "tip")
 """Points that every beam has."""
+
+DEFAULT_ELEMENTS = 4
+"""Elements of a beam whose deck states none, or ``auto`` where nothing chooses them."""
+
+
+def _read_elements(value: object) -> object:
+    if isinstance(value, str) and value != "auto":
+        raise refusal(f"must be a whole number or auto, not {shown(value)}")
+    return DEFAULT_ELEMENTS if value == "auto" else value
 
 
 class QuadratureSpec(Spec):
@@ -39,8 +48,8 @@ class BeamSpec(Spec):
     length: PositiveLength
     """Undeformed length [m]."""
 
-    elements: Annotated[Count, Le(100_000)] = 4
-    """Number of elements [-]."""
+    elements: Annotated[Count, Le(100_000), BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
+    """Number of elements [-]; auto: `run` chooses it and the degree, all else takes 4."""
 
     element: Literal["cable", "continuum"] = "cable"
     """Centre line only, or the fully parameterised element of Liu, Hong & Cui (2007), eq. 22-27."""

@@ -368,6 +368,18 @@ def assemble(loaded: LoadedDeck) -> None:
     check(loaded)
 
 
+def with_numbers(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:
+    """Return a deck with the default elements where it says auto, and say so: for all commands but `run`."""
+    if not loaded.auto_elements:
+        return loaded
+    from hfsim.bodies.beam import DEFAULT_ELEMENTS
+
+    beams = ", ".join(loaded.auto_elements)
+    words = f"elements: auto of {beams} taken as {DEFAULT_ELEMENTS}"
+    talk.note(f"{loaded.deck.name}: {words}; only hfsim run chooses them")
+    return loaded.with_numbers()
+
+
 def with_settings(overrides: Sequence[str], model: str | None, keep_all: bool = False) -> tuple[str, ...]:
     """Return the overrides with ``--model`` and ``--keep-all`` among them; they win over ``--set``."""
     own = [f"solve.model={model}"] if model else []

@@ -28,6 +28,7 @@ from hfsim.commands import (
     print_error,
     refuse_unknown,
     talk_options,
+    with_numbers,
 )
 
 if TYPE_CHECKING:
@@ -171,7 +172,7 @@ def bench(
         raise click.UsageError("Missing argument 'DECK' (or --separation)")
     if tolerances and steps:
         raise click.UsageError("give --tolerances or --steps, not both")
-    loaded = load_decks([str(find_deck(deck, talk))], overrides, talk, assemble)[0]
+    loaded = with_numbers(load_decks([str(find_deck(deck, talk))], overrides, talk, assemble)[0], talk)
     levels = (tolerances, steps)
     sweep = make_sweep(loaded, names(methods), levels, names(models), (elements, degrees), repeats)
     scene_plan = Plan(

@@ -15,6 +15,7 @@ from hfsim.commands import (
     plural,
     report_error,
     talk_options,
+    with_numbers,
     with_settings,
     worst,
 )
@@ -58,7 +59,7 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
     from hfsim.simulate import check as assemble
 
     try:
-        facts = assemble(load_deck(find_deck(argument, talk), overrides))
+        facts = assemble(with_numbers(load_deck(find_deck(argument, talk), overrides), talk))
     except HfsimError as error:
         code = report_error(error)
         talk.facts({"deck": argument, "ok": False, "error": str(error)})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from hfsim.commands import (
     print_error,
     provenance_of,
     talk_options,
+    with_numbers,
     with_settings,
 )
 
@@ -169,6 +170,8 @@ def make_plan(
 
     deck = str(find_deck(argument, talk))
     decks = {m: load_decks([deck], with_settings(overrides, m), talk, assemble)[0] for m in models}
+    quiet = replace(talk, quiet=True)
+    decks = {m: with_numbers(one, talk if m == reference else quiet) for m, one in decks.items()}
     own = own_models(decks[reference].deck)
     if own:
         talk.note(f"{own} in every run: a body's own model is not replaced")

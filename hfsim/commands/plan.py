@@ -18,6 +18,7 @@ from hfsim.commands import (
     model_option,
     shipped_cases,
     talk_options,
+    with_numbers,
     with_settings,
 )
 
@@ -74,7 +75,7 @@ def plan(
 def _load(argument: str, settings: tuple[str, ...], talk: Talk) -> LoadedDeck:
     from hfsim.deck import load_deck
 
-    return load_deck(find_deck(argument, talk), settings)
+    return with_numbers(load_deck(find_deck(argument, talk), settings), talk)
 
 
 def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:

@@ -114,7 +114,8 @@ def run(
 
     With --target-error, each deck is refined by itself until the error of mesh and time together, largest
     over time in the worst channel and relative to its range, keeps the target; what was chosen is in
-    resolved.yaml. Exit code 4: no refinement reaches it; 5: the budget does not suffice. The best result is
+    resolved.yaml. A deck with beams of elements: auto has only these refined, to 1e-2 unless it states a
+    target. Exit code 4: no refinement reaches it; 5: the budget does not suffice. The best result is
     kept then.
     """
     overrides = (
@@ -151,7 +152,9 @@ def _target(error: str | None, channels: str | None, budget: float | None) -> It
 def _refuse_blind(jobs: Sequence[Job], settings: Settings) -> None:
     for job in jobs:
         if not settings.error_estimate and has_target(job.loaded):
-            raise click.UsageError(f"{job.argument}: a target error cannot go with --no-error-estimate")
+            raise click.UsageError(
+                f"{job.argument}: a target error, or elements: auto, cannot go with --no-error-estimate"
+            )
 
 
 def has_target(loaded: LoadedDeck) -> bool:
@@ -312,7 +315,16 @@ def level_table(found: Mapping[str, Any]) -> list[str]:
         as_table(rows, "    "),
         "    mesh: elements x degree; change: of the level refined, relative to the channel's range",
         f"    * {chosen['why']}",
+        *_fixed_meshes(found["fixed_meshes"]),
     ]
+
+
+def _fixed_meshes(beams: Sequence[str]) -> list[str]:
+    return (
+        [f"    not counted: mesh errors of {', '.join(beams)}, whose elements the deck fixes"]
+        if beams
+        else []
+    )
 
 
 _WIDEST = 60

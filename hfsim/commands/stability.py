@@ -27,6 +27,7 @@ from hfsim.commands import (
     print_error,
     refuse_unknown,
     talk_options,
+    with_numbers,
 )
 
 if TYPE_CHECKING:
@@ -175,7 +176,7 @@ def stability(
     """  # fmt: skip
     started = time.perf_counter()
     talk = Talk(quiet, verbose, as_json)
-    loaded = load_decks([str(find_deck(deck, talk))], overrides, talk, lambda _: None)[0]
+    loaded = with_numbers(load_decks([str(find_deck(deck, talk))], overrides, talk, lambda _: None)[0], talk)
     axes = read_axes(vary, named)
     drawing = 0.0 if no_plots else min(_DRAWING[0], _DRAWING[1] * budget)
     spent = time.perf_counter() - started

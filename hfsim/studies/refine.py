@@ -94,7 +94,7 @@ class Setting:
     coordinates: str = "auto"
 
     def applied(self, loaded: LoadedDeck) -> LoadedDeck:
-        """Return the deck with this setting, and without a target."""
+        """Return the deck with this setting, and without a target or elements left open."""
         bodies = dict(loaded.deck.bodies)
         for name, elements, degree in self.mesh:
             bodies[name] = bodies[name].model_copy(update={"elements": elements, "degree": degree})
@@ -102,7 +102,8 @@ class Setting:
         solve = loaded.deck.solve.model_copy(
             update={"tolerance": self.tolerance, "coordinates": self.coordinates, **none}
         )
-        return replace(loaded, deck=loaded.deck.model_copy(update={"bodies": bodies, "solve": solve}))
+        deck = loaded.deck.model_copy(update={"bodies": bodies, "solve": solve})
+        return replace(loaded, deck=deck, auto_elements=())
 
     @property
     def words(self) -> str:
@@ -288,14 +289,28 @@ def refined(setting: Setting, kind: str, bodies: Sequence[str]) -> Setting | Non
 
 
 def coarse(loaded: LoadedDeck, target: float) -> Setting:
-    """Return the setting to begin with: at most two elements a beam, a loose tolerance."""
-    beams = {name: spec for name, spec in loaded.deck.bodies.items() if isinstance(spec, BeamSpec)}
-    mesh = ((name, min(spec.elements, _COARSE), spec.degree) for name, spec in beams.items())
+    """Return the setting to begin with: at most two elements a beam to be refined, a loose tolerance."""
+    fixed = fixed_meshes(loaded)
+    mesh = (
+        (name, spec.elements if name in fixed else min(spec.elements, _COARSE), spec.degree)
+        for name, spec in _beams(loaded).items()
+    )
     return Setting(tuple(mesh), min(_LOOSEST, 0.1 * target), loaded.deck.solve.coordinates)
 
 
+def _beams(loaded: LoadedDeck) -> dict[str, BeamSpec]:
+    return {name: spec for name, spec in loaded.deck.bodies.items() if isinstance(spec, BeamSpec)}
+
+
+def fixed_meshes(loaded: LoadedDeck) -> tuple[str, ...]:
+    """Return the beams whose mesh is kept: those with a number beside others with ``elements: auto``."""
+    auto = loaded.auto_elements
+    return tuple(name for name in _beams(loaded) if auto and name not in auto)
+
+
 def _parts(loaded: LoadedDeck) -> list[_Part]:
-    beams = {name: spec for name, spec in loaded.deck.bodies.items() if isinstance(spec, BeamSpec)}
+    fixed = fixed_meshes(loaded)
+    beams = {name: spec for name, spec in _beams(loaded).items() if name not in fixed}
     groups = [(name,) for name in beams] if len(beams) <= _SINGLE else [tuple(beams)]
     parts = []
     for group in groups:
@@ -323,6 +338,8 @@ class Refinement:
         Why that one.
     cpu, budget, used : float
         CPU time of all levels, time allowed and used [s].
+    fixed : tuple of str
+        Beams that keep the deck's mesh: its error is in no estimate.
     """
 
     target: float
@@ -334,6 +351,7 @@ class Refinement:
     cpu: float
     budget: float
     used: float
+    fixed: tuple[str, ...] = ()
 
     @property
     def exit_code(self) -> int:
@@ -353,6 +371,7 @@ class Refinement:
             "cpu_s": self.cpu,
             "budget_s": self.budget,
             "used_s": self.used,
+            "fixed_meshes": list(self.fixed),
         }
 
 
@@ -541,7 +560,7 @@ def refine(
     Parameters
     ----------
     loaded : LoadedDeck
-        With a target.
+        With a target; if it leaves the elements of some beams open, only these are refined.
     model : str, optional
         Instead of the deck's.
     progress : callable, optional
@@ -604,8 +623,7 @@ def _begin(search: _Search) -> bool:
     """Run the first level, or the deck's own setting if the coarse one fails; return whether one ended."""
     first = search.solve("", coarse(search.loaded, search.target))
     if first.status != "done":
-        beams = {name: spec for name, spec in search.loaded.deck.bodies.items() if isinstance(spec, BeamSpec)}
-        mesh = tuple((name, spec.elements, spec.degree) for name, spec in beams.items())
+        mesh = tuple((name, spec.elements, spec.degree) for name, spec in _beams(search.loaded).items())
         tolerance = min(first.setting.tolerance, search.loaded.deck.solve.tolerance)
         first = search.solve("as in the deck", Setting(mesh, tolerance, first.setting.coordinates))
     if first.status == "done":
@@ -649,6 +667,7 @@ def _concluded(search: _Search, status: str, reason: str, cpu: float) -> Refinem
     return Refinement(
         target=search.target, status=status, reason=reason, levels=tuple(search.levels), chosen=chosen,
         why=why, cpu=cpu, budget=search.budget.seconds, used=search.budget.used,
+        fixed=fixed_meshes(search.loaded),
     )  # fmt: skip
 
 
