@@ -122,6 +122,27 @@ def parse_budget(text: str) -> float:
     return value
 
 
+def time_option(name: str, words: str, default: str | None = None) -> Callable[[Any], Any]:
+    """Return an option that takes a time: seconds, or None where none is given and there is no default."""
+    return click.option(
+        f"--{name}",
+        default=default,
+        show_default=default is not None,
+        metavar="TIME",
+        callback=lambda _, __, text: None if text is None else parse_budget(text),
+        help=words,
+    )
+
+
+jobs_option = click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=min(2, os.cpu_count() or 1),
+    show_default=True,
+    help="Processes at a time.",
+)
+
+
 def names(text: str | None) -> tuple[str, ...]:
     """Return the parts of a text between commas, each once.
 

@@ -24,10 +24,10 @@ from hfsim.commands import (
     load_decks,
     names,
     output_options,
-    parse_budget,
     print_error,
     refuse_unknown,
     talk_options,
+    time_option,
     with_numbers,
 )
 
@@ -106,14 +106,7 @@ def _listed(kind: Callable[[str], _Number], what: str) -> Callable[..., tuple[_N
     help="Degrees of the cable elements, 3 to 12; the deck's without it. Beside --elements, meshes finer "
     "than the finest of the lowest degree are left out.",
 )
-@click.option(
-    "--budget",
-    default="60s",
-    show_default=True,
-    metavar="TIME",
-    callback=lambda _, __, text: parse_budget(text),
-    help="Time all may take, e.g. 90s or 2min.",
-)
+@time_option("budget", "Time all may take, e.g. 90s or 2min.", "60s")
 @click.option(
     "--repeats",
     type=click.IntRange(min=1),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import textwrap
 from pathlib import Path
@@ -16,11 +15,12 @@ from hfsim.commands import (
     as_table,
     brief,
     claim_study,
-    parse_budget,
+    jobs_option,
     plural,
     print_error,
     refuse_unknown,
     talk_options,
+    time_option,
 )
 
 if TYPE_CHECKING:
@@ -42,29 +42,9 @@ MARKER = "extreme.json"
     metavar="DIR",
     help="Folder with decks and their expected.yaml; the shipped set without it.",
 )
-@click.option(
-    "--budget",
-    default="5min",
-    show_default=True,
-    metavar="TIME",
-    callback=lambda _, __, text: parse_budget(text),
-    help="Time all may take.",
-)
-@click.option(
-    "--limit",
-    default="100s",
-    show_default=True,
-    metavar="TIME",
-    callback=lambda _, __, text: parse_budget(text),
-    help="Time one deck may take with its references.",
-)
-@click.option(
-    "--jobs",
-    type=click.IntRange(min=1),
-    default=min(2, os.cpu_count() or 1),
-    show_default=True,
-    help="Processes at a time.",
-)
+@time_option("budget", "Time all may take.", "5min")
+@time_option("limit", "Time one deck may take with its references.", "100s")
+@jobs_option
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Write tables there.")
 @click.option("--force", is_flag=True, help="Replace the results of a finished study.")
 @talk_options

@@ -24,11 +24,11 @@ from hfsim.commands import (
     model_option,
     names,
     output_options,
-    parse_budget,
     print_error,
     provenance_of,
     report_error,
     talk_options,
+    time_option,
     with_settings,
     worst,
 )
@@ -76,12 +76,7 @@ class Settings:
 @click.option(
     "--target-channels", metavar="A,B,...", help="Channels that must reach it; all that can without it."
 )
-@click.option(
-    "--budget",
-    metavar="TIME",
-    callback=lambda _, __, text: parse_budget(text) if text else None,
-    help="Time that this may take, e.g. 90s or 2min; 60s without it.",
-)
+@time_option("budget", "Time that this may take, e.g. 90s or 2min; 60s without it.")
 @click.option(
     "--no-diagnosis",
     is_flag=True,

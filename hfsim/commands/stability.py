@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 import textwrap
 import time
@@ -20,13 +19,14 @@ from hfsim.commands import (
     claim_study,
     deck_options,
     find_deck,
+    jobs_option,
     load_decks,
     names,
     output_options,
-    parse_budget,
     print_error,
     refuse_unknown,
     talk_options,
+    time_option,
     with_numbers,
 )
 
@@ -63,10 +63,6 @@ class Order:
 def _named_axis(name: str, words: str) -> Callable[[Any], Any]:
     option = name if name in ("amplitude", "slenderness", "step", "elements") else f"scale-{name}"
     return click.option(f"--{option}", name, metavar="VALUES", help=words)
-
-
-def _time(_: click.Context, __: click.Parameter, text: str) -> float:
-    return parse_budget(text)
 
 
 @click.command()
@@ -118,29 +114,9 @@ def _time(_: click.Context, __: click.Parameter, text: str) -> float:
     is_flag=True,
     help="Instead of a map: the longest stable step of each method, beside linear theory.",
 )
-@click.option(
-    "--budget",
-    default="60s",
-    show_default=True,
-    metavar="TIME",
-    callback=_time,
-    help="Time all may take, e.g. 90s or 2min.",
-)
-@click.option(
-    "--limit",
-    default="20s",
-    show_default=True,
-    metavar="TIME",
-    callback=_time,
-    help="Time one point may take; references three times as much.",
-)
-@click.option(
-    "--jobs",
-    type=click.IntRange(min=1),
-    default=min(2, os.cpu_count() or 1),
-    show_default=True,
-    help="Processes at a time.",
-)
+@time_option("budget", "Time all may take, e.g. 90s or 2min.", "60s")
+@time_option("limit", "Time one point may take; references three times as much.", "20s")
+@jobs_option
 @output_options
 @deck_options
 @talk_options
