@@ -156,7 +156,7 @@ def _mesh_figure(result: Bench, model: str, degree: int) -> Figure:
     outside_legend(figure, [axes])
     against = f"against {cells[0].mesh_reference_words}"
     of = f", degree {degree}" if degree != 3 else ""
-    set_title(figure, f"{result.name}, {model}{of}: error against number of elements ({against})")
+    set_title(figure, f"{result.name}, {model}{of}: error against number of elements\n({against})")
     return figure
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import FormatStrFormatter
+from matplotlib.ticker import FormatStrFormatter, LogFormatter
 
 from hfsim.plots.style import new_figure, outside_legend, save, set_title
 from hfsim.studies.separation import PAPER_RATIO, STEPS, SeparationBench
@@ -81,5 +81,7 @@ def _dress_counts(axes: Axes, counts: Sequence[int]) -> None:
     axes.set_yscale("log")
     axes.set_xticks(counts, [str(count) for count in counts])
     axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    # within one decade, ticks between its ends are labelled too
+    axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.5)))
     axes.grid(True, color="0.9", linewidth=0.8)
     axes.spines[["top", "right"]].set_visible(False)
