@@ -298,19 +298,22 @@ def trial(scene: Scene, job: LimitJob, step: float, budget: Budget) -> str:
 def _growth(scene: Scene, trajectory: Trajectory, step: float) -> str:
     """Return by how much too much the energy has grown in words; empty if it has not."""
     drift = float(balance(scene.system, step_samples(trajectory))["energy_drift"])
-    start = _energy(scene, 0.0, scene.q, scene.v)
-    end = _energy(scene, STEPS * step, trajectory.q, trajectory.v)
-    if not np.isfinite(drift) or (not scene.system.exchanges_power and end > BLOWN * max(start, 1e-300)):
-        return f"the energy grows {end / max(start, 1e-300):.3g}-fold in {STEPS} steps"
+    moving, stored = _energies(scene, 0.0, scene.q, scene.v)
+    moving_end, stored_end = _energies(scene, STEPS * step, trajectory.q, trajectory.v)
+    # a scene that falls gains what its weight gives
+    due = max(moving + abs(stored) + max(stored - stored_end, 0.0), 1e-300)
+    growth = 1.0 + (moving_end + stored_end - moving - stored) / due
+    if not np.isfinite(drift) or (not scene.system.exchanges_power and growth > BLOWN):
+        return f"the energy grows {growth:.3g}-fold in {STEPS} steps"
     return ""
 
 
-def _energy(scene: Scene, t: float, q: Array, v: Array) -> float:
-    """Return kinetic and strain energy and that of springs and weight above its least so far [J]."""
+def _energies(scene: Scene, t: float, q: Array, v: Array) -> tuple[float, float]:
+    """Return kinetic and strain energy, and that of springs and weight [J]."""
     system, time = scene.system, np.array([t])
     x, u = system.absolute(q[None]), system.absolute_velocity(q[None], v[None])
     moving = system.kinetic_energy(x, u) + system.strain_energy(x)
-    return float((moving + np.abs(system.potential_energy(time, x)))[0])
+    return float(moving[0]), float(system.potential_energy(time, x)[0])
 
 
 @dataclass(frozen=True)
