@@ -16,7 +16,7 @@ from hfsim.arrays import Array
 from hfsim.laws import Law
 from hfsim.markers import Marker, joint_support
 from hfsim.matrices import Entries
-from hfsim.parts import DIFFERENCE
+from hfsim.parts import difference
 from hfsim.rotations import normal, rotate, wrap
 
 
@@ -71,15 +71,14 @@ def _both(second: Entries, first: Entries) -> Entries:
 def geometric_stiffness(constraint: Constraint, x: Array, multipliers: Array) -> Entries:
     """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows); by differences."""
     markers = constraint.first, constraint.second
-    columns = joint_support(*markers)
-    step = DIFFERENCE * np.maximum(1.0, np.abs(x[0, columns]))
-    moved = np.repeat(x, len(columns) + 1, axis=0)
-    moved[np.arange(len(columns)), columns] += step
-    force = np.zeros_like(moved)
-    for marker, J in zip(markers, constraint.jacobians(moved), strict=True):
-        force[:, marker.columns] += (multipliers @ J)[:, 0]
-    force = force[:, columns]
-    return Entries.of_block(columns, columns, ((force[:-1] - force[-1]) / step[:, None]).T)
+
+    def force(moved: Array) -> Array:
+        out = np.zeros_like(moved)
+        for marker, J in zip(markers, constraint.jacobians(moved), strict=True):
+            out[:, marker.columns] += (multipliers @ J)[:, 0]
+        return out
+
+    return difference(force, x, joint_support(*markers))
 
 
 @dataclass(frozen=True)

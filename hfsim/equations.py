@@ -150,20 +150,9 @@ class Equations:
 
     def jacobians(self, x: Array) -> Array:
         """Return Phi_x by the coordinates x, dense, shape (n_batch or 1, n_rows, n_x)."""
-        if self.constraints_constant:
-            return self._constant_rows
-        Phi_x = np.repeat(self._constant_rows, len(x), axis=0)
-        for constraint, rows in self.changing:
-            _add_rows(constraint, rows, x, Phi_x)
-        return Phi_x
-
-    @cached_property
-    def _constant_rows(self) -> Array:
-        n_x = self.reduction.basis.shape[0]
-        Phi_x = np.zeros((1, self.n_rows, n_x))
-        for constraint, rows in zip(self.constraints, self.rows, strict=True):
-            if constraint.constant:
-                _add_rows(constraint, rows, np.zeros((1, n_x)), Phi_x)
+        J = self._constant_joint_rows if self.constraints_constant else self._joint_jacobians(x)
+        Phi_x = np.zeros((*J.shape[:2], self.reduction.basis.shape[0]))
+        Phi_x[..., self._support] = J
         return Phi_x
 
     def jacobian_at(self, x: Array, k: int) -> Matrix:
@@ -227,7 +216,7 @@ class Equations:
             return None
         inverse = self._inverse_mass
         if self.constraints:
-            Phi_z = self._constant_rows[0] @ self.reduction.basis
+            Phi_z = self._constant_joint_rows[0] @ self.reduction.basis[self._support]
             Y = Phi_z @ inverse
             inverse = inverse - Y.T @ np.linalg.solve(Y @ Phi_z.T, Y)
         return np.asarray(self.reduction.basis @ inverse)
@@ -381,9 +370,3 @@ def _rate(constraint: Constraint, t: Array, x: Array, u: Array) -> Array:
     for marker, J in zip(markers, constraint.jacobians(x), strict=True):
         out = out + (J @ u[:, marker.columns, None])[..., 0]
     return np.asarray(out)
-
-
-def _add_rows(constraint: Constraint, rows: slice, x: Array, Phi_x: Array) -> None:
-    first, second = constraint.jacobians(x)
-    Phi_x[:, rows, constraint.first.columns] += first
-    Phi_x[:, rows, constraint.second.columns] += second

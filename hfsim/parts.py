@@ -8,6 +8,8 @@ asked.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hfsim.arrays import Array, IntArray
@@ -15,6 +17,25 @@ from hfsim.matrices import NOTHING, Entries
 
 DIFFERENCE = 1e-7
 """Step of difference quotients, relative to coordinates larger than 1."""
+
+
+def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -> Entries:
+    """Return the derivative of some entries of a vector by the same entries of its argument, by differences.
+
+    Parameters
+    ----------
+    values : callable
+        (n_batch, n) -> (n_batch, n).
+    at : ndarray, shape (1, n)
+    columns : ndarray of int
+        The entries; all of their changes are one batch.
+    """
+    count = len(columns)
+    step = DIFFERENCE * np.maximum(1.0, np.abs(at[0, columns]))
+    moved = np.repeat(at, count + 1, axis=0)
+    moved[np.arange(count), columns] += step
+    found = values(moved)[:, columns]
+    return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
 
 
 class ForcePart:
@@ -54,25 +75,20 @@ class ForcePart:
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state, (1,) and (1, n); by differences."""
-        return self._difference(t, x, u, x)
+        return difference(lambda moved: self._resistance(t, moved, u), x, self.support)
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by u in one state."""
-        return self._difference(t, x, u, u) if self.uses_rates else NOTHING
+        if not self.uses_rates:
+            return NOTHING
+        return difference(lambda moved: self._resistance(t, x, moved), u, self.support)
 
-    def _difference(self, t: Array, x: Array, u: Array, varied: Array) -> Entries:
-        """Return the derivative by ``varied``, which is x or u, from one batched call."""
-        columns = self.support
-        count = len(columns)
-        step = DIFFERENCE * np.maximum(1.0, np.abs(varied[0, columns]))
-        moved = np.repeat(varied, count + 1, axis=0)
-        moved[np.arange(count), columns] += step
-        still = np.broadcast_to(u if varied is x else x, moved.shape)
-        out = np.zeros_like(moved)
-        states = (moved, still) if varied is x else (still, moved)
-        self.add_force(np.repeat(t, count + 1), *states, out)
-        out = out[:, columns]
-        return Entries.of_block(columns, columns, ((out[-1] - out[:-1]) / step[:, None]).T)
+    def _resistance(self, t: Array, x: Array, u: Array) -> Array:
+        """Return minus the force, with one state of x or u repeated for a batch of the other."""
+        x, u = np.broadcast_arrays(x, u)
+        out = np.zeros(x.shape)
+        self.add_force(np.repeat(t, len(x)), x, u, out)
+        return -out
 
     def strain_energy(self, x: Array) -> Array:
         """Return the energy stored in deformed bodies."""

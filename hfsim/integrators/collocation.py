@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.arrays import Array
-from hfsim.integrators._base import Attempt, PlainIncrements, Problem, unsolved
+from hfsim.integrators._base import Attempt, Problem, unsolved
 from hfsim.integrators._tableau import Collocation
 from hfsim.integrators.derivative import derivative
 
@@ -131,7 +131,6 @@ class CollocationMethod:
         scaled = np.concatenate([h * h * table.A2, h * table.A])
         back, s = table.A2_inverse / h**2, table.stages
         A2 = scaled[:s]
-        plain = isinstance(natural, PlainIncrements)
         correct = self._derivative.correction(table, h)
         goal = GOAL * self.tolerance * (1.0 + float(np.abs(q).max()))
         rounding = ROUNDING * (1.0 + float(np.abs(q).max()))
@@ -144,11 +143,7 @@ class CollocationMethod:
             r = A2 @ (problem.evaluate(times, Q, v + moved[s:]) - a)
             y, change = correct(natural.to_natural(at, r))
             size = float(np.abs(y).max())
-            if plain:
-                a = a + back @ y
-            else:
-                small = size < LINEAR
-                a = a + back @ (natural.from_natural(at, y) if small else natural.advance(at, y))
+            a = a + back @ (natural.from_natural if size < LINEAR else natural.advance)(at, y)
             problem.counts.iterations += 1
             self._iterations = k + 1
             ratio = change / last

@@ -27,7 +27,7 @@ import numpy as np
 
 from hfsim.arrays import Array
 from hfsim.errors import SolverFailure
-from hfsim.integrators._base import Attempt, PlainIncrements, Problem
+from hfsim.integrators._base import Attempt, Problem
 from hfsim.integrators._tableau import gauss, legendre
 from hfsim.integrators.collocation import LINEAR, CollocationMethod
 from hfsim.integrators.derivative import state_derivatives
@@ -174,7 +174,6 @@ class EnergyMethod(CollocationMethod):
 
     def _simplified(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         table, natural = self.table, self._derivative.increments
-        plain = isinstance(natural, PlainIncrements)
         uniform = q + (h * table.nodes)[:, None] * v
         A2, back = h * h * table.A2, table.A2_inverse / h**2
         correct = self._derivative.correction(table, h)
@@ -185,9 +184,7 @@ class EnergyMethod(CollocationMethod):
             at = natural.geometry(uniform + A2 @ a)
             y, change = correct(natural.to_natural(at, r))
             small = float(np.abs(y).max()) < LINEAR
-            if not plain:
-                y = natural.from_natural(at, y) if small else natural.advance(at, y)
-            a = a + back @ y
+            a = a + back @ (natural.from_natural if small else natural.advance)(at, y)
             ended = ending.after(change)
             if ended is not None:
                 return a if ended and np.isfinite(a).all() else None
