@@ -227,6 +227,31 @@ class Equations:
             return np.asarray(f @ self.solution)
         return self.solve(t, x, u, f)[0]
 
+    @property
+    def balances(self) -> bool:
+        """Whether `imbalance` is at hand: small scenes with a constant mass matrix."""
+        return not self._changes and not is_sparse(self.constant_mass)
+
+    def imbalance(self, t: Array, x: Array, u: Array, f: Array, az: Array) -> tuple[Array, Array]:
+        """Return by how much accelerations (n_batch, n) of the free coordinates fail eq. (37).
+
+        Returns
+        -------
+        forces : ndarray, shape (n_batch, n)
+            f - M a - Phi_z^T lambda with the multipliers of the solution.
+        gaps : ndarray, shape (n_batch, n_rows)
+            gamma - Phi_z a.
+        """
+        forces = self.reduction.free_force(f) - az @ self.free_mass
+        if not self.constraints:
+            return forces, np.zeros((len(x), 0))
+        reading, mobility, _ = self._at_joints
+        J = self._joint_jacobians(x)
+        gaps = self.curvature(t, x, u) - (J @ (az @ reading)[..., None])[..., 0]
+        free = (J @ (forces @ self._inverse_mass @ reading)[..., None])[..., 0]
+        multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), (free - gaps)[..., None])
+        return forces - (multipliers.swapaxes(1, 2) @ J)[:, 0] @ reading.T, gaps
+
     def solve(self, t: Array, x: Array, u: Array, f: Array) -> tuple[Array, Array]:
         """Solve eq. (37).
 

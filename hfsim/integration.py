@@ -87,6 +87,7 @@ def problem_of(scene: Scene) -> Problem:
         culprit=lambda t, q, v: non_finite(scene, t, q, v),
         linearized=system.linearized if system.linearizes else None,
         increments=system.natural or PlainIncrements(),
+        imbalance=system.imbalance if system.balances else None,
         constant_mass=system.linearizes,
         quartic=system.quartic,
     )

@@ -95,6 +95,14 @@ class Reduction:
         """Return the generalised forces on the free coordinates, f B."""
         return f if self.identity else np.asarray(f @ self.basis)
 
+    def read_force(self, f: Array) -> Array:
+        """Return forces on x that do the work of those on free coordinates: the transpose of `free_rates`."""
+        return f if self.identity else np.asarray(f @ self._inverse_transposed)
+
+    @cached_property
+    def _inverse_transposed(self) -> Matrix:
+        return self._inverse.T.tocsr() if is_sparse(self.basis) else np.ascontiguousarray(self._inverse.T)
+
     def reduced(self, matrix: Matrix) -> Matrix:
         """Return B^T A B."""
         return matrix if self.identity else self._transposed @ (matrix @ self.basis)

@@ -222,6 +222,28 @@ class System:
         return self.state_acceleration(frames, v, az) if self.charts else az
 
     @property
+    def balances(self) -> bool:
+        """Whether `imbalance` is at hand."""
+        return self.linearizes and self.equations.balances
+
+    def imbalance(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Return by how much accelerations ``a`` fail the equations of motion.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n_batch,)
+        q, v, a : ndarray, shape (n_batch, n)
+
+        Returns
+        -------
+        forces : ndarray, shape (n_batch, n)
+        gaps : ndarray, shape (n_batch, n_rows)
+        """
+        x = self.absolute(q)
+        u = self.absolute_velocity(q, v) if self.uses_rates else x
+        return self.equations.imbalance(t, x, u, self.force(t, x, u), a)
+
+    @property
     def linearizes(self) -> bool:
         """Whether `linearized` is at hand: the state are coordinates with a constant mass matrix."""
         return not self.charts and not self.variable_mass

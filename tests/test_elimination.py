@@ -180,6 +180,52 @@ def test_natural_increments_go_there_and_back(name):
 
 
 @pytest.mark.parametrize("name", SCENES)
+def test_forces_do_the_same_work_on_natural_increments(name):
+    system = (scene := scene_of(name)).system
+    q, _ = states(scene, 2, 0.05)
+    rng = np.random.default_rng(4)
+    at = system.natural.geometry(q)
+    f, y = rng.normal(size=q.shape), rng.normal(size=q.shape)
+    work = np.sum(f * system.natural.from_natural(at, y), axis=1)
+    assert np.sum(system.natural.to_natural_forces(at, f) * y, axis=1) == pytest.approx(work, rel=1e-11)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_an_imbalance_is_what_the_accelerations_lack(name):
+    """Forces M (q'' - a) and gaps Phi_z (q'' - a), with the accelerations q'' of the equations of motion."""
+    system = (scene := scene_of(name)).system
+    q, v = states(scene, 2)
+    t = np.zeros(len(q))
+    rng = np.random.default_rng(5)
+    a = rng.normal(size=q.shape)
+    lacking = system.acceleration(t, q, v) - a
+    forces, gaps = system.imbalance(t, q, v, a)
+    expected = lacking @ system.equations.free_mass
+    assert forces == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+    at = [system.linearized(0.0, *state).jacobian for state in zip(q, v, strict=True)]
+    if at[0] is None:
+        assert gaps.shape == (len(q), 0)
+    else:
+        expected = np.stack([J @ one for J, one in zip(at, lacking, strict=True)])
+        assert gaps == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_residuals_are_alike_from_forces_and_from_accelerations(name):
+    """At the state of the derivative itself, where both belong to the same mass matrix."""
+    scene = scene_of(name)
+    q, v = states(scene, 1)
+    t, a = np.zeros(1), np.random.default_rng(6).normal(size=q.shape)
+    found = []
+    for imbalance in (None, scene.system.imbalance):
+        problem = problem_of(scene, natural=True)
+        problem.imbalance = imbalance
+        d = derivative(problem, 0.0, q[0], v[0], problem.increments)
+        found.append(d.residual(problem, problem.increments.geometry(q), t, q, v, a))
+    assert found[0] == pytest.approx(found[1], abs=1e-8 * np.abs(found[0]).max())
+
+
+@pytest.mark.parametrize("name", SCENES)
 def test_natural_increments_of_joints_that_hold_stay_zero(name):
     """Mounted beams are seen from their hub: moving all the rest leaves the joint closed."""
     system = (scene := scene_of(name)).system
@@ -221,7 +267,7 @@ def test_corrections_are_alike_dense_and_sparse(name, natural, switch):
         problem = problem_of(scene, natural)
         d = derivative(problem, 0.0, q[0], v[0], problem.increments if natural else None)
         residual = problem.increments.to_natural(problem.increments.geometry(q), r) if natural else r
-        found.append((d.correction(table, h)(residual)[0], d.solver(h * h, 0.0)(residual[0])))
+        found.append((d.correction(table, h)(d.reading(residual))[0], d.solver(h * h, 0.0)(residual[0])))
     for one, other in zip(*found, strict=True):
         # the stiffness of joint forces comes from difference quotients
         assert one == pytest.approx(other, abs=1e-7 * np.abs(other).max())

@@ -88,6 +88,16 @@ def test_maps_of_small_increments_are_inverse(model, degree, rng):
     assert np.abs(natural.to_natural(at, natural.from_natural(at, dq)) - dq).max() < 1e-12
 
 
+@pytest.mark.parametrize(("model", "degree"), [one for one in CASES if one[0] == "ancf"])
+def test_forces_do_the_same_work_on_small_increments(model, degree, rng):
+    scene = scene_of(model, degree)
+    natural = scene.system.natural
+    at = natural.geometry(states(scene, rng))
+    f, y = rng.normal(size=(2, 3, scene.system.n))
+    work = np.sum(f * natural.from_natural(at, y), axis=1)
+    assert np.sum(natural.to_natural_forces(at, f) * y, axis=1) == pytest.approx(work, rel=1e-10)
+
+
 @pytest.mark.parametrize(("model", "degree"), CASES)
 def test_finite_increments_add_to_the_natural_coordinates(model, degree, rng):
     scene = scene_of(model, degree)

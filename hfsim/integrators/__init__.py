@@ -42,6 +42,11 @@ def _gauss(solve: SolveSpec) -> Method:
     return CollocationMethod("gauss", gauss(solve.stages or default_stages(solve.tolerance)), solve.tolerance)
 
 
+def _auto(solve: SolveSpec) -> Method:
+    stages = solve.stages or default_stages(solve.tolerance)
+    return CollocationMethod("gauss", gauss(stages), solve.tolerance, radau(stages))
+
+
 def _radau(solve: SolveSpec) -> Method:
     stages = solve.stages or max(6, default_stages(solve.tolerance) // 2)
     return CollocationMethod("radau", radau(stages), solve.tolerance)
@@ -74,11 +79,14 @@ METHODS: dict[str, Callable[[SolveSpec], Method]] = {
 
 
 def choose(solve: SolveSpec, dissipates: bool) -> Method:
-    """Return the method a deck asks for; ``auto`` is gauss, or radau where dampers ask for damping."""
-    name = solve.method
-    if name == "auto":
-        name = "radau" if dissipates else "gauss"
-    return METHODS[name](solve)
+    """Return the method a deck asks for.
+
+    ``auto`` is gauss for steps that resolve the fastest mode and radau for longer ones; all the way radau
+    where dampers ask for damping.
+    """
+    if solve.method == "auto":
+        return _radau(solve) if dissipates else _auto(solve)
+    return METHODS[solve.method](solve)
 
 
 __all__ = [

@@ -53,6 +53,9 @@ class Increments(Protocol):
     def from_natural(self, at: Any, y: Array) -> Array:
         """Return small natural increments as changes of the states."""
 
+    def to_natural_forces(self, at: Any, f: Array) -> Array:
+        """Return forces on the states as forces on natural increments."""
+
     def advance(self, at: Any, y: Array) -> Array:
         """Return finite natural increments as changes of the states."""
 
@@ -76,6 +79,10 @@ class PlainIncrements:
         return y
 
     advance = from_natural
+
+    def to_natural_forces(self, at: None, f: Array) -> Array:
+        """Return ``f``."""
+        return f
 
     def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Return ``(v, a)``."""
@@ -104,6 +111,9 @@ class Problem:
         (t, q, v) -> the failure that names what is not finite in this state, or None.
     increments : Increments
         Coordinates for Newton corrections.
+    imbalance : callable or None
+        (t, q, v, a) -> the forces (n_batch, n) and joint accelerations (n_batch, n_rows) by which
+        accelerations fail the equations of motion.
     constant_mass : bool
         Whether the state are coordinates with a constant mass matrix.
     quartic : bool
@@ -118,15 +128,25 @@ class Problem:
     linearized: Callable[[float, Array, Array], Linearized] | None = None
     culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
     increments: Increments = field(default_factory=PlainIncrements)
+    imbalance: Callable[[Array, Array, Array, Array], tuple[Array, Array]] | None = None
     constant_mass: bool = True
     quartic: bool = False
     counts: Counts = field(default_factory=Counts)
 
     def evaluate(self, t: Array, q: Array, v: Array) -> Array:
         """Return accelerations of a batch and count the call."""
+        self._count(q)
+        return np.asarray(self.acceleration(t, q, v))
+
+    def unbalanced(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Return by how much accelerations of a batch fail the equations and count the call."""
+        assert self.imbalance is not None
+        self._count(q)
+        return self.imbalance(t, q, v, a)
+
+    def _count(self, q: Array) -> None:
         self.counts.calls += 1
         self.counts.evaluations += len(q)
-        return np.asarray(self.acceleration(t, q, v))
 
     def single(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations of one state, shape (n,)."""

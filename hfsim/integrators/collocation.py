@@ -28,13 +28,25 @@ SERVES_WELL = 5
 """Iterations in a step up to which its derivative is kept for one more."""
 LINEAR = 1e-3
 """Natural increments below which their linear map to the state is good enough."""
-GOAL = 1e-3
+GOAL = 1e-4
 """Part of the tolerance that an unfinished iteration may take."""
 SAME = 1e-5
 """Natural increments after which the geometry need not be computed anew."""
 ROUNDING = 1e-10
 """Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more: in
 fine meshes the stiffest modes amplify it so far."""
+TARGET = 0.4
+"""Error at which steps are aimed, over the tolerance."""
+TAIL = 0.25
+"""Part of the last terms of the Legendre series that is an error of the positions, as measured."""
+SERVES = 2
+"""Steps for which a derivative is kept at most."""
+SHRUNK = 0.7
+"""By how much a step is shortened whose equations could not be solved."""
+REGROWTH = 1.1
+"""By how much a step may be longer than the last one after such a failure."""
+GROWTH = ((3, 2.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
+"""Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
 
@@ -49,36 +61,37 @@ class CollocationMethod:
     table : Collocation
     tolerance : float
         Local error per step: metre, radian or slope, relative above 1.
+    stiff_table : Collocation, optional
+        Taken instead for steps so long that the fastest modes are not resolved: a method that damps them,
+        since what a step makes of them would otherwise stay for ever.
     """
 
     name: str
     table: Collocation
     tolerance: float
+    stiff_table: Collocation | None = None
 
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
         """Take the initial state; return the time in which the fastest mode turns by one radian a stage."""
         self._problem = problem
+        self._resolved = self.table
         self._derivative = derivative(problem, t, q, v)
-        self._old = self._served = False
+        self._old, self._served = False, 0
         self._cap = np.inf
         return min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
-        a = self._guess(q, v, self._problem.single(t, q, v), h)
-        table = self.table
-        if self._old:
-            middle = table.stages // 2
-            tau = h * table.nodes[middle]
-            self._renew(
-                t + tau, q + tau * v + h * h * (table.A2[middle] @ a), v + h * (table.A[middle] @ a), h
-            )
+        a0 = self._problem.single(t, q, v)
+        a = self._guess(q, v, a0, h)
+        if self._old and self._renew_inside(t, q, v, h, a):
+            a = self._guess(q, v, a0, h)
         solved = self._solve(t, q, v, h, a)
         if solved is None:
-            self._cap = 0.7 * h
-            self._renew(t, q, v, 0.7 * h)
-            return unsolved(0.7)
-        a = solved
+            self._cap = SHRUNK * h
+            self._renew(t, q, v, SHRUNK * h)
+            return unsolved(SHRUNK)
+        a, table = solved, self.table
         error = self._error(a, q, h)
         return Attempt(
             error=error,
@@ -93,36 +106,52 @@ class CollocationMethod:
 
         A step length that once failed comes back slowly.
         """
-        self._old = self._served or self._iterations > SERVES_WELL
-        self._served = True
-        self._cap *= 1.05
+        self._served += 1
+        self._old = self._served >= SERVES or self._iterations > SERVES_WELL
+        self._cap *= REGROWTH
 
     def _error(self, a: Array, q: Array, h: float) -> float:
         """Return the size of the last terms in the Legendre series of the positions, over the tolerance."""
-        tail = np.abs(self.table.to_legendre[-2:] @ (self.table.A2 @ a)).max(axis=0) * h * h
+        tail = TAIL * np.abs(self.table.to_legendre[-2:] @ (self.table.A2 @ a)).max(axis=0) * h * h
         return float((tail / (self.tolerance * (1.0 + np.abs(q)))).max())
 
     def _growth(self, error: float, h: float) -> float:
-        growth = 0.9 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 1))
+        growth = (TARGET / max(error, 1e-30)) ** (1.0 / (self.table.stages + 1))
         if error > 1.0:
             return float(growth)
-        # long steps with many iterations cost less than short ones with few, up to a point
-        most = 1.25 if self._iterations <= 8 else 1.0 if self._iterations <= 11 else 0.85
-        return float(min(growth, most, self._cap / h))
+        return float(min(growth, self._most_growth(), self._cap / h))
+
+    def _most_growth(self) -> float:
+        """Return how much longer the next step may be: long steps with some more iterations cost less."""
+        for iterations, most in GROWTH:
+            if self._iterations <= iterations:
+                return most
+        return 1.0
 
     def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
         """Return stage accelerations of modes that swing freely from the start of the step."""
         natural, table = self._derivative.increments, self.table
         y1, y2 = natural.rates(q[None], v[None], a0[None])
-        y = self._derivative.free_motion(table, y1[0], y2[0], h)
-        moved = natural.advance(natural.geometry(q[None]), y)
+        at = natural.geometry(q[None])
+        moved = natural.advance(at, self._derivative.free_motion(table, at, y1[0], y2[0], h))
         return np.asarray(table.A2_inverse @ (moved - (h * table.nodes)[:, None] * v) / h**2)
+
+    def _renew_inside(self, t: float, q: Array, v: Array, h: float, a: Array) -> bool:
+        """Compute the derivative anew at the stage in the middle; return whether the method has changed."""
+        table, middle = self.table, self.table.stages // 2
+        tau = h * table.nodes[middle]
+        q, v = q + tau * v + h * h * (table.A2[middle] @ a), v + h * (table.A[middle] @ a)
+        self._renew(t + tau, q, v, h)
+        return self.table is not table
 
     def _renew(self, t: float, q: Array, v: Array, h: float) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         stiff = h * self._derivative.fastest > STIFF * self.table.stages
+        if self.stiff_table is not None:
+            self.table = self.stiff_table if stiff else self._resolved
+            self.name = "gauss, radau" if stiff else self.name
         self._derivative = derivative(self._problem, t, q, v, self._problem.increments if stiff else None)
-        self._old = self._served = False
+        self._old, self._served = False, 0
 
     def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         """Return the stage accelerations, or None if the iteration does not converge."""
@@ -131,17 +160,18 @@ class CollocationMethod:
         scaled = np.concatenate([h * h * table.A2, h * table.A])
         back, s = table.A2_inverse / h**2, table.stages
         A2 = scaled[:s]
-        correct = self._derivative.correction(table, h)
+        correct, residual = self._derivative.correction(table, h), self._derivative.residual
         goal = GOAL * self.tolerance * (1.0 + float(np.abs(q).max()))
         rounding = ROUNDING * (1.0 + float(np.abs(q).max()))
-        last = rate = size = np.inf
+        before = last = rate = size = np.inf
         for k in range(MAX_ITERATIONS):
             moved = scaled @ a
             Q = uniform + moved[:s]
             if size > SAME:
                 at = natural.geometry(Q)
-            r = A2 @ (problem.evaluate(times, Q, v + moved[s:]) - a)
-            y, change = correct(natural.to_natural(at, r))
+            # each stage is read in its own geometry before they are summed
+            r = residual(problem, at, times, Q, v + moved[s:], a)
+            y, change = correct(A2 @ r)
             size = float(np.abs(y).max())
             a = a + back @ (natural.from_natural if size < LINEAR else natural.advance)(at, y)
             problem.counts.iterations += 1
@@ -151,7 +181,7 @@ class CollocationMethod:
             settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
             if change < 0.05 * goal or settled:
                 return a if np.isfinite(a).all() else None
-            if not change < 1e3 or (k > 3 and ratio > 0.9):
+            if not change < 1e3 or (k > 3 and change > 0.8 * before):
                 return a if size < rounding else None
-            last = change
+            before, last = last, change
         return None

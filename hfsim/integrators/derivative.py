@@ -20,9 +20,9 @@ from hfsim.linearized import Linearized
 from hfsim.matrices import Matrix, factorised, is_sparse, saddle_point
 
 Correction = Callable[[Array], tuple[Array, float]]
-"""From residuals at the stages, (s, n), to corrections and the size of their consequence: the displacement
-to which the change of the velocity at the end of the step leads, which is what an unfinished iteration does
-to the steps that follow."""
+"""From residuals at the stages, as displacements (s, n_r), to corrections and the size of their consequence:
+the displacement to which the change of the velocity at the end of the step leads, which is what an unfinished
+iteration does to the steps that follow."""
 
 
 class Derivative(Protocol):
@@ -33,8 +33,20 @@ class Derivative(Protocol):
     fastest: float
     """Largest circular frequency in it [rad/s]."""
 
-    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
-        """Return displacements at the stages, (s, n), from rates at the start of the step."""
+    def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
+        """Return displacements at the stages, (s, n), from rates at the start of the step.
+
+        ``at`` is the geometry of the state there, as a batch of one.
+        """
+
+    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return by how much accelerations ``a`` fail the equations, (s, n_r), in columns of its own.
+
+        ``at`` is the geometry of the states ``q``.
+        """
+
+    def reading(self, r: Array) -> Array:
+        """Return accelerations that are missing, (s, n) in natural increments, in these columns."""
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Return the map from residuals at the stages to corrections."""
@@ -67,7 +79,7 @@ def derivative(
         return ModalDerivative.of(at, natural, q)
     P = _mobility(at)
     by_q, by_v = _in_natural(natural, q, -P @ at.stiffness), _in_natural(natural, q, -P @ at.damping)
-    return DenseDerivative(natural, by_q, by_v)
+    return DenseDerivative(natural, by_q, by_v, _of_imbalance(natural, q, P, at))
 
 
 def state_derivatives(problem: Problem, t: float, q: Array, v: Array) -> tuple[Array, Array | None] | None:
@@ -105,6 +117,27 @@ def _in_natural(natural: Increments, q: Array, J: Array) -> Array:
     return natural.to_natural(at, np.ascontiguousarray((J @ unit).T)).T
 
 
+def _of_imbalance(natural: Increments, q: Array, P: Array, at: Linearized) -> tuple[Array, Array]:
+    """Return the maps from forces and gaps of an imbalance, as rows, to natural accelerations."""
+    geometry = natural.geometry(q[None])
+    mobility = natural.to_natural(geometry, np.ascontiguousarray(natural.to_natural(geometry, P).T))
+    closing = _closing(at).T
+    return mobility, natural.to_natural(geometry, closing) if len(closing) else closing
+
+
+def _closing(at: Linearized) -> Array:
+    """Return the smallest accelerations, measured by the mass matrix, that close unit gaps, (n, n_rows)."""
+    if at.jacobian is None:
+        return np.zeros((len(at.mass), 0))
+    W = np.linalg.solve(at.mass, at.jacobian.T)
+    return np.asarray(W @ np.linalg.inv(at.jacobian @ W))
+
+
+def _missing(problem: Problem, natural: Increments, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+    """Return the accelerations that are missing at states, in natural increments."""
+    return natural.to_natural(at, problem.evaluate(t, q, v) - a)
+
+
 def _allowed(jacobian: Array | None, n: int) -> Array:
     """Return a basis of the motions that the constraints allow, as columns."""
     if jacobian is None:
@@ -118,9 +151,35 @@ def _mobility(at: Linearized) -> Array:
     return np.asarray(Z @ np.linalg.solve(Z.T @ at.mass @ Z, Z.T))
 
 
+@dataclass(frozen=True)
+class Joints:
+    """What joints forbid, in the coordinates of a derivative.
+
+    Attributes
+    ----------
+    jacobian : ndarray, shape (n_rows, n)
+    closing : ndarray, shape (n_rows, n)
+        The smallest motions, measured by the mass matrix, that close unit gaps.
+    forces : ndarray, shape (n_rows, n_modes)
+        Forces on the modes that these motions cause.
+    """
+
+    jacobian: Array
+    closing: Array
+    forces: Array
+
+    def closed(self, gaps: Array) -> Array:
+        """Return the motions that close gaps (..., n_rows)."""
+        return np.asarray(gaps @ self.closing)
+
+
 @dataclass
 class ModalDerivative:
     """J_q = -R S with S R = diag(w2), where nothing dissipates: every mode is corrected by itself.
+
+    Where the mass matrix is known, a residual has a column for each mode and then one for each joint
+    equation, and comes from forces, f - M a.  Accelerations that are missing in *another* state would depend
+    on its mass matrix in natural increments, and stiff modes would be corrected by the wrong amount.
 
     Attributes
     ----------
@@ -131,22 +190,26 @@ class ModalDerivative:
         Modes as columns.
     L : ndarray, shape (n_modes, n)
         L R = 1: with as many modes as coordinates the inverse of R.
-    G : ndarray, shape (n_modes, n), or None
-        S - diag(w2) L: forces on the modes that displacements cause which joints forbid and which have no
-        modes; None where there are as many modes as coordinates.
+    joints : Joints, or None
+        Motions that joints forbid and which have no modes; None where there are as many modes as coordinates.
+    mass : ndarray, shape (n, n), or None
+        Of the state's coordinates; R^T then turns forces into accelerations of the modes.
     """
 
     increments: Increments
     w2: Array | ComplexArray
     R: Array | ComplexArray
     L: Array | ComplexArray
-    G: Array | None = None
+    joints: Joints | None = None
+    mass: Array | None = None
 
     def __post_init__(self) -> None:
         self.fastest = float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
         # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
         self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
         self._divisor: tuple[float, ComplexArray, ComplexArray] | None = None
+        rows = self.L if self.joints is None else np.concatenate([self.L, self.joints.jacobian])
+        self._columns = np.ascontiguousarray(rows.T)
 
     @classmethod
     def of(cls, at: Linearized, natural: Increments, q: Array) -> ModalDerivative:
@@ -160,31 +223,58 @@ class ModalDerivative:
         w2, U = np.linalg.eigh(0.5 * (K + K.T))
         R = inverse_root.T @ U
         L = R.T @ at.mass
-        G = R.T @ at.stiffness - w2[:, None] * L if R.shape[1] < len(R) else None
+        joints = None
+        if at.jacobian is not None:
+            W = _closing(at)
+            joints = Joints(at.jacobian, np.ascontiguousarray(W.T), (R.T @ (at.stiffness @ W)).T)
         if not isinstance(natural, PlainIncrements):
             geometry = natural.geometry(q[None])
             R = np.ascontiguousarray(natural.to_natural(geometry, np.ascontiguousarray(R.T)).T)
             unit = natural.from_natural(geometry, np.eye(len(q))).T
-            L, G = L @ unit, None if G is None else G @ unit
-        return cls(natural, w2, R, L, G)
+            L = L @ unit
+            if joints is not None:
+                closing = natural.to_natural(geometry, joints.closing)
+                joints = Joints(joints.jacobian @ unit, closing, joints.forces)
+        return cls(natural, w2, R, L, joints, None if isinstance(natural, PlainIncrements) else at.mass)
+
+    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return missing accelerations of the modes and gaps of joints."""
+        natural = self.increments
+        if self.mass is None or problem.imbalance is None:
+            return self.reading(_missing(problem, natural, at, t, q, v, a))
+        forces, gaps = problem.unbalanced(t, q, v, a)
+        modes = natural.to_natural_forces(at, forces) @ self.R
+        return np.asarray(modes if self.joints is None else np.concatenate([modes, gaps], axis=1))
+
+    def reading(self, r: Array) -> Array:
+        """Return accelerations in natural increments as accelerations of the modes and gaps of joints."""
+        return r if self.mass is None else np.asarray(r @ self._columns)
 
     def _real(self, z: ComplexArray) -> Array | ComplexArray:
         """Drop the imaginary part where the modes are real, so that what follows is real too."""
         return z.real if np.isrealobj(self.R) else z
 
-    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
+    def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
         """Let each mode swing freely from its velocity and acceleration at the start of the step."""
         omega = np.sqrt(self.w2.astype(complex))
         omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
         half = (0.5 * h * table.nodes)[:, None] * omega
         sine = np.sin(half) / omega
-        p1, p2 = self.L @ y1, self.L @ y2
+        p1, p2 = self.L @ y1, self._modal_acceleration(at, y2)
         swing = p1 * (2.0 * sine * np.cos(half)) + p2 * (2.0 * sine * sine)
         y = (self._real(swing) @ self.R.T).real
-        if self.G is not None:
+        if self.joints is not None:
             tau = (h * table.nodes)[:, None]
-            y = y + tau * (y1 - self.R @ p1).real + 0.5 * tau**2 * (y2 - self.R @ p2).real
+            y = y + self.joints.closed(tau * (self.joints.jacobian @ y1))
+            y += self.joints.closed(0.5 * tau**2 * (self.joints.jacobian @ y2))
         return np.asarray(y)
+
+    def _modal_acceleration(self, at: Any, y2: Array) -> Array | ComplexArray:
+        """Return accelerations of the modes, where the mass matrix is known from the forces behind them."""
+        if self.mass is None:
+            return self.L @ y2
+        forces = self.increments.from_natural(at, y2[None]) @ self.mass
+        return np.asarray(self.increments.to_natural_forces(at, forces)[0] @ self.R)
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Divide each mode and pole by 1 + (h pole)^2 w2."""
@@ -193,21 +283,22 @@ class ModalDerivative:
             self._divisor = (h, mu2, np.asarray(1.0 / (1.0 + mu2 * self.w2), complex))
         _, mu2, divisor = self._divisor
         left, right = 2.0 * table.left, table.right
-        L, R, end_rate, per_rate = self.L.T, self.R.T, table.end_rate / h, self._per_rate
-        G = None if self.G is None else self.G.T
+        R, end_rate, per_rate = self.R.T, table.end_rate / h, self._per_rate
+        joints, m = self.joints, len(self.w2)
+        columns = self._columns if self.mass is None else None
 
         def correct(r: Array) -> tuple[Array, float]:
-            p = r @ L
-            z = right @ p
-            if G is not None:
-                z -= mu2 * (right @ (r @ G))
+            r = r if columns is None else r @ columns
+            z = right @ r[:, :m]
+            if joints is not None:
+                z -= mu2 * (right @ (r[:, m:] @ joints.forces))
             z *= divisor
             modes = self._real(left @ z)
             # back in coordinates: amplitudes of nearly parallel modes mean nothing one by one
             y, consequence = modes @ R, ((end_rate @ modes) * per_rate) @ R
-            if G is not None:
+            if joints is not None:
                 # what is in no mode stays as it is, and counts as if it were slow
-                rest = r - p @ R
+                rest = joints.closed(r[:, m:])
                 y += rest
                 consequence += 0.5 * (end_rate @ rest)
             return y.real, float(np.abs(consequence.real).max())
@@ -218,24 +309,47 @@ class ModalDerivative:
         """Return a product with the inverse, put together from the modes."""
         divisor = 1.0 / (1.0 + by_q * self.w2)
         inverse = ((self.R * divisor) @ self.L).real
-        if self.G is not None:
-            inverse += np.eye(len(self.R)) - self.R @ self.L - (self.R * (by_q * divisor)) @ self.G
+        if self.joints is not None:
+            coupled = self.joints.closing.T - (self.R * (by_q * divisor)) @ self.joints.forces.T
+            inverse += coupled @ self.joints.jacobian
         return lambda r: np.asarray(inverse @ r)
 
 
 @dataclass
 class DenseDerivative:
-    """J_q and J_v as matrices: one complex inverse for each pole of the method and step length."""
+    """J_q and J_v as matrices: one complex inverse for each pole of the method and step length.
+
+    Attributes
+    ----------
+    increments : Increments
+    by_q, by_v : ndarray, shape (n, n)
+    of_imbalance : tuple of ndarray, shapes (n, n) and (n_rows, n), or None
+        Maps from forces on natural increments and gaps, as rows, to accelerations in natural increments.
+    """
 
     increments: Increments
     by_q: Array
     by_v: Array
+    of_imbalance: tuple[Array, Array] | None = None
 
     def __post_init__(self) -> None:
         self.fastest = float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
         self._inverse: tuple[float, ComplexArray] | None = None
 
-    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
+    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return missing accelerations in natural increments, from forces where these are at hand."""
+        natural = self.increments
+        if problem.imbalance is None or self.of_imbalance is None or isinstance(natural, PlainIncrements):
+            return _missing(problem, natural, at, t, q, v, a)
+        forces, gaps = problem.unbalanced(t, q, v, a)
+        mobility, closing = self.of_imbalance
+        return np.asarray(natural.to_natural_forces(at, forces) @ mobility + gaps @ closing)
+
+    def reading(self, r: Array) -> Array:
+        """Return ``r``."""
+        return r
+
+    def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
         """Keep the accelerations at the start of the step, less what dies out at once."""
         matrix = np.eye(len(y1)) - h * self.by_v - h * h * self.by_q
         damped = np.linalg.solve(matrix, y2 + h * (self.by_q @ y1))
@@ -287,6 +401,14 @@ class SparseDerivative:
         self._geometry: Any = self.increments.geometry(self.q[None])
         self._factors: tuple[float, list[Callable[[Array], Array]]] | None = None
 
+    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return missing accelerations in natural increments."""
+        return _missing(problem, self.increments, at, t, q, v, a)
+
+    def reading(self, r: Array) -> Array:
+        """Return ``r``."""
+        return r
+
     def _matrix(self, by_q: complex, by_v: complex) -> Matrix:
         """Return M - by_q M J_q - by_v M J_v, bordered by the constraints."""
         matrix = self.at.mass + by_q * self.at.stiffness
@@ -301,7 +423,7 @@ class SparseDerivative:
             return np.asarray(weighted)
         return np.concatenate([weighted, r @ self.at.jacobian.T], axis=-1)
 
-    def free_motion(self, table: Collocation, y1: Array, y2: Array, h: float) -> Array:
+    def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
         """Return the stages of the linearised motion."""
         tau = h * table.nodes[:, None]
         uniform = tau * y1 + h * h * table.A2.sum(axis=1)[:, None] * y2

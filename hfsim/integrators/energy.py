@@ -180,9 +180,9 @@ class EnergyMethod(CollocationMethod):
         ending = _Stagnation(q)
         for k in range(MAX_ITERATIONS):
             self._iterations = k + 1
-            r = A2 @ self._defect(t, q, v, h, a)
+            defect = self._defect(t, q, v, h, a)
             at = natural.geometry(uniform + A2 @ a)
-            y, change = correct(natural.to_natural(at, r))
+            y, change = correct(A2 @ self._derivative.reading(natural.to_natural(at, defect)))
             small = float(np.abs(y).max()) < LINEAR
             a = a + back @ (natural.from_natural if small else natural.advance)(at, y)
             ended = ending.after(change)

@@ -39,6 +39,20 @@ class Tie:
             shift += dx[:, self.parent]
         dx[:, self.positions] += shift[:, None, :]
 
+    def take_forces(self, x: Array, f: Array) -> Array | None:
+        """Hand the forces on the body, in ``f``, to its parent: the transpose of `move` for small changes.
+
+        Returns
+        -------
+        ndarray, shape (n_batch, 2), or None
+            Forces on the place of the body relative to its parent, if that is a natural coordinate.
+        """
+        total = f[:, self.positions].sum(axis=1)
+        f[:, self.point] -= total
+        if self.parent is not None:
+            f[:, self.parent] += total
+        return None
+
 
 @dataclass(frozen=True)
 class Mount(Tie):
@@ -87,6 +101,21 @@ class Mount(Tie):
         moved = as_complex(dx[:, self.rigid[:2]]) + carried * self.arm
         moved += after * as_complex(y[:, self.positions[0]])
         dx[:, self.positions] += (as_vectors(moved) - dx[:, self.point])[:, None, :]
+
+    def take_forces(self, x: Array, f: Array) -> Array | None:
+        """Hand the forces on the beam, in ``f``, to the rigid body; return those on its relative place."""
+        turn = self._turn(x)
+        total = f[:, self.positions].sum(axis=1)
+        f[:, self.point] -= total
+        f[:, self.rigid[:2]] += total
+        seen = as_complex(total) * turn.conj()
+        f[:, self.rigid[2]] += (seen * np.conj(self.arm)).imag
+        return as_vectors(seen)
+
+    def take_moment(self, f: Array) -> None:
+        """Add the moment on the fixed slope to that on the rigid body: the transpose of `make_absolute`."""
+        if self.slope is not None:
+            f[:, self.rigid[2]] += f[:, self.slope]
 
 
 @dataclass(frozen=True)
@@ -148,6 +177,20 @@ class NaturalIncrements:
         for tie in self.ties:
             tie.move(at[0], whole, dx, finite)
         return self.reduction.free_rates(dx)
+
+    def to_natural_forces(self, at: tuple[Array, list[Any]], f: Array) -> Array:
+        """Return the forces on natural increments: the transpose of `from_natural`."""
+        fx = self.reduction.read_force(f)
+        places = [(tie, tie.take_forces(at[0], fx)) for tie in reversed(self.ties)]
+        out = fx.copy()
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            part.to_natural_forces(geometry, fx, out)
+        for tie, force in places:
+            if force is not None:
+                out[:, tie.positions[0]] += force
+        for mount in self._mounts:
+            mount.take_moment(out)
+        return self._free(out)
 
     def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
         """Return the first and second time derivatives of the natural coordinates."""

@@ -140,6 +140,28 @@ class NaturalBeams:
         stretch = (chord.real - rest + turning.imag * chord.imag) / turning.real
         self._join(dz, (stretch + 1j * chord.imag) * at.d, c, out)
 
+    def to_natural_forces(self, at: Geometry, f: Array, out: Array) -> None:
+        """Write forces on natural increments into ``out``: the transpose of `from_natural`, without frame."""
+        c = self._complex(f)
+        y = c * at.z.conj()
+        gd, gs, ge = at.gradient
+        beyond = self._beyond(c)
+        along = (beyond * self.length).conj() * at.d
+        turning = gd.conj() * at.d
+        strain = along.real / turning.real
+        y[..., self.stride :: self.stride] = strain + 1j * (strain * turning.imag - along.imag)
+        slopes = y[..., 1 :: self.stride]
+        z = at.z[..., 1 :: self.stride].conj()
+        slopes[..., :-1] -= strain * gs * z[..., :-1]
+        slopes[..., 1:] -= strain * ge * z[..., 1:]
+        y[..., 0] = c[..., 0] + beyond[..., 0]
+        self._put(y, out)
+
+    def _beyond(self, c: ComplexArray) -> ComplexArray:
+        """Return the sum of the forces on all nodes beyond each element."""
+        places = c[..., self.stride :: self.stride]
+        return np.asarray(np.cumsum(places[..., ::-1], axis=-1)[..., ::-1])
+
     def advance(self, at: Geometry, y: Array, out: Array) -> None:
         """Write the change of the state that adds finite natural increments, exactly, into ``out``."""
         c = self._complex(y)
@@ -292,6 +314,27 @@ class InteriorBeams(NaturalBeams):
         dV[..., 3:] += normal * (1j * at.along)
         self._stretch(at.gradient, at.along, strains - _strain_changes(at.gradient, dV), dV)
         self._join_all(dz, dV, c, out)
+
+    def to_natural_forces(self, at: InteriorGeometry, f: Array, out: Array) -> None:  # type: ignore[override]
+        """Write forces on natural increments into ``out``: the transpose of `from_natural`, without frame."""
+        c = self._complex(f)
+        beyond = self._beyond(c)
+        own = np.concatenate([beyond[..., None] * self.length, self._blocks(c)[..., self._interior]], axis=-1)
+        matrix = (at.gradient[..., 2:] * at.along[..., None]).real
+        strains = np.linalg.solve(matrix.swapaxes(-1, -2), (own.conj() * at.along).real[..., None])
+        spread = (strains.swapaxes(-1, -2) @ at.gradient)[..., 0, :].conj()
+        rest = (own - spread[..., 2:]).conj()
+        y = c * at.z.conj()
+        slopes = y[..., 1 :: self.stride]
+        z = at.z[..., 1 :: self.stride].conj()
+        slopes[..., :-1] -= spread[..., 0] * z[..., :-1]
+        slopes[..., 1:] -= spread[..., 1] * z[..., 1:]
+        turn = -(rest * at.V[..., 2:]).imag.sum(axis=-1)
+        y[..., self.stride :: self.stride] = strains[..., 0, 0] + 1j * turn
+        normal = -(rest[..., 1:] * at.along).imag
+        self._blocks(y)[..., self._interior] = strains[..., 1:, 0] + 1j * normal
+        y[..., 0] = c[..., 0] + beyond[..., 0]
+        self._put(y, out)
 
     def _stretch(self, gradient: ComplexArray, along: ComplexArray, strains: Array, V: ComplexArray) -> Array:
         """Add to chords and interior vectors, along the chord, what changes the strains as given."""
