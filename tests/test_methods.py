@@ -55,6 +55,22 @@ def test_a_slow_motion_over_fast_modes_is_left_to_a_damping_method():
     assert channel_errors(run.channels, truth)[1]["load.y"] <= found["estimate"] <= 1e-3
 
 
+def test_a_late_winner_is_raced_on_the_finer_mesh_too(monkeypatch):
+    hold = module._Races.hold
+    monkeypatch.setattr(
+        module._Races, "hold", lambda self: hold(self) if len(self.search.levels) > 2 else None
+    )
+    run, _ = refine(link(1e-3))
+    found = run.statistics["refinement"]
+    levels = found["levels"]
+    taken = [k for k, level in enumerate(levels) if level["refined"] == "method"]
+    assert taken and taken[0] > 2 and run.method == levels[taken[0]]["method"] != "gauss"
+    assert levels[taken[0]]["unknowns"] > levels[1]["unknowns"]
+    won = [probe["unknowns"] for probe in found["probes"] if probe["outcome"] == "reached"]
+    assert won[0] == levels[1]["unknowns"] and won[-1] == levels[taken[0]]["unknowns"]
+    assert found["estimate"] <= 1e-3
+
+
 def test_the_choice_is_told_and_repeated_by_resolved_yaml(tmp_path):
     def call(*arguments):
         return CliRunner().invoke(app, [str(word) for word in ("run", *arguments, "--no-plots")])

@@ -124,11 +124,6 @@ class Entry:
     error: float = math.nan
     to_beat: float = math.nan
 
-    @property
-    def work(self) -> float:
-        """Evaluations times unknowns."""
-        return float(max(self.done.problem.counts.evaluations, 1) * self.scene.system.n)
-
     def pace(self, share: float) -> float:
         """Return the part of its time that it had taken when a share of the duration was done."""
         if self.scene.parts:
@@ -264,6 +259,8 @@ class Contest:
             return replace(probe, reason=refusal.problems[0].message), None
         # imports and tables are no part of the method's cost
         first = run_integration(scene, scene.deck.solve.model_copy(update={"max_steps": 1})).stop
+        if isinstance(first, KeyboardInterrupt):
+            raise first
         if isinstance(first, SolverFailure):
             return replace(
                 probe, outcome="refused" if first.kind == "deck" else "failed", reason=str(first)

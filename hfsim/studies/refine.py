@@ -144,7 +144,7 @@ class Level:
     wall : float
         The same on the clock [s].
     work : float
-        Evaluations times unknowns, times the price of the method.
+        Evaluations times unknowns.
     change : float or None
         Largest difference to the level that was refined, relative to the channel's range [-].
     channel : str
@@ -468,7 +468,7 @@ class _Search:
         with level.clock.phase("solve"):
             level.done = run_integration(scene, scene.deck.solve, self.guard(scene.deck.solve.duration))
         counts, stop = level.done.problem.counts, level.done.stop
-        level.steps, level.work = counts.steps, level.entry().work * self.races.price(level.done.method)
+        level.steps, level.work = counts.steps, float(max(counts.evaluations, 1) * level.unknowns)
         if level.done.method in METHODS:
             level.setting = replace(level.setting, method=level.done.method)
         if stop is not None:
@@ -521,7 +521,14 @@ class _Search:
 
     def answer(self) -> Level | None:
         """Return the cheapest level that keeps the target; None if there is none yet."""
-        return next((level for level, error in self.estimates() if error <= self.target), None)
+        enough = [level for level, error in self.estimates() if error <= self.target]
+        method = self.current.setting.method if self.current else ""
+        mine = next((level for level in enough if level.setting.method == method), None)
+        other = next((level for level in enough if level.setting.method != method), None)
+        # counts of work tell nothing across methods; times do, with the margin that makes them repeat
+        if mine is None or (other is not None and MARGIN * other.entry().cpu < mine.entry().cpu):
+            return other
+        return mine
 
     # Moves --------------------------------------------------------------------------------------------
 
@@ -619,12 +626,7 @@ class _Races:
         self.probes: list[Probe] = []
         self.taken: list[str] = []
         self.used = 0.0
-        self._prices: dict[str, float] = {}
         self._since: float | None = None
-
-    def price(self, method: str) -> float:
-        """Return the CPU time of a unit of work of a method over that of the default one."""
-        return self._prices.get(method, 1.0)
 
     def allowance(self) -> float:
         """Return the CPU time that races may still take [s]."""
@@ -713,13 +715,12 @@ class _Races:
         level.scene, level.done, level.unknowns = entry.scene, entry.done, entry.scene.system.n
         level.steps = entry.done.problem.counts.steps
         level.cpu = level.wall = entry.cpu
-        level.clock.cpu["solve"] = level.clock.wall["solve"] = entry.cpu
+        for clock in (level.clock.cpu, level.clock.wall):
+            clock |= {"build": 0.0, "solve": entry.cpu}
         level.channels = compute_channels(sample(entry.scene, entry.done.trajectory))
         level.change, level.channel = search.distance(level, pair.reference)
         mark = beaten.entry()
-        price = self.price(mark.method) * (entry.cpu / entry.work) / (mark.cpu / mark.work)
-        self._prices.setdefault(entry.method, price)
-        level.work = entry.work * self.price(entry.method)
+        level.work = float(max(entry.done.problem.counts.evaluations, 1) * level.unknowns)
         search.levels.append(level)
         search.current = level
         search.time.begin_anew(entry.error, level)
@@ -868,10 +869,13 @@ def _concluded(search: _Search, status: str, reason: str, cpu: float) -> Refinem
             f"the cheapest level that keeps the target; its error is measured: {tidy(distance)} from "
             f"level {current.number}, which has {tidy(search.left)} left"
         )
+    method = search.races.words
+    if search.races.taken and chosen.setting.method != search.races.taken[-1].split(":")[0]:
+        method += f"; the level chosen is by {chosen.setting.method} all the same, on a coarser mesh"
     return Refinement(
         target=search.target, status=status, reason=reason, levels=tuple(search.levels), chosen=chosen,
         why=why, cpu=cpu, budget=search.budget.seconds, used=search.budget.used,
-        fixed=fixed_meshes(search.loaded), method=search.races.words, probes=tuple(search.races.probes),
+        fixed=fixed_meshes(search.loaded), method=method, probes=tuple(search.races.probes),
         probing=search.races.used,
     )  # fmt: skip
 
