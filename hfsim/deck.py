@@ -156,8 +156,8 @@ class SolveSpec(Spec):
     """Build and compute everything, whether the scene needs it or not: for checking."""
 
     target_error: Annotated[Number, Gt(0), Le(0.5)] | None = None
-    """Total error, of mesh and time, that `run` is to reach by its choice of elements, degrees and tolerance:
-    largest over time in the worst channel, relative to the channel's range [-]."""
+    """Total error, of mesh and time, that `run` is to reach by its choice of elements, degrees, tolerance and
+    method (if that is auto): largest over time in the worst channel, relative to the channel's range [-]."""
 
     target_channels: Annotated[tuple[str, ...], Field(min_length=1)] | None = None
     """Channels that must reach the target error; all but energy.total and constraint residuals without it."""

@@ -123,4 +123,8 @@ def _named(stop: HfsimError | KeyboardInterrupt, bodies: tuple[str, ...]) -> Hfs
     part = f"in the part of {', '.join(bodies)}: "
     if isinstance(stop, SolverFailure):
         return replace(stop, reason=part + stop.reason)
-    return LimitReached(part + stop.reason, stop.time) if isinstance(stop, LimitReached) else stop
+    if isinstance(stop, LimitReached):
+        # whoever raised it must know it again by its class
+        stop.reason = part + stop.reason
+        stop.args = (stop.reason,)
+    return stop

@@ -71,7 +71,7 @@ class Settings:
 @click.option(
     "--target-error",
     metavar="X",
-    help="Choose elements, degrees and tolerance for this total error, e.g. 1e-3 (solve.target_error).",
+    help="Choose elements, degrees, method and tolerance for this total error, e.g. 1e-3.",
 )
 @click.option(
     "--target-channels", metavar="A,B,...", help="Channels that must reach it; all that can without it."
@@ -109,9 +109,9 @@ def run(
 
     With --target-error, each deck is refined by itself until the error of mesh and time together, largest
     over time in the worst channel and relative to its range, keeps the target; what was chosen is in
-    resolved.yaml. A deck with beams of elements: auto has only these refined, to 1e-2 unless it states a
-    target. Exit code 4: no refinement reaches it; 5: the budget does not suffice. The best result is
-    kept then.
+    resolved.yaml. With method: auto, methods are raced on the scene; one that the deck names is kept. A deck
+    with beams of elements: auto has only these refined, to 1e-2 unless it states a target. Exit code 4: no
+    refinement reaches it; 5: the budget does not suffice. The best result is kept then.
     """
     overrides = (
         *with_settings(overrides, model, keep_all),
@@ -238,6 +238,8 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
                 diagnosis=settings.diagnosis,
                 outlines=plots,
             )
+    for line in method_lines(result.statistics.get("refinement")):
+        log.add(line.strip())
     log.add(f"model {result.model}, method {result.method}")
     result, summary = save_run(job.folder, result, provenance, watch, log, plots)
     tell(result, summary, job.folder.path, settings.talk)
@@ -289,7 +291,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
 
 def level_table(found: Mapping[str, Any]) -> list[str]:
     """Return the levels of a refinement, a row each, and which was chosen and why."""
-    head = ["refined", "tolerance", "unknowns", "steps", "CPU [s]", "change", "error", "mesh"]
+    head = ["refined", "method", "tolerance", "unknowns", "steps", "CPU [s]", "change", "error", "mesh"]
     rows = [["level", *head]]
     chosen = found["chosen"]
     for level in found["levels"]:
@@ -299,7 +301,7 @@ def level_table(found: Mapping[str, Any]) -> list[str]:
         if level["status"] != "done":
             change = level["status"]
         rows.append(
-            [f"{level['number']}{mark}", level["refined"], f"{level['tolerance']:.1e}",
+            [f"{level['number']}{mark}", level["refined"], level["method"], f"{level['tolerance']:.1e}",
              number(level["unknowns"]), number(level["steps"]), f"{level['cpu_s']:.3f}", change,
              brief(level["estimate"]), mesh if len(mesh) <= _WIDEST else f"{mesh[:_WIDEST]}..."]
         )  # fmt: skip
@@ -310,8 +312,31 @@ def level_table(found: Mapping[str, Any]) -> list[str]:
         as_table(rows, "    "),
         "    mesh: elements x degree; change: of the level refined, relative to the channel's range",
         f"    * {chosen['why']}",
+        *method_lines(found),
         *_fixed_meshes(found["fixed_meshes"]),
     ]
+
+
+def method_lines(found: Mapping[str, Any] | None) -> list[str]:
+    """Return how the method of a refinement was chosen, and the races that this rests on."""
+    if not found:
+        return []
+    lines = [f"    method {found['method_choice']}"]
+    if not found["probes"]:
+        return lines
+    head = ["tolerance", "unknowns", "CPU [s]", "against", "CPU [s]", "done", "error in time", "outcome"]
+    rows = [["race", *head]]
+    for one in found["probes"]:
+        cpu, to_beat = f"{one['cpu_s']:.3f}", f"{one['to_beat_s']:.3f}"
+        came = [cpu, one["against"], to_beat, f"{one['share']:.0%}", brief(one["error"]), _outcome(one)]
+        rows.append([one["method"], f"{one['tolerance']:.1e}", number(one["unknowns"]), *came])
+    lines += as_table(rows, "    ").split("\n")
+    share = found["probing_cpu_s"] / max(found["cpu_s"], 1e-9)
+    return [*lines, f"    races took {found['probing_cpu_s']:.2f} s of CPU, {share:.0%} of the whole"]
+
+
+def _outcome(race: Mapping[str, Any]) -> str:
+    return f"{race['outcome']}: {race['reason']}" if race["reason"] else str(race["outcome"])
 
 
 def _fixed_meshes(beams: Sequence[str]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Refinement to a target: elements, degrees and tolerance for a stated total error of one scene.
+"""Refinement to a target: elements, degrees, method and tolerance for a stated total error of one scene.
 
 The error of a run is that of its mesh and that in time.  Each is found by refining one thing at a time (the
 elements or the degree of a beam, the tolerance) and looking at how far the channels move: the `change` of a
@@ -8,7 +8,13 @@ the way that took away most for its work so far.  An earlier level is the answer
 one, plus what that one has left, keeps the target: its error is measured then, save for the small rest.  The
 finest level itself is taken only with a factor of safety, as its error is extrapolated.
 
-Choices rest on counts of work (evaluations times unknowns), not on times, so that they repeat.
+Where the deck leaves the method open, others are raced against the default one (`hfsim.studies.methods`) as
+soon as an error in time has been measured, and again when the mesh has become much finer or the error much
+smaller; whatever the search comes to, races have taken no more than a stated part of its time.  A method that
+wins is raced on the current mesh too before it is gone on with.
+
+Choices rest on counts of work (evaluations times unknowns), not on times, so that they repeat; that of the
+method cannot, and has a margin instead.
 Nothing is printed or written here.
 """
 
@@ -27,9 +33,11 @@ from hfsim.clock import PhaseClock
 from hfsim.deck import LoadedDeck, is_judged
 from hfsim.errors import LimitReached
 from hfsim.integration import Integration, Progress, run_integration
+from hfsim.integrators import METHODS
 from hfsim.simulate import assess, channel_errors, compute_channels, sample
 from hfsim.solution import Channel, Run
 from hfsim.studies.bench import Budget, mesh_words, tidy
+from hfsim.studies.methods import MARGIN, Contest, Entry, Probe, Turn, candidates
 
 DEFAULT_BUDGET = 60.0
 """Time that a refinement may take unless the deck says otherwise [s]."""
@@ -70,6 +78,10 @@ _FAILURES = 2
 """Moves that may fail in a row."""
 _COST_ORDER = 1.7
 """Power of the unknowns that the time of a run is expected to grow with."""
+PROBING = 0.2
+"""Part of the CPU time of a search, at any moment, that races between methods may have taken."""
+_ANEW = 0.3
+"""Fall of the error in time that can be measured from which methods are compared again."""
 
 
 class _BudgetUsedError(LimitReached):
@@ -85,13 +97,14 @@ class Setting:
     mesh : tuple of (body, elements, degree)
         Every beam.
     tolerance : float
-    coordinates : str
+    coordinates, method : str
         As in decks.
     """
 
     mesh: tuple[tuple[str, int, int], ...]
     tolerance: float
     coordinates: str = "auto"
+    method: str = "auto"
 
     def applied(self, loaded: LoadedDeck) -> LoadedDeck:
         """Return the deck with this setting, and without a target or elements left open."""
@@ -99,9 +112,8 @@ class Setting:
         for name, elements, degree in self.mesh:
             bodies[name] = bodies[name].model_copy(update={"elements": elements, "degree": degree})
         none = dict.fromkeys(("target_error", "target_channels", "budget"))
-        solve = loaded.deck.solve.model_copy(
-            update={"tolerance": self.tolerance, "coordinates": self.coordinates, **none}
-        )
+        mine = {"tolerance": self.tolerance, "coordinates": self.coordinates, "method": self.method}
+        solve = loaded.deck.solve.model_copy(update={**none, **mine})
         deck = loaded.deck.model_copy(update={"bodies": bodies, "solve": solve})
         return replace(loaded, deck=deck, auto_elements=())
 
@@ -170,7 +182,14 @@ class Level:
         mesh = {body: {"elements": n, "degree": p} for body, n, p in self.setting.mesh}
         facts = {name: getattr(self, name) for name in names}
         return {**facts, "cpu_s": self.cpu, "tolerance": self.setting.tolerance,
+                "method": self.setting.method if self.done is None else self.done.method,
                 "coordinates": self.setting.coordinates, "bodies": mesh}  # fmt: skip
+
+    def entry(self) -> Entry:
+        """Return the level as one to be raced against."""
+        assert self.scene is not None and self.done is not None
+        seconds = self.clock.cpu["solve"]
+        return Entry(self.done.method, self.setting.tolerance, self.scene, self.done, seconds)
 
 
 @dataclass
@@ -212,6 +231,13 @@ class _Part:
         self.moves.append((kind, base.work, level.work))
         self.measured_at = level.unknowns
         self.kept = change <= enough
+
+    def begin_anew(self, error: float, level: Level) -> None:
+        """Take the error in time of a level that another method has made."""
+        self.begin = len(self.changes)
+        self.changes.append(error)
+        self.moves.append(("method", level.work, level.work))
+        self.measured_at, self.kept = level.unknowns, True
 
     @property
     def of(self) -> str:
@@ -295,7 +321,8 @@ def coarse(loaded: LoadedDeck, target: float) -> Setting:
         (name, spec.elements if name in fixed else min(spec.elements, _COARSE), spec.degree)
         for name, spec in _beams(loaded).items()
     )
-    return Setting(tuple(mesh), min(_LOOSEST, 0.1 * target), loaded.deck.solve.coordinates)
+    solve = loaded.deck.solve
+    return Setting(tuple(mesh), min(_LOOSEST, 0.1 * target), solve.coordinates, solve.method)
 
 
 def _beams(loaded: LoadedDeck) -> dict[str, BeamSpec]:
@@ -340,6 +367,12 @@ class Refinement:
         CPU time of all levels, time allowed and used [s].
     fixed : tuple of str
         Beams that keep the deck's mesh: its error is in no estimate.
+    method : str
+        How the method was chosen, in words.
+    probes : tuple of Probe
+        Races between methods.
+    probing : float
+        CPU time of all that [s].
     """
 
     target: float
@@ -352,6 +385,9 @@ class Refinement:
     budget: float
     used: float
     fixed: tuple[str, ...] = ()
+    method: str = ""
+    probes: tuple[Probe, ...] = ()
+    probing: float = 0.0
 
     @property
     def exit_code(self) -> int:
@@ -372,7 +408,22 @@ class Refinement:
             "budget_s": self.budget,
             "used_s": self.used,
             "fixed_meshes": list(self.fixed),
+            "method_choice": self.method,
+            "probes": [probe.facts() for probe in self.probes],
+            "probing_cpu_s": self.probing,
         }
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """A level whose error in time is known, and the one that it is known by; both on one mesh."""
+
+    level: Level
+    reference: Level
+    left: float
+    """Error in time of the reference [-]."""
+    goal: float
+    """Error in time at which methods are compared: what the target asks for, or what can be measured [-]."""
 
 
 class _Search:
@@ -389,6 +440,7 @@ class _Search:
         self.levels: list[Level] = []
         self.current: Level | None = None
         self.tried_at = _TRIAL_FROM / _STALE
+        self.races = _Races(self)
 
     # Levels -------------------------------------------------------------------------------------------
 
@@ -414,9 +466,11 @@ class _Search:
             level.scene = scene = build(level.setting.applied(self.loaded), self.model)
         level.unknowns = scene.system.n
         with level.clock.phase("solve"):
-            level.done = run_integration(scene, scene.deck.solve, self._guard(scene.deck.solve.duration))
+            level.done = run_integration(scene, scene.deck.solve, self.guard(scene.deck.solve.duration))
         counts, stop = level.done.problem.counts, level.done.stop
         level.steps, level.work = counts.steps, float(max(counts.evaluations, 1) * level.unknowns)
+        if level.done.method in METHODS:
+            level.setting = replace(level.setting, method=level.done.method)
         if stop is not None:
             level.status, level.reason = "failed", str(stop) or "interrupted"
             if isinstance(stop, KeyboardInterrupt):
@@ -427,7 +481,7 @@ class _Search:
             return
         level.channels = compute_channels(sample(scene, level.done.trajectory))
 
-    def _guard(self, duration: float) -> Progress:
+    def guard(self, duration: float) -> Progress:
         """Return a progress callback that ends an integration, its steps kept, when the budget is used up."""
 
         def check(share: float) -> None:
@@ -467,7 +521,14 @@ class _Search:
 
     def answer(self) -> Level | None:
         """Return the cheapest level that keeps the target; None if there is none yet."""
-        return next((level for level, error in self.estimates() if error <= self.target), None)
+        enough = [level for level, error in self.estimates() if error <= self.target]
+        method = self.current.setting.method if self.current else ""
+        mine = next((level for level in enough if level.setting.method == method), None)
+        other = next((level for level in enough if level.setting.method != method), None)
+        # counts of work tell nothing across methods; times do, with the margin that makes them repeat
+        if mine is None or (other is not None and MARGIN * other.entry().cpu < mine.entry().cpu):
+            return other
+        return mine
 
     # Moves --------------------------------------------------------------------------------------------
 
@@ -520,12 +581,15 @@ class _Search:
         part.note(level.change, kind, base, level, self.enough(part))
         if not part.kept:
             self.current = level
+        if part is self.time:
+            self.races.take_pair(base, level)
         return True
 
     def _in_cheaper_coordinates(self, setting: Setting) -> Setting:
         """Return the setting with those coordinates in which the first part of its motion takes less time."""
         size = sum(n * (p - 1) + 2 for _, n, p in setting.mesh)
         free = self.loaded.deck.solve.coordinates == "auto" and self.model in ("exact", "linear")
+        free = free and setting.method != "energy"
         if not free or size < _STALE * self.tried_at:
             return replace(setting, coordinates=self.current.setting.coordinates) if self.current else setting
         self.tried_at = size
@@ -536,7 +600,7 @@ class _Search:
             span = _TRIAL * scene.deck.solve.duration
             solve = scene.deck.solve.model_copy(update={"duration": span, "max_steps": None})
             start = time.process_time()
-            done = run_integration(scene, solve, self._guard(span))
+            done = run_integration(scene, solve, self.guard(span))
             costs[coordinates] = time.process_time() - start if done.stop is None else math.inf
         return replace(setting, coordinates=min(costs, key=lambda name: costs[name]))
 
@@ -549,13 +613,152 @@ class _Search:
             raise _BudgetUsedError(f"{words}, of {self.budget.seconds:g} s are left {left:.2g}", 0.0)
 
 
+class _Races:
+    """When methods are compared in a search, and what follows from it."""
+
+    def __init__(self, search: _Search) -> None:
+        self.search, self.start = search, time.process_time()
+        self.stated = search.loaded.deck.solve.method
+        self.goal = _WASTE * search.target
+        self.pair: _Pair | None = None
+        self.open: dict[str, Turn] = {}
+        self.ahead: Entry | None = None
+        self.probes: list[Probe] = []
+        self.taken: list[str] = []
+        self.used = 0.0
+        self._since: float | None = None
+
+    def allowance(self) -> float:
+        """Return the CPU time that races may still take [s]."""
+        now = time.process_time()
+        used = self.used + (0.0 if self._since is None else now - self._since)
+        return (PROBING * (now - self.start) - used) / (1.0 - PROBING)
+
+    def take_pair(self, base: Level, finer: Level) -> None:
+        """Take note of levels of two tolerances; methods are compared by them if that is due."""
+        part = self.search.time
+        assert finer.change is not None
+        left = finer.change * part.ratio / (1.0 - part.ratio)
+        if self.stated != "auto" or base.unknowns != finer.unknowns or not math.isfinite(left):
+            return
+        level, known = (base if part.kept else finer), self.pair
+        goal = max(self.goal, 2.0 * left)
+        if known is None or level.unknowns > _STALE * known.level.unknowns or goal < _ANEW * known.goal:
+            self.pair, self.ahead = _Pair(level, finer, left, goal), None
+            self.open = dict.fromkeys(candidates(level.setting.method), Turn(level.setting.tolerance))
+
+    def hold(self) -> None:
+        """Race methods that are still open as far as the time for it goes; go on with one that wins."""
+        current, pair = self.search.current, self.pair
+        if pair is None or current is None or not (self.open or self.ahead):
+            return
+        here = current.setting.mesh == pair.level.setting.mesh
+        if not here and self.search.time.left > 0.5 * pair.goal:
+            return  # nothing on this mesh is accurate enough to measure another method by
+        self._since = time.process_time()
+        try:
+            if self.ahead is None:
+                self.ahead = self._contest(pair, self.open)
+            if self.ahead is None:
+                return
+            if here:
+                self._adopt(self.ahead, pair)
+                return
+            tighter = current.setting.tolerance / pair.level.setting.tolerance
+            again = {self.ahead.method: Turn(self.ahead.tolerance * min(tighter, 1.0))}
+            there = _Pair(current, current, self.search.time.left, pair.goal)
+            winner = self._contest(there, again)
+            if winner is not None:
+                self._adopt(winner, there)
+            elif not again:
+                self.ahead = None
+        finally:
+            self.used += time.process_time() - self._since
+            self._since = None
+
+    def _contest(self, pair: _Pair, open_methods: dict[str, Turn]) -> Entry | None:
+        search, level = self.search, pair.level
+
+        def setting(method: str, tolerance: float) -> Setting:
+            where = "absolute" if method == "energy" else level.setting.coordinates
+            return replace(level.setting, method=method, tolerance=tolerance, coordinates=where)
+
+        def scene_for(method: str, tolerance: float) -> Scene:
+            assert level.scene is not None
+            loaded = setting(method, tolerance).applied(search.loaded)
+            if method != "energy":
+                return replace(level.scene, loaded=loaded)
+            if search.loaded.deck.solve.coordinates == "frame":
+                why = "method energy makes its steps in absolute coordinates"
+                raise search.loaded.problem("solve.coordinates", why)
+            return build(loaded, search.model)
+
+        def error_of(scene: Scene, done: Integration) -> float:
+            found = Level(-1, "", level.setting, channels=compute_channels(sample(scene, done.trajectory)))
+            return search.distance(found, pair.reference)[0] + pair.left
+
+        guard = search.guard(search.loaded.deck.solve.duration)
+        mark = level.entry()
+        contest = Contest(
+            mark, pair.goal, scene_for, error_of, self.allowance, guard, open_methods, self.probes
+        )
+        return contest.hold()
+
+    def _adopt(self, entry: Entry, pair: _Pair) -> None:
+        """Make the run of a method that won the current level."""
+        search, beaten = self.search, pair.level
+        solve = entry.scene.deck.solve
+        setting = replace(
+            beaten.setting, method=entry.method, tolerance=entry.tolerance, coordinates=solve.coordinates
+        )
+        level = Level(len(search.levels), "method", setting, base=pair.reference.number)
+        level.scene, level.done, level.unknowns = entry.scene, entry.done, entry.scene.system.n
+        level.steps = entry.done.problem.counts.steps
+        level.cpu = level.wall = entry.cpu
+        for clock in (level.clock.cpu, level.clock.wall):
+            clock |= {"build": 0.0, "solve": entry.cpu}
+        level.channels = compute_channels(sample(entry.scene, entry.done.trajectory))
+        level.change, level.channel = search.distance(level, pair.reference)
+        mark = beaten.entry()
+        level.work = float(max(entry.done.problem.counts.evaluations, 1) * level.unknowns)
+        search.levels.append(level)
+        search.current = level
+        search.time.begin_anew(entry.error, level)
+        self.pair, self.ahead = replace(pair, level=level), None
+        self.open.pop(entry.method, None)
+        self.taken.append(
+            f"{entry.method}: {entry.cpu:.2g} s for an error in time of {entry.error:.1e}, "
+            f"{entry.to_beat / entry.cpu:.2g} times sooner than {mark.method}"
+        )
+
+    @property
+    def words(self) -> str:
+        """How the method was chosen."""
+        if self.stated != "auto":
+            return f"{self.stated}, kept: the deck names it"
+        late = f"; not judged for lack of time: {', '.join(self.open)}" if self.open else ""
+        if self.taken:
+            return "; then ".join(self.taken) + late
+        level = self.search.current or self.search.levels[0]
+        default = f"{level.setting.method if level.done is None else level.done.method}, the default"
+        if self.pair is None:
+            return f"{default}: no error in time was measured to compare methods at"
+        judged = dict.fromkeys(probe.method for probe in self.probes if probe.method not in self.open)
+        if not judged:
+            return default + late
+        return (
+            f"{default}: none of {', '.join(judged)} reaches an error in time of {self.pair.goal:.1e} "
+            f"{MARGIN:g} times sooner{late}"
+        )
+
+
 def refine(
     loaded: LoadedDeck,
     model: str | None = None,
     progress: Progress | None = None,
     diagnosis: bool = False,
 ) -> tuple[Run, LoadedDeck]:
-    """Simulate a scene with the elements, degrees and tolerance that reach its ``solve.target_error``.
+    """Simulate a scene with elements, degrees, method and tolerance that reach its ``solve.target_error``.
 
     Parameters
     ----------
@@ -610,6 +813,7 @@ def _search(search: _Search) -> tuple[str, str]:
                 continue
             if part.stalled and part.left > search.target:
                 return "missed", _stalled_words(search, part)
+            search.races.hold()
             answer = search.answer()
             if answer is not None and not search.stale(answer):
                 return "reached", ""
@@ -625,7 +829,8 @@ def _begin(search: _Search) -> bool:
     if first.status != "done":
         mesh = tuple((name, spec.elements, spec.degree) for name, spec in _beams(search.loaded).items())
         tolerance = min(first.setting.tolerance, search.loaded.deck.solve.tolerance)
-        first = search.solve("as in the deck", Setting(mesh, tolerance, first.setting.coordinates))
+        coordinates, method = first.setting.coordinates, first.setting.method
+        first = search.solve("as in the deck", Setting(mesh, tolerance, coordinates, method))
     if first.status == "done":
         search.current = first
     return first.status == "done"
@@ -664,10 +869,14 @@ def _concluded(search: _Search, status: str, reason: str, cpu: float) -> Refinem
             f"the cheapest level that keeps the target; its error is measured: {tidy(distance)} from "
             f"level {current.number}, which has {tidy(search.left)} left"
         )
+    method = search.races.words
+    if search.races.taken and chosen.setting.method != search.races.taken[-1].split(":")[0]:
+        method += f"; the level chosen is by {chosen.setting.method} all the same, on a coarser mesh"
     return Refinement(
         target=search.target, status=status, reason=reason, levels=tuple(search.levels), chosen=chosen,
         why=why, cpu=cpu, budget=search.budget.seconds, used=search.budget.used,
-        fixed=fixed_meshes(search.loaded),
+        fixed=fixed_meshes(search.loaded), method=method, probes=tuple(search.races.probes),
+        probing=search.races.used,
     )  # fmt: skip
 
 

@@ -7,7 +7,7 @@ distance to a run on a much finer mesh with a much tighter tolerance, largest ov
 relative to its range.  How far the reference itself can be trusted is told by a second one of other elements
 and degree.  Effectivity: estimate over true error; 1 or above is honest, much above 1 is wasteful.  A row
 whose true error does not exceed three times that trust is marked '~'.  CPU seconds: of the whole refinement,
-and of the chosen level alone.
+and of the chosen level alone; races: part of the former that comparing methods took.
 """
 
 from __future__ import annotations
@@ -32,18 +32,28 @@ CASES = Path(__file__).parents[2] / "cases"
 
 @dataclass(frozen=True)
 class Task:
-    """A scene: span [s], output interval [s], beams, and two references (elements, degree, tolerance)."""
+    """A scene: span [s], output interval [s], beams, and two references (elements, degree, tolerance).
+
+    Besides: the channels that count unless all do, those of tips without them; the method of the references,
+    the default one without it; and the folder of its deck.
+    """
 
     duration: float
     interval: float
     beams: tuple[str, ...]
     references: tuple[tuple[int, int, float], ...]
+    counted: tuple[str, ...] = ()
+    method: str = "auto"
+    folder: Path = CASES
 
 
 TASKS = {
     "pendulum": Task(0.7, 0.01, ("b1",), ((28, 7, 1e-6), (36, 5, 1e-6))),
     "two_beams_relative": Task(0.5, 0.01, ("b1", "b2"), ((6, 9, 1e-6), (8, 7, 1e-6))),
     "hub_beams": Task(0.5, 0.02, ("b1", "b2"), ((6, 9, 1e-6), (8, 7, 1e-6))),
+    "light_link": Task(
+        0.25, 0.0025, ("b1",), ((1, 7, 1e-5), (2, 5, 1e-5)), ("load.y",), "radau", CASES / "extreme"
+    ),
     "hub_beams_soft": Task(0.5, 0.02, ("b1", "b2"), ((12, 9, 1e-5), (16, 7, 1e-5))),
 }
 
@@ -52,7 +62,7 @@ def deck(name: str, *overrides: str) -> LoadedDeck:
     """Return a shipped scene over the span of its task."""
     task = TASKS[name]
     span = (f"solve.duration={task.duration}", f"output.interval={task.interval}")
-    return load_deck(CASES / f"{name}.yaml", (*span, *overrides))
+    return load_deck(task.folder / f"{name}.yaml", (*span, *overrides))
 
 
 def reference(name: str, elements: int, degree: int, tolerance: float) -> tuple[Channel, ...]:
@@ -60,7 +70,8 @@ def reference(name: str, elements: int, degree: int, tolerance: float) -> tuple[
     mesh = {"elements": elements, "degree": degree}
     options = [f"bodies.{beam}.{key}={n}" for beam in TASKS[name].beams for key, n in mesh.items()]
     # the stepping that costs less on fine meshes
-    scene = build(deck(name, *options, f"solve.tolerance={tolerance}", "solve.coordinates=frame"))
+    scene = build(deck(name, *options, f"solve.tolerance={tolerance}", "solve.coordinates=frame",
+                       f"solve.method={TASKS[name].method}"))  # fmt: skip
     done = run_integration(scene, scene.deck.solve)
     assert done.stop is None, done.stop
     return compute_channels(sample(scene, done.trajectory))
@@ -72,29 +83,31 @@ def error(channels: tuple[Channel, ...], truth: tuple[Channel, ...], counted: li
     return max(relative[name] for name in counted)
 
 
-def measure(name: str, targets: list[str], which: str, budget: float) -> None:
+def measure(name: str, targets: list[str], which: str, budget: float, method: str) -> None:
     """Print the rows of one scene."""
     start = time.process_time()
     truth, check = (reference(name, *setting) for setting in TASKS[name].references)
     channels = [c for c in deck(name).deck.channels if is_judged(c)]
-    tips = [c for c in channels if c.endswith((".tip.x", ".tip.y"))]
+    tips = list(TASKS[name].counted) or [c for c in channels if c.endswith((".tip.x", ".tip.y"))]
     counted = tips if which == "tips" else channels
     trust = error(check, truth, counted)
     print(f"# {name}: references {TASKS[name].references}, {trust:.1e} apart, "
           f"{time.process_time() - start:.0f} s", flush=True)  # fmt: skip
     for target in targets:
         options = (f"solve.target_error={target}", f"solve.target_channels=[{', '.join(counted)}]")
-        run, _ = refine(deck(name, *options, f"solve.budget={budget}"))
+        run, _ = refine(deck(name, *options, f"solve.budget={budget}", f"solve.method={method}"))
         found = run.statistics["refinement"]
         chosen = found["chosen"]
         true = error(run.channels, truth, counted)
         estimate = found["estimate"]
         effect = f"{estimate / true:.2g}" if estimate else "-"
         mesh = ", ".join(f"{n['elements']} x {n['degree']}" for n in chosen["bodies"].values())
+        races = found["probing_cpu_s"] / found["cpu_s"]
         doubt = "~" if true < 3.0 * trust else ""
         print(f"| `{name}`, {which} | {target} | {found['status']} | {estimate or 0:.1e} | "
               f"{doubt}{true:.1e} | {effect} | {found['cpu_s']:.2f} | {chosen['cpu_s']:.2f} | {mesh} | "
-              f"{chosen['tolerance']:.0e} | {found['limiting_channel']} |", flush=True)  # fmt: skip
+              f"{chosen['method']} | {chosen['tolerance']:.0e} | {races:.0%} | "
+              f"{found['limiting_channel']} |", flush=True)  # fmt: skip
 
 
 def main() -> None:
@@ -104,13 +117,14 @@ def main() -> None:
     parser.add_argument("--scenes", default=",".join(TASKS))
     parser.add_argument("--targets", default="1e-1,1e-2,1e-3,1e-4")
     parser.add_argument("--channels", default="tips", choices=("tips", "all"))
+    parser.add_argument("--method", default="auto", help="keep one method, to see what the choice gains")
     parser.add_argument("--budget", type=float, default=60.0, help="seconds for each target")
     given = parser.parse_args()
     print("| scene, channels | target | status | estimate | true error | effectivity | CPU [s] "
-          "| chosen alone [s] | mesh (elements x degree) | tolerance | worst channel |")  # fmt: skip
-    print("|" + "---|" * 11)
+          "| chosen alone [s] | mesh | method | tolerance | races | worst channel |")  # fmt: skip
+    print("|" + "---|" * 13)
     for name in given.scenes.split(","):
-        measure(name, given.targets.split(","), given.channels, given.budget)
+        measure(name, given.targets.split(","), given.channels, given.budget, given.method)
 
 
 if __name__ == "__main__":

@@ -1,0 +1,324 @@
+"""Which method reaches an error in time soonest: methods raced on the scene itself, as cheaply as possible.
+
+A race is an integration of the whole span, on a mesh on which one method, the mark, has been run and its
+error in time measured.  It ends as soon as it has taken more CPU time than the best so far had taken up to
+the same point of the motion, over a margin, so that what loses costs little.  A method that gets through
+with too large an error is raced again at a tighter tolerance: methods are compared at equal error, not at
+equal tolerance.  Times are noisy, hence the margin: what is about as good does not change the choice.
+
+Nothing is printed or written here.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hfsim.build import Scene
+from hfsim.errors import DeckError, LimitReached, SolverFailure
+from hfsim.integration import Integration, Progress, run_integration
+from hfsim.integrators import METHODS
+
+MARGIN = 1.5
+"""Factor by which another method must be sooner to be taken."""
+SURE = 3.0
+"""Factor from which one measurement is enough; below it both are timed again, and the shorter times count."""
+SLACK = 0.1
+"""Part of the time allowed for a race by which it may be behind."""
+LIKELY_FIRST = ("gear", "generalized_alpha", "radau", "gauss", "energy", "explicit")
+"""Order of races: what was seen to win comes first, as it makes the others short."""
+SCIPY = 0.4
+"""CPU time of importing what the method explicit takes its coefficients from [s]."""
+TRIES = 4
+"""Tolerances of one method in a contest."""
+_ORDER = 0.7
+"""Power of the tolerance that the error of a method is expected to follow, until it has been seen."""
+_COST_ORDER = 0.2
+"""Power of the tolerance that the time of a method is expected to grow with."""
+_STRONGEST = 1e-4
+"""Factor by which a tolerance is tightened at most."""
+_TIGHTEST = 1e-13
+
+
+def candidates(but: str) -> list[str]:
+    """Return all methods but one, the likeliest first."""
+    names = [*LIKELY_FIRST, *(name for name in METHODS if name not in LIKELY_FIRST)]
+    return [name for name in names if name != but]
+
+
+@dataclass(frozen=True)
+class Probe:
+    """One race.
+
+    Attributes
+    ----------
+    method : str
+    tolerance : float
+    outcome : str
+        ``reached`` the error asked for; ``inaccurate``; ``outrun`` (stopped: slower than the best so far over
+        the margin), ``put off`` (the time for races was used up), ``failed``, ``refused`` (by the scene).
+    reason : str
+    against : str
+        Method of the mark.
+    unknowns : int
+    cpu : float
+        CPU time of the integration, as far as it came [s].
+    to_beat : float
+        CPU time of the mark [s].
+    share : float
+        Part of the duration that was done.
+    error : float or None
+        In time, the reference's own included, relative to the channel's range [-].
+    """
+
+    method: str
+    tolerance: float
+    outcome: str
+    reason: str
+    against: str
+    unknowns: int
+    cpu: float
+    to_beat: float
+    share: float
+    error: float | None = None
+
+    def facts(self) -> dict[str, Any]:
+        """Return JSON-ready facts."""
+        facts = asdict(self)
+        return {
+            "method": facts.pop("method"),
+            "cpu_s": facts.pop("cpu"),
+            "to_beat_s": facts.pop("to_beat"),
+            **facts,
+        }
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A method that went through the whole span.
+
+    Attributes
+    ----------
+    method : str
+    tolerance : float
+    scene : Scene
+    done : Integration
+    cpu : float
+        CPU time of the integration [s].
+    error : float
+        In time; of a method that was raced [-].
+    to_beat : float
+        CPU time of the mark it was raced against [s].
+    """
+
+    method: str
+    tolerance: float
+    scene: Scene
+    done: Integration
+    cpu: float
+    error: float = math.nan
+    to_beat: float = math.nan
+
+    def pace(self, share: float) -> float:
+        """Return the part of its time that it had taken when a share of the duration was done."""
+        if self.scene.parts:
+            return share
+        ends = self.done.trajectory.step_ends()
+        return float(np.interp(share * ends[-1], ends, np.linspace(0.0, 1.0, len(ends))))
+
+
+@dataclass(frozen=True)
+class Turn:
+    """What a method that is not judged yet is to do next.
+
+    Attributes
+    ----------
+    tolerance : float
+    needs : float
+        CPU time without which it need not begin [s].
+    """
+
+    tolerance: float
+    needs: float = 0.0
+
+
+class _LostError(LimitReached):
+    """Ends a race that is lost, or that there is no time for."""
+
+    def __init__(self, reason: str, time: float, outcome: str = "outrun") -> None:
+        super().__init__(reason, time)
+        self.outcome = outcome
+
+
+@dataclass
+class Contest:
+    """Races against one mark.
+
+    Attributes
+    ----------
+    mark : Entry
+        Method to beat.
+    goal : float
+        Error in time to be reached [-].
+    scene_for : callable
+        (method, tolerance) -> the same scene with another method.
+    error_of : callable
+        (scene, integration) -> error in time [-].
+    allowance : callable
+        Returns the CPU time that races may still take [s].
+    guard : callable
+        Told at every step; may raise to end everything.
+    open : dict of str to Turn
+        Methods that are not judged yet.
+    probes : list of Probe
+        Gets all races.
+    """
+
+    mark: Entry
+    goal: float
+    scene_for: Callable[[str, float], Scene]
+    error_of: Callable[[Scene, Integration], float]
+    allowance: Callable[[], float]
+    guard: Progress
+    open: dict[str, Turn]
+    probes: list[Probe]
+
+    def hold(self) -> Entry | None:
+        """Race the open methods as far as the time allows; return the winner if it is not the mark.
+
+        Raises
+        ------
+        HfsimError, KeyboardInterrupt
+            What `guard` raises.
+        """
+        best: Entry | None = None
+        for name in list(self.open):
+            found = self._enter(name, best)
+            if found is not None:
+                best = found
+        return best
+
+    # One method ---------------------------------------------------------------------------------------
+
+    def _enter(self, name: str, best: Entry | None) -> Entry | None:
+        """Race one method at ever tighter tolerances until it reaches the error; None: it is not sooner."""
+        limit = self.mark.cpu / MARGIN if best is None else best.cpu
+        seen: list[tuple[float, float]] = []
+        while len(seen) < TRIES:
+            tolerance, needs = self.open[name].tolerance, self.open[name].needs
+            if self.allowance() < (needs or 0.5 * limit + (SCIPY if _imports(name) else 0.0)):
+                return None
+            probe, entry = self._race(name, tolerance, limit, best or self.mark)
+            self.probes.append(probe)
+            if probe.outcome == "put off":
+                self.open[name] = Turn(tolerance, min(limit, 2.0 * probe.cpu))
+                return None
+            if entry is None or probe.outcome != "reached":
+                if entry is None:
+                    break
+                seen.append((tolerance, entry.error))
+                tighter = _tighter(seen, self.goal)
+                if not _TIGHTEST <= tighter < tolerance:
+                    break
+                expected = entry.cpu * (tolerance / tighter) ** _COST_ORDER
+                self.open[name] = Turn(tighter, min(limit, expected))
+                continue
+            if self.mark.cpu < SURE * entry.cpu:
+                needs = self.mark.cpu + entry.cpu
+                if self.allowance() < needs:
+                    self.open[name] = Turn(tolerance, needs + entry.cpu)
+                    return None
+                entry = self._timed_again(entry)
+                if self.mark.cpu < MARGIN * entry.cpu:
+                    break
+            del self.open[name]
+            return entry
+        del self.open[name]
+        return None
+
+    def _race(self, name: str, tolerance: float, limit: float, best: Entry) -> tuple[Probe, Entry | None]:
+        probe = Probe(
+            name,
+            tolerance,
+            "refused",
+            "",
+            self.mark.method,
+            self.mark.scene.system.n,
+            0.0,
+            self.mark.cpu,
+            0.0,
+        )
+        try:
+            scene = self.scene_for(name, tolerance)
+        except DeckError as refusal:
+            return replace(probe, reason=refusal.problems[0].message), None
+        # imports and tables are no part of the method's cost
+        first = run_integration(scene, scene.deck.solve.model_copy(update={"max_steps": 1})).stop
+        if isinstance(first, KeyboardInterrupt):
+            raise first
+        if isinstance(first, SolverFailure):
+            return replace(
+                probe, outcome="refused" if first.kind == "deck" else "failed", reason=str(first)
+            ), None
+        allowed, start = self.allowance(), time.process_time()
+
+        def check(share: float) -> None:
+            self.guard(share)
+            spent = time.process_time() - start
+            if spent > limit * (SLACK + best.pace(share)):
+                raise _LostError(f"behind {best.method}", share, "outrun")
+            if spent > allowed:
+                raise _LostError("the time for races is used up", share, "put off")
+
+        done = run_integration(scene, scene.deck.solve, check)
+        duration, stop = scene.deck.solve.duration, done.stop
+        probe = replace(probe, cpu=time.process_time() - start, share=done.trajectory.t_end / duration)
+        if isinstance(stop, _LostError):
+            return replace(probe, outcome=stop.outcome, reason=stop.reason), None
+        if isinstance(stop, SolverFailure) or type(stop) is LimitReached:
+            return replace(probe, outcome="failed", reason=str(stop)), None
+        if stop is not None:
+            raise stop
+        error = self.error_of(scene, done)
+        entry = Entry(name, tolerance, scene, done, probe.cpu, error, self.mark.cpu)
+        outcome = "reached" if entry.error <= self.goal else "inaccurate"
+        return replace(
+            probe, outcome=outcome, error=entry.error if math.isfinite(entry.error) else None
+        ), entry
+
+    def _timed_again(self, entry: Entry) -> Entry:
+        """Time the mark and a method that seems sooner once more; the shorter times count."""
+        times = []
+        for one in (self.mark, entry):
+            start = time.process_time()
+            stop = run_integration(one.scene, one.scene.deck.solve, self.guard).stop
+            if stop is not None:
+                raise stop
+            times.append(min(one.cpu, time.process_time() - start))
+        self.mark, entry = replace(self.mark, cpu=times[0]), replace(entry, cpu=times[1], to_beat=times[0])
+        ratio = f"timed again, {times[0] / times[1]:.2g} times sooner"
+        self.probes[-1] = replace(self.probes[-1], cpu=times[1], to_beat=times[0], reason=ratio)
+        return entry
+
+
+def _imports(name: str) -> bool:
+    import sys
+
+    return name == "explicit" and "scipy.integrate" not in sys.modules
+
+
+def _tighter(seen: Sequence[tuple[float, float]], goal: float) -> float:
+    """Return the tolerance at which a method should reach an error, from tolerances and errors so far."""
+    (tolerance, error), power = seen[-1], _ORDER
+    if len(seen) > 1:
+        (t0, e0), (t1, e1) = seen[-2:]
+        power = min(max(math.log(e0 / e1) / math.log(t0 / t1), 0.3), 1.0) if e1 > 0.0 else _ORDER
+    if not math.isfinite(error):
+        return tolerance * 0.01
+    factor = 0.5 * (goal / error) ** (1.0 / power)
+    return float(f"{tolerance * max(factor, _STRONGEST):.1e}")
