@@ -25,8 +25,8 @@ from hfsim.shapes import gauss_legendre, hierarchic, interior
 
 LAST_GRAM_DEGREE = 4
 """Highest degree at which the products of vectors are the cheaper form of the polynomial energy: their
-degree^4 operations an element against (2 degree - 1) degree by quadrature.  The force of 1 to 320 elements and
-states takes about 0.85 to 1.35 of the time at degree 3, 0.85 to 1.4 at 4, 0.9 to 1.9 at 5."""
+degree^4 operations an element against (2 degree - 1) degree by quadrature.  The force of 1 to 320 elements
+and states takes about 0.85 to 1.35 of the time at degree 3, 0.85 to 1.4 at 4, 0.9 to 1.9 at 5."""
 
 LAST_GRAM_HESSIAN = 6
 """The same for the Hessian, asked for in one state: a third to a tenth of the time by quadrature."""
