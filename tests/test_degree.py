@@ -136,8 +136,11 @@ def test_both_forms_of_the_polynomial_energy_are_exact(degree, rng):
     fewer = by_points(exact_points(degree) - 1)
     # one point fewer misses the highest power alone, which is small
     assert np.abs(fewer.energy(V) - more.energy(V)).max() > 1e-14 * more.energy(V).max()
-    chosen = type(element.law(STIFFNESS, 3))
-    assert (chosen is QuadratureLaw) == (degree > LAST_GRAM_DEGREE)
+    chosen = element.law(STIFFNESS, 3)
+    assert isinstance(chosen, QuadratureLaw) == (degree > LAST_GRAM_DEGREE)
+    for name in ("energy", "gradient", "hessian"):
+        a, c = (getattr(law, name)(V) for law in (chosen, more))
+        assert np.abs(a - c).max() < 1e-12 * np.abs(c).max()
 
 
 def test_default_points_follow_the_degree_and_stated_ones_are_obeyed():
@@ -147,11 +150,11 @@ def test_default_points_follow_the_degree_and_stated_ones_are_obeyed():
     assert (law.axial_points, law.bending_points) == (5, 3)
 
 
-@pytest.mark.parametrize("degree", [5, LAST_GRAM_DEGREE])
+@pytest.mark.parametrize("degree", [LAST_GRAM_DEGREE, 6])
 def test_the_forms_of_the_stiffness_agree(degree, rng):
     element = Cable(LENGTH, degree)
     forms = [form.of(element, STIFFNESS) for form in STIFFNESS_FORMS.values()]
-    p = BeamMesh(element, 1, INERTIA).undeformed.ravel() + 0.1 * rng.normal(size=(2, 1, 2 * degree + 2))
+    p = BeamMesh(element, 1, INERTIA).undeformed.reshape(-1, 1) + 0.1 * rng.normal(size=(2 * degree + 2, 2))
     for name in ("stiffness", "force", "tangent"):
         first, *others = (getattr(form, name)(p) for form in forms)
         for other in others:

@@ -62,7 +62,7 @@ def test_a_quadratic_map_sums_all_products(scaled, rng):
 def test_gradient_and_hessian_of_the_gram_law_are_those_of_its_formula(name, lengths, rng):
     if name == "continuum" and lengths[0] != lengths[1]:
         pytest.skip("such beams share no law")
-    law = join_laws([ELEMENTS[name](le).law(STIFFNESS, 2) for le in lengths])
+    law = join_laws([ELEMENTS[name](le).gram_law(STIFFNESS, 2) for le in lengths])
     n = len(ELEMENTS[name](1.0).differences())
     V = rng.normal(size=(3, 4, n, 2))
     C = law.quadratic.reshape(n, n, n, n)
@@ -133,11 +133,31 @@ def test_the_pinned_beam_is_the_pendulum_of_the_paper(element):
     system = build(load_deck(CASES / "pendulum.yaml", overrides)).system
     mesh, stiffness = soft_beam(element, 4)
     beam = PinnedBeam(mesh, GramStiffness.of(mesh.element, stiffness))
-    x = beam.start()
-    rest = np.zeros((1, len(x)))
-    q, v = system.state(x[None], rest, rest)
+    x = by_node(beam.start())
+    rest = np.zeros_like(x)
+    q, v = system.state(x, rest, rest)
+    expected = system.reduction.expand_rates(system.acceleration(np.zeros(1), q, v))
+    close(by_node(beam.acceleration(beam.start())), expected, 1e-8)
+
+
+def by_node(x):
+    """States of a pinned beam as rows of coordinates."""
+    return x.transpose(3, 2, 1, 0).reshape(x.shape[-1], -1)
+
+
+@pytest.mark.parametrize("count", [2, 24])
+def test_beams_of_a_batch_move_one_by_one(count):
+    """In small meshes one matrix leads from forces to a step's change, in large ones a banded factor."""
+    mesh, stiffness = soft_beam("continuum", count)
+    form = GramStiffness.of(mesh.element, stiffness)
+    batch, one = PinnedBeam(mesh, form, 3), PinnedBeam(mesh, form)
+    run = batch.run()
+    x = one.start()
+    close(batch.start()[..., :1], x, 1e-15)
+    close(run[..., :1], one.run(), 1e-10)
+    change = run[1:] - run[:-1]
     close(
-        beam.acceleration(x), system.reduction.expand_rates(system.acceleration(np.zeros(1), q, v))[0], 1e-8
+        change[1:] - change[:-1], one.step() ** 2 * np.array([batch.acceleration(x) for x in run[1:-1]]), 1e-5
     )
 
 
@@ -145,6 +165,7 @@ def test_a_whole_run_keeps_the_energy():
     mesh, stiffness = soft_beam("cable", 4)
     beam = PinnedBeam(mesh, GramStiffness.of(mesh.element, stiffness))
     states = beam.run()
+    states = np.concatenate([by_node(x) for x in states])
     assert states.shape == (STEPS + 1, 2 * mesh.n_vectors)
     x, v = states[1:-1], (states[2:] - states[:-2]) / (2.0 * beam.step())
     law = mesh.element.law(stiffness, mesh.count)
@@ -199,9 +220,14 @@ def test_memory_of_tables_counts_what_is_kept_after_use():
     form = SeparatedStiffness.of(element, STIFFNESS)
     before = held_bytes(form)
     assert before == 8 * (8**4 + 8**2)
-    form.force(np.zeros((1, 8)))
-    # of 36 products 16 are of different components, which no strain has
-    assert held_bytes(form) == before + 8 * (20 * 64 + 2 * 20)
+    form.force(np.zeros((8, 1)))
+    # of 36 products 16 are of different components, which no strain has; the others come in pairs.
+    # Of 64 entries 32 vanish, and 9 differ
+    distinct = form._distinct
+    assert distinct.matrix.shape == (9, 10)
+    assert distinct.factors.shape == (2 * 20 + 32,)
+    entries = 8 * (20 * 64 + 2 * 20)
+    assert held_bytes(form) == before + entries + 8 * (9 * (10 + 20 + 1) + 72 + 32)
 
 
 class Broken(SeparatedStiffness):
@@ -230,7 +256,8 @@ def test_the_command_writes_table_csv_json_and_plot(tmp_path):
         assert words in done.stdout
     with (folder / "bench.csv").open() as file:
         rows = list(csv.DictReader(file))
-    assert [row["elements"] for row in rows] == ["1"] * 4 + ["2"] * 4
+    sizes = [(row["elements"], row["states"]) for row in rows]
+    assert sizes == [(n, b) for b in ("1", "64") for n in ("1", "2") for _ in range(4)]
     facts = json.loads((folder / "bench.json").read_text())
     assert facts["status"] == "done"
     assert facts["files"] == ["bench.csv", "bench.json", "plots/separation_cable.png"]
@@ -259,13 +286,14 @@ def test_forms_that_disagree_give_exit_code_4(tmp_path, monkeypatch):
 def test_an_interruption_keeps_what_was_measured(tmp_path, monkeypatch):
     class Interrupting(SeparatedStiffness):
         def force(self, p):
-            if len(p) == 2:
+            if p.shape[1] == 2:
                 raise KeyboardInterrupt
             return super().force(p)
 
     monkeypatch.setitem(STIFFNESS_FORMS, "separated", Interrupting)
     done = call(
-        "--separation", "--elements", "1,2", "--element", "cable", "--repeats", 1, "-o", tmp_path / "o"
+        *("--separation", "--elements", "1,2", "--states", 1, "--element", "cable", "--repeats", 1),
+        *("-o", tmp_path / "o"),
     )
     assert done.exit_code == 130
     cells = json.loads((tmp_path / "o" / "bench.json").read_text())["cells"]
@@ -279,6 +307,7 @@ def test_an_interruption_keeps_what_was_measured(tmp_path, monkeypatch):
         (["--separation", "--methods", "gauss"], "--methods does not go"),
         (["--separation", "--element", "truss"], "there is no element 'truss'"),
         (["pendulum", "--element", "cable"], "goes with --separation only"),
+        (["pendulum", "--states", "2"], "goes with --separation only"),
         ([], "Missing argument 'DECK'"),
     ],
 )

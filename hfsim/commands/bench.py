@@ -100,6 +100,12 @@ def _listed(kind: Callable[[str], _Number], what: str) -> Callable[..., tuple[_N
 )
 @click.option("--element", metavar="A,B,...", help="With --separation: kinds of element; all without it.")
 @click.option(
+    "--states",
+    metavar="N,M,...",
+    callback=_listed(int, "states"),
+    help="With --separation: beams that move at once; 1 and 64 without it.",
+)
+@click.option(
     "--degrees",
     metavar="P,Q,...",
     callback=_listed(int, "degrees"),
@@ -126,6 +132,7 @@ def bench(
     elements: tuple[int, ...],
     separation: bool,
     element: str | None,
+    states: tuple[int, ...],
     degrees: tuple[int, ...],
     budget: float,
     repeats: int,
@@ -155,12 +162,13 @@ def bench(
         _refuse_given(unfit, "does not go with --separation")
         plan = bench_separation.Plan(
             elements=elements or bench_separation.ELEMENTS,
+            states=states or bench_separation.STATES,
             kinds=bench_separation.known_kinds(names(element)),
             repeats=repeats, seconds=budget, started=started, plots=not no_plots, talk=talk,
             folder=claim_study(output, "separation", ".bench", MARKER, force),
         )  # fmt: skip
         raise click.exceptions.Exit(bench_separation.do_separation(plan))
-    _refuse_given({"--element": element}, "goes with --separation only")
+    _refuse_given({"--element": element, "--states": states}, "goes with --separation only")
     if deck is None:
         raise click.UsageError("Missing argument 'DECK' (or --separation)")
     if tolerances and steps:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 ELEMENTS = (1, 4, 16, 64, 256)
 """Numbers of elements, where the command line names none."""
+STATES = (1, 64)
+"""Beams in a batch."""
 MARKER = "bench.json"
 """File whose presence means that the results in a folder are whole."""
 
@@ -26,6 +28,7 @@ class Plan:
     """What is to be measured and where the results go."""
 
     elements: tuple[int, ...]
+    states: tuple[int, ...]
     kinds: tuple[str, ...]
     repeats: int
     seconds: float
@@ -61,7 +64,7 @@ def do_separation(plan: Plan) -> int:
     (plan.folder.path / MARKER).unlink(missing_ok=True)
     with Progress("matrix separation", sys.stderr, plan.talk.quiet) as progress:
         budget = Budget(plan.seconds, start=plan.started, report=progress)
-        result = measure(plan.elements, plan.kinds, plan.repeats, budget)
+        result = measure(plan.elements, plan.kinds, plan.repeats, budget, states=plan.states)
     facts = _save(plan, result)
     plan.talk.facts(facts)
     plan.talk.result(as_text(result, plan.folder.path))
@@ -103,9 +106,7 @@ def as_text(result: SeparationBench, folder: Path) -> str:
     for kind in dict.fromkeys(cell.element for cell in result.cells):
         mine = [cell for cell in result.cells if cell.element == kind]
         blocks.append(f"{kind}:\n{_table(mine)}")
-        blocks += [
-            f"  {cell.elements} elements: {cell.status}: {cell.reason}" for cell in mine if not cell.forms
-        ]
+        blocks += [f"  {cell.size}: {cell.status}: {cell.reason}" for cell in mine if not cell.forms]
     lines = [
         f"the paper reports {100 * PAPER_RATIO:g} % for separated over direct, in a whole run",
         *result.verdicts,
@@ -119,9 +120,10 @@ def _table(cells: list[Cell]) -> str:
              "run [ms]", "", "ratio", "tables [kB]", "peak [kB]", "differs by"]]  # fmt: skip
     for cell in cells:
         for at, form in enumerate(cell.forms):
-            share = f"{cell.elements} ({100 * cell.share:.0f} %)"
+            batch = f" x {cell.states}" if cell.states > 1 else ""
+            share = f"{cell.elements}{batch} ({100 * cell.share:.0f} %)"
             rows.append([share if at == 0 else "", *_row(form)])
-    return as_table(rows) + "\n  (%): the elastic force's share of the direct run"
+    return as_table(rows) + "\n  x: beams in the batch; (%): the elastic force's share of the direct run"
 
 
 def _row(form: FormTimes) -> list[str]:

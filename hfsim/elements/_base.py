@@ -96,11 +96,32 @@ class ElasticLaw(Protocol):
     def gradient(self, V: Array) -> Array:
         """Return the derivative of the energy with respect to V, same shape as V."""
 
+    def pull(self, v: Array) -> Array:
+        """Return the same from and as `component_rows`: each operation runs along whole rows of memory."""
+
     def hessian(self, V: Array) -> Array:
         """Return the second derivative, shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
 
     def joined(self, other: Self) -> Self:
         """Return one law for the elements of this one followed by those of another of the same kind."""
+
+
+def component_rows(V: Array) -> Array:
+    """Return vectors (..., n_elements, n_vectors, n_dim) as (n_vectors, n_dim, n_elements * n_states)."""
+    return V.T.swapaxes(0, 1).reshape(*V.shape[-2:], -1)
+
+
+class RowLaw:
+    """A law whose gradient is computed on `component_rows`."""
+
+    def pull(self, v: Array) -> Array:
+        """Return dU/dV [J] in rows."""
+        raise NotImplementedError
+
+    def gradient(self, V: Array) -> Array:
+        """Return dU/dV [J], same shape as V."""
+        rows = self.pull(component_rows(V))
+        return rows.reshape(*V.shape[:-3:-1][::-1], *V.shape[-3::-1]).swapaxes(0, 1).T
 
 
 class Element(Protocol):
@@ -139,6 +160,9 @@ class Element(Protocol):
 
     def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` equal elements."""
+
+    def gram_law(self, stiffness: Stiffness, count: int) -> GramLaw:
+        """Return the law of the polynomial energy as a form in products of vectors."""
 
 
 @dataclass(frozen=True)
@@ -183,7 +207,7 @@ class QuadraticMap:
 
 
 @dataclass(frozen=True)
-class GramLaw:
+class GramLaw(RowLaw):
     """An energy that is quadratic in the products of difference vectors.
 
     U = scale (1/2 d^T C d + c^T d) with d = g - g0, g the entries of G = V V^T and g0 those of the
@@ -203,8 +227,8 @@ class GramLaw:
     dimension : int
         Of the vectors.
 
-    Gradient and Hessian are each one product of components and one matrix product: in scenes of usual
-    size calls cost, not operations.
+    The Hessian is one product of components and one matrix product: it is asked for in one state, where
+    calls cost, not operations.
     """
 
     quadratic: Array
@@ -232,11 +256,46 @@ class GramLaw:
         return self.linear - self.reference @ self.quadratic
 
     @cached_property
-    def coefficients(self) -> QuadraticMap:
-        """2 dU/dG [J] by the components of V, entries (a, b) of each element in a row."""
+    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The two vectors of each product; each pair once."""
+        return np.triu_indices(self._n_vectors)
+
+    @cached_property
+    def packed(self) -> NDArray[np.intp]:
+        """Which of the pairs each entry of G is, entries in a row."""
+        where = np.zeros((self._n_vectors, self._n_vectors), dtype=np.intp)
+        where[self.pairs] = where[self.pairs[::-1]] = np.arange(len(self.pairs[0]))
+        return where.ravel()
+
+    @cached_property
+    def _factors(self) -> tuple[NDArray[np.intp], int, NDArray[np.intp]]:
+        """Rows of components that are multiplied, how many make the G_ab, and the pair of each H_ab.
+
+        The rows: first, then second factors of G_ab, pairs of vectors one after another for each component;
+        then V_b of each product in the sums H_ab V_b.
+        """
         n, d = self._n_vectors, self.dimension
-        C = self.quadratic.reshape(n, n, n * n)
-        return self._map(np.einsum("bcx,kl->bkclx", C, np.eye(d)), self.linear_at_zero)
+        component = np.arange(d)[:, None]
+        first, second = ((d * vectors + component).ravel() for vectors in self.pairs)
+        pulled = np.broadcast_to(np.arange(n * d).reshape(n, 1, d), (n, n, d)).ravel()
+        return np.concatenate([first, second, pulled]), len(first), np.repeat(self.packed, d)
+
+    @cached_property
+    def coefficients(self) -> tuple[Array, Array, Array | None]:
+        """2 dU/dG [J] by pairs: its derivative by products of components, constant part, and common factor.
+
+        Shapes (n_pairs, n_dim * n_pairs), (n_pairs, n_elements or 1, 1) and (n_elements, 1); no factor where
+        it is the same for all elements.
+        """
+        first, second = self.pairs
+        entries = first * self._n_vectors + second
+        matrix = self.quadratic[np.ix_(entries, entries)] * np.where(first == second, 1.0, 2.0)
+        matrix = np.tile(matrix, self.dimension)
+        constant, factor = self.linear_at_zero.T[entries, :, None], 2.0 * self.scale[:, None]
+        if not np.all(factor == factor[0]):
+            return matrix, constant, factor
+        alike = np.all(constant == constant[:, :1])
+        return factor[0] * matrix, factor[0] * (constant[:, :1] if alike else constant), None
 
     @cached_property
     def second_derivative(self) -> QuadraticMap:
@@ -268,10 +327,34 @@ class GramLaw:
         d = G.reshape(*G.shape[:-2], -1) - self.reference
         return np.asarray(self.scale * np.sum((0.5 * (d @ self.quadratic) + self.linear) * d, axis=-1))
 
-    def gradient(self, V: Array) -> Array:
-        """Return dU/dV [J], same shape as V."""
-        H = self.coefficients(V.reshape(*V.shape[:-2], -1))
-        return np.asarray(H.reshape(*V.shape[:-1], V.shape[-2]) @ V)
+    def pull(self, v: Array) -> Array:
+        """Return dU/dV [J] for `component_rows`, same shape; copied rows make long, plain products."""
+        return np.asarray(np.add.reduce(self.shares(v).reshape(len(v), *v.shape), axis=0))
+
+    def shares(self, v: Array) -> Array:
+        """Return what `pull` sums over b, H_ab V_b, in rows (b, a, component)."""
+        rows, size, pairs = self._factors
+        factors = v.reshape(-1, v.shape[-1]).take(rows, axis=0)
+        shares = factors[2 * size :]
+        shares *= self._weigh(factors[:size], factors[size : 2 * size]).take(pairs, axis=0)
+        return shares
+
+    def weights(self, v: Array) -> Array:
+        """Return 2 dU/dG by pairs, shape (n_pairs, n_elements * n_states)."""
+        rows, size, _ = self._factors
+        x = v.reshape(-1, v.shape[-1])
+        return self._weigh(x.take(rows[:size], axis=0), x.take(rows[size : 2 * size], axis=0))
+
+    def _weigh(self, products: Array, others: Array) -> Array:
+        """Return 2 dU/dG from both factors of each product; overwrites the first."""
+        matrix, constant, factor = self.coefficients
+        products *= others
+        H = matrix.dot(products)
+        by_element = H.reshape(len(H), len(self.scale), -1)
+        by_element += constant
+        if factor is not None:
+            by_element *= factor
+        return np.asarray(H)
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""

@@ -12,15 +12,24 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from hfsim.arrays import Array, ComplexArray
-from hfsim.elements._base import USUAL, ElasticLaw, GramLaw, Inertia, Measures, Stiffness
-from hfsim.rotations import as_complex, as_vectors
+from hfsim.elements._base import (
+    USUAL,
+    ElasticLaw,
+    GramLaw,
+    Inertia,
+    Measures,
+    RowLaw,
+    Stiffness,
+)
 from hfsim.shapes import gauss_legendre, hierarchic, interior
 
-LAST_GRAM_DEGREE = 6
+LAST_GRAM_DEGREE = 4
 """Highest degree at which the products of vectors are the cheaper form of the polynomial energy: their
-degree^4 operations an element against (2 degree - 1) degree by quadrature.  Measured for 1 to 16 elements
-and 8 to 40 states: the force takes 0.65 to 0.95 of the time at degree 3, about the same at 6 and 7, and
-twice as long at 12."""
+degree^4 operations an element against (2 degree - 1) degree by quadrature.  The force of 1 to 320 elements
+and states takes about 0.85 to 1.35 of the time at degree 3, 0.85 to 1.4 at 4, 0.9 to 1.9 at 5."""
+
+LAST_GRAM_HESSIAN = 6
+"""The same for the Hessian, asked for in one state: a third to a tenth of the time by quadrature."""
 
 
 def exact_points(degree: int) -> int:
@@ -71,20 +80,25 @@ def strain_moments(degree: int) -> Array:
 
 def green_linear_law(stiffness: Stiffness, length: float, count: int, degree: int = 3) -> GramLaw:
     """Energy with Green strain (eq. 47 on the centre line) and curvature r''; polynomial, so exact."""
+    axial, bending = np.full(count, stiffness.axial * length), np.full(count, stiffness.bending / length)
+    return _in_products(axial, bending, degree)
+
+
+def _in_products(axial: Array, bending: Array, degree: int) -> GramLaw:
+    """Return the polynomial energy of elements with EA le and EI / le [J]."""
     quadratic, _, curvature = _gram_tables(degree)
-    ratio = stiffness.bending / (stiffness.axial * length**2)
     reference = np.zeros((degree, degree))
     reference[np.ix_([0, 1, -1], [0, 1, -1])] = 1.0
     return GramLaw(
         quadratic=0.25 * quadratic,
-        linear=np.tile(0.5 * ratio * curvature, (count, 1)),
+        linear=0.5 * np.outer(bending / axial, curvature),
         reference=reference.ravel(),
-        scale=np.full(count, stiffness.axial * length),
+        scale=axial,
     )
 
 
 @dataclass(frozen=True)
-class QuadratureLaw:
+class QuadratureLaw(RowLaw):
     """Energy of any strain and curvature measure by Gauss quadrature.
 
     Attributes
@@ -129,27 +143,63 @@ class QuadratureLaw:
         kappa2 = self._curvature(slope @ V, c)[0] ** 2 if self.exact_curvature else np.sum(c * c, axis=-1)
         return np.asarray(0.5 * self.axial * (strain**2 @ w) + 0.5 * self.bending * (kappa2 @ wb))
 
-    def gradient(self, V: Array) -> Array:
-        """Return dU/dV [J], same shape as V."""
-        if self.exact_curvature:
-            return self._planar_gradient(V)
-        return self._axial_gradient(V) + np.asarray(self._bending_stiffness @ V)
+    def pull(self, v: Array) -> Array:
+        """Return dU/dV [J] in rows."""
+        return self._planar(v) if self.exact_curvature else self._with_linear_curvature(v)
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_elements, n_vectors n_dim, n_vectors n_dim)."""
+        if self._products is not None:
+            return self._products.hessian(V)
         return self._axial_hessian(V) + self._bending_hessian(V)
 
     @cached_property
-    def _half_axial(self) -> Array:
-        """EA le / 2 times the Gauss weights, shape (n_elements, n_points)."""
-        w, _, _ = gauss_rows(self.axial_points, self.degree)
-        return np.asarray(0.5 * self.axial[:, None] * w)
+    def _products(self) -> GramLaw | None:
+        """The same energy by products of vectors, where that is the cheaper way to the Hessian."""
+        exact = self.axial_points >= exact_points(self.degree) and self.bending_points >= self.degree - 1
+        if self.quartic and exact and self.degree <= LAST_GRAM_HESSIAN:
+            return _in_products(self.axial, self.bending, self.degree)
+        return None
 
     @cached_property
-    def _bending_stiffness(self) -> Array:
-        """Constant matrix of the curvature r'', shape (n_elements, n_vectors, n_vectors)."""
-        w, _, bend = gauss_rows(self.bending_points, self.degree)
-        return np.asarray(self.bending[:, None, None] * ((bend.T * w) @ bend))
+    def _rows(self) -> tuple[Array, Array, Array, Array | None]:
+        """Rows of r' and r'', their transpose, |r'|^2 without strain, and a factor of each element.
+
+        The fourth root of the axial weight is in the rows of r' if the strain is Green's, whose force is
+        cubic, and the root of the bending weight in those of r''; so are EA le and EI / le if all elements
+        have the same, so that nothing else is multiplied by them.
+        """
+        w, slope, _ = gauss_rows(self.axial_points, self.degree)
+        wb, _, bend = gauss_rows(self.bending_points, self.degree)
+        alike = np.all(self.axial == self.axial[0]) and np.all(self.bending == self.bending[0])
+        axial, bending = (self.axial[0], self.bending[0]) if alike else (1.0, 1.0)
+        root = np.sqrt(0.5 * w * axial)[:, None]
+        rows = np.concatenate([np.sqrt(root) * slope, np.sqrt(wb * bending)[:, None] * bend])
+        factor = None if alike else np.stack([self.axial, self.bending])[..., None]
+        return rows, np.ascontiguousarray(rows.T), root, factor
+
+    def _with_linear_curvature(self, v: Array) -> Array:
+        """Return dU/dV [J] in rows, with the curvature r''.
+
+        The Green strain's share is the sum of w/2 (|s|^2 - 1) s over the Gauss points, s = r'.
+        """
+        rows, scatter, one, factor = self._rows
+        z = rows.dot(v.reshape(len(v), -1))
+        s = z.reshape(len(z), *v.shape[1:])[: self.axial_points]
+        square = s * s
+        tension = square[:, 0]
+        tension += square[:, 1]
+        if self.engineering:
+            # w (|s| - 1) s / |s| of what was multiplied by root^(1/2)
+            tension = one * (2.0 - 2.0 * np.sqrt(one) / np.sqrt(tension))
+        else:
+            tension -= one
+        if factor is not None:
+            tension = tension.reshape(len(tension), len(self.axial), -1) * factor[0]
+            bent = z[self.axial_points :].reshape(-1, len(self.axial), v.shape[-1] // len(self.axial))
+            bent *= factor[1]
+        s *= tension.reshape(len(tension), 1, -1)
+        return np.asarray(scatter.dot(z)).reshape(v.shape)
 
     def _strain(self, s: Array) -> tuple[Array, Array, Array]:
         """Strain, and the factors of s and of the unit tensor in its first and second derivative."""
@@ -158,16 +208,6 @@ class QuadratureLaw:
             return 0.5 * (square - 1.0), np.ones_like(square), np.zeros_like(square)
         stretch = np.sqrt(square)
         return stretch - 1.0, 1.0 / stretch, -1.0 / stretch**3
-
-    def _axial_gradient(self, V: Array) -> Array:
-        w, slope, _ = gauss_rows(self.axial_points, self.degree)
-        s = slope @ V
-        if not self.engineering:
-            tension = (np.einsum("...i,...i", s, s) - 1.0) * self._half_axial
-            return np.asarray(slope.T @ (tension[..., None] * s))
-        strain, first, _ = self._strain(s)
-        weight = self.axial[:, None] * w * strain * first
-        return np.asarray(slope.T @ (weight[..., None] * s))
 
     def _axial_hessian(self, V: Array) -> Array:
         w, rows, _ = gauss_rows(self.axial_points, self.degree)
@@ -188,30 +228,37 @@ class QuadratureLaw:
 
     @cached_property
     def _planar_rows(self) -> tuple[ComplexArray, ComplexArray]:
-        """Rows of r' at the axial points, of r' and of r'' at the bending points, as columns; transposed."""
+        """Rows of r' at the axial points, of r' and of r'' at the bending points; and as columns."""
         _, axial, _ = gauss_rows(self.axial_points, self.degree)
         _, slope, bend = gauss_rows(self.bending_points, self.degree)
         rows = np.concatenate([axial, slope, bend]).astype(complex)
-        return np.ascontiguousarray(rows.T), rows
+        return rows, np.ascontiguousarray(rows.T)
 
     @cached_property
-    def _bending_weights(self) -> Array:
-        w, _, _ = gauss_rows(self.bending_points, self.degree)
-        return np.asarray(self.bending[:, None] * w)
+    def _planar_weights(self) -> tuple[Array, Array]:
+        """EA le / 2 and EI / le times the Gauss weights, shape (n_points, n_elements, 1)."""
+        w, _, _ = gauss_rows(self.axial_points, self.degree)
+        wb, _, _ = gauss_rows(self.bending_points, self.degree)
+        axial, bending = np.outer(0.5 * w, self.axial), np.outer(wb, self.bending)
+        return axial[..., None], bending[..., None]
 
-    def _planar_gradient(self, V: Array) -> Array:
+    def _planar(self, v: Array) -> Array:
         """Return dU/dV with both strain measures at once, vectors being complex numbers.
 
         With s = r' and c = r'', the curvature is kappa = Im(s* c) / |s|^2; its derivatives by c and s are
         i s / |s|^2 and (-i c - 2 kappa s) / |s|^2.
         """
-        gather, scatter = self._planar_rows
-        z = as_complex(V) @ gather
+        rows, columns = self._planar_rows
+        axial, bending = self._planar_weights
+        vectors = np.empty((len(v), v.shape[-1]), dtype=complex)
+        vectors.real, vectors.imag = v[:, 0], v[:, 1]
+        z = rows @ vectors
+        by_element = z.reshape(len(z), len(self.axial), -1)
         n, m = self.axial_points, self.axial_points + self.bending_points
-        a, s, c = z[..., :n], z[..., n:m], z[..., m:]
+        a, s, c = by_element[:n], by_element[n:m], by_element[m:]
         square = (s * s.conj()).real
         kappa = (s.conj() * c).imag / square
-        moment = self._bending_weights * kappa / square
+        moment = bending * kappa / square
         turned = 1j * c
         np.multiply(1j * moment, s, out=c)
         s *= 2.0 * kappa
@@ -219,8 +266,9 @@ class QuadratureLaw:
         s *= -moment
         size = np.abs(a)
         strain = 2.0 - 2.0 / size if self.engineering else size * size - 1.0
-        a *= self._half_axial * strain
-        return as_vectors(z @ scatter)
+        a *= axial * strain
+        pull = columns @ z
+        return np.stack([pull.real, pull.imag], axis=1)
 
     def _bending_hessian(self, V: Array) -> Array:
         w, slope, bend = gauss_rows(self.bending_points, self.degree)
@@ -315,10 +363,11 @@ class Cable:
 
     def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` equal elements."""
-        polynomial = measures.strain == "green" and measures.curvature == "linear"
-        if polynomial and self.degree <= LAST_GRAM_DEGREE:
-            return green_linear_law(stiffness, self.length, count, self.degree)
         enough = exact_points(self.degree)
+        if measures.strain == "green" and measures.curvature == "linear":
+            if self.degree <= LAST_GRAM_DEGREE:
+                return self.gram_law(stiffness, count)
+            measures = replace(measures, axial_points=enough, bending_points=self.degree - 1)
         return QuadratureLaw(
             axial=np.full(count, stiffness.axial * self.length),
             bending=np.full(count, stiffness.bending / self.length),
@@ -328,3 +377,7 @@ class Cable:
             bending_points=measures.bending_points or enough,
             degree=self.degree,
         )
+
+    def gram_law(self, stiffness: Stiffness, count: int) -> GramLaw:
+        """Return the law of Green strain and curvature r'' as a form in products of vectors."""
+        return green_linear_law(stiffness, self.length, count, self.degree)

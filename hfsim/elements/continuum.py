@@ -85,6 +85,10 @@ class Continuum:
         return volume * np.outer(wx, wy).ravel(), by_x, by_y
 
     def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
+        """Return the energy of ``count`` equal elements."""
+        return self.gram_law(stiffness, count)
+
+    def gram_law(self, stiffness: Stiffness, count: int) -> GramLaw:
         """Return the energy (21)-(23) of ``count`` equal elements as a form in products of vectors."""
         weights, by_x, by_y = self.strain_table(stiffness)
         to_nodes = np.linalg.pinv(self.differences())

@@ -6,22 +6,35 @@ shear terms the one with i = 1, k(i) = 2 is left.  A centre line has i = j = 1 o
 of E_11, and a constant bending stiffness.  All forms give the same numbers to round-off; they
 differ in cost.
 
-Everywhere p holds the nodal components of an element, shape (..., n) with n = 2 * n_vectors; leading
-axes are states and elements, the last of them elements.  Force means K p, the derivative of the
-strain energy (eq. 24), and tangent its derivative by p.
+Everywhere p holds the nodal components of elements as columns, shape (n, n_columns) with n = 2 * n_vectors:
+all elements in all states side by side, so that operations run along whole rows of memory.  Force means
+K p, the derivative of the strain energy (eq. 24), and tangent its derivative by p.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hfsim.arrays import Array
-from hfsim.elements._base import ElasticLaw, Element, GramLaw, QuadraticMap, Stiffness, join_laws
+from hfsim.elements._base import (
+    ElasticLaw,
+    Element,
+    GramLaw,
+    QuadraticMap,
+    RowLaw,
+    Stiffness,
+    join_laws,
+)
 from hfsim.shapes import gauss_legendre
+
+_FEW = 64
+"""Columns up to which calls cost more than operations."""
 
 
 @dataclass(frozen=True)
@@ -105,20 +118,20 @@ def _cable_table(element: Element, stiffness: Stiffness) -> StrainTable:
 
 
 class StiffnessForm(Protocol):
-    """One way to the stiffness of an element; p has shape (..., n)."""
+    """One way to the stiffness of an element; p has shape (n, n_columns)."""
 
     @classmethod
     def of(cls, element: Element, stiffness: Stiffness) -> Self:
         """Return the form of an element."""
 
     def stiffness(self, p: Array) -> Array:
-        """Return K, shape (..., n, n)."""
+        """Return K, shape (n_columns, n, n)."""
 
     def force(self, p: Array) -> Array:
-        """Return K p, shape (..., n)."""
+        """Return K p, shape (n, n_columns)."""
 
     def tangent(self, p: Array) -> Array:
-        """Return d(K p)/dp, shape (..., n, n)."""
+        """Return d(K p)/dp, shape (n_columns, n, n)."""
 
     def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
         """Return both of the above; what they have in common is computed once."""
@@ -151,36 +164,46 @@ class DirectStiffness:
         mixed = [table.S(i, k) for i, k, _ in table.pairs]
         return np.concatenate([*normal, *(S + S.swapaxes(1, 2) for S in mixed)])
 
+    def _weighted(self, squares: Array) -> Array:
+        """Return the factor of each A_r in K from p^T A_r p, shape (n_strains * n_points, n_columns)."""
+        table = self.table
+        strain = 0.5 * (squares - np.repeat(table.unit, len(table.weights))[:, None])
+        stress = table.elasticity.dot(strain.reshape(len(table.unit), -1))
+        stress = stress.reshape(len(table.unit), len(table.weights), -1)
+        stress *= table.weights[:, None]
+        return np.asarray(stress.reshape(squares.shape))
+
     def _evaluate(self, p: Array) -> tuple[Array, Array]:
-        """Return K and the vectors A_r p, shape (..., n_strains * n_points, n)."""
+        """Return K and A_r p, shape (n_columns, n_strains * n_points, n), for p of shape (n_columns, n)."""
         table, A, n = self.table, self._matrices(), p.shape[-1]
         Ap = (p @ A.reshape(-1, n).T).reshape(*p.shape[:-1], len(A), n)
-        strain = 0.5 * ((Ap @ p[..., None])[..., 0] - np.repeat(table.unit, len(table.weights)))
-        stress = table.elasticity @ strain.reshape(*p.shape[:-1], len(table.unit), -1)
-        stress *= table.weights
-        K = stress.reshape(*p.shape[:-1], -1) @ A.reshape(len(A), n * n)
+        K = self._weighted(np.asarray((Ap @ p[..., None])[..., 0]).T).T @ A.reshape(len(A), n * n)
         K += table.constant
         return K.reshape(*p.shape, n), Ap
 
     def stiffness(self, p: Array) -> Array:
-        """Return K, shape (..., n, n)."""
-        return self._evaluate(p)[0]
+        """Return K, shape (n_columns, n, n)."""
+        return self._evaluate(np.ascontiguousarray(p.T))[0]
 
     def force(self, p: Array) -> Array:
-        """Return K p, shape (..., n)."""
-        return _times(self._evaluate(p)[0], p)
+        """Return K p, shape (n, n_columns)."""
+        A, n = self._matrices(), len(p)
+        Ap = A.reshape(-1, n).dot(p).reshape(len(A), *p.shape)
+        K = A.reshape(len(A), n * n).T.dot(self._weighted(np.einsum("ran,an->rn", Ap, p)))
+        K += self.table.constant[:, None]
+        return np.asarray(np.einsum("abn,bn->an", K.reshape(n, *p.shape), p))
 
     def tangent(self, p: Array) -> Array:
-        """Return d(K p)/dp, shape (..., n, n): K plus E_rs (A_r p)(A_s p)^T."""
+        """Return d(K p)/dp, shape (n_columns, n, n): K plus E_rs (A_r p)(A_s p)^T."""
         return self.force_and_tangent(p)[1]
 
     def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
         """Return force and tangent."""
-        table = self.table
+        table, p = self.table, np.ascontiguousarray(p.T)
         K, Ap = self._evaluate(p)
         stressed = (table.elasticity @ Ap.reshape(*p.shape[:-1], len(table.unit), -1)).reshape(Ap.shape)
         stressed *= np.tile(table.weights, len(table.unit))[:, None]
-        return _times(K, p), K + Ap.swapaxes(-1, -2) @ stressed
+        return _times(K, p).T, K + Ap.swapaxes(-1, -2) @ stressed
 
 
 @dataclass(frozen=True)
@@ -205,6 +228,81 @@ def _both_components(K: Array) -> Array:
     full = K[..., :, None, :, None] * np.eye(2)[:, None, :]
     n = 2 * K.shape[-1]
     return np.asarray(full.reshape(*K.shape[:-2], n, n))
+
+
+def _alike(rows: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return a row of each kind of equal rows, and the kind of each row; equal to round-off."""
+    kinds = np.round(rows / (np.abs(rows).max(axis=0) + np.finfo(float).tiny), 12)
+    _, first, kind = np.unique(kinds, axis=0, return_index=True, return_inverse=True)
+    return first, kind.ravel()
+
+
+@dataclass(frozen=True)
+class _Distinct:
+    """What differs among the entries of K: equal ones need computing once, vanishing ones never.
+
+    Attributes
+    ----------
+    factors : ndarray of int, shape (2 * n_products + most in a row * n,)
+        Rows of p that are multiplied: both factors of the products, and p_b for the entries of K.
+    matrix : ndarray, shape (n_distinct, n_products / together)
+    constant : ndarray, shape (n_distinct, 1)
+    entry : ndarray of int, shape (most in a row * n,)
+        Of the k-th entry of each row of K that does not vanish, the number among the distinct ones.
+    together : int
+        Products that enter K with the same factor, as those of x and of y components do; they stand in so
+        many blocks.
+    """
+
+    factors: NDArray[np.intp]
+    matrix: Array
+    constant: Array
+    entry: NDArray[np.intp]
+    together: int
+
+    @classmethod
+    def of(
+        cls, first: NDArray[np.intp], second: NDArray[np.intp], matrix: Array, constant: Array
+    ) -> _Distinct:
+        """Return what differs of the entries matrix^T (products) + constant of a square K."""
+        n = round(math.sqrt(len(constant)))
+        whole = np.concatenate([matrix, constant[None]])
+        where, kind = _alike(whole.T)
+        there = np.any(whole != 0.0, axis=0).reshape(n, n)
+        column = np.argsort(~there, axis=1, kind="stable")[:, : there.sum(axis=1).max()]
+        used, entry = np.unique(np.take_along_axis(kind.reshape(n, n), column, axis=1), return_inverse=True)
+        where = where[used]
+        group = _alike(matrix)[1]
+        together = int(np.gcd.reduce(np.bincount(group)))
+        order = np.argsort(group, kind="stable").reshape(-1, together).T.ravel()
+        once = order[: len(order) // together]
+        return cls(
+            factors=np.concatenate([first[order], second[order], column.T.ravel()]),
+            matrix=np.ascontiguousarray(matrix[np.ix_(once, where)].T),
+            constant=constant[where, None],
+            entry=entry.reshape(n, -1).T.ravel(),
+            together=together,
+        )
+
+    @cached_property
+    def _spread(self) -> Array:
+        """The matrix over all products: with few columns one call less counts for more."""
+        return np.tile(self.matrix, self.together)
+
+    def force(self, p: Array) -> Array:
+        """Return K p, shape (n, n_columns)."""
+        factors, size = p.take(self.factors, axis=0), self.together * self.matrix.shape[1]
+        products = factors[:size]
+        products *= factors[size : 2 * size]
+        if self.together > 1 and p.shape[1] > _FEW:
+            products = np.add.reduce(products.reshape(self.together, -1, p.shape[1]), axis=0)
+            K = self.matrix.dot(products)
+        else:
+            K = self._spread.dot(products)
+        K += self.constant
+        pull = factors[2 * size :]
+        pull *= K.take(self.entry, axis=0)
+        return np.asarray(np.add.reduce(pull.reshape(-1, *p.shape), axis=0))
 
 
 @dataclass(frozen=True)
@@ -247,6 +345,11 @@ class SeparatedStiffness:
         return QuadraticMap.of(self.C.reshape(n * n, n, n).transpose(1, 2, 0), self.c.ravel())
 
     @cached_property
+    def _distinct(self) -> _Distinct:
+        full = self._entries
+        return _Distinct.of(full.first, full.second, full.matrix, full.constant)
+
+    @cached_property
     def _both(self) -> QuadraticMap:
         """From p to the entries of K and of d(K p)/dp, which adds (C_ab + C_ab^T) p p_b in column c."""
         n = len(self.c)
@@ -256,21 +359,22 @@ class SeparatedStiffness:
         return QuadraticMap.of(full, np.tile(self.c.ravel(), 2))
 
     def stiffness(self, p: Array) -> Array:
-        """Return K, shape (..., n, n)."""
-        return self._entries(p).reshape(*p.shape, p.shape[-1])
+        """Return K, shape (n_columns, n, n)."""
+        return self._entries(p.T).reshape(-1, len(p), len(p))
 
     def force(self, p: Array) -> Array:
-        """Return K p, shape (..., n)."""
-        return _times(self.stiffness(p), p)
+        """Return K p, shape (n, n_columns)."""
+        return self._distinct.force(p)
 
     def tangent(self, p: Array) -> Array:
-        """Return d(K p)/dp, shape (..., n, n)."""
+        """Return d(K p)/dp, shape (n_columns, n, n)."""
         return self.force_and_tangent(p)[1]
 
     def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
         """Return force and tangent."""
-        both = self._both(p).reshape(*p.shape[:-1], 2, *self.c.shape)
-        return _times(both[..., 0, :, :], p), both[..., 1, :, :]
+        p = np.ascontiguousarray(p.T)
+        both = self._both(p).reshape(len(p), 2, *self.c.shape)
+        return _times(both[:, 0], p).T, both[:, 1]
 
 
 @dataclass(frozen=True)
@@ -289,77 +393,55 @@ class GramStiffness:
 
     @classmethod
     def of(cls, element: Element, stiffness: Stiffness) -> GramStiffness:
-        """Return the form of an element.
-
-        Raises
-        ------
-        TypeError
-            If the element's energy is not a polynomial.
-        """
-        law = element.law(stiffness, 1)
-        if not isinstance(law, GramLaw):
-            raise TypeError(f"{type(element).__name__} has no energy in products of vectors")
-        return cls(law, np.asarray(element.differences()))
+        """Return the form of an element."""
+        return cls(element.gram_law(stiffness, 1), np.asarray(element.differences()))
 
     @cached_property
-    def _scatter(self) -> Array:
-        """Matrix from forces on the components of the difference vectors to those on p."""
-        return np.kron(self.differences, np.eye(2))
+    def _columns(self) -> Array:
+        """To the nodal vectors from all shares of the pull: their sum is part of the product."""
+        return np.tile(self.differences.T, len(self.differences))
 
     @cached_property
-    def _gather(self) -> Array:
-        return np.ascontiguousarray(self._scatter.T)
-
-    @cached_property
-    def _both(self) -> QuadraticMap:
-        """From the difference vectors to the coefficients of the products and to the tangent over p."""
-        law, D = self.law, self._scatter
-        own, second = law.coefficients, law.second_derivative
-        size = len(D)
+    def _tangent(self) -> QuadraticMap:
+        """From the components of the difference vectors to the tangent over p."""
+        second, D = self.law.second_derivative, np.kron(self.differences, np.eye(2))
 
         def on_nodes(rows: Array) -> Array:
-            return np.asarray(D.T @ rows.reshape(-1, size, size) @ D).reshape(len(rows), -1)
+            return np.asarray(D.T @ rows.reshape(-1, len(D), len(D)) @ D).reshape(len(rows), -1)
 
-        at = {pair: row for row, pair in enumerate(zip(second.first, second.second, strict=True))}
-        coefficients = np.zeros((len(at), own.matrix.shape[1]))
-        coefficients[[at[pair] for pair in zip(own.first, own.second, strict=True)]] = own.matrix
-        return QuadraticMap(
-            second.first,
-            second.second,
-            np.concatenate([coefficients, on_nodes(second.matrix)], axis=1),
-            np.concatenate([own.constant, on_nodes(second.constant)], axis=1),
-        )
+        return replace(second, matrix=on_nodes(second.matrix), constant=on_nodes(second.constant))
 
-    def _force(self, V: Array, H: Array) -> Array:
-        """Return the force over p of flat difference vectors and coefficients of their products."""
-        n = len(self.differences)
-        pull = H.reshape(*H.shape[:-1], n, n) @ V.reshape(*V.shape[:-1], n, 2)
-        return np.asarray(pull.reshape(V.shape) @ self._scatter)
+    def _vectors(self, p: Array) -> Array:
+        """Return the difference vectors, shape (n_differences, 2, n_columns)."""
+        V = self.differences.dot(p.reshape(len(p) // 2, -1))
+        return np.asarray(V).reshape(len(V), 2, -1)
+
+    def _force(self, V: Array) -> Array:
+        shares = self.law.shares(V).reshape(self._columns.shape[1], -1)
+        return np.asarray(self._columns.dot(shares)).reshape(-1, V.shape[-1])
 
     def stiffness(self, p: Array) -> Array:
-        """Return K, shape (..., n, n)."""
-        n, D = len(self.differences), self.differences
-        H = self.law.coefficients(p @ self._gather)
-        return _both_components(D.T @ H.reshape(*H.shape[:-1], n, n) @ D)
+        """Return K, shape (n_columns, n, n)."""
+        H, D = self.law.weights(self._vectors(p)), self.differences
+        return _both_components(D.T @ H.take(self.law.packed, axis=0).T.reshape(-1, len(D), len(D)) @ D)
 
     def force(self, p: Array) -> Array:
-        """Return K p, shape (..., n)."""
-        V = p @ self._gather
-        return self._force(V, self.law.coefficients(V))
+        """Return K p, shape (n, n_columns)."""
+        return self._force(self._vectors(p))
 
     def tangent(self, p: Array) -> Array:
-        """Return d(K p)/dp, shape (..., n, n)."""
+        """Return d(K p)/dp, shape (n_columns, n, n)."""
         return self.force_and_tangent(p)[1]
 
     def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
         """Return force and tangent."""
-        V = p @ self._gather
-        both, n = self._both(V), len(self.differences) ** 2
-        return self._force(V, both[..., :n]), both[..., n:].reshape(*p.shape, p.shape[-1])
+        V = self._vectors(p)
+        tangent = self._tangent(np.ascontiguousarray(V.reshape(-1, V.shape[-1]).T))
+        return self._force(V), tangent.reshape(-1, len(p), len(p))
 
 
 @dataclass(frozen=True)
-class NodalLaw:
+class NodalLaw(RowLaw):
     """The elastic law of equal elements, over their nodal vectors, by one of the forms.
 
     Attributes
@@ -383,13 +465,15 @@ class NodalLaw:
         """Return the stored energy of each element [J], shape (..., n_elements)."""
         return self.energies.energy(self.differences @ V)
 
-    def gradient(self, V: Array) -> Array:
-        """Return the force on the nodal vectors, same shape as V."""
-        return self.form.force(V.reshape(*V.shape[:-2], -1)).reshape(V.shape)
+    def pull(self, v: Array) -> Array:
+        """Return the force on the nodal vectors, in rows."""
+        return self.form.force(v.reshape(-1, v.shape[-1])).reshape(v.shape)
 
     def hessian(self, V: Array) -> Array:
         """Return its derivative, shape (..., n_elements, n, n)."""
-        return self.form.tangent(V.reshape(*V.shape[:-2], -1))
+        flat = V.reshape(*V.shape[:-2], -1)
+        columns = np.ascontiguousarray(flat.reshape(-1, flat.shape[-1]).T)
+        return self.form.tangent(columns).reshape(*flat.shape, flat.shape[-1])
 
     def joined(self, other: NodalLaw) -> NodalLaw:
         """Return the law of this one's elements followed by the other's, which are equal to them."""

@@ -9,11 +9,16 @@ import numpy as np
 
 from hfsim.arrays import Array, ComplexArray, IntArray
 from hfsim.elements import ElasticLaw
+from hfsim.elements._base import component_rows
 from hfsim.elements.cable import exact_points, gauss_rows
 from hfsim.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.models.frame import relative_nodes
 from hfsim.parts import DIFFERENCE, ForcePart
 from hfsim.rotations import as_complex, as_vectors
+
+AT_ONCE = 1024
+"""Elements, counted once for each state, whose forces are computed together: what they take stays in the
+processor's cache."""
 
 
 @dataclass(frozen=True)
@@ -41,25 +46,38 @@ class Connectivity:
 
     @cached_property
     def gather(self) -> Matrix:
-        """From coordinates to all difference vectors, ``x @ gather``."""
+        """From coordinates to the difference vectors, component by component: ``gather @ x.T``."""
         count, m, _ = self.local.shape
-        vectors = np.arange(count * m).reshape(count, m)
-        entries = Entries.of_block(self.columns, vectors, self.local.swapaxes(1, 2))
+        vectors = np.arange(count * m).reshape(m, count).T
+        entries = Entries.of_block(vectors, self.columns, self.local)
         kept = entries.values != 0.0
-        return assemble([Entries(*(kind[kept] for kind in entries))], (self.n, count * m))
+        return assemble([Entries(*(kind[kept] for kind in entries))], (count * m, self.n))
 
     @cached_property
     def scatter(self) -> Matrix:
-        """From derivatives by difference vectors to those by coordinates."""
+        """From derivatives by difference vectors to those by coordinates, their transpose."""
         return self.gather.T.tocsr() if is_sparse(self.gather) else np.ascontiguousarray(self.gather.T)
+
+    def rows(self, x: Array) -> Array:
+        """Return the difference vectors as rows of equal components, (n_vectors, 2, n_elements * n_batch)."""
+        return np.asarray(self.gather.dot(x.T)).reshape(self._kinds)
+
+    def push(self, rows: Array, n_batch: int) -> Array:
+        """Return derivatives by the coordinates, shape (n_batch, n), from those by rows of vectors."""
+        return np.asarray(self.scatter.dot(rows.reshape(-1, n_batch))).T
+
+    @cached_property
+    def _kinds(self) -> tuple[int, int, int]:
+        return self.shape[1], self.shape[2], -1
 
     def vectors(self, x: Array) -> Array:
         """Return the difference vectors, shape (n_batch, n_elements, n_vectors, 2)."""
-        return np.asarray(x @ self.gather).reshape(len(x), *self.shape)
+        rows = self.rows(x).reshape(*self.shape[1:], self.shape[0], len(x))
+        return np.ascontiguousarray(rows.transpose(3, 2, 0, 1))
 
     def force(self, gradient: Array) -> Array:
         """Return derivatives by the coordinates, shape (n_batch, n), from those by difference vectors."""
-        return np.asarray(gradient.reshape(len(gradient), -1) @ self.scatter)
+        return self.push(component_rows(gradient), len(gradient))
 
     def entries(self, blocks: Array) -> Entries:
         """Return second derivatives by the coordinates from those by the vectors, (n_elements, m, m)."""
@@ -100,7 +118,13 @@ class ElasticForce(ForcePart):
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus the derivative of the strain energy, eq. (24)."""
-        out -= self.elements.force(self.law.gradient(self.elements.vectors(x)))
+        elements, states = self.elements, max(1, AT_ONCE // len(self.elements.columns))
+        if len(x) <= states:
+            out -= elements.push(self.law.pull(elements.rows(x)), len(x))
+            return
+        for first in range(0, len(x), states):
+            some = x[first : first + states]
+            out[first : first + states] -= elements.push(self.law.pull(elements.rows(some)), len(some))
 
     def strain_energy(self, x: Array) -> Array:
         """Return the strain energy of all elements."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -43,20 +44,25 @@ def draw_separation(result: SeparationBench, folder: Path) -> list[str]:
 
 def _separation_figure(result: SeparationBench, kind: str) -> Figure:
     cells = [cell for cell in result.cells if cell.element == kind and cell.forms]
-    counts = [cell.elements for cell in cells]
+    counts = sorted({cell.elements for cell in cells})
+    batches = sorted({cell.states for cell in cells})
     figure = new_figure((10.0, 7.0))
     grid = figure.subplots(2, 3, sharex=True, sharey="row")
     for column, (name, words) in enumerate(_SEPARATION_TIMES.items()):
         above, below = grid[:, column]
-        for at, form in enumerate(cells[0].forms):
+        for batch, (at, form) in product(batches, enumerate(cells[0].forms)):
+            mine = [cell for cell in cells if cell.states == batch]
             colour, marker = _FORM_STYLES.get(form.form, ("0.3", "x"))
-            style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5, "label": form.form}
-            forms = [cell.forms[at] for cell in cells]
+            words_of_batch = f", {batch} beams at once" if batch > 1 else ""
+            style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5}
+            style |= {"label": form.form + words_of_batch, "linestyle": "-" if batch == batches[0] else "--"}
+            sizes = [cell.elements for cell in mine]
+            forms = [cell.forms[at] for cell in mine]
             spreads = [getattr(one, name) for one in forms]
             middle = 1e6 * np.array([one.median for one in spreads])
             ends = 1e6 * np.array([[one.least for one in spreads], [one.most for one in spreads]])
-            above.errorbar(counts, middle / _per_run(name), np.abs(ends - middle) / _per_run(name), **style)
-            below.plot(counts, [100.0 * getattr(one, f"{name}_ratio") for one in forms], **style)
+            above.errorbar(sizes, middle / _per_run(name), np.abs(ends - middle) / _per_run(name), **style)
+            below.plot(sizes, [100.0 * getattr(one, f"{name}_ratio") for one in forms], **style)
         below.axhline(100.0 * PAPER_RATIO, color="0.5", linestyle=":", label="the paper's ratio, 10 %")
         above.text(0.04, 0.96, words, transform=above.transAxes, va="top")
         _dress_counts(above, counts)

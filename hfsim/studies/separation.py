@@ -3,7 +3,9 @@
 Every form of `hfsim.elements.separation` computes the same numbers.  For each element and each number of
 elements they are timed in turns, per evaluation and for a whole run: the soft beam of the paper's section
 7.1, pinned at its root, integrated by central differences with the same fixed steps.  What a step costs
-besides the elastic force is kept small (a banded mass matrix factorised once), so that the force dominates.
+besides the elastic force is kept small (a mass matrix inverted or factorised once), so that the force
+dominates: explicit steps ask for nothing else.  Batches of beams that differ in their starts move at once,
+as an ensemble or the stages of a step do.
 
 Nothing is printed or written here.
 """
@@ -14,7 +16,7 @@ import math
 import time
 import tracemalloc
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, is_dataclass
+from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -43,10 +45,16 @@ LENGTH, MODULUS, DENSITY, AREA, SECOND_MOMENT = 1.2, 7.0e5, 5540.0, 1.8e-3, 1.21
 GRAVITY = 9.81
 """[m/s^2]."""
 
+MOST_AT_ONCE = 1024
+"""Elements of all beams of a batch together that are measured."""
+
 STEPS = 200
 """Steps of a whole run; each evaluates the force once."""
 
 _HEIGHT = math.sqrt(12.0 * SECOND_MOMENT / AREA)
+_FUSED_MASS = 64
+"""Vectors up to which one dense product from element forces to a step's change is sooner than adding them up
+and solving with a banded factor."""
 _SAMPLE = 2e-3
 """Time that one sample of evaluations shall take [s]."""
 _DOMINATES = 0.5
@@ -75,7 +83,7 @@ class FormTimes:
     ----------
     form : str
     force, both : Spread
-        CPU time of one evaluation of the force, and of force and tangent, for all elements of one state [s].
+        CPU time of one evaluation of the force, and of force and tangent, for all elements of all states [s].
     run : Spread
         CPU time of the whole run [s].
     force_ratio, both_ratio, run_ratio : float
@@ -112,7 +120,8 @@ class Cell:
     Attributes
     ----------
     element : str
-    elements : int
+    elements, states : int
+        Of each beam; of beams in the batch.
     status, reason : str
         ``done`` or ``skipped``; why.
     repeats : int
@@ -126,12 +135,19 @@ class Cell:
 
     element: str
     elements: int
+    states: int = 1
     status: str = "skipped"
     reason: str = ""
     repeats: int = 0
     steps: int = 0
     share: float = 0.0
     forms: tuple[FormTimes, ...] = ()
+
+    @property
+    def size(self) -> str:
+        """Elements and states in words."""
+        beams = f" of each of {self.states} beams" if self.states > 1 else ""
+        return f"{self.elements} elements{beams}"
 
 
 @dataclass(frozen=True)
@@ -156,7 +172,7 @@ class SeparationBench:
     def disagreements(self) -> list[str]:
         """A sentence for each form that differs from the direct one by more than round-off."""
         return [
-            f"{cell.element}, {cell.elements} elements: {form.form} differs from direct by "
+            f"{cell.element}, {cell.size}: {form.form} differs from direct by "
             f"{form.worst_difference:.1e}, more than round-off ({AGREEMENT * cell.elements**2:.0e})"
             for cell in self.cells
             for form in cell.forms
@@ -189,8 +205,8 @@ class SeparationBench:
         single = next(f.force_ratio for f in cell.forms if f.form == form)
         missed = "reached" if ratio <= goal else f"missed by a factor of {ratio / goal:.2g}"
         return (
-            f"{form}: at best {100 * ratio:.3g} % of the direct run ({cell.element}, {cell.elements} "
-            f"elements; force alone {100 * single:.3g} %); goal {100 * goal:g} %: {missed}"
+            f"{form}: at best {100 * ratio:.3g} % of the direct run ({cell.element}, {cell.size}; "
+            f"force alone {100 * single:.3g} %); goal {100 * goal:g} %: {missed}"
         )
 
 
@@ -213,65 +229,85 @@ def soft_beam(element: str, count: int) -> tuple[BeamMesh, Stiffness]:
 
 @dataclass(frozen=True)
 class PinnedBeam:
-    """A beam in absolute nodal coordinates, pinned at its root, with gravity.
+    """Beams in absolute nodal coordinates, pinned at their roots, with gravity; several in one batch.
+
+    States have the shape (n_dim, n_per_node, n_nodes, n_states): the vectors of all elements are then two
+    views, of their first and of their last nodes, and forces are added to two views.
 
     Attributes
     ----------
     mesh : BeamMesh
     form : StiffnessForm
+    states : int
+        Beams of equal data that move at the same time, each from a start of its own.
     """
 
     mesh: BeamMesh
     form: StiffnessForm
+    states: int = 1
 
     @property
-    def _per_node(self) -> int:
-        return 2 * self.mesh.element.per_node
+    def _shape(self) -> tuple[int, int, int, int]:
+        return 2, self.mesh.element.per_node, self.mesh.count + 1, self.states
 
     @cached_property
-    def _columns(self) -> NDArray[np.intp]:
-        """Coordinates of each element, shape (n_elements, n)."""
-        return self._per_node * np.arange(self.mesh.count)[:, None] + np.arange(2 * self._per_node)
+    def _mass(self) -> Array:
+        """Mass matrix of one component, node by node, with the root position held."""
+        M = self.mesh.mass.copy()
+        M[0], M[:, 0], M[0, 0] = 0.0, 0.0, 1.0
+        return M
 
     @cached_property
-    def _solve(self) -> Callable[[Array], Array]:
-        """Solution with the banded mass matrix of one component, root position left out, factorised once."""
-        from scipy.linalg.lapack import dpbtrf, dpbtrs
+    def _factor(self) -> Array:
+        from scipy.linalg.lapack import dpbtrf
 
-        M, band = self.mesh.mass[1:, 1:], self._per_node
+        M, band = self._mass, 2 * self._shape[1]
         lower = np.zeros((band, len(M)))
-        for k in range(min(band, len(M))):
+        for k in range(band):
             lower[k, : len(M) - k] = np.diag(M, -k)
-        factor = dpbtrf(lower, lower=1)[0]
-        return lambda sides: np.asarray(dpbtrs(factor, sides, lower=1)[0])
+        return np.asarray(dpbtrf(lower, lower=1)[0])
+
+    def _solve(self, f: Array) -> Array:
+        """Return the accelerations that forces cause, by the banded factor of the mass matrix."""
+        from scipy.linalg.lapack import dpbtrs
+
+        # LAPACK wants each right-hand side in one piece, node by node
+        turned = (0, 3, 2, 1)
+        sides = f.transpose(turned)
+        found = dpbtrs(self._factor, sides.reshape(2 * self.states, -1).T, lower=1, overwrite_b=1)[0]
+        return np.asarray(found.T.reshape(sides.shape).transpose(turned))
 
     @cached_property
     def _weight(self) -> Array:
-        field = np.outer(self.mesh.positions, [0.0, -GRAVITY])
-        return np.asarray((self.mesh.mass @ field).reshape(-1, self._per_node))
+        field = np.outer([0.0, -GRAVITY], self.mesh.mass @ self.mesh.positions)
+        by_node = field.reshape(2, -1, self._shape[1]).swapaxes(1, 2)
+        return np.repeat(by_node[..., None], self.states, axis=-1)
 
     def elements(self, x: Array) -> Array:
-        """Return the nodal components of each element, shape (n_elements, n)."""
-        return x.take(self._columns)
+        """Return the nodal components of the elements in columns, shape (n, n_elements * n_states)."""
+        nodes = x.swapaxes(0, 1)
+        both = np.concatenate([nodes[:, :, :-1], nodes[:, :, 1:]])
+        return both.reshape(2 * len(both), -1)
 
     def acceleration(self, x: Array) -> Array:
-        """Return x'', shape (n,)."""
-        w, F = self._per_node, self.form.force(self.elements(x))
+        """Return x'', same shape as x."""
+        F = self.form.force(self.elements(x)).reshape(2, x.shape[1], 2, -1, self.states)
         f = self._weight.copy()
-        f[:-1] -= F[:, :w]
-        f[1:] -= F[:, w:]
-        a = np.zeros((x.size // 2, 2))
-        a[1:] = self._solve(f.reshape(-1, 2)[1:])
-        return a.ravel()
+        nodes = f.swapaxes(0, 1)
+        nodes[:, :, :-1] -= F[0]
+        nodes[:, :, 1:] -= F[1]
+        f[:, 0, 0] = 0.0
+        return self._solve(f)
 
     def start(self) -> Array:
-        """Return an arc of one radian, shape (n,): a large deformation."""
-        angle = np.linspace(0.0, 1.0, self.mesh.count + 1)
-        tangent = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
-        normal = np.stack([-np.sin(angle), np.cos(angle)], axis=-1)
-        place = self.mesh.length * np.stack([np.sin(angle), 1.0 - np.cos(angle)], axis=-1)
-        vectors = [place, tangent, normal][: self.mesh.element.per_node]
-        return np.stack(vectors, axis=1).ravel()
+        """Return arcs, large deformations: the first of one radian, the others up to half as much more."""
+        along = np.linspace(0.0, 1.0, self.mesh.count + 1)[:, None]
+        bend = np.linspace(1.0, 1.5, self.states) if self.states > 1 else np.ones(1)
+        angle = along * bend
+        tangent = np.stack([np.cos(angle), np.sin(angle)])
+        normal = np.stack([-np.sin(angle), np.cos(angle)])
+        place = self.mesh.length / bend * np.stack([np.sin(angle), 1.0 - np.cos(angle)])
+        return np.stack([place, tangent, normal][: self._shape[1]], axis=1)
 
     def step(self) -> float:
         """Return a step that central differences bear [s]: waves along, bending, of the thickness."""
@@ -279,16 +315,52 @@ class PinnedBeam:
         speed = math.sqrt(MODULUS / DENSITY)
         return 0.5 * min(0.1 * le, 0.05 * le**2 / r, 0.1 * _HEIGHT) / speed
 
+    @cached_property
+    def _moves(self) -> tuple[NDArray[np.intp], Array, Array]:
+        """Coordinates of all elements, and what their forces and the weight change in the move of a step."""
+        size = self._shape[0] * self._shape[1] * self._shape[2]
+        square, alone = self.step() ** 2, replace(self, states=1)
+        at = alone.elements(np.arange(float(size)).reshape(alone._shape)).astype(np.intp).ravel()
+        units = np.eye(size).reshape(*alone._shape[:-1], size)
+        many = replace(self, states=size)
+        units[:, 0, 0] = 0.0
+        inverse = many._solve(units).reshape(size, size)
+        weight = inverse @ alone._weight.reshape(size, 1)
+        return at, -square * inverse[:, at], square * weight
+
+    @cached_property
+    def _change(self) -> Callable[[Array], Array]:
+        """The function from x to h^2 x''."""
+        if len(self._mass) > _FUSED_MASS:
+            square = self.step() ** 2
+
+            def change(x: Array) -> Array:
+                a = self.acceleration(x)
+                a *= square
+                return a
+
+            return change
+        at, by_force, by_weight = self._moves
+        n = 4 * self._shape[1]
+
+        def fused(x: Array) -> Array:
+            p = x.reshape(-1, self.states).take(at, axis=0).reshape(n, -1)
+            moved = by_force.dot(self.form.force(p).reshape(-1, self.states))
+            moved += by_weight
+            return np.asarray(moved).reshape(x.shape)
+
+        return fused
+
     def run(self) -> Array:
-        """Integrate from rest by central differences (Verlet); return all states, shape (STEPS + 1, n)."""
-        h, x = self.step(), self.start()
-        v = 0.5 * h * self.acceleration(x)
-        states = [x]
-        for _ in range(STEPS):
-            x = x + h * v
-            v = v + h * self.acceleration(x)
-            states.append(x)
-        return np.array(states)
+        """Integrate from rest by central differences (Verlet); return all states, STEPS + 1 of them."""
+        x, change = self.start(), self._change
+        move = 0.5 * change(x)
+        states = np.empty((STEPS + 1, *x.shape))
+        states[0] = x
+        for k in range(STEPS):
+            x = np.add(x, move, out=states[k + 1])
+            move += change(x)
+        return states
 
 
 # --- measuring -----------------------------------------------------------------------------------
@@ -357,6 +429,7 @@ def measure(
     repeats: int,
     budget: Budget,
     forms: dict[str, type[StiffnessForm]] | None = None,
+    states: tuple[int, ...] = (1,),
 ) -> SeparationBench:
     """Time every form for each kind of element and number of elements, within a budget.
 
@@ -371,44 +444,55 @@ def measure(
         The first cell is measured even if it takes longer; what is left out is told as skipped.
     forms : dict, optional
         Instead of `STIFFNESS_FORMS`; the first one is what the others are compared with.
+    states : tuple of int
+        Beams in a batch; of more than one as many as have `MOST_AT_ONCE` elements together.
 
     Returns
     -------
     SeparationBench
     """
-    wanted = [(kind, count) for count in sorted(elements) for kind in kinds]
+    sizes = [
+        (count, batch)
+        for batch in sorted(states)
+        for count in sorted(elements)
+        if batch == 1 or count * batch <= MOST_AT_ONCE
+    ]
+    wanted = [(kind, *size) for size in sizes for kind in kinds]
     cells: list[Cell] = []
     cost: dict[str, float] = {}
     status = "done"
     try:
-        for kind, count in wanted:
+        for kind, count, batch in wanted:
             start = budget.used
             expected = cost.get(kind, 0.0)
             if cells and budget.left <= expected:
                 reason = f"about {expected:.2g} s expected" if budget.left > 0.0 else "the budget is used up"
-                cells.append(Cell(kind, count, reason=reason))
+                cells.append(Cell(kind, count, batch, reason=reason))
                 continue
-            cells.append(_cell(kind, count, repeats, budget, forms or STIFFNESS_FORMS))
+            cells.append(_cell((kind, count, batch), repeats, budget, forms or STIFFNESS_FORMS))
             cost[kind] = budget.used - start
             budget.report(min(1.0, len(cells) / len(wanted)))
     except KeyboardInterrupt:
         status = "interrupted"
-        cells += [Cell(kind, count, reason=status) for kind, count in wanted[len(cells) :]]
-    ordered = sorted(cells, key=lambda cell: (kinds.index(cell.element), cell.elements))
+        cells += [Cell(*one, reason=status) for one in wanted[len(cells) :]]
+    ordered = sorted(cells, key=lambda cell: (kinds.index(cell.element), cell.states, cell.elements))
     bench = SeparationBench(status, budget.seconds, budget.used, tuple(ordered))
     if status == "done" and bench.disagreements:
         return SeparationBench("wrong", bench.budget, bench.used, bench.cells)
     return bench
 
 
-def _cell(kind: str, count: int, repeats: int, budget: Budget, forms: dict[str, type[StiffnessForm]]) -> Cell:
+def _cell(
+    size: tuple[str, int, int], repeats: int, budget: Budget, forms: dict[str, type[StiffnessForm]]
+) -> Cell:
+    kind, count, states = size
     mesh, stiffness = soft_beam(kind, count)
-    beams = {name: PinnedBeam(mesh, form.of(mesh.element, stiffness)) for name, form in forms.items()}
+    beams = {name: PinnedBeam(mesh, form.of(mesh.element, stiffness), states) for name, form in forms.items()}
     first_beam = next(iter(beams.values()))
     p = first_beam.elements(first_beam.start())
     results = [beam.form.force_and_tangent(p) for beam in beams.values()]
     # the force is a small sum of large terms, whose round-off no form can avoid
-    terms = float((np.abs(first_beam.form.stiffness(p)) @ np.abs(p)[..., None]).max())
+    terms = float((np.abs(first_beam.form.stiffness(p)) @ np.abs(p.T)[..., None]).max())
     runs = [beam.run() for beam in beams.values()]
     works: list[Callable[[], object]] = []
     for beam in beams.values():
@@ -438,7 +522,7 @@ def _cell(kind: str, count: int, repeats: int, budget: Budget, forms: dict[str, 
             )
         )
     share = min(1.0, (STEPS + 1) * first[0].median / first[2].median)
-    return Cell(kind, count, "done", "", len(samples[0]), STEPS, share, tuple(rows))
+    return Cell(*size, "done", "", len(samples[0]), STEPS, share, tuple(rows))
 
 
 # --- tables --------------------------------------------------------------------------------------
@@ -449,7 +533,7 @@ _FORM_COLUMNS = (
 )  # fmt: skip
 
 CSV_COLUMNS = (
-    "element", "elements", "form", "status", "reason", "repeats", "steps", "share",
+    "element", "elements", "states", "form", "status", "reason", "repeats", "steps", "share",
     *(f"{name}_{part}" for name in _SPREADS for part in ("median", "least", "most")), *_FORM_COLUMNS,
 )  # fmt: skip
 """Columns of ``bench.csv``."""
