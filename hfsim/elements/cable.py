@@ -11,7 +11,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray
+from hfsim.arrays import Array
 from hfsim.elements._base import (
     USUAL,
     ElasticLaw,
@@ -227,11 +227,11 @@ class QuadratureLaw(RowLaw):
         return kappa, by_s - (2.0 * kappa / square)[..., None] * s, by_c
 
     @cached_property
-    def _planar_rows(self) -> tuple[ComplexArray, ComplexArray]:
+    def _planar_rows(self) -> tuple[Array, Array]:
         """Rows of r' at the axial points, of r' and of r'' at the bending points; and as columns."""
         _, axial, _ = gauss_rows(self.axial_points, self.degree)
         _, slope, bend = gauss_rows(self.bending_points, self.degree)
-        rows = np.concatenate([axial, slope, bend]).astype(complex)
+        rows = np.concatenate([axial, slope, bend])
         return rows, np.ascontiguousarray(rows.T)
 
     @cached_property
@@ -243,32 +243,38 @@ class QuadratureLaw(RowLaw):
         return axial[..., None], bending[..., None]
 
     def _planar(self, v: Array) -> Array:
-        """Return dU/dV with both strain measures at once, vectors being complex numbers.
+        """Return dU/dV with both strain measures at once.
 
-        With s = r' and c = r'', the curvature is kappa = Im(s* c) / |s|^2; its derivatives by c and s are
-        i s / |s|^2 and (-i c - 2 kappa s) / |s|^2.
+        With s = r', c = r'' and J a quarter turn, the curvature is kappa = J s . c / |s|^2; its derivatives
+        by c and s are J s / |s|^2 and -(J c + 2 kappa s) / |s|^2.
         """
         rows, columns = self._planar_rows
         axial, bending = self._planar_weights
-        vectors = np.empty((len(v), v.shape[-1]), dtype=complex)
-        vectors.real, vectors.imag = v[:, 0], v[:, 1]
-        z = rows @ vectors
-        by_element = z.reshape(len(z), len(self.axial), -1)
+        z = rows.dot(v.reshape(len(v), -1))
+        by_element = z.reshape(len(z), 2, len(self.axial), -1)
         n, m = self.axial_points, self.axial_points + self.bending_points
         a, s, c = by_element[:n], by_element[n:m], by_element[m:]
-        square = (s * s.conj()).real
-        kappa = (s.conj() * c).imag / square
-        moment = bending * kappa / square
-        turned = 1j * c
-        np.multiply(1j * moment, s, out=c)
-        s *= 2.0 * kappa
-        s += turned
-        s *= -moment
-        size = np.abs(a)
-        strain = 2.0 - 2.0 / size if self.engineering else size * size - 1.0
-        a *= axial * strain
-        pull = columns @ z
-        return np.stack([pull.real, pull.imag], axis=1)
+        square = s[:, 0] * s[:, 0]
+        square += s[:, 1] * s[:, 1]
+        kappa = s[:, 0] * c[:, 1]
+        kappa -= s[:, 1] * c[:, 0]
+        kappa /= square
+        moment = bending * kappa
+        moment /= square
+        kappa *= 2.0
+        turned = moment * s[:, 1], moment * s[:, 0]
+        s *= kappa[:, None]
+        s[:, 0] -= c[:, 1]
+        s[:, 1] += c[:, 0]
+        s *= -moment[:, None]
+        np.negative(turned[0], out=c[:, 0])
+        c[:, 1] = turned[1]
+        square = a[:, 0] * a[:, 0]
+        square += a[:, 1] * a[:, 1]
+        strain = 2.0 - 2.0 / np.sqrt(square) if self.engineering else square - 1.0
+        strain *= axial
+        a *= strain[:, None]
+        return np.asarray(columns.dot(z)).reshape(v.shape)
 
     def _bending_hessian(self, V: Array) -> Array:
         w, slope, bend = gauss_rows(self.bending_points, self.degree)

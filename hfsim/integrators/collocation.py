@@ -28,7 +28,7 @@ SERVES_WELL = 5
 """Iterations in a step up to which its derivative is kept for one more."""
 LINEAR = 1e-3
 """Natural increments below which their linear map to the state is good enough."""
-GOAL = 1e-4
+GOAL = 3e-4
 """Part of the tolerance that an unfinished iteration may take."""
 SAME = 1e-5
 """Natural increments after which the geometry need not be computed anew."""

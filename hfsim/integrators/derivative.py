@@ -256,7 +256,8 @@ class ModalDerivative:
 
     def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
         """Let each mode swing freely from its velocity and acceleration at the start of the step."""
-        omega = np.sqrt(self.w2.astype(complex))
+        oscillating = np.isrealobj(self.w2) and bool((self.w2 >= 0.0).all())
+        omega = np.sqrt(self.w2 if oscillating else self.w2.astype(complex))
         omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
         half = (0.5 * h * table.nodes)[:, None] * omega
         sine = np.sin(half) / omega

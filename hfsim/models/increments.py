@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray, IntArray
+from hfsim.arrays import Array, ComplexArray, IntArray, Places, run_of
 from hfsim.models.natural import NaturalBeams
 from hfsim.reduction import Reduction
 from hfsim.rotations import as_complex, as_vectors
@@ -32,12 +32,27 @@ class Tie:
     point: IntArray
     parent: IntArray | None
 
+    @cached_property
+    def _at(self) -> tuple[Places, Places | None]:
+        """The columns ``point`` and ``parent``."""
+        return run_of(self.point), None if self.parent is None else run_of(self.parent)
+
+    @cached_property
+    def _components(self) -> tuple[Places, Places]:
+        """The columns of all x and of all y in ``positions``."""
+        return run_of(self.positions[:, 0]), run_of(self.positions[:, 1])
+
+    def _shift(self, dx: Array, shift: Array) -> None:
+        for k, columns in enumerate(self._components):
+            dx[:, columns] += shift[:, k, None]
+
+    def _total(self, f: Array) -> Array:
+        return np.stack([f[:, columns].sum(axis=1) for columns in self._components], axis=1)
+
     def move(self, x: Array, y: Array, dx: Array, finite: bool) -> None:
         """Shift the body, in changes ``dx`` of the coordinates, to where its parent has moved."""
-        shift = -dx[:, self.point]
-        if self.parent is not None:
-            shift += dx[:, self.parent]
-        dx[:, self.positions] += shift[:, None, :]
+        point, parent = self._at
+        self._shift(dx, -dx[:, point] if parent is None else dx[:, parent] - dx[:, point])
 
     def take_forces(self, x: Array, f: Array) -> Array | None:
         """Hand the forces on the body, in ``f``, to its parent: the transpose of `move` for small changes.
@@ -47,10 +62,10 @@ class Tie:
         ndarray, shape (n_batch, 2), or None
             Forces on the place of the body relative to its parent, if that is a natural coordinate.
         """
-        total = f[:, self.positions].sum(axis=1)
-        f[:, self.point] -= total
-        if self.parent is not None:
-            f[:, self.parent] += total
+        total, (point, parent) = self._total(f), self._at
+        f[:, point] -= total
+        if parent is not None:
+            f[:, parent] += total
         return None
 
 
@@ -75,6 +90,14 @@ class Mount(Tie):
     arm: complex
     slope: int | None
 
+    @cached_property
+    def _place(self) -> Places:
+        return run_of(self.rigid[:2])
+
+    @cached_property
+    def _root(self) -> Places:
+        return run_of(self.positions[0])
+
     def _turn(self, x: Array) -> ComplexArray:
         return np.asarray(np.exp(1j * x[:, self.rigid[2]]))
 
@@ -82,9 +105,9 @@ class Mount(Tie):
         """Change natural increments of the beam into those relative to the rigid body."""
         turn, spin = self._turn(x), dx[:, self.rigid[2]]
         moved = (
-            as_complex(dx[:, self.point]) - as_complex(dx[:, self.rigid[:2]]) - 1j * spin * turn * self.arm
+            as_complex(dx[:, self._at[0]]) - as_complex(dx[:, self._place]) - 1j * spin * turn * self.arm
         )
-        y[:, self.positions[0]] = as_vectors(moved * turn.conj())
+        y[:, self._root] = as_vectors(moved * turn.conj())
         if self.slope is not None:
             y[:, self.slope] -= spin
 
@@ -98,16 +121,15 @@ class Mount(Tie):
         turn, spin = self._turn(x), dx[:, self.rigid[2]]
         after = turn * np.exp(1j * spin) if finite else turn
         carried = (after - turn) if finite else 1j * spin * turn
-        moved = as_complex(dx[:, self.rigid[:2]]) + carried * self.arm
-        moved += after * as_complex(y[:, self.positions[0]])
-        dx[:, self.positions] += (as_vectors(moved) - dx[:, self.point])[:, None, :]
+        moved = as_complex(dx[:, self._place]) + carried * self.arm
+        moved += after * as_complex(y[:, self._root])
+        self._shift(dx, as_vectors(moved) - dx[:, self._at[0]])
 
     def take_forces(self, x: Array, f: Array) -> Array | None:
         """Hand the forces on the beam, in ``f``, to the rigid body; return those on its relative place."""
-        turn = self._turn(x)
-        total = f[:, self.positions].sum(axis=1)
-        f[:, self.point] -= total
-        f[:, self.rigid[:2]] += total
+        turn, total = self._turn(x), self._total(f)
+        f[:, self._at[0]] -= total
+        f[:, self._place] += total
         seen = as_complex(total) * turn.conj()
         f[:, self.rigid[2]] += (seen * np.conj(self.arm)).imag
         return as_vectors(seen)
@@ -180,14 +202,14 @@ class NaturalIncrements:
 
     def to_natural_forces(self, at: tuple[Array, list[Any]], f: Array) -> Array:
         """Return the forces on natural increments: the transpose of `from_natural`."""
-        fx = self.reduction.read_force(f)
+        fx = f.copy() if self.reduction.identity else self.reduction.read_force(f)
         places = [(tie, tie.take_forces(at[0], fx)) for tie in reversed(self.ties)]
         out = fx.copy()
         for part, geometry in zip(self.beams, at[1], strict=True):
             part.to_natural_forces(geometry, fx, out)
         for tie, force in places:
             if force is not None:
-                out[:, tie.positions[0]] += force
+                out[:, run_of(tie.positions[0])] += force
         for mount in self._mounts:
             mount.take_moment(out)
         return self._free(out)
@@ -202,11 +224,11 @@ class NaturalIncrements:
             for rates, changes in ((y1, u), (y2, ax)):
                 mount.make_relative(x, changes, rates)
                 # the joint holds, so that nothing moves relative to the rigid body
-                rates[:, mount.positions[0]] = 0.0
+                rates[:, run_of(mount.positions[0])] = 0.0
         return self._free(y1), self._free(y2)
 
     def _free(self, y: Array) -> Array:
-        return y if self.reduction.identity else y[:, self.columns]
+        return y if self.reduction.identity else y.take(self.columns, axis=1)
 
     def _whole(self, y: Array) -> Array:
         if self.reduction.identity:
