@@ -184,6 +184,11 @@ class Equations:
         inverse[np.ix_(constant, constant)] = np.linalg.inv(M[np.ix_(constant, constant)])
         return np.asarray(inverse)
 
+    @cached_property
+    def inverse_root(self) -> Array:
+        """Motions of the free coordinates as rows, orthonormal in the metric of the constant mass matrix."""
+        return np.linalg.inv(np.linalg.cholesky(self.free_mass))
+
     def mass(self, x: Array) -> Array:
         """Return the mass matrix M_g of eq. (38), dense, shape (n_batch, n_x, n_x)."""
         constant = self.constant_mass.toarray() if is_sparse(self.constant_mass) else self.constant_mass

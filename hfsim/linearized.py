@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hfsim.arrays import Array
 from hfsim.matrices import Matrix
 
 
@@ -22,9 +23,12 @@ class Linearized:
         None where nothing dissipates.
     jacobian : Matrix, shape (n_rows, n), or None
         None without constraints.
+    inverse_root : ndarray, shape (n, n), or None
+        Rows are orthonormal in the metric of the mass; None if matrices are sparse.
     """
 
     mass: Matrix
     stiffness: Matrix
     damping: Matrix | None
     jacobian: Matrix | None
+    inverse_root: Array | None

@@ -266,7 +266,8 @@ class System:
         if self.dissipates:
             damping = self._free_matrix([part.rate_tangent(time, x, u) for part in self.forces])
         jacobian = equations.jacobian_at(x, 0) @ reduction.basis if equations.constraints else None
-        return Linearized(equations.free_mass, self._free_matrix(stiff), damping, jacobian)
+        root = None if is_sparse(equations.free_mass) else equations.inverse_root
+        return Linearized(equations.free_mass, self._free_matrix(stiff), damping, jacobian, root)
 
     def _free_matrix(self, parts: list[Entries]) -> Matrix:
         whole = assemble(parts, (self.n_x, self.n_x), is_sparse(self.equations.constant_mass))

@@ -39,7 +39,7 @@ ALLOWED = {
     "spec": {"deck_source", "units", "errors"},
     "matrices": {"arrays"},
     "reduction": {"arrays", "matrices"},
-    "linearized": {"matrices"},
+    "linearized": {"arrays", "matrices"},
     "parts": {"arrays", "matrices"},
     "rules": set(),
     "plan": GROUND | {"bodies", "build", "culprit", "deck", "models", "rules"},

@@ -8,13 +8,15 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
+from hfsim import integrators
 from hfsim.build import build
 from hfsim.cli import app
 from hfsim.commands import CASES
 from hfsim.deck import load_deck
 from hfsim.errors import LimitReached
 from hfsim.integration import run_integration
-from hfsim.integrators import METHODS
+from hfsim.integrators import METHODS, gauss
+from hfsim.integrators.collocation import CollocationMethod
 from hfsim.simulate import channel_errors, simulate
 from hfsim.studies import methods
 from hfsim.studies import refine as module
@@ -39,50 +41,80 @@ def pendulum(*overrides):
 # --- on scenes -----------------------------------------------------------------------------------
 
 
-def test_a_slow_motion_over_fast_modes_is_left_to_a_damping_method():
-    """The link's own frequencies are thousands of times that of the motion: gauss follows them all."""
-    run, chosen = refine(link(1e-3))
+@pytest.fixture
+def handicapped(monkeypatch):
+    """Let `auto` be gauss with two stages, so that radau has something to win, and races have time enough."""
+
+    def slow(solve):
+        return CollocationMethod("slow gauss", gauss(2), solve.tolerance)
+
+    monkeypatch.setattr(integrators, "_auto", slow)
+    monkeypatch.setattr(module, "PROBING", 0.5)
+    monkeypatch.setattr(module, "candidates", lambda but: [name for name in ("radau", "gear") if name != but])
+
+
+FINE = ("solve.target_error=1e-3", "solve.duration=0.2")
+
+
+@pytest.mark.usefixtures("handicapped")
+def test_another_method_is_taken_where_it_is_much_sooner():
+    run, chosen = refine(pendulum(*FINE))
     found = run.statistics["refinement"]
     assert found["status"] == "reached"
     assert found["chosen"]["method"] == chosen.deck.solve.method == run.method
-    assert run.method in ("gear", "generalized_alpha")
-    assert f"{run.method}: " in found["method_choice"] and "times sooner than gauss" in found["method_choice"]
+    assert run.method == "radau"
+    words = found["method_choice"]
+    assert words.startswith("radau: ") and "times sooner than slow gauss" in words
     won = [probe for probe in found["probes"] if probe["outcome"] == "reached"]
     assert won and won[-1]["error"] <= 2e-4 and won[-1]["cpu_s"] * methods.MARGIN <= won[-1]["to_beat_s"]
     assert found["probing_cpu_s"] <= 1.1 * module.PROBING * found["cpu_s"]
-    other = (SHORT, "bodies.b1.degree=7", "solve.method=radau", "solve.tolerance=1e-5")
-    truth = simulate(load_deck(LINK, other), error_estimate=False).channels
-    assert channel_errors(run.channels, truth)[1]["load.y"] <= found["estimate"] <= 1e-3
+    other = ("solve.duration=0.2", "bodies.b1.elements=16", "bodies.b1.degree=9", "solve.tolerance=1e-7")
+    truth = simulate(load_deck(CASES / "pendulum.yaml", other), error_estimate=False).channels
+    errors = channel_errors(run.channels, truth)[1]
+    assert max(errors["b1.tip.x"], errors["b1.tip.y"]) <= found["estimate"] <= 1e-3
 
 
+@pytest.mark.usefixtures("handicapped")
 def test_a_late_winner_is_raced_on_the_finer_mesh_too(monkeypatch):
     hold = module._Races.hold
     monkeypatch.setattr(
-        module._Races, "hold", lambda self: hold(self) if len(self.search.levels) > 2 else None
+        module._Races, "hold", lambda self: hold(self) if len(self.search.levels) > 3 else None
     )
-    run, _ = refine(link(1e-3))
+    run, _ = refine(pendulum(*FINE))
     found = run.statistics["refinement"]
     levels = found["levels"]
     taken = [k for k, level in enumerate(levels) if level["refined"] == "method"]
-    assert taken and taken[0] > 2 and run.method == levels[taken[0]]["method"] != "gauss"
+    assert taken and taken[0] > 2 and run.method == levels[taken[0]]["method"] != "slow gauss"
     assert levels[taken[0]]["unknowns"] > levels[1]["unknowns"]
     won = [probe["unknowns"] for probe in found["probes"] if probe["outcome"] == "reached"]
     assert won[0] == levels[1]["unknowns"] and won[-1] == levels[taken[0]]["unknowns"]
     assert found["estimate"] <= 1e-3
 
 
+def test_the_default_damps_by_itself_what_no_step_resolves():
+    """A link with frequencies thousands of times that of its motion: nothing is much sooner."""
+    run, chosen = refine(link(1e-2))
+    found = run.statistics["refinement"]
+    assert (found["status"], run.method, chosen.deck.solve.method) == ("reached", "gauss, radau", "auto")
+    assert found["method_choice"].startswith("gauss, radau, the default")
+
+
+@pytest.mark.usefixtures("handicapped")
 def test_the_choice_is_told_and_repeated_by_resolved_yaml(tmp_path):
     def call(*arguments):
         return CliRunner().invoke(app, [str(word) for word in ("run", *arguments, "--no-plots")])
 
-    result = call(LINK, "--set", SHORT, "--target-error", "1e-3", "-o", tmp_path / "first")
+    tips, target = "b1.tip.x,b1.tip.y", ("--target-error", "1e-3")
+    short = ("--set", "solve.duration=0.2", "--target-channels", tips)
+    result = call("pendulum", *short, *target, "-o", tmp_path / "first")
     assert result.exit_code == 0, result.output
-    assert "method gear: " in result.stdout and "races took" in result.stdout
-    assert "method gear: " in (tmp_path / "first" / "run.log").read_text()
     found = json.loads((tmp_path / "first" / "summary.json").read_text())["refinement"]
-    assert {probe["method"] for probe in found["probes"]} >= {"gear"}
+    method = found["chosen"]["method"]
+    assert method == "radau" and method in {probe["method"] for probe in found["probes"]}
+    assert f"method {method}: " in result.stdout and "races took" in result.stdout
+    assert f"method {method}: " in (tmp_path / "first" / "run.log").read_text()
     deck = yaml.safe_load((tmp_path / "first" / "resolved.yaml").read_text())
-    assert deck["solve"]["method"] == found["chosen"]["method"] == "gear"
+    assert deck["solve"]["method"] == method
     again = call(tmp_path / "first" / "resolved.yaml", "-o", tmp_path / "second")
     assert again.exit_code == 0, again.output
     first, second = ((tmp_path / name / "history.csv").read_bytes() for name in ("first", "second"))

@@ -112,7 +112,8 @@ def test_finite_increments_add_to_the_natural_coordinates(model, degree, rng):
 def test_rates_are_derivatives_of_the_natural_coordinates(model, degree, rng):
     scene = scene_of(model, degree)
     q, v, a = states(scene, rng, 1), *rng.normal(size=(2, 1, scene.system.n))
-    y1, y2 = scene.system.natural.rates(q, v, a)
+    natural = scene.system.natural
+    y1, y2, _ = natural.rates(natural.geometry(q), v, a)
 
     def moved(s):
         return gap(defined(scene, q + np.outer(s, v) + np.outer(s * s, a) / 2), defined(scene, q))
@@ -120,7 +121,7 @@ def test_rates_are_derivatives_of_the_natural_coordinates(model, degree, rng):
     def rates(s):
         n = len(s)
         path, speed = q + np.outer(s, v) + np.outer(s * s, a) / 2, v + np.outer(s, a)
-        return scene.system.natural.rates(path, speed, np.repeat(a, n, axis=0))[0]
+        return natural.rates(natural.geometry(path), speed, np.repeat(a, n, axis=0))[0]
 
     assert np.abs(along(moved, 1e-3) - y1[0]).max() < 1e-8 * np.abs(y1).max()
     assert np.abs(along(rates, 1e-3) - y2[0]).max() < 1e-8 * np.abs(y2).max()

@@ -59,8 +59,11 @@ class Increments(Protocol):
     def advance(self, at: Any, y: Array) -> Array:
         """Return finite natural increments as changes of the states."""
 
-    def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Return the first and second time derivatives of the natural coordinates."""
+    def rates(self, at: Any, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return the first and second time derivatives of the natural coordinates.
+
+        Third comes the part of the second ones that velocities alone cause.
+        """
 
 
 @dataclass(frozen=True)
@@ -84,9 +87,9 @@ class PlainIncrements:
         """Return ``f``."""
         return f
 
-    def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Return ``(v, a)``."""
-        return v, a
+    def rates(self, at: None, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return ``v``, ``a`` and zero."""
+        return v, a, np.zeros_like(a)
 
 
 @dataclass

@@ -21,7 +21,7 @@ import numpy as np
 from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem, unsolved
 from hfsim.integrators._tableau import Collocation
-from hfsim.integrators.derivative import derivative
+from hfsim.integrators.derivative import Start, derivative
 
 MAX_ITERATIONS = 20
 SERVES_WELL = 5
@@ -45,7 +45,7 @@ SHRUNK = 0.7
 """By how much a step is shortened whose equations could not be solved."""
 REGROWTH = 1.1
 """By how much a step may be longer than the last one after such a failure."""
-GROWTH = ((3, 2.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
+GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
 """Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
@@ -78,11 +78,12 @@ class CollocationMethod:
         self._derivative = derivative(problem, t, q, v)
         self._old, self._served = False, 0
         self._cap = np.inf
+        self._known: tuple[float, Array] | None = None
         return min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
-        a0 = self._problem.single(t, q, v)
+        a0 = self._start_acceleration(t, q, v)
         a = self._guess(q, v, a0, h)
         if self._old and self._renew_inside(t, q, v, h, a):
             a = self._guess(q, v, a0, h)
@@ -92,6 +93,7 @@ class CollocationMethod:
             self._renew(t, q, v, SHRUNK * h)
             return unsolved(SHRUNK)
         a, table = solved, self.table
+        self._last, self._ends_at_stage = a[-1], table.nodes[-1] == 1.0
         error = self._error(a, q, h)
         return Attempt(
             error=error,
@@ -101,6 +103,12 @@ class CollocationMethod:
             series=table.to_legendre @ a,
         )
 
+    def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Return the accelerations at the start of a step, known if the last one had a stage at its end."""
+        if self._known is None or self._known[0] != t:
+            self._known = t, self._problem.single(t, q, v)
+        return self._known[1]
+
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Ask for a new derivative every other step, or at once if it served badly.
 
@@ -109,6 +117,7 @@ class CollocationMethod:
         self._served += 1
         self._old = self._served >= SERVES or self._iterations > SERVES_WELL
         self._cap *= REGROWTH
+        self._known = (t, self._last) if self._ends_at_stage else None
 
     def _error(self, a: Array, q: Array, h: float) -> float:
         """Return the size of the last terms in the Legendre series of the positions, over the tolerance."""
@@ -131,9 +140,9 @@ class CollocationMethod:
     def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
         """Return stage accelerations of modes that swing freely from the start of the step."""
         natural, table = self._derivative.increments, self.table
-        y1, y2 = natural.rates(q[None], v[None], a0[None])
         at = natural.geometry(q[None])
-        moved = natural.advance(at, self._derivative.free_motion(table, at, y1[0], y2[0], h))
+        rates = (rate[0] for rate in natural.rates(at, v[None], a0[None]))
+        moved = natural.advance(at, self._derivative.free_motion(table, Start(at, a0, *rates), h))
         return np.asarray(table.A2_inverse @ (moved - (h * table.nodes)[:, None] * v) / h**2)
 
     def _renew_inside(self, t: float, q: Array, v: Array, h: float, a: Array) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -25,6 +25,20 @@ the displacement to which the change of the velocity at the end of the step lead
 iteration does to the steps that follow."""
 
 
+class Start(NamedTuple):
+    """The start of a step as natural increments have it."""
+
+    at: Any
+    """Geometry of the state, as a batch of one."""
+    acceleration: Array
+    """Of the state's own coordinates, (n,)."""
+    first: Array
+    """First time derivatives of the natural coordinates, (n,)."""
+    second: Array
+    convective: Array
+    """What velocities alone make of the second ones, (n,)."""
+
+
 class Derivative(Protocol):
     """Derivatives J_q and J_v of the accelerations at a state, in some coordinates for corrections."""
 
@@ -33,11 +47,8 @@ class Derivative(Protocol):
     fastest: float
     """Largest circular frequency in it [rad/s]."""
 
-    def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
-        """Return displacements at the stages, (s, n), from rates at the start of the step.
-
-        ``at`` is the geometry of the state there, as a batch of one.
-        """
+    def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
+        """Return displacements at the stages, (s, n), in natural increments."""
 
     def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return by how much accelerations ``a`` fail the equations, (s, n_r), in columns of its own.
@@ -138,17 +149,20 @@ def _missing(problem: Problem, natural: Increments, at: Any, t: Array, q: Array,
     return natural.to_natural(at, problem.evaluate(t, q, v) - a)
 
 
-def _allowed(jacobian: Array | None, n: int) -> Array:
-    """Return a basis of the motions that the constraints allow, as columns."""
-    if jacobian is None:
-        return np.eye(n)
-    return np.linalg.qr(jacobian.T, mode="complete")[0][:, len(jacobian) :]
+def _allowed(at: Linearized) -> Array:
+    """Return motions that the constraints allow, as rows, orthonormal in the metric of the mass."""
+    assert at.inverse_root is not None
+    if at.jacobian is None:
+        return at.inverse_root
+    forbidden = at.inverse_root @ at.jacobian.T
+    Z = np.linalg.qr(forbidden, mode="complete")[0][:, forbidden.shape[1] :]
+    return np.asarray(Z.T @ at.inverse_root)
 
 
 def _mobility(at: Linearized) -> Array:
     """Return the map from forces to accelerations under the constraints."""
-    Z = _allowed(at.jacobian, len(at.mass))
-    return np.asarray(Z @ np.linalg.solve(Z.T @ at.mass @ Z, Z.T))
+    allowed = _allowed(at)
+    return np.asarray(allowed.T @ allowed)
 
 
 @dataclass(frozen=True)
@@ -217,11 +231,10 @@ class ModalDerivative:
 
         Following loads make the stiffness unsymmetric; corrections do with its symmetric part.
         """
-        Z = _allowed(at.jacobian, len(at.mass))
-        inverse_root = np.linalg.inv(np.linalg.cholesky(Z.T @ at.mass @ Z)) @ Z.T
-        K = inverse_root @ at.stiffness @ inverse_root.T
+        allowed = _allowed(at)
+        K = allowed @ at.stiffness @ allowed.T
         w2, U = np.linalg.eigh(0.5 * (K + K.T))
-        R = inverse_root.T @ U
+        R = allowed.T @ U
         L = R.T @ at.mass
         joints = None
         if at.jacobian is not None:
@@ -254,28 +267,28 @@ class ModalDerivative:
         """Drop the imaginary part where the modes are real, so that what follows is real too."""
         return z.real if np.isrealobj(self.R) else z
 
-    def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
+    def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Let each mode swing freely from its velocity and acceleration at the start of the step."""
         oscillating = np.isrealobj(self.w2) and bool((self.w2 >= 0.0).all())
         omega = np.sqrt(self.w2 if oscillating else self.w2.astype(complex))
         omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
         half = (0.5 * h * table.nodes)[:, None] * omega
         sine = np.sin(half) / omega
-        p1, p2 = self.L @ y1, self._modal_acceleration(at, y2)
+        p1, p2 = self.L @ start.first, self._modal_acceleration(start)
         swing = p1 * (2.0 * sine * np.cos(half)) + p2 * (2.0 * sine * sine)
         y = (self._real(swing) @ self.R.T).real
         if self.joints is not None:
             tau = (h * table.nodes)[:, None]
-            y = y + self.joints.closed(tau * (self.joints.jacobian @ y1))
-            y += self.joints.closed(0.5 * tau**2 * (self.joints.jacobian @ y2))
+            y = y + self.joints.closed(tau * (self.joints.jacobian @ start.first))
+            y += self.joints.closed(0.5 * tau**2 * (self.joints.jacobian @ start.second))
         return np.asarray(y)
 
-    def _modal_acceleration(self, at: Any, y2: Array) -> Array | ComplexArray:
+    def _modal_acceleration(self, start: Start) -> Array | ComplexArray:
         """Return accelerations of the modes, where the mass matrix is known from the forces behind them."""
         if self.mass is None:
-            return self.L @ y2
-        forces = self.increments.from_natural(at, y2[None]) @ self.mass
-        return np.asarray(self.increments.to_natural_forces(at, forces)[0] @ self.R)
+            return self.L @ start.second
+        forces = self.increments.to_natural_forces(start.at, (self.mass @ start.acceleration)[None])[0]
+        return np.asarray(forces @ self.R + self.L @ start.convective)
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Divide each mode and pole by 1 + (h pole)^2 w2."""
@@ -350,12 +363,12 @@ class DenseDerivative:
         """Return ``r``."""
         return r
 
-    def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
+    def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Keep the accelerations at the start of the step, less what dies out at once."""
-        matrix = np.eye(len(y1)) - h * self.by_v - h * h * self.by_q
-        damped = np.linalg.solve(matrix, y2 + h * (self.by_q @ y1))
+        matrix = np.eye(len(self.by_q)) - h * self.by_v - h * h * self.by_q
+        damped = np.linalg.solve(matrix, start.second + h * (self.by_q @ start.first))
         tau = (h * table.nodes)[:, None]
-        return np.asarray(tau * y1 + 0.5 * tau**2 * damped)
+        return np.asarray(tau * start.first + 0.5 * tau**2 * damped)
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Solve with I - (h pole)^2 J_q - h pole J_v."""
@@ -424,10 +437,10 @@ class SparseDerivative:
             return np.asarray(weighted)
         return np.concatenate([weighted, r @ self.at.jacobian.T], axis=-1)
 
-    def free_motion(self, table: Collocation, at: Any, y1: Array, y2: Array, h: float) -> Array:
+    def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Return the stages of the linearised motion."""
         tau = h * table.nodes[:, None]
-        uniform = tau * y1 + h * h * table.A2.sum(axis=1)[:, None] * y2
+        uniform = tau * start.first + h * h * table.A2.sum(axis=1)[:, None] * start.second
         return self.correction(table, h)(uniform)[0]
 
     def correction(self, table: Collocation, h: float) -> Correction:

@@ -104,9 +104,7 @@ class Mount(Tie):
     def make_relative(self, x: Array, dx: Array, y: Array) -> None:
         """Change natural increments of the beam into those relative to the rigid body."""
         turn, spin = self._turn(x), dx[:, self.rigid[2]]
-        moved = (
-            as_complex(dx[:, self._at[0]]) - as_complex(dx[:, self._place]) - 1j * spin * turn * self.arm
-        )
+        moved = as_complex(dx[:, self._at[0]]) - as_complex(dx[:, self._place]) - 1j * spin * turn * self.arm
         y[:, self._root] = as_vectors(moved * turn.conj())
         if self.slope is not None:
             y[:, self.slope] -= spin
@@ -214,18 +212,24 @@ class NaturalIncrements:
             mount.take_moment(out)
         return self._free(out)
 
-    def rates(self, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Return the first and second time derivatives of the natural coordinates."""
-        x, u, ax = self.reduction.expand(q), self.reduction.expand_rates(v), self.reduction.expand_rates(a)
-        y1, y2 = u.copy(), ax.copy()
-        for part in self.beams:
-            part.rates(x, u, ax, y1, y2)
+    def rates(self, at: tuple[Array, list[Any]], v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return the first and second time derivatives of the natural coordinates.
+
+        Third comes the part of the second ones that velocities alone cause.
+        """
+        u, ax = self.reduction.expand_rates(v), self.reduction.expand_rates(a)
+        y1, y2, rest = u.copy(), ax.copy(), np.zeros_like(u)
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            part.to_natural(geometry, u, y1)
+            part.to_natural(geometry, ax, y2)
+            part.convective(geometry, u, y1, rest)
         for mount in self._mounts:
-            for rates, changes in ((y1, u), (y2, ax)):
-                mount.make_relative(x, changes, rates)
-                # the joint holds, so that nothing moves relative to the rigid body
-                rates[:, run_of(mount.positions[0])] = 0.0
-        return self._free(y1), self._free(y2)
+            mount.make_relative(at[0], u, y1)
+            mount.make_relative(at[0], ax, y2)
+            # the joint holds, so that nothing moves relative to the rigid body
+            root = run_of(mount.positions[0])
+            y1[:, root], rest[:, root] = 0.0, -y2[:, root]
+        return self._free(y1), self._free(y2 + rest), self._free(rest)
 
     def _free(self, y: Array) -> Array:
         return y if self.reduction.identity else y.take(self.columns, axis=1)

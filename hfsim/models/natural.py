@@ -194,11 +194,11 @@ class NaturalBeams:
             dz[..., 1] = c[..., 1].imag + 1j * dz[..., 1].real
         self._put(dz, out)
 
-    def rates(self, q: Array, v: Array, a: Array, y1: Array, y2: Array) -> None:
-        """Write the first and second time derivatives of the natural coordinates into ``y1`` and ``y2``."""
-        at = self.geometry(q)
-        self.to_natural(at, v, y1)
-        self.to_natural(at, a, y2)
+    def convective(self, at: Geometry, v: Array, y1: Array, out: Array) -> None:
+        """Write what velocities alone make of the second derivatives of natural coordinates into ``out``.
+
+        ``y1`` are their first derivatives.
+        """
         w = self._vectors(self._complex(v))
         dd, ds, de = self._parts(w)
         hd, hs, he = self._gradient(dd, ds, de)
@@ -210,7 +210,7 @@ class NaturalBeams:
         bend[..., 0] = 0.0
         if self.framed:
             bend[..., 1] = -(first[..., 1].real ** 2)
-        self._put(self._complex(y2) + bend, y2)
+        self._put(bend, out)
 
     def _put(self, z: ComplexArray, out: Array) -> None:
         out[:, self.columns] = z.reshape(len(out), -1).view(np.float64)
@@ -373,11 +373,8 @@ class InteriorBeams(NaturalBeams):
         self._blocks(dz)[..., self._interior] = dV[..., 3:]
         self._join(dz, dV[..., 2], c, out)
 
-    def rates(self, q: Array, v: Array, a: Array, y1: Array, y2: Array) -> None:
-        """Write the first and second time derivatives of the natural coordinates into ``y1`` and ``y2``."""
-        at = self.geometry(q)
-        self.to_natural(at, v, y1)
-        self.to_natural(at, a, y2)
+    def convective(self, at: InteriorGeometry, v: Array, y1: Array, out: Array) -> None:  # type: ignore[override]
+        """Write what velocities alone make of the second derivatives of natural coordinates into ``out``."""
         dV = self._differences(self._vectors(self._complex(v)))
         first = self._complex(y1)
         bend = -(first * first)
@@ -391,7 +388,7 @@ class InteriorBeams(NaturalBeams):
         strains = _strain_changes(self._strain_gradient(dV), dV)
         bend[..., self.stride :: self.stride] = strains[..., 0] - 1j * (spin * spin).imag[..., 0]
         self._blocks(bend)[..., self._interior] = strains[..., 1:] + 1j * normal
-        self._put(self._complex(y2) + bend, y2)
+        self._put(bend, out)
 
 
 def _strain_changes(gradient: ComplexArray, dV: ComplexArray) -> Array:
