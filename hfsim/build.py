@@ -17,7 +17,6 @@ from hfsim.deck import Deck, LoadedDeck
 from hfsim.elements import ELEMENTS, Cable, ElasticLaw, Inertia, Measures, Stiffness, join_laws
 from hfsim.elimination import eliminate
 from hfsim.equations import Equations, VariableMass
-from hfsim.forces import TwoPointSpec
 from hfsim.markers import GroundMarker, Marker
 from hfsim.matrices import DENSE_UP_TO, Entries, Matrix, assemble
 from hfsim.models import MODELS, Model
@@ -542,7 +541,7 @@ def _springs_and_loads(deck: Deck, bodies: dict[str, Body], left_out: LeftOut, x
         if f"springs.{name}" in left_out["springs"]:
             continue
         first, second = (find_marker(point, bodies, deck) for point in spring.between)
-        if isinstance(spring, TwoPointSpec):
+        if spring.type == "two_point":
             gap = second.position(x[None]) - first.position(x[None])
             forces.append(spring.build(first, second, float(np.linalg.norm(gap))))
         else:
