@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -88,8 +88,7 @@ class Scene:
         return find_marker(point, self.bodies, self.deck)
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """A part of a scene that nothing connects to the rest.
 
     Attributes
@@ -506,7 +505,7 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
     straight = (mesh.differences @ mesh.undeformed).reshape(1, spec.elements, -1, 2)
 
     def matrix(stiffness: Stiffness, curvature: str) -> Array:
-        measures = replace(_measures(spec), curvature=curvature)
+        measures = _measures(spec)._replace(curvature=curvature)
         H = mesh.element.law(stiffness, spec.elements, measures).hessian(straight)[0]
         k = H.shape[-1]
         return sum(
