@@ -16,8 +16,8 @@ twice as long.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -52,16 +52,14 @@ class OutOfRange(LimitReached):
     """An estimate passed its bound: this part of the run ends."""
 
 
-@dataclass(frozen=True)
-class Leg:
+class Leg(NamedTuple):
     """A part of a run made with one choice of models."""
 
     scene: Scene
     done: Integration
 
 
-@dataclass(frozen=True)
-class Switch:
+class Switch(NamedTuple):
     """A beam going over to a higher model.
 
     Attributes
@@ -119,7 +117,7 @@ class Course:
         """Return the course as JSON-ready facts."""
         return {
             "shares": self.shares(),
-            "switches": [asdict(switch) for switch in self.switches],
+            "switches": [switch._asdict() for switch in self.switches],
             "discarded_steps": self.discarded_steps,
             "estimated_errors": self.errors,
         }
@@ -273,8 +271,8 @@ class _Adaptive:
         scale = max(reach, self.reach.get(name, 0.0), 1e-300)
         terms = tip_error(scene, name, scene.models[name], seen, times)
         if forecast and scene.models[name] == "rigid":
-            ringing = replace(
-                seen, slope=2.0 * seen.slope, tip=2.0 * seen.tip, curvature=2.0 * seen.curvature
+            ringing = seen._replace(
+                slope=2.0 * seen.slope, tip=2.0 * seen.tip, curvature=2.0 * seen.curvature
             )
             later = sum(tip_error(scene, name, "linear", ringing, times).values(), np.zeros(len(times)))
             self.forecast[name] = times, later / scale
@@ -340,4 +338,4 @@ def _until(scene: Scene, done: Integration, t: float) -> Integration:
     path = done.trajectory
     kept = [segment for segment in path.segments if segment.t < t]
     q, v = scene.system.project(np.array([t]), *path.at(np.array([t])))
-    return replace(done, trajectory=Trajectory(path.t_start, t, q[0], v[0], kept), stop=None)
+    return done._replace(trajectory=Trajectory(path.t_start, t, q[0], v[0], kept), stop=None)

@@ -1,8 +1,10 @@
-"""Array types, as the whole package writes them."""
+"""Array types, as the whole package writes them, and what NumPy does at the price of a long import."""
 
 from __future__ import annotations
 
-from typing import Any, TypeAlias
+import math
+import random
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,3 +28,26 @@ def run_of(places: IntArray) -> Places:
     if not len(places) or (steps <= 0).any() or (steps != steps[:1]).any():
         return places
     return slice(int(places[0]), int(places[-1]) + 1, int(steps[0]) if len(steps) else 1)
+
+
+_Numbers = TypeVar("_Numbers", Array, IntArray)
+
+
+def distinct(values: _Numbers) -> _Numbers:
+    """Return the values that occur, sorted, shape (n,): `numpy.unique` would import all masked arrays.
+
+    Examples
+    --------
+    >>> distinct(np.array([[3, 1], [1, 2]]))
+    array([1, 2, 3])
+    """
+    ordered = np.sort(values, axis=None)
+    new = np.ones(len(ordered), dtype=bool)
+    new[1:] = ordered[1:] != ordered[:-1]
+    return ordered[new]
+
+
+def random_signs(shape: tuple[int, ...]) -> Array:
+    """Return -1 and 1 in no order, always the same: `numpy.random` would take long to import."""
+    bits = np.frombuffer(random.Random(0).randbytes(math.prod(shape)), dtype=np.uint8) & 1
+    return np.asarray(2.0 * bits - 1.0).reshape(shape)

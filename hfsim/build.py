@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -17,7 +17,6 @@ from hfsim.deck import Deck, LoadedDeck
 from hfsim.elements import ELEMENTS, Cable, ElasticLaw, Inertia, Measures, Stiffness, join_laws
 from hfsim.elimination import eliminate
 from hfsim.equations import Equations, VariableMass
-from hfsim.forces import TwoPointSpec
 from hfsim.markers import GroundMarker, Marker
 from hfsim.matrices import DENSE_UP_TO, Entries, Matrix, assemble
 from hfsim.models import MODELS, Model
@@ -89,8 +88,7 @@ class Scene:
         return find_marker(point, self.bodies, self.deck)
 
 
-@dataclass(frozen=True)
-class Part:
+class Part(NamedTuple):
     """A part of a scene that nothing connects to the rest.
 
     Attributes
@@ -507,7 +505,7 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
     straight = (mesh.differences @ mesh.undeformed).reshape(1, spec.elements, -1, 2)
 
     def matrix(stiffness: Stiffness, curvature: str) -> Array:
-        measures = replace(_measures(spec), curvature=curvature)
+        measures = _measures(spec)._replace(curvature=curvature)
         H = mesh.element.law(stiffness, spec.elements, measures).hessian(straight)[0]
         k = H.shape[-1]
         return sum(
@@ -542,7 +540,7 @@ def _springs_and_loads(deck: Deck, bodies: dict[str, Body], left_out: LeftOut, x
         if f"springs.{name}" in left_out["springs"]:
             continue
         first, second = (find_marker(point, bodies, deck) for point in spring.between)
-        if isinstance(spring, TwoPointSpec):
+        if spring.type == "two_point":
             gap = second.position(x[None]) - first.position(x[None])
             forces.append(spring.build(first, second, float(np.linalg.norm(gap))))
         else:

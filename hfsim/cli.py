@@ -8,6 +8,7 @@ Only click is imported here, so that help and mistakes cost nothing; each sub-co
 
 from __future__ import annotations
 
+import gc
 import importlib
 import os
 import signal
@@ -29,6 +30,9 @@ COMMANDS = {
 
 
 INTERRUPTED = 130
+
+SELDOM = 10_000
+"""New objects after which Python looks for cycles: the 100 000 that a start makes are there to stay."""
 
 
 class LazyGroup(click.Group):
@@ -86,6 +90,8 @@ def main() -> None:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the matrices are small: more threads only cost CPU time
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # or it looks for them in all that is installed
+    gc.set_threshold(SELDOM)
     terminated = _take_sigterm_as_interruption()
     try:
         app(prog_name="hfsim")
@@ -93,6 +99,8 @@ def main() -> None:
         if terminated and stop.code == INTERRUPTED:
             raise SystemExit(128 + signal.SIGTERM) from None
         raise
+    finally:
+        gc.freeze()  # or Python would look for cycles in all there is once more before it ends
 
 
 def _take_sigterm_as_interruption() -> list[int]:

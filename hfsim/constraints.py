@@ -8,16 +8,18 @@ minus everything in Phi'' that does not come from the accelerations.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from hfsim.arrays import Array
-from hfsim.laws import Law
 from hfsim.markers import Marker, joint_support
 from hfsim.matrices import Entries
 from hfsim.parts import difference
 from hfsim.rotations import normal, rotate, wrap
+
+if TYPE_CHECKING:
+    from hfsim.laws import Law
 
 
 class Constraint(Protocol):

@@ -4,8 +4,6 @@
 bad entry hides no bad reference elsewhere, and options and sizes in the entries that could be read.
 """
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import json
@@ -14,18 +12,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path as FilePath
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal
 
-from annotated_types import Gt, Le
-from pydantic import AfterValidator, BeforeValidator, Field, TypeAdapter, ValidationError, model_validator
+from pydantic import Field, TypeAdapter, ValidationError
 
 from hfsim.bodies import AnyBody, BeamSpec
 from hfsim.bodies.beam import DEFAULT_ELEMENTS, END_POINTS
 from hfsim.deck_source import DeckSource, Path, did_you_mean, parse_source, read_source
 from hfsim.errors import DeckError
-from hfsim.forces import AnyLoad, AnySpring, ForceSpec
-from hfsim.joints import AnyJoint, DriverSpec, PrismaticSpec
-from hfsim.laws import TableSpec
+from hfsim.forces import AnyLoad, AnySpring
+from hfsim.joints import AnyJoint
 from hfsim.materials import MaterialSpec, SectionSpec
 from hfsim.rules import RULES
 from hfsim.spec import (
@@ -38,17 +34,20 @@ from hfsim.spec import (
     Flag,
     LengthVector,
     Name,
-    Number,
     Points,
     PositiveTime,
+    ReadBy,
     Spec,
     UnitInterval,
     VelocityVector,
     explain,
+    measures,
+    read_text,
     refusal,
     shown,
     spec_keys,
     split_point,
+    whole,
 )
 
 FORMAT = 1
@@ -67,23 +66,25 @@ _BODY_QUANTITIES = ("angle", "angular_velocity")
 _REACTIONS = ("force_x", "force_y", "moment")
 
 
-def _check_format(value: object) -> object:
+def _read_format(value: object) -> int:
     if isinstance(value, bool) or value != FORMAT:
         message = f"deck format {shown(value)} is unknown; this version of hfsim reads format {FORMAT}"
         raise refusal(message, f"hfsim: {FORMAT}")
     return FORMAT
 
 
-def _check_rule(value: str) -> str:
-    if value not in RULES:
-        raise refusal(f"there is no rule '{value}'", did_you_mean(value, RULES))
-    return value
+def _read_rule(value: object) -> str:
+    rule = read_text(value)
+    if rule not in RULES:
+        raise refusal(f"there is no rule '{rule}'", did_you_mean(rule, RULES))
+    return rule
 
 
-def _check_deck_name(value: str) -> str:
-    if not value.strip() or "/" in value or "\\" in value or not value.isprintable():
-        raise refusal(f"'{value}' cannot be a name", "it becomes the name of a folder")
-    return value
+def _read_deck_name(value: object) -> str:
+    name = read_text(value)
+    if not name.strip() or "/" in name or "\\" in name or not name.isprintable():
+        raise refusal(f"'{name}' cannot be a name", "it becomes the name of a folder")
+    return name
 
 
 class GroundSpec(Spec):
@@ -115,7 +116,7 @@ class SolveSpec(Spec):
     model: Literal["rigid", "linear", "lowOrder", "exact", "ancf", "auto"] = "exact"
     """Model of the beams that have none of their own; auto: the cheapest that suffices, chosen in the run."""
 
-    model_error: Annotated[Number, Gt(0), Le(1)] = 0.01
+    model_error: Annotated[float, measures(above=0, at_most=1)] = 0.01
     """Error of a beam's tip, relative to its range, that models chosen by auto may make [-]."""
 
     duration: PositiveTime
@@ -124,16 +125,16 @@ class SolveSpec(Spec):
     method: Literal["gear", "gauss", "radau", "energy", "generalized_alpha", "explicit", "auto"] = "auto"
     """Integration method."""
 
-    tolerance: Annotated[Number, Gt(0), Le(0.1)] = 1e-8
+    tolerance: Annotated[float, measures(above=0, at_most=0.1)] = 1e-8
     """Tolerance of the steps' error [-]."""
 
     step: PositiveTime | None = None
     """Fixed step [s]; without it, steps follow the tolerance."""
 
-    order: Annotated[Count, Le(5)] | None = None
+    order: Annotated[int, whole(at_most=5)] | None = None
     """Order of the method gear [-]."""
 
-    stages: Annotated[Count, Le(24)] | None = None
+    stages: Annotated[int, whole(at_most=24)] | None = None
     """Stages of the methods gauss, radau and energy [-]."""
 
     rho_inf: UnitInterval = 0.8
@@ -149,13 +150,13 @@ class SolveSpec(Spec):
     max_steps: Count | None = None
     """Steps after which the run stops [-]."""
 
-    keep: tuple[Annotated[str, AfterValidator(_check_rule)], ...] = ()
+    keep: tuple[Annotated[str, ReadBy(_read_rule)], ...] = ()
     """Rules that are not to leave anything out; `hfsim plan` names them."""
 
     keep_all: Flag = False
     """Build and compute everything, whether the scene needs it or not: for checking."""
 
-    target_error: Annotated[Number, Gt(0), Le(0.5)] | None = None
+    target_error: Annotated[float, measures(above=0, at_most=0.5)] | None = None
     """Total error, of mesh and time, that `run` is to reach by its choice of elements, degrees, tolerance and
     method (if that is auto): largest over time in the worst channel, relative to the channel's range [-]."""
 
@@ -201,10 +202,10 @@ class OutputSpec(Spec):
 class Deck(Spec):
     """A scene and what is asked of it."""
 
-    hfsim: Annotated[Literal[1], BeforeValidator(_check_format)]
+    hfsim: Annotated[Literal[1], ReadBy(_read_format)]
     """Deck format, 1."""
 
-    name: Annotated[str, AfterValidator(_check_deck_name)] = "deck"
+    name: Annotated[str, ReadBy(_read_deck_name)] = "deck"
     """Name of the scene; the file's name without it."""
 
     gravity: AccelerationVector = (0.0, 0.0)
@@ -216,7 +217,7 @@ class Deck(Spec):
     sections: Annotated[dict[Name, SectionSpec], EmptyAllowed] = Field(default_factory=dict)
     """Cross-sections."""
 
-    ground: GroundSpec = GroundSpec()
+    ground: GroundSpec = Field(default_factory=GroundSpec.model_construct)
     """Ground."""
 
     bodies: Annotated[dict[Name, AnyBody], EmptyAllowed]
@@ -237,19 +238,18 @@ class Deck(Spec):
     solve: SolveSpec
     """What is solved, and how."""
 
-    output: OutputSpec = OutputSpec()
+    output: OutputSpec = Field(default_factory=OutputSpec.model_construct)
     """What is written."""
 
-    @model_validator(mode="after")
-    def _fill_output(self) -> Self:
+    def model_post_init(self, context: Any, /) -> None:
         """Put the defaults that depend on other entries into the output."""
+        super().model_post_init(context)
         filled = OutputSpec.model_construct(
             interval=self.output.interval or self.solve.duration / 200,
             channels=self.output.channels or default_channels(self.bodies),
             plots=self.output.plots,
         )
         object.__setattr__(self, "output", filled)
-        return self
 
     @property
     def dimension(self) -> int:
@@ -328,7 +328,7 @@ class LoadedDeck:
             resolved["bodies"][name]["elements"] = "auto"
         return _sha256(resolved)
 
-    def with_numbers(self) -> LoadedDeck:
+    def with_numbers(self) -> "LoadedDeck":
         """Return the deck with the default elements where it leaves them open, and then without target."""
         if not self.auto_elements:
             return self
@@ -342,7 +342,7 @@ class LoadedDeck:
         """The overrides as given, ``KEY=VALUE``."""
         return self.source.overrides
 
-    def with_solve(self, update: dict[str, Any]) -> LoadedDeck:
+    def with_solve(self, update: dict[str, Any]) -> "LoadedDeck":
         """Return the same deck solved in another way: entries of ``solve`` by their names."""
         solve = self.deck.solve.model_copy(update=update)
         return replace(self, deck=self.deck.model_copy(update={"solve": solve}))
@@ -620,16 +620,10 @@ class _Checks:
         for path, owner in [(("ground",), self.entries["ground"]), *owners]:
             for name, point in (owner.points if owner else {}).items():
                 yield (*path, "points", name), point
-        for name, joint in self.entries["joints"].items():
-            if isinstance(joint, DriverSpec | PrismaticSpec):
-                yield ("joints", name, "axis"), joint.axis
-        for name, load in self.entries["loads"].items():
-            if isinstance(load, ForceSpec):
-                yield ("loads", name, "force"), load.force
-        for name, motion in self.entries["initial"].items():
-            for key in ("position", "velocity"):
-                if (vector := getattr(motion, key)) is not None:
-                    yield ("initial", name, key), vector
+        for kind, *keys in (("joints", "axis"), ("loads", "force"), ("initial", "position", "velocity")):
+            for path, vector in self._values(kind, keys):
+                if vector is not None:
+                    yield path, vector
 
     def _beam_sizes(self) -> Iterator[Complaint]:
         for name, beam in self.beams.items():
@@ -667,7 +661,7 @@ class _Checks:
 
     def _law_ranges(self) -> Iterator[Complaint]:
         for path, law in self._laws():
-            if self.solve is None or not isinstance(law, TableSpec):
+            if self.solve is None or getattr(law, "type", None) != "table":
                 continue
             first, last = law.times[0], law.times[-1]
             if first > 0 or last < self.solve.duration:
@@ -678,9 +672,13 @@ class _Checks:
 
     def _laws(self) -> Iterator[tuple[Path, Any]]:
         for kind, keys in (("joints", ("angle", "position")), ("loads", ("law",))):
-            for name, entry in self.entries[kind].items():
-                for key in keys:
-                    yield (kind, name, key), getattr(entry, key, None)
+            yield from self._values(kind, keys)
+
+    def _values(self, kind: str, keys: Sequence[str]) -> Iterator[tuple[Path, Any]]:
+        """Yield of each entry of a kind what stands under the keys, None where it has no such key."""
+        for name, entry in self.entries[kind].items():
+            for key in keys:
+                yield (kind, name, key), getattr(entry, key, None)
 
     def _target_channels(self) -> Iterator[Complaint]:
         output: OutputSpec | None = self.entries["output"]

@@ -7,8 +7,8 @@ near one another or part slowly, in an unstable one their distance grows exponen
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -35,8 +35,7 @@ _WHOLE = 0.5
 """Part of the run that the disturbed one must reach to be compared."""
 
 
-@dataclass(frozen=True)
-class Growth:
+class Growth(NamedTuple):
     """How fast two motions part that start beside one another.
 
     Attributes

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 from hfsim.arrays import Array
 from hfsim.build import Scene
@@ -18,8 +19,7 @@ Progress = Callable[[float], None]
 Watch = Callable[[float, Array, Array], None]
 
 
-@dataclass(frozen=True)
-class Integration:
+class Integration(NamedTuple):
     """A trajectory, what it cost and what stopped it."""
 
     trajectory: Trajectory

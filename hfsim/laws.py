@@ -4,8 +4,6 @@ Values of a law are in SI of what it drives, its rates in the same per second: a
 and "120 rpm", a `PositionLaw` "9 mm" and "1 m/s".
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -20,7 +18,17 @@ from pydantic import BeforeValidator, Field
 
 from hfsim.arrays import Array
 from hfsim.deck_source import Path
-from hfsim.spec import Angle, Complaint, Number, PositiveFrequency, PositiveTime, Spec, Time, refuse_all
+from hfsim.spec import (
+    Angle,
+    Complaint,
+    Number,
+    OneOf,
+    PositiveFrequency,
+    PositiveTime,
+    Spec,
+    Time,
+    refuse_all,
+)
 from hfsim.units import UnitError, parse_quantity
 
 
@@ -318,7 +326,7 @@ def _driving(value: str, rate: str) -> BeforeValidator:
     return BeforeValidator(partial(_read_law, value=value, rate=rate))
 
 
-_by_type = Field(discriminator="type")
+_by_type = OneOf("type", LAWS)
 
 AngleLaw = Annotated[AnyLaw, _by_type, _driving("angle", "angular_velocity")]
 PositionLaw = Annotated[AnyLaw, _by_type, _driving("length", "velocity")]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from hfsim.arrays import Array
 from hfsim.matrices import Matrix
 
 
-@dataclass(frozen=True)
-class Linearized:
+class Linearized(NamedTuple):
     """M y'' + D y' + K y + Phi^T lambda = 0 with Phi y = 0, for small changes y of a state.
 
     Inertia forces that change with the state (centrifugal and gyroscopic ones) are not in it: they

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray, IntArray
+from hfsim.arrays import Array, ComplexArray, IntArray, distinct
 from hfsim.matrices import NOTHING, Entries
 from hfsim.rotations import as_complex, as_vectors
 
@@ -69,7 +69,7 @@ ROUNDING = 1e-13
 
 def joint_support(*markers: Marker) -> IntArray:
     """Return the coordinates that any of some markers depends on, as columns of x."""
-    return np.unique(np.concatenate([marker.support for marker in markers]))
+    return distinct(np.concatenate([marker.support for marker in markers]))
 
 
 @dataclass(frozen=True)

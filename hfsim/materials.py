@@ -1,26 +1,21 @@
 """Materials, cross-sections and all numbers that follow from them; no other file computes these."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Annotated, Literal, Protocol
 
-from annotated_types import Gt, Lt
-from pydantic import Discriminator, Tag
-
 from hfsim.spec import (
-    GENERAL,
     Complaint,
     NonNegativeLength,
     NonNegativeTime,
-    Number,
+    OneOf,
     PositiveArea,
     PositiveDensity,
     PositiveLength,
     PositivePressure,
     PositiveSecondMoment,
     Spec,
+    measures,
 )
 
 _PROPORTIONS = (1e-4, 1e4)
@@ -35,7 +30,7 @@ class MaterialSpec(Spec):
     youngs_modulus: PositivePressure
     """Young's modulus [Pa]."""
 
-    poisson_ratio: Annotated[Number, Gt(-1), Lt(0.5)] = 0.0
+    poisson_ratio: Annotated[float, measures(above=-1, below=0.5)] = 0.0
     """Poisson's ratio [-]."""
 
     axial_damping: NonNegativeTime = 0.0
@@ -180,16 +175,12 @@ class TubeSection(_EquivalentRectangle):
         return math.pi * (self.outer_radius**4 - self.inner_radius**4) / 4
 
 
-def _kind_of_section(value: object) -> str:
-    shape = value.get("shape", GENERAL) if isinstance(value, dict) else getattr(value, "shape", GENERAL)
-    return str(shape)
-
-
 SectionSpec = Annotated[
-    Annotated[GeneralSection, Tag(GENERAL)]
-    | Annotated[RectangleSection, Tag("rectangle")]
-    | Annotated[CircleSection, Tag("circle")]
-    | Annotated[TubeSection, Tag("tube")],
-    Discriminator(_kind_of_section),
+    GeneralSection | RectangleSection | CircleSection | TubeSection,
+    OneOf(
+        "shape",
+        {"rectangle": RectangleSection, "circle": CircleSection, "tube": TubeSection},
+        otherwise=GeneralSection,
+    ),
 ]
 """Any cross-section: area and second moment, or a shape; all have area, second_moment, height and width."""

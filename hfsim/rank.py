@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,8 +13,7 @@ LOST = 1e-9
 """Singular value over the largest below which rows count as dependent."""
 
 
-@dataclass(frozen=True)
-class Dependence:
+class Dependence(NamedTuple):
     """How near rows of a constraint Jacobian are to depending on one another.
 
     Attributes

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from numpy import ndarray
 
 
-@dataclass(frozen=True)
-class Channel:
+class Channel(NamedTuple):
     """One output column.
 
     Attributes

@@ -10,22 +10,20 @@ import math
 import re
 import types
 import typing
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from importlib import import_module
 from itertools import pairwise
-from typing import Annotated, Any, NamedTuple, Self
+from typing import Annotated, Any, NamedTuple
 
-from annotated_types import Ge, Gt, Le
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError, model_validator
-from pydantic_core import ErrorDetails, InitErrorDetails, PydanticCustomError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
+from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError
+from pydantic_core.core_schema import no_info_plain_validator_function
 
 from hfsim.deck_source import Path, did_you_mean
 from hfsim.units import UnitError, describe, parse_quantity
 
 _REFUSED = "refused"
-
-GENERAL = "<no shape>"
-"""Tag of an entry that may state a shape and does not."""
 
 
 class Complaint(NamedTuple):
@@ -56,45 +54,145 @@ class Spec(BaseModel):
         """Yield what is wrong with this entry where each key by itself is right."""
         return ()
 
-    @model_validator(mode="after")
-    def _refuse_complaints(self) -> Self:
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuse an entry that has complaints."""
         refuse_all(self.complaints())
-        return self
 
 
-def refusal(message: str, hint: str = "") -> PydanticCustomError:
+def refusal(message: str, hint: str = "", on_key: bool = False) -> PydanticCustomError:
     """Return the exception by which a validator refuses a value, with what would be right."""
-    return PydanticCustomError(_REFUSED, "{message}", {"message": message, "hint": hint})
+    return PydanticCustomError(_REFUSED, "{message}", {"message": message, "hint": hint, "on_key": on_key})
+
+
+def refused(complaints: Sequence[Complaint]) -> ValidationError:
+    """Return the exception that makes all complaints at once, each at its own path."""
+    errors = [
+        InitErrorDetails(type=refusal(one.message, one.hint, one.on_key), loc=one.path, input=None)
+        for one in complaints
+    ]
+    return ValidationError.from_exception_data("entry", errors)
 
 
 def refuse_all(complaints: Iterable[Complaint]) -> None:
-    """Raise all complaints at once, each at its own path; do nothing where there are none."""
-    errors = [
-        InitErrorDetails(type=refusal(one.message, one.hint), loc=one.path, input=None) for one in complaints
-    ]
-    if errors:
-        raise ValidationError.from_exception_data("entry", errors)
+    """Raise all complaints at once; do nothing where there are none."""
+    if found := list(complaints):
+        raise refused(found)
 
 
-def read_number(value: object, dimension: str = "dimensionless") -> float:
+class ReadBy:
+    """Marks a field's type: a function turns the deck's value into it, or refuses it.
+
+    Pydantic's own validators would look at each function's signature whenever a class is built.
+
+    Attributes
+    ----------
+    read : callable
+        From the deck's value to the field's.
+    """
+
+    def __init__(self, read: Callable[[Any], object]) -> None:
+        self.read = read
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        """Tell pydantic how the field is validated."""
+        return no_info_plain_validator_function(self.read)
+
+
+class OneOf:
+    """Marks a union of entries: one key of an entry says which class it is read as.
+
+    Pydantic's own unions build all their classes at once; here a class is built, and if need be its module
+    imported, when a deck first has such an entry.
+
+    Attributes
+    ----------
+    key : str
+        The key.
+    kinds : mapping of str to type or str
+        The key's values and the class of each, or where it stands: ``hfsim.joints.fixed.FixedSpec``.
+    otherwise : type, optional
+        The class of entries without the key.
+    """
+
+    def __init__(
+        self, key: str, kinds: Mapping[str, type[Spec] | str], otherwise: type[Spec] | None = None
+    ) -> None:
+        self.key, self.kinds, self.otherwise = key, kinds, otherwise
+
+    def spec_of(self, entry: dict[str, Any]) -> type[Spec] | None:
+        """Return the class that an entry is read as, None where its key does not say it."""
+        if self.key not in entry:
+            return self.otherwise
+        kind = entry[self.key]
+        spec = self.kinds.get(kind) if isinstance(kind, str) else None
+        if isinstance(spec, str):
+            module, _, name = spec.rpartition(".")
+            found: type[Spec] = getattr(import_module(module), name)
+            return found
+        return spec
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        """Tell pydantic how the field is validated."""
+        return no_info_plain_validator_function(self._read)
+
+    def _read(self, value: Any) -> Spec:
+        if isinstance(value, Spec):
+            return value
+        if not isinstance(value, dict):
+            raise refusal(f"must be a map, not {shown(value)}")
+        spec = self.spec_of(value)
+        if spec is not None:
+            return spec.model_validate(value)
+        if self.key not in value:
+            wrong = Complaint((self.key,), "missing key", "it says which kind this entry is", on_key=True)
+        else:
+            wrong = _wrong_choice((self.key,), value[self.key], list(self.kinds))
+        raise refused([wrong])
+
+
+class _Bounds(NamedTuple):
+    """What a number must be; its refusal shows the number as it was written."""
+
+    above: float | None = None
+    at_least: float | None = None
+    below: float | None = None
+    at_most: float | None = None
+
+    def check(self, number: float, written: object) -> None:
+        """Refuse a number outside."""
+        if self.above is not None and not number > self.above:
+            raise refusal(f"must be greater than {self.above:g}, not {shown(written)}")
+        if self.at_least is not None and not number >= self.at_least:
+            raise refusal(f"must be at least {self.at_least:g}, not {shown(written)}")
+        if self.below is not None and not number < self.below:
+            raise refusal(f"must be less than {self.below:g}, not {shown(written)}")
+        if self.at_most is not None and not number <= self.at_most:
+            raise refusal(f"must be at most {self.at_most:g}, not {shown(written)}")
+
+
+def _read_number(dimension: str, bounds: _Bounds, value: object) -> float:
     """Return a deck's number, or its text with a unit, as a finite SI number."""
+    number = value
     if isinstance(value, str):
         try:
-            value = parse_quantity(value, dimension)
+            number = parse_quantity(value, dimension)
         except UnitError as error:
             raise refusal(str(error), error.hint) from None
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        raise refusal(f"must be {describe(dimension)}, not {shown(value)}")
-    if not math.isfinite(value):
-        raise refusal(f"must be finite, not {value}")
-    return float(value)
+    if isinstance(number, bool) or not isinstance(number, int | float):
+        raise refusal(f"must be {describe(dimension)}, not {shown(number)}")
+    if not math.isfinite(number):
+        raise refusal(f"must be finite, not {number}")
+    bounds.check(number, value)
+    return float(number)
 
 
-def _read_count(value: object) -> int:
-    whole = isinstance(value, int) or (isinstance(value, float) and value.is_integer())
-    if isinstance(value, bool) or not whole:
+def _read_count(bounds: _Bounds, value: object) -> int:
+    integral = isinstance(value, int) or (isinstance(value, float) and value.is_integer())
+    if isinstance(value, bool) or not integral:
         raise refusal(f"must be a whole number, not {shown(value)}")
-    return int(value)  # type: ignore[call-overload, no-any-return]
+    count: int = int(value)  # type: ignore[call-overload]
+    bounds.check(count, value)
+    return count
 
 
 def _read_flag(value: object) -> bool:
@@ -103,42 +201,45 @@ def _read_flag(value: object) -> bool:
     return value
 
 
-def _measures(dimension: str) -> BeforeValidator:
-    return BeforeValidator(partial(read_number, dimension=dimension))
+def measures(dimension: str = "dimensionless", **bounds: float) -> ReadBy:
+    """Return what reads a number of a dimension, with its bounds by the names of `_Bounds`."""
+    return ReadBy(partial(_read_number, dimension, _Bounds(**bounds)))
 
 
-Number = Annotated[float, _measures("dimensionless")]
-Length = Annotated[float, _measures("length")]
-Angle = Annotated[float, _measures("angle")]
-Time = Annotated[float, _measures("time")]
-Force = Annotated[float, _measures("force")]
-Moment = Annotated[float, _measures("moment")]
-Velocity = Annotated[float, _measures("velocity")]
-AngularVelocity = Annotated[float, _measures("angular_velocity")]
-Acceleration = Annotated[float, _measures("acceleration")]
-Frequency = Annotated[float, _measures("frequency")]
+def whole(at_least: int = 1, at_most: int | None = None) -> ReadBy:
+    """Return what reads a whole number within bounds."""
+    return ReadBy(partial(_read_count, _Bounds(at_least=at_least, at_most=at_most)))
 
-NonNegative = Annotated[Number, Ge(0)]
-UnitInterval = Annotated[Number, Ge(0), Le(1)]
-PositiveLength = Annotated[Length, Gt(0)]
-NonNegativeLength = Annotated[Length, Ge(0)]
-PositiveTime = Annotated[Time, Gt(0)]
-NonNegativeTime = Annotated[Time, Ge(0)]
-PositiveFrequency = Annotated[Frequency, Gt(0)]
-PositiveMass = Annotated[float, _measures("mass"), Gt(0)]
-PositiveInertia = Annotated[float, _measures("inertia"), Gt(0)]
-PositiveDensity = Annotated[float, _measures("density"), Gt(0)]
-PositivePressure = Annotated[float, _measures("pressure"), Gt(0)]
-PositiveArea = Annotated[float, _measures("area"), Gt(0)]
-PositiveSecondMoment = Annotated[float, _measures("second_moment"), Gt(0)]
-Stiffness = Annotated[float, _measures("stiffness"), Ge(0)]
-Damping = Annotated[float, _measures("damping"), Ge(0)]
-RotationalStiffness = Annotated[float, _measures("rotational_stiffness"), Ge(0)]
-RotationalDamping = Annotated[float, _measures("rotational_damping"), Ge(0)]
 
-Integer = Annotated[int, BeforeValidator(_read_count)]
-Count = Annotated[Integer, Ge(1)]
-Flag = Annotated[bool, BeforeValidator(_read_flag)]
+Number = Annotated[float, measures()]
+Length = Annotated[float, measures("length")]
+Angle = Annotated[float, measures("angle")]
+Time = Annotated[float, measures("time")]
+Force = Annotated[float, measures("force")]
+Moment = Annotated[float, measures("moment")]
+Velocity = Annotated[float, measures("velocity")]
+AngularVelocity = Annotated[float, measures("angular_velocity")]
+Acceleration = Annotated[float, measures("acceleration")]
+
+UnitInterval = Annotated[float, measures(at_least=0, at_most=1)]
+PositiveLength = Annotated[float, measures("length", above=0)]
+NonNegativeLength = Annotated[float, measures("length", at_least=0)]
+PositiveTime = Annotated[float, measures("time", above=0)]
+NonNegativeTime = Annotated[float, measures("time", at_least=0)]
+PositiveFrequency = Annotated[float, measures("frequency", above=0)]
+PositiveMass = Annotated[float, measures("mass", above=0)]
+PositiveInertia = Annotated[float, measures("inertia", above=0)]
+PositiveDensity = Annotated[float, measures("density", above=0)]
+PositivePressure = Annotated[float, measures("pressure", above=0)]
+PositiveArea = Annotated[float, measures("area", above=0)]
+PositiveSecondMoment = Annotated[float, measures("second_moment", above=0)]
+Stiffness = Annotated[float, measures("stiffness", at_least=0)]
+Damping = Annotated[float, measures("damping", at_least=0)]
+RotationalStiffness = Annotated[float, measures("rotational_stiffness", at_least=0)]
+RotationalDamping = Annotated[float, measures("rotational_damping", at_least=0)]
+
+Count = Annotated[int, whole()]
+Flag = Annotated[bool, ReadBy(_read_flag)]
 
 
 def _entries(value: object, counts: tuple[int, ...], what: str) -> object:
@@ -171,16 +272,24 @@ Between = Annotated[tuple[str, str], BeforeValidator(partial(_entries, counts=(2
 """The two points that a joint or a spring connects."""
 
 
-def _check_name(value: str) -> str:
-    if value == "ground":
+def _read_name(value: object) -> str:
+    name = read_text(value)
+    if name == "ground":
         raise refusal("'ground' is the name of the scene's ground", "choose another name")
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", value):
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name):
         hint = "letters, digits, '_' and '-', not starting with a digit"
-        raise refusal(f"'{value}' cannot be a name", hint)
+        raise refusal(f"'{name}' cannot be a name", hint)
+    return name
+
+
+def read_text(value: object) -> str:
+    """Return a deck's text."""
+    if not isinstance(value, str):
+        raise refusal(f"must be text, not {shown(value)}")
     return value
 
 
-Name = Annotated[str, AfterValidator(_check_name)]
+Name = Annotated[str, ReadBy(_read_name)]
 
 
 def _empty_map(value: object) -> object:
@@ -224,10 +333,6 @@ def shown(value: object) -> str:
 # Pydantic's refusals in deck words --------------------------------------------------------------------
 
 _MESSAGES = {
-    "greater_than": "must be greater than {gt:g}",
-    "greater_than_equal": "must be at least {ge:g}",
-    "less_than": "must be less than {lt:g}",
-    "less_than_equal": "must be at most {le:g}",
     "string_type": "must be text",
     "dict_type": "must be a map",
     "model_type": "must be a map",
@@ -258,32 +363,26 @@ def _explain_one(item: ErrorDetails, root: type[Spec], data: Any) -> Complaint:
     path = deck_path(item["loc"], data, keep_last=kind in ("missing", _REFUSED))
     on_key = bool(item["loc"]) and item["loc"][-1] == "[key]"
     if kind == _REFUSED:
-        return Complaint(path, context["message"], context["hint"], on_key)
+        return Complaint(path, context["message"], context["hint"], on_key or context["on_key"])
     if kind == "extra_forbidden":
         hint = did_you_mean(str(path[-1]), _keys_at(root, data, path[:-1]))
         return Complaint(path, "unknown key", hint, True)
     if kind == "missing":
         return Complaint(path, "missing key", _description(root, data, path), True)
-    if kind == "union_tag_not_found":
-        return Complaint((*path, "type"), "missing key", "it says which kind this entry is", True)
-    if kind == "union_tag_invalid":
-        tag = "shape" if "shape" in _at(data, path) else "type"
-        return _wrong_choice((*path, tag), str(context["tag"]), str(context["expected_tags"]))
     if kind == "literal_error":
-        return _wrong_choice(path, item["input"], str(context["expected"]))
+        return _wrong_choice(path, item["input"], re.findall(r"'([^']*)'", context["expected"]))
     message = _MESSAGES[kind].format(**context) if kind in _MESSAGES else item["msg"]
     return Complaint(path, f"{message}, not {shown(item['input'])}", "", on_key)
 
 
-def _wrong_choice(path: Path, given: object, expected: str) -> Complaint:
-    choices = [one for one in re.findall(r"'([^']*)'", expected) if one != GENERAL]
+def _wrong_choice(path: Path, given: object, choices: list[str]) -> Complaint:
     hint = did_you_mean(str(given), choices)
     message = f"must be one of {', '.join(choices)}, not {shown(given)}"
     return Complaint(path, message, hint if "?" in hint else "")
 
 
 def deck_path(loc: Iterable[str | int], data: Any, keep_last: bool = False) -> Path:
-    """Return a location of pydantic's without what is not in the deck: tags of unions and the like.
+    """Return a location of pydantic's without what is not in the deck, such as its mark of a map's key.
 
     Parameters
     ----------
@@ -296,34 +395,19 @@ def deck_path(loc: Iterable[str | int], data: Any, keep_last: bool = False) -> P
     """
     steps = list(loc)
     path: list[str | int] = []
-    tag_seen = False
     for index, step in enumerate(steps):
-        is_tag = isinstance(data, dict) and not tag_seen and step in _tags(data)
-        if is_tag:
-            tag_seen = True
-        elif _has(data, step):
+        if _has(data, step):
             path.append(step)
             data = data[step]
-            tag_seen = False
         elif keep_last and index == len(steps) - 1 and isinstance(data, dict) and step != "[key]":
             path.append(step)
     return tuple(path)
-
-
-def _tags(data: dict[str, Any]) -> tuple[object, ...]:
-    return data.get("type"), data.get("shape", GENERAL)
 
 
 def _has(data: Any, step: str | int) -> bool:
     if isinstance(data, dict):
         return step in data
     return isinstance(data, list) and isinstance(step, int) and step < len(data)
-
-
-def _at(data: Any, path: Path) -> Any:
-    for step in path:
-        data = data[step]
-    return data
 
 
 def _keys_at(root: type[Spec], data: Any, path: Path) -> list[str]:
@@ -388,25 +472,18 @@ def _inside(annotation: Any, data: Any, step: str | int) -> Any:
 def _alternatives(annotation: Any) -> list[Any]:
     origin = typing.get_origin(annotation)
     if origin is Annotated:
-        return _alternatives(typing.get_args(annotation)[0])
+        one_of = [mark for mark in annotation.__metadata__ if isinstance(mark, OneOf)]
+        return one_of or _alternatives(typing.get_args(annotation)[0])
     if origin in (typing.Union, types.UnionType):
         return [leaf for one in typing.get_args(annotation) for leaf in _alternatives(one)]
     return [annotation]
 
 
 def _pick(annotation: Any, data: Any) -> type[Spec] | None:
-    """Return the one class among an annotation's alternatives whose tags are those of the data."""
-    specs = [one for one in _alternatives(annotation) if isinstance(one, type) and issubclass(one, Spec)]
-    if len(specs) == 1:
-        return specs[0]
-    matching = [spec for spec in specs if isinstance(data, dict) and _has_tags(spec, data)]
-    return matching[0] if matching else None
-
-
-def _has_tags(spec: type[Spec], data: dict[str, Any]) -> bool:
-    for tag in ("type", "shape"):
-        info = spec.model_fields.get(tag)
-        expected = typing.get_args(info.annotation)[0] if info else None
-        if data.get(tag) != expected:
-            return False
-    return True
+    """Return the one class among an annotation's alternatives that the data are read as."""
+    for one in _alternatives(annotation):
+        if isinstance(one, OneOf):
+            return one.spec_of(data) if isinstance(data, dict) else None
+        if isinstance(one, type) and issubclass(one, Spec):
+            return one
+    return None

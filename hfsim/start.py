@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,8 +24,7 @@ TOLERANCE = 1e-9
 """Violation of a joint, in metres or radians and per second, that counts as a contradiction."""
 
 
-@dataclass(frozen=True)
-class Start:
+class Start(NamedTuple):
     """What the starting state is found from.
 
     Attributes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, distinct
 from hfsim.build import Scene
 from hfsim.integrators import Trajectory
 
@@ -33,7 +33,7 @@ def count_turns(scene: Scene, trajectory: Trajectory, times: Array) -> dict[str,
         return {}
     ends = trajectory.step_ends()
     inner = (ends[:-1, None] + np.diff(ends)[:, None] * np.array([0.25, 0.5, 0.75])).ravel()
-    every = np.unique(np.concatenate([ends, inner, times]))
+    every = distinct(np.concatenate([ends, inner, times]))
     x = scene.system.absolute(trajectory.at(every)[0])
     at = np.searchsorted(every, times)
     turns = {}

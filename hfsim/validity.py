@@ -19,12 +19,11 @@ magnitude: the error of a phase that grows over many periods is not in it.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfsim.arrays import Array
+from hfsim.arrays import Array, distinct
 from hfsim.bodies import BeamSpec
 from hfsim.bodies.assembled import LowOrderBody, NodalBeam
 from hfsim.build import Scene
@@ -57,8 +56,7 @@ _WAVE_NUMBERS = {
 """First wave number times length of a beam by its ends, the stiffer end first."""
 
 
-@dataclass(frozen=True)
-class Deformation:
+class Deformation(NamedTuple):
     """One beam of a truncated model in its body frame, in a batch of states.
 
     Attributes
@@ -105,7 +103,7 @@ def watch_validity(scene: Scene, times: Array, q: Array, v: Array) -> dict[str, 
     """
     if not len(times) or next(truncated_beams(scene), None) is None:
         return {}
-    some = np.unique(np.linspace(0, len(times) - 1, min(len(times), MAX_STATES)).astype(int))
+    some = distinct(np.linspace(0, len(times) - 1, min(len(times), MAX_STATES)).astype(int))
     t, q, v = times[some], q[some], v[some]
     x, u = scene.system.absolute(q), scene.system.absolute_velocity(q, v)
     return {body.name: _judge(scene, body, t, x, u) for body in truncated_beams(scene)}

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from hfsim.arrays import random_signs
+
 PACKAGE = Path(__file__).parent.parent / "hfsim"
 GROUND = {
     "arrays",
@@ -183,7 +185,7 @@ def test_the_table_is_not_circular():
 
 
 def modules_after(code):
-    script = f"import sys\n{code}\nprint(*sorted({{name.split('.')[0] for name in sys.modules}}))"
+    script = f"import sys\n{code}\nprint(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
     return set(done.stdout.splitlines()[-1].split())
 
@@ -196,17 +198,43 @@ def test_help_imports_only_click():
     assert not loaded & {"numpy", "scipy", "matplotlib", "pydantic", "yaml"}
 
 
-def test_check_and_run_need_neither_scipy_nor_matplotlib(tmp_path):
+NOT_NEEDED = {
+    *("scipy", "matplotlib", "numpy.ma", "numpy.random", "numpy.testing"),
+    *("ssl", "http", "multiprocessing", "concurrent", "unittest"),
+    *("hfsim.studies", "hfsim.plots", "hfsim.commands.bench", "hfsim.commands.compare"),
+    *("hfsim.laws", "hfsim.joints.driver", "hfsim.joints.fixed", "hfsim.forces.force", "hfsim.forces.two_point"),
+}
+"""Modules that a run without plots and error estimate does without: each of them costs milliseconds."""
+
+
+def test_a_run_imports_no_more_than_it_needs(tmp_path):
     code = (
         "from hfsim.cli import app\n"
         "try:\n"
-        f"    app(['run', 'pendulum', '--set', 'solve.duration=0.02', '--no-plots', '-q', '-o', {str(tmp_path / 'o')!r}])\n"
+        f"    app(['run', 'pendulum', '--set', 'solve.duration=0.02', '--no-plots', '--no-error-estimate', '-q', '-o', {str(tmp_path / 'o')!r}])\n"
         "except SystemExit as stop:\n"
         "    assert stop.code == 0"
     )
     loaded = modules_after(code)
     assert "numpy" in loaded
-    assert not loaded & {"scipy", "matplotlib"}
+    assert not loaded & NOT_NEEDED
+
+
+def test_a_deck_builds_only_the_classes_it_uses():
+    code = (
+        "from hfsim.bodies import BeamSpec, RigidSpec\n"
+        "from hfsim.deck import load_deck\n"
+        f"load_deck({str(ROOT / 'cases' / 'pendulum.yaml')!r})\n"
+        "print(*(spec.__name__ for spec in (BeamSpec, RigidSpec) if spec.__pydantic_complete__))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["BeamSpec"]
+
+
+def test_signs_in_no_order_are_both_there_and_always_the_same():
+    signs = random_signs((7, 30))
+    assert signs.shape == (7, 30) and set(signs.ravel()) == {-1.0, 1.0}
+    assert abs(signs.sum()) < 60 and (signs == random_signs((7, 30))).all()
 
 
 # README and .ci/run ----------------------------------------------------------------------------------

@@ -81,6 +81,27 @@ def test_message_shows_line_caret_and_remedy():
     assert caret.index("^") == len("    5 | ") + 58
 
 
+def test_refusals_show_numbers_as_written():
+    (problem,) = problems(SMALL.replace("length: 2", "length: -5 mm"))
+    assert problem.message == "must be greater than 0, not '-5 mm'"
+    (problem,) = problems(SMALL.replace("length: 2", "length: 2, elements: 1e30"))
+    assert problem.message == "must be at most 100000, not 1e+30"
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("{between: [ground, arm.root]}", "missing key"),
+        ("{type: revolut}", "must be one of revolute, fixed, prismatic, driver, not 'revolut'"),
+        ("{type: 3}", "must be one of revolute, fixed, prismatic, driver, not 3"),
+        ("[1]", "must be a map, not a list"),
+    ],
+)
+def test_an_entry_must_say_of_which_kind_it_is(kind, message):
+    (problem,) = problems(SMALL.replace("{type: revolute, between: [ground, arm.root]}", kind))
+    assert (problem.message, problem.line) == (message, 6)
+
+
 def test_choices_are_listed_once():
     (far,) = problems(SMALL.replace("duration: 2", "duration: 2, method: zzz"))
     (near,) = problems(SMALL.replace("duration: 2", "duration: 2, method: Radau"))

@@ -164,7 +164,7 @@ def held(monkeypatch):
                     clock[0] += costs.get(solve.method, 5.0) / 100
                     check((k + 1) / 100)
             except LimitReached as stop:
-                return replace(done, stop=stop)
+                return done._replace(stop=stop)
             return done
 
         def changed(method, tolerance):

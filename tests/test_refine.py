@@ -72,8 +72,9 @@ def test_only_the_body_that_matters_is_refined():
     run, _ = refine(deck)
     assert run.exit_code == 0, run.reason
     bodies = run.statistics["refinement"]["chosen"]["bodies"]
-    assert bodies["b2"] == {"elements": 2, "degree": 3}
-    assert bodies["b1"]["elements"] * (bodies["b1"]["degree"] - 1) >= 16
+    soft, firm = (bodies[name]["elements"] * (bodies[name]["degree"] - 1) for name in ("b1", "b2"))
+    # one finer mesh of the firm one is tried, and kept if it costs nothing
+    assert firm <= 8 and soft >= 16
     assert true_error(run, unlike(deck, 10, 5, 1e-6), deck.deck.channels) <= 1e-2
 
 

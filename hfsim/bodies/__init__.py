@@ -2,11 +2,10 @@
 
 from typing import Annotated
 
-from pydantic import Field
-
 from hfsim.bodies.beam import BeamSpec, QuadratureSpec
 from hfsim.bodies.rigid import RigidSpec
+from hfsim.spec import OneOf
 
-AnyBody = Annotated[BeamSpec | RigidSpec, Field(discriminator="type")]
+AnyBody = Annotated[BeamSpec | RigidSpec, OneOf("type", {"beam": BeamSpec, "rigid": RigidSpec})]
 
 __all__ = ["AnyBody", "BeamSpec", "QuadratureSpec", "RigidSpec"]

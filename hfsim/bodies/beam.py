@@ -1,14 +1,11 @@
 """Beams: slender flexible bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Annotated, Literal
 
-from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field
 
-from hfsim.spec import Complaint, Count, Flag, Points, PositiveLength, Spec, refusal, shown
+from hfsim.spec import Complaint, Flag, Points, PositiveLength, Spec, refusal, shown, whole
 
 END_POINTS = ("root", "tip")
 """Points that every beam has."""
@@ -26,10 +23,10 @@ def _read_elements(value: object) -> object:
 class QuadratureSpec(Spec):
     """Gauss points an element for the integrals that are not polynomials."""
 
-    axial: Annotated[Count, Le(20)]
+    axial: Annotated[int, whole(at_most=20)]
     """Points for the axial energy [-]."""
 
-    bending: Annotated[Count, Le(20)]
+    bending: Annotated[int, whole(at_most=20)]
     """Points for the bending energy [-]."""
 
 
@@ -48,13 +45,13 @@ class BeamSpec(Spec):
     length: PositiveLength
     """Undeformed length [m]."""
 
-    elements: Annotated[Count, Le(100_000), BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
+    elements: Annotated[int, whole(at_most=100_000), BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
     """Number of elements [-]; auto: `run` chooses it and the degree, all else takes 4."""
 
     element: Literal["cable", "continuum"] = "cable"
     """Centre line only, or the fully parameterised element of Liu, Hong & Cui (2007), eq. 22-27."""
 
-    degree: Annotated[Count, Ge(3), Le(12)] = 3
+    degree: Annotated[int, whole(3, 12)] = 3
     """Degree of the cable element's shapes: cubic Hermite and degree - 3 interior functions [-]."""
 
     strain: Literal["green", "engineering"] = "green"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -57,8 +58,7 @@ class Samples:
         return np.asarray(near + wrap(measured - near))
 
 
-@dataclass(frozen=True)
-class ChannelKind:
+class ChannelKind(NamedTuple):
     """A unit and the function (samples, subject, quantity) -> one value per time."""
 
     unit: str

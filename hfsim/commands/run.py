@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -229,7 +229,7 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
             from hfsim.studies.refine import refine
 
             result, chosen = refine(job.loaded, progress=progress, diagnosis=settings.diagnosis)
-            provenance = replace(provenance, resolved=chosen.deck.resolved())
+            provenance = provenance._replace(resolved=chosen.deck.resolved())
         else:
             result = simulate(
                 job.loaded,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
-from typing import Any, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +47,7 @@ class Stiffness:
         return replace(self, bending=0.0)
 
 
-@dataclass(frozen=True)
-class Inertia:
+class Inertia(NamedTuple):
     """Mass data of a beam: mass per length [kg/m], rotary inertia per length [kg m], section height [m]."""
 
     per_length: float
@@ -56,8 +55,7 @@ class Inertia:
     height: float
 
 
-@dataclass(frozen=True)
-class Measures:
+class Measures(NamedTuple):
     """Which strain and curvature a cable element has, and how its integrals are done.
 
     Attributes

@@ -373,7 +373,7 @@ class Cable:
         if measures.strain == "green" and measures.curvature == "linear":
             if self.degree <= LAST_GRAM_DEGREE:
                 return self.gram_law(stiffness, count)
-            measures = replace(measures, axial_points=enough, bending_points=self.degree - 1)
+            measures = measures._replace(axial_points=enough, bending_points=self.degree - 1)
         return QuadratureLaw(
             axial=np.full(count, stiffness.axial * self.length),
             bending=np.full(count, stiffness.bending / self.length),

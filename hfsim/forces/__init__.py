@@ -1,15 +1,32 @@
-"""Springs between two points and loads on one; the unions name every kind there is."""
+"""Springs between two points and loads on one; `SPRINGS` and `LOADS` name every kind there is.
 
-from typing import Annotated
+The module of a kind is imported when a deck has one.
+"""
 
-from pydantic import Field
+from typing import TYPE_CHECKING, Annotated
 
-from hfsim.forces.force import ForceSpec
-from hfsim.forces.moment import MomentSpec
-from hfsim.forces.rotational import RotationalSpec
-from hfsim.forces.two_point import TwoPointSpec
+from hfsim.spec import OneOf, Spec
 
-AnySpring = Annotated[RotationalSpec | TwoPointSpec, Field(discriminator="type")]
-AnyLoad = Annotated[ForceSpec | MomentSpec, Field(discriminator="type")]
+if TYPE_CHECKING:
+    from hfsim.forces.force import ForceSpec
+    from hfsim.forces.moment import MomentSpec
+    from hfsim.forces.rotational import RotationalSpec
+    from hfsim.forces.two_point import TwoPointSpec
 
-__all__ = ["AnyLoad", "AnySpring", "ForceSpec", "MomentSpec", "RotationalSpec", "TwoPointSpec"]
+    AnySpring = RotationalSpec | TwoPointSpec
+    AnyLoad = ForceSpec | MomentSpec
+
+SPRINGS = {
+    "rotational": "hfsim.forces.rotational.RotationalSpec",
+    "two_point": "hfsim.forces.two_point.TwoPointSpec",
+}
+LOADS = {
+    "force": "hfsim.forces.force.ForceSpec",
+    "moment": "hfsim.forces.moment.MomentSpec",
+}
+
+if not TYPE_CHECKING:
+    AnySpring = Annotated[Spec, OneOf("type", SPRINGS)]
+    AnyLoad = Annotated[Spec, OneOf("type", LOADS)]
+
+__all__ = ["LOADS", "SPRINGS", "AnyLoad", "AnySpring"]

@@ -1,7 +1,5 @@
 """Force on a point."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -34,7 +32,7 @@ class ForceSpec(Spec):
     law: ScaleLaw | None = None
     """Factor over time [-]; 1 without it."""
 
-    def build(self, marker: Marker) -> PointForce:
+    def build(self, marker: Marker) -> "PointForce":
         """Return the force at a marker."""
         law = self.law.build() if self.law else None
         return PointForce(marker, (self.force[0], self.force[1]), self.follower, law)

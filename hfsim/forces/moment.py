@@ -1,7 +1,5 @@
 """Moment on the frame of a point."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -30,7 +28,7 @@ class MomentSpec(Spec):
     law: ScaleLaw | None = None
     """Factor over time [-]; 1 without it."""
 
-    def build(self, marker: Marker) -> PointMoment:
+    def build(self, marker: Marker) -> "PointMoment":
         """Return the moment at a marker."""
         return PointMoment(marker, self.moment, self.law.build() if self.law else None)
 

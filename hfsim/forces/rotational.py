@@ -1,7 +1,5 @@
 """Rotational spring and damper between two frames."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -34,7 +32,7 @@ class RotationalSpec(Spec):
     rest_angle: Angle = 0.0
     """Angle of B relative to A without moment [rad]."""
 
-    def build(self, first: Marker, second: Marker) -> RotationalSpring:
+    def build(self, first: Marker, second: Marker) -> "RotationalSpring":
         """Return the force between two markers."""
         return RotationalSpring(first, second, self.stiffness, self.damping, self.rest_angle)
 

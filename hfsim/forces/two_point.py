@@ -1,7 +1,5 @@
 """Spring and damper along the line between two points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -32,7 +30,7 @@ class TwoPointSpec(Spec):
     rest_length: NonNegativeLength | None = None
     """Distance without force [m]; without it, the distance at the start."""
 
-    def build(self, first: Marker, second: Marker, distance: float) -> TwoPointSpring:
+    def build(self, first: Marker, second: Marker, distance: float) -> "TwoPointSpring":
         """Return the force between two markers that are a distance [m] apart at the start."""
         rest = distance if self.rest_length is None else self.rest_length
         return TwoPointSpring(first, second, self.stiffness, self.damping, rest)

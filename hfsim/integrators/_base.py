@@ -6,13 +6,13 @@ The loop around the steps is shared (`integrate`); a method makes one step at a 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array, IntArray
+from hfsim.arrays import Array, IntArray, distinct
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._tableau import legendre
 from hfsim.linearized import Linearized
@@ -176,8 +176,7 @@ class Problem:
         return by_q, by_v
 
 
-@dataclass(frozen=True)
-class Segment:
+class Segment(NamedTuple):
     """One step: start state and the accelerations within it as a Legendre series.
 
     Attributes
@@ -215,8 +214,7 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
     return np.asarray(np.linalg.solve(matrix, rhs))
 
 
-@dataclass(frozen=True)
-class Attempt:
+class Attempt(NamedTuple):
     """The outcome of trying one step.
 
     Attributes
@@ -284,7 +282,7 @@ class Trajectory:
         owner = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
         q, v = np.empty((len(times), len(self.q))), np.empty((len(times), len(self.q)))
         edges = np.searchsorted(owner, np.arange(len(starts) + 1))
-        for k in np.unique(owner):
+        for k in distinct(owner):
             mine = slice(edges[k], edges[k + 1])
             q[mine], v[mine] = self.segments[k].at(times[mine])
         return q, v
@@ -306,7 +304,7 @@ def joined(paths: list[tuple[Trajectory, IntArray]], t_end: float) -> Trajectory
     t_end : float
     """
     n = sum(len(columns) for _, columns in paths)
-    ends = np.unique(np.concatenate([path.step_ends() for path, _ in paths]))
+    ends = distinct(np.concatenate([path.step_ends() for path, _ in paths]))
     ends = np.append(ends[ends < t_end], t_end)
     q, v = np.empty((len(ends), n)), np.empty((len(ends), n))
     count = max((len(s.series) for path, _ in paths for s in path.segments), default=1)
@@ -329,7 +327,7 @@ def _cut(segments: list[Segment], ends: Array, count: int) -> Array:
     starts = np.array([step.t for step in segments])
     owner = np.clip(np.searchsorted(starts, ends[:-1], side="right") - 1, 0, len(starts) - 1)
     out = np.zeros((len(inside), count, segments[0].series.shape[1]))
-    for k in np.unique(owner):
+    for k in distinct(owner):
         mine, step = np.flatnonzero(owner == k), segments[k]
         if len(mine) == 1 and ends[mine[0]] == step.t:
             out[mine[0], : len(step.series)] = step.series
@@ -339,8 +337,7 @@ def _cut(segments: list[Segment], ends: Array, count: int) -> Array:
     return out
 
 
-@dataclass(frozen=True)
-class Limits:
+class Limits(NamedTuple):
     """When a run ends early.
 
     Attributes
@@ -541,6 +538,6 @@ def _attempt(problem: Problem, method: Method, t: float, q: Array, v: Array, h: 
         if not finite or not problem.admissible(attempt.q):
             return unsolved()
         end, rate = problem.project(np.array([t + h]), attempt.q[None], attempt.v[None])
-        return replace(attempt, q=end[0], v=rate[0])
+        return attempt._replace(q=end[0], v=rate[0])
     except np.linalg.LinAlgError:
         return unsolved()

@@ -20,8 +20,9 @@ of no length.  All end at round-off only: what is left of the equations is what 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -50,8 +51,7 @@ ROUNDING = 1e-10
 """Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more."""
 
 
-@dataclass(frozen=True)
-class Path:
+class Path(NamedTuple):
     """Quadrature along the path of a step that s stage accelerations determine.
 
     Attributes
@@ -121,7 +121,7 @@ class EnergyMethod(CollocationMethod):
         if not tried.solved or self.table.stages == 1:
             return tried
         more = (self._path.beyond @ self._along)[None]
-        return replace(tried, series=np.concatenate([tried.series, more]))
+        return tried._replace(series=np.concatenate([tried.series, more]))
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Ask for a new derivative if the last one served badly."""

@@ -1,14 +1,25 @@
-"""Joints; the union names every kind there is."""
+"""Joints; `JOINTS` names every kind there is. The module of a kind is imported when a deck has one."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-from pydantic import Field
+from hfsim.spec import OneOf, Spec
 
-from hfsim.joints.driver import DriverSpec
-from hfsim.joints.fixed import FixedSpec
-from hfsim.joints.prismatic import PrismaticSpec
-from hfsim.joints.revolute import RevoluteSpec
+if TYPE_CHECKING:
+    from hfsim.joints.driver import DriverSpec
+    from hfsim.joints.fixed import FixedSpec
+    from hfsim.joints.prismatic import PrismaticSpec
+    from hfsim.joints.revolute import RevoluteSpec
 
-AnyJoint = Annotated[RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec, Field(discriminator="type")]
+    AnyJoint = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec
 
-__all__ = ["AnyJoint", "DriverSpec", "FixedSpec", "PrismaticSpec", "RevoluteSpec"]
+JOINTS = {
+    "revolute": "hfsim.joints.revolute.RevoluteSpec",
+    "fixed": "hfsim.joints.fixed.FixedSpec",
+    "prismatic": "hfsim.joints.prismatic.PrismaticSpec",
+    "driver": "hfsim.joints.driver.DriverSpec",
+}
+
+if not TYPE_CHECKING:
+    AnyJoint = Annotated[Spec, OneOf("type", JOINTS)]
+
+__all__ = ["JOINTS", "AnyJoint"]

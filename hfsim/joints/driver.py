@@ -1,7 +1,5 @@
 """Driver: a relative angle or distance follows a law of time."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Literal
 

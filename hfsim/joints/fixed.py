@@ -1,7 +1,5 @@
 """Fixed joint: two points stay together and do not turn."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from hfsim.constraints import Coincide, Constraint, RelativeAngle

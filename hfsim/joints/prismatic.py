@@ -1,7 +1,5 @@
 """Prismatic joint: one point slides along an axis of the other body."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from hfsim.constraints import Along, Constraint, RelativeAngle, unit

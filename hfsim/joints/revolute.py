@@ -1,7 +1,5 @@
 """Revolute joint: two points stay together."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from hfsim.constraints import Coincide, Constraint

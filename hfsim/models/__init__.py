@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, NamedTuple
 
 
-@dataclass(frozen=True)
-class Model:
+class Model(NamedTuple):
     """One model of a flexible body.
 
     Attributes
@@ -31,7 +29,7 @@ class Model:
         """
         if self.strain in ("none", "low_order") or coordinates == "frame":
             return self
-        return replace(self, frame=coordinates == "auto" and self.strain == "linear")
+        return self._replace(frame=coordinates == "auto" and self.strain == "linear")
 
 
 MODELS: dict[str, Model] = {

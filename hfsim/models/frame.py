@@ -12,6 +12,7 @@ Planar vectors are complex numbers here; everything takes a leading batch axis.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +20,7 @@ from hfsim.arrays import Array, ComplexArray
 from hfsim.rotations import as_complex, wrap
 
 
-@dataclass(frozen=True)
-class Frames:
+class Frames(NamedTuple):
     """Body frames of alike beams in a batch of states.
 
     Attributes

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -281,8 +282,7 @@ def _weighted(weights: Array, rows: Array) -> Array:
     return np.asarray((weights[:, None, :] @ rows)[:, 0])
 
 
-@dataclass(frozen=True)
-class _Fields:
+class _Fields(NamedTuple):
     """Values at the quadrature points, shape (n_batch, n_points); rates have a d in front."""
 
     w: Array

@@ -5,6 +5,9 @@ Meant for a Python that has Exudyn, apart from hfsim's; `peers.py` calls it. Pri
 measured point: method, step, CPU seconds of each repeat of the solver call alone, path of the tip on the
 output grid. The times are measured without output (beyond 1 s with it, as it costs next to nothing there).
 
+``SCENE METHOD STEPS FILE`` runs a scene once and writes the path of the tip, as a script would:
+`speed.py` calls it so.
+
 Element ObjectANCFCable2D, four to a beam: engineering strain, exact curvature, 5 Gauss points axial, 3 for
 bending.
 """
@@ -257,5 +260,15 @@ def measure(name: str, budget: float, limit: float, repeats: int) -> None:
             del divisions[method]
 
 
-if __name__ == "__main__":
+def run_once(name: str, method: str, steps: int, file: str) -> None:
+    """Run a scene and write times and positions of the tip."""
+    model = Model(SCENES[name], SOLVERS[method][1] is None)
+    if model.solve(method, steps, output=True) < 0.0:
+        raise SystemExit(f"{method} fails")
+    np.savetxt(file, model.path(), delimiter=",")
+
+
+if __name__ == "__main__" and sys.argv[2] in SOLVERS:
+    run_once(sys.argv[1], sys.argv[2], int(sys.argv[3]), sys.argv[4])
+elif __name__ == "__main__":
     measure(sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), int(sys.argv[4]))

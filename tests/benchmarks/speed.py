@@ -2,11 +2,14 @@
 # ruff: noqa: E402
 """Measure the speed goals in one run: ``python tests/benchmarks/speed.py``.
 
-CPU time, median of five repeats, BLAS on one thread. Prints a table against the goals; no test.
+CPU time, median of five repeats, BLAS on one thread. Prints a table against the goals; no test. With
+``--exudyn PYTHON_WITH_EXUDYN`` it measures whole processes alone, hfsim and a bare Exudyn script alternately.
+Modules must have been compiled: ``python -m compileall -q hfsim``, where PYTHONDONTWRITEBYTECODE is set.
 """
 
 from __future__ import annotations
 
+import argparse
 import os  # first: the libraries read these names when they are imported
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -83,17 +86,44 @@ def measure_tolerances(case: str, coordinates: str, reference: np.ndarray) -> No
     print(f"  goal: error below {error_goal:g} m in at most {time_goal:g} s: {verdict}")
 
 
+def process_cpu(*command: str) -> float:
+    """Return the CPU time of a whole process, user and system [s]."""
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def hfsim_cpu(arguments: tuple[str, ...]) -> float:
+    """Return the CPU time of hfsim as a whole process [s]."""
+    with tempfile.TemporaryDirectory() as folder:
+        extra = ("-o", f"{folder}/out", "-q") if arguments[0] == "run" else ()
+        return process_cpu(sys.executable, "-m", "hfsim", *arguments, *extra)
+
+
+def measure_against_exudyn(python: str, repeats: int) -> None:
+    """Print the CPU time of the pendulum as a whole process, hfsim and an Exudyn script alternately.
+
+    The script runs RK67 at 2000 steps (error of the tip 2e-9 m) and writes the path of the tip; hfsim runs at its
+    default tolerance (5e-12 m) and writes all its files but plots.
+    """
+    scenes = Path(__file__).with_name("exudyn_scenes.py")
+    times: dict[str, list[float]] = {"hfsim": [], "Exudyn": []}
+    for _ in range(repeats):
+        times["hfsim"].append(hfsim_cpu(("run", "pendulum", "--no-plots", "--no-error-estimate")))
+        with tempfile.TemporaryDirectory() as folder:
+            script = ("-W", "ignore", str(scenes), "pendulum", "RK67", "2000", f"{folder}/tip.csv")
+            times["Exudyn"].append(process_cpu(python, *script))
+    print(f"\nwhole process, pendulum, alternately, median of {repeats}")
+    for code, values in times.items():
+        print(f"  {code:<8} {median(values):6.3f} s  (from {min(values):.3f} to {max(values):.3f})")
+    ratio = median(times["hfsim"]) / median(times["Exudyn"])
+    print(f"  ratio {ratio:.2f}  (goal 2: {'met' if ratio <= 2.0 else 'MISSED'})")
+
+
 def measure_program(arguments: tuple[str, ...], goal: float) -> None:
     """Print the CPU time of a whole process."""
-    times = []
-    for _ in range(REPEATS):
-        with tempfile.TemporaryDirectory() as folder:
-            extra = ("-o", f"{folder}/out", "-q") if arguments[0] == "run" else ()
-            before = resource.getrusage(resource.RUSAGE_CHILDREN)
-            command = [sys.executable, "-m", "hfsim", *arguments, *extra]
-            subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
-            after = resource.getrusage(resource.RUSAGE_CHILDREN)
-        times.append(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
+    times = [hfsim_cpu(arguments) for _ in range(REPEATS)]
     cpu = median(times)
     print(
         f"  hfsim {' '.join(arguments):<42} {cpu:6.3f} s  (goal {goal:g} s: {'met' if cpu <= goal else 'MISSED'})"
@@ -101,6 +131,15 @@ def measure_program(arguments: tuple[str, ...], goal: float) -> None:
 
 
 if __name__ == "__main__":
+    parser = argparse.ArgumentParser()
+    parser.add_argument(
+        "--exudyn", metavar="PYTHON", help="measure start-up only, against this Python's Exudyn"
+    )
+    parser.add_argument("--repeats", type=int, default=15, help="of each, with --exudyn")
+    chosen = parser.parse_args()
+    if chosen.exudyn:
+        measure_against_exudyn(chosen.exudyn, chosen.repeats)
+        raise SystemExit
     print("CPU time, median of", REPEATS)
     for name in SCENES:
         measure_scene(name)
