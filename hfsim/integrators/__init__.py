@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING
 
 from hfsim.integrators._base import (
@@ -44,7 +45,8 @@ def _gauss(solve: SolveSpec) -> Method:
 
 def _auto(solve: SolveSpec) -> Method:
     stages = solve.stages or default_stages(solve.tolerance)
-    return CollocationMethod("gauss", gauss(stages), solve.tolerance, radau(stages))
+    unresolved = solve.stages or (24 if solve.tolerance <= 1e-5 else stages)
+    return CollocationMethod("gauss", gauss(stages), solve.tolerance, partial(radau, unresolved))
 
 
 def _radau(solve: SolveSpec) -> Method:

@@ -14,6 +14,7 @@ anywhere, and the iteration would not converge at large steps.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,15 +62,15 @@ class CollocationMethod:
     table : Collocation
     tolerance : float
         Local error per step: metre, radian or slope, relative above 1.
-    stiff_table : Collocation, optional
-        Taken instead for steps so long that the fastest modes are not resolved: a method that damps them,
-        since what a step makes of them would otherwise stay for ever.
+    stiff_table : callable, optional
+        Returns the one taken instead for steps so long that the fastest modes are not resolved: a method that
+        damps them, since what a step makes of them would otherwise stay for ever.
     """
 
     name: str
     table: Collocation
     tolerance: float
-    stiff_table: Collocation | None = None
+    stiff_table: Callable[[], Collocation] | None = None
 
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
         """Take the initial state; return the time in which the fastest mode turns by one radian a stage."""
@@ -157,7 +158,7 @@ class CollocationMethod:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         stiff = h * self._derivative.fastest > STIFF * self.table.stages
         if self.stiff_table is not None:
-            self.table = self.stiff_table if stiff else self._resolved
+            self.table = self.stiff_table() if stiff else self._resolved
             self.name = "gauss, radau" if stiff else self.name
         self._derivative = derivative(self._problem, t, q, v, self._problem.increments if stiff else None)
         self._old, self._served = False, 0
