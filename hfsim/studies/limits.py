@@ -23,7 +23,9 @@ from hfsim.balance import balance, step_samples
 from hfsim.build import Scene, build
 from hfsim.deck import LoadedDeck, parse_deck
 from hfsim.integration import run_integration
-from hfsim.integrators import DEFAULT_STAGES, Trajectory, default_stages
+from hfsim.integrators import Trajectory, choose
+from hfsim.integrators.collocation import CollocationMethod
+from hfsim.integrators.energy import EnergyMethod
 from hfsim.studies.bench import Budget, OutOfBudgetError
 from hfsim.studies.farm import Farm, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
@@ -222,11 +224,8 @@ def measure(job: LimitJob) -> Limit:
     period = 2.0 * np.pi / omega
     disturbed = _disturbed(scene, omega, shape)
     said = theory(job.method, job.order)
-    stages = None
-    if job.method in ("gauss", "radau"):
-        stages = scene.deck.solve.stages or default_stages(scene.deck.solve.tolerance)
-    if job.method == "energy":
-        stages = scene.deck.solve.stages or DEFAULT_STAGES
+    method = choose(scene.deck.solve, scene.system.dissipates)
+    stages = method.table.stages if isinstance(method, CollocationMethod | EnergyMethod) else None
     found = Bracket(0.25 * said.longest if said.longest else 1.0)
     try:
         while (step := found.next()) is not None:

@@ -82,7 +82,7 @@ class Result:
 
 def run(name: str, task: Task, model: str, elements: int, degree: int, tolerance: float) -> Result:
     """Integrate the scene on one mesh."""
-    options = [f"solve.tolerance={tolerance}", f"solve.duration={task.duration}", "solve.method=gauss"]
+    options = [f"solve.tolerance={tolerance}", f"solve.duration={task.duration}"]
     mesh = {"elements": elements, "degree": degree}
     options += [f"bodies.{beam}.{key}={n}" for beam in task.beams for key, n in mesh.items()]
     scene = build(load_deck(CASES / f"{name}.yaml", tuple(options)), model)
