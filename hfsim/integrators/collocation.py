@@ -36,6 +36,8 @@ SAME = 1e-5
 ROUNDING = 1e-10
 """Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more: in
 fine meshes the stiffest modes amplify it so far."""
+LAST_DIGIT = 4e-16
+"""Corrections, relative to the largest coordinate, that are rounding."""
 TARGET = 0.4
 """Error at which steps are aimed, over the tolerance."""
 TAIL = 0.25
@@ -171,8 +173,8 @@ class CollocationMethod:
         back, s = table.A2_inverse / h**2, table.stages
         A2 = scaled[:s]
         correct, residual = self._derivative.correction(table, h), self._derivative.residual
-        goal = GOAL * self.tolerance * (1.0 + float(np.abs(q).max()))
-        rounding = ROUNDING * (1.0 + float(np.abs(q).max()))
+        scale = 1.0 + float(np.abs(q).max())
+        goal = GOAL * self.tolerance * scale
         before = last = rate = size = np.inf
         for k in range(MAX_ITERATIONS):
             moved = scaled @ a
@@ -189,9 +191,11 @@ class CollocationMethod:
             ratio = change / last
             rate = ratio if k <= 1 else max(ratio, 0.5 * rate)
             settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
-            if change < 0.05 * goal or settled:
+            if change < 0.05 * goal or settled or size < LAST_DIGIT * scale:
                 return a if np.isfinite(a).all() else None
+            if size < ROUNDING * scale and k > 2 and ratio > 0.9:
+                return a
             if not change < 1e3 or (k > 3 and change > 0.8 * before):
-                return a if size < rounding else None
+                return None
             before, last = last, change
         return None
