@@ -9,6 +9,7 @@ integers that stand for multiples of 2^-BITS.
 from __future__ import annotations
 
 from fractions import Fraction
+from math import ldexp
 
 import numpy as np
 
@@ -113,7 +114,7 @@ def _fixed(value: Fraction) -> int:
 
 
 def _float(z: Fixed) -> complex:
-    return complex(float(Fraction(z[0], 1 << BITS)), float(Fraction(z[1], 1 << BITS)))
+    return complex(ldexp(float(z[0]), -BITS), ldexp(float(z[1]), -BITS))
 
 
 def _sum(a: Fixed, b: Fixed) -> Fixed:
