@@ -10,22 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.adaptive import Course, Leg, chooses, run_adaptive
-from hfsim.arrays import Array
-from hfsim.balance import balance, step_samples
-from hfsim.build import Scene, build
-from hfsim.channels import CHANNELS, Samples
-from hfsim.clock import PhaseClock
-from hfsim.deck import LoadedDeck, is_judged
-from hfsim.diagnosis import diagnose, suspect, time_for
 from hfsim.errors import HfsimError, LimitReached, SolverFailure, Terminated
-from hfsim.handover import hand_over
-from hfsim.integration import Integration, Progress, run_integration
 from hfsim.integrators import Trajectory
-from hfsim.plan import plan_of
-from hfsim.solution import Channel, Run
-from hfsim.turns import count_turns
-from hfsim.validity import validity_warnings, watch_validity
+from hfsim.maths.arrays import Array
+from hfsim.parts.channels import CHANNELS, Samples
+from hfsim.run.balance import balance, step_samples
+from hfsim.run.clock import PhaseClock
+from hfsim.run.integration import Integration, Progress, run_integration
+from hfsim.run.plan import plan_of
+from hfsim.run.solution import Channel, Run
+from hfsim.run.turns import count_turns
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import LoadedDeck, is_judged
+from hfsim.trust.adaptive import Course, Leg, chooses, run_adaptive
+from hfsim.trust.diagnosis import diagnose, suspect, time_for
+from hfsim.trust.handover import hand_over
+from hfsim.trust.validity import validity_warnings, watch_validity
 
 LARGE_DRIFT = 1e-3
 """Energy drift from which a run warns."""

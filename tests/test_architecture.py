@@ -10,108 +10,48 @@ from pathlib import Path
 
 import pytest
 
-from hfsim.arrays import random_signs
+from hfsim.maths.arrays import random_signs
 
 PACKAGE = Path(__file__).parent.parent / "hfsim"
-GROUND = {
-    "arrays",
-    "errors",
-    "rotations",
-    "shapes",
-    "spec",
-    "units",
-    "deck_source",
-    "solution",
-    "parts",
-    "matrices",
-    "reduction",
-    "linearized",
-    "__init__",
-}
-ALLOWED = {
-    "__init__": set(),
-    "__main__": {"cli"},
-    "arrays": set(),
-    "errors": set(),
-    "rotations": {"arrays"},
-    "shapes": {"arrays"},
-    "units": set(),
-    "solution": {"arrays"},
-    "deck_source": {"errors", "units"},
-    "spec": {"deck_source", "units", "errors"},
-    "matrices": {"arrays"},
-    "reduction": {"arrays", "matrices"},
-    "linearized": {"arrays", "matrices"},
-    "parts": {"arrays", "matrices"},
-    "rules": set(),
-    "plan": GROUND | {"bodies", "build", "culprit", "deck", "models", "rules"},
-    "progress": set(),
-    "clock": set(),
-    "laws": GROUND,
-    "materials": GROUND,
-    "markers": GROUND,
-    "constraints": GROUND | {"laws", "markers"},
-    "elements": GROUND | {"materials"},
-    "models": GROUND | {"elements", "materials", "markers"},
-    "bodies": GROUND | {"models", "markers", "materials"},
-    "joints": GROUND | {"constraints", "laws", "markers"},
-    "forces": GROUND | {"laws", "markers"},
-    "integrators": GROUND | {"deck"},
-    "equations": GROUND | {"constraints", "markers"},
-    "elimination": GROUND | {"bodies", "constraints", "markers", "models"},
-    "system": GROUND | {"constraints", "equations", "models"},
-    "deck": GROUND | {"bodies", "forces", "joints", "laws", "materials", "rules"},
-    "start": GROUND | {"bodies", "constraints", "deck"},
-    "build": GROUND
-    | {"bodies", "constraints", "deck", "elements", "elimination", "equations"}
-    | {"forces", "markers", "models", "rank", "rules", "start", "system"},
-    "channels": GROUND | {"build"},
-    "culprit": GROUND | {"build"},
-    "integration": GROUND | {"build", "culprit", "deck", "integrators", "runaway"},
-    "validity": GROUND | {"bodies", "build", "models"},
-    "quasistatic": GROUND | {"bodies", "build", "culprit", "markers", "validity"},
-    "turns": GROUND | {"build", "integrators"},
-    "handover": GROUND | {"bodies", "build", "integrators", "quasistatic", "system", "turns", "validity"},
-    "adaptive": GROUND
-    | {"bodies", "build", "deck", "handover", "integration", "integrators", "quasistatic", "validity"},
-    "diagnosis": GROUND
-    | {
-        "balance",
-        "bodies",
-        "build",
-        "culprit",
-        "deck",
-        "growth",
-        "integration",
-        "integrators",
-        "rank",
-        "validity",
-    },
-    "rank": {"arrays"},
-    "growth": GROUND | {"build", "deck", "integration"},
-    "balance": GROUND | {"integrators", "system"},
-    "runaway": GROUND | {"models", "system"},
-    "simulate": GROUND
-    | {"adaptive", "balance", "build", "channels", "clock", "deck", "diagnosis", "handover"}
-    | {"integration", "integrators", "plan", "system", "turns", "validity"},
-    "writers": GROUND,
-    "runfolder": GROUND | {"clock", "writers", "plots"},
-    "plots": GROUND | {"studies"},
-    "studies": GROUND
-    | {"adaptive", "balance", "bodies", "build", "channels", "clock", "deck", "diagnosis", "elements", "growth"}
-    | {"integration", "integrators", "models", "plan", "rules", "simulate", "writers"},
-    "cli": {"__init__", "commands", "errors"},
-    "commands": None,
-}
-"""What each module or sub-package may import; None: everything. Layers as in the README: ground, parts, assembly, front."""
+ROOMS = (
+    *("__init__", "errors", "maths", "deck", "mechanics", "integrators"),
+    *("parts", "parts.elements", "parts.bodies", "parts.joints", "parts.forces", "parts.channels"),
+    *("scene", "run", "trust", "simulate", "studies", "output", "commands", "cli", "__main__"),
+)
+"""From the ground up: what stands in a room imports from its own room and from those before it."""
+MOST_ENTRIES = 16
+MOST_LINES = 400
 
 
 def files():
     return sorted(path for path in PACKAGE.rglob("*.py") if "cases" not in path.parts)
 
 
-def area(path):
-    return path.relative_to(PACKAGE).with_suffix("").parts[0]
+def named(path):
+    """Return the dotted name of a module inside the package."""
+    parts = path.relative_to(PACKAGE).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" and len(parts) > 1 else parts)
+
+
+def room(name):
+    """Return the place of a module's room in the order; the longest name that fits."""
+    fitting = [k for k, one in enumerate(ROOMS) if f"{name}.".startswith(f"{one}.")]
+    assert fitting, f"say in ROOMS where {name} stands"
+    return max(fitting, key=lambda k: len(ROOMS[k]))
+
+
+def graph():
+    """Return the modules of the package that each one imports, those for type checkers included."""
+    names = {named(path): path for path in files()}
+    found = {}
+    for name, path in names.items():
+        targets = set()
+        for target, _, _ in imports(ast.parse(path.read_text())):
+            short = target.removeprefix("hfsim.")
+            if short != target or target == "hfsim":
+                targets.add(short if short in names else "__init__")
+        found[name] = targets - {name}
+    return found
 
 
 def imports(tree):
@@ -140,24 +80,34 @@ def cases():
 
 @pytest.mark.parametrize("path", cases())
 def test_imports_point_downwards(path):
-    assert area(path) in ALLOWED, "say in the table what this module may import"
-    allowed = ALLOWED[area(path)]
-    for name, _, typing_only in imports(ast.parse(path.read_text())):
-        if not name.startswith("hfsim.") or typing_only:
-            continue
-        target = name.split(".")[1]
-        target = target if (PACKAGE / target).is_dir() or (PACKAGE / f"{target}.py").exists() else "__init__"
-        assert allowed is None or target in allowed | {area(path)}, f"{area(path)} must not import {target}"
+    name = named(path)
+    for target in graph()[name]:
+        assert room(target) <= room(name), f"{name} must not import {target}"
+
+
+def test_no_circle_of_imports():
+    left = graph()
+    while left:
+        ready = {name for name, targets in left.items() if not targets & left.keys()}
+        assert ready, f"a circle among {sorted(left)}"
+        left = {name: targets for name, targets in left.items() if name not in ready}
+
+
+def test_the_house_stays_small():
+    entries = {path.relative_to(PACKAGE).parts[0] for path in files()}
+    assert len(entries) <= MOST_ENTRIES, sorted(entries)
+    long = {named(path): n for path in files() if (n := len(path.read_text().splitlines())) > MOST_LINES}
+    assert not long
 
 
 @pytest.mark.parametrize("path", cases())
 def test_siblings_share_only_a_base(path):
     """Files of a package of parts import no other one, save its bases."""
     parts = path.relative_to(PACKAGE).with_suffix("").parts
-    if parts[0] not in ("joints", "forces", "channels") or parts[-1] == "__init__":
+    if parts[:1] != ("parts",) or parts[1] not in ("joints", "forces", "channels") or parts[-1] == "__init__":
         return
     for name, _, _ in imports(ast.parse(path.read_text())):
-        if name.startswith(f"hfsim.{parts[0]}."):
+        if name.startswith(f"hfsim.parts.{parts[1]}."):
             assert name.split(".")[-1].startswith("_"), name
 
 
@@ -166,22 +116,9 @@ def test_heavy_packages_stay_where_they_belong(path):
     for name, at_module_level, typing_only in imports(ast.parse(path.read_text())):
         package = name.split(".")[0]
         if package == "matplotlib":
-            assert area(path) == "plots"
+            assert path.is_relative_to(PACKAGE / "output" / "plots")
         if package == "scipy":
             assert not at_module_level or typing_only
-
-
-def test_the_table_is_not_circular():
-    done, left = {"commands"}, {key for key, value in ALLOWED.items() if value is not None}
-    # integrators know the deck's solve entry by type only, which the table counts all the same
-    while left:
-        ready = {
-            k
-            for k in left
-            if (ALLOWED[k] & ALLOWED.keys()) - {k} <= done | (GROUND if k not in GROUND else set())
-        }
-        assert ready, f"a circle among {sorted(left)}"
-        done, left = done | ready, left - ready
 
 
 def modules_after(code):
@@ -201,8 +138,8 @@ def test_help_imports_only_click():
 NOT_NEEDED = {
     *("scipy", "matplotlib", "numpy.ma", "numpy.random", "numpy.testing"),
     *("ssl", "http", "multiprocessing", "concurrent", "unittest"),
-    *("hfsim.studies", "hfsim.plots", "hfsim.commands.bench", "hfsim.commands.compare"),
-    *("hfsim.laws", "hfsim.joints.driver", "hfsim.joints.fixed", "hfsim.forces.force", "hfsim.forces.two_point"),
+    *("hfsim.studies", "hfsim.output.plots", "hfsim.commands.bench", "hfsim.commands.compare"),
+    *("hfsim.deck.laws", "hfsim.parts.joints.driver", "hfsim.parts.joints.fixed", "hfsim.parts.forces.force", "hfsim.parts.forces.two_point"),
 }
 """Modules that a run without plots and error estimate does without: each of them costs milliseconds."""
 
@@ -222,8 +159,8 @@ def test_a_run_imports_no_more_than_it_needs(tmp_path):
 
 def test_a_deck_builds_only_the_classes_it_uses():
     code = (
-        "from hfsim.bodies import BeamSpec, RigidSpec\n"
-        "from hfsim.deck import load_deck\n"
+        "from hfsim.parts.bodies import BeamSpec, RigidSpec\n"
+        "from hfsim.scene.schema import load_deck\n"
         f"load_deck({str(ROOT / 'cases' / 'pendulum.yaml')!r})\n"
         "print(*(spec.__name__ for spec in (BeamSpec, RigidSpec) if spec.__pydantic_complete__))"
     )
@@ -253,7 +190,7 @@ def test_ci_runs_the_commands_of_the_readme():
 
 
 def test_the_deck_of_the_readme_runs():
-    from hfsim.deck import parse_deck
+    from hfsim.scene.schema import parse_deck
     from hfsim.simulate import simulate
 
     deck = re.search(r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
@@ -263,11 +200,11 @@ def test_the_deck_of_the_readme_runs():
 
 
 def test_the_readme_names_all_there_is():
-    from hfsim.channels import CHANNELS
     from hfsim.cli import COMMANDS
+    from hfsim.deck.laws import LAWS
     from hfsim.integrators import METHODS
-    from hfsim.laws import LAWS
-    from hfsim.models import MODELS
+    from hfsim.parts.bodies.models import MODELS
+    from hfsim.parts.channels import CHANNELS
 
     text = (ROOT / "README.md").read_text()
     cases = [path.stem for path in (ROOT / "cases").glob("*.yaml")]

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
-from hfsim.build import build
-from hfsim.deck import load_deck, parse_deck
-from hfsim.integration import run_integration
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.schema import load_deck, parse_deck
 from hfsim.simulate import sample, validity
-from hfsim.validity import LEFT
+from hfsim.trust.validity import LEFT
 
 CASES = Path(__file__).parent.parent / "cases"
 SILENT, LARGE = 1e-3, 1e-2

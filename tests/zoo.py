@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from hfsim.elements import Cable, Continuum, Inertia, Stiffness
-from hfsim.markers import GroundMarker, NodalMarker, RigidMarker
-from hfsim.models.low_order import LowOrderBeam, LowOrderMarker
-from hfsim.models.mesh import BeamMesh
+from hfsim.mechanics.markers import GroundMarker, NodalMarker, RigidMarker
+from hfsim.parts.bodies.low_order import LowOrderBeam, LowOrderMarker
+from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.elements import Cable, Continuum, Inertia, Stiffness
 
 STIFFNESS = Stiffness(axial=300.0, bending=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2)
 INERTIA = Inertia(per_length=1.7, rotary=0.0, height=0.3)
@@ -87,3 +87,21 @@ def rigid_motion(x, velocity, omega):
         turned = omega * np.stack([-z[:, 1], z[:, 0]], axis=-1)
         u[columns] = (turned + mesh.positions[:, None] * np.asarray(velocity)).ravel()
     return u
+
+DEAD_CENTRE = """hfsim: 1
+bodies:
+  crank: {type: rigid, mass: 1.0, inertia: 0.01, points: {pivot: [-0.1, 0.0], end: [0.1, 0.0]}}
+  rod: {type: rigid, mass: 1.0, inertia: 0.05, points: {start: [-0.3, 0.0], end: [0.3, 0.0]}}
+  slider: {type: rigid, mass: 1.0, inertia: 0.1}
+joints:
+  axle: {type: revolute, between: [ground, crank.pivot]}
+  pin: {type: revolute, between: [crank.end, rod.start]}
+  wrist: {type: revolute, between: [rod.end, slider]}
+  rail: {type: prismatic, between: [ground, slider]}
+  push: {type: driver, between: [ground, slider], position: {type: constant_rate, rate: 0.2, start: 0.683974572191}}
+initial:
+  crank: {angle: 1.0}
+  rod: {angle: -0.284304905894}
+  slider: {position: [0.683974572191, 0.0]}
+solve: {duration: 2.0, tolerance: 1.0e-5}
+"""

@@ -21,14 +21,14 @@ import click
 from hfsim.errors import DeckError, HfsimError
 
 if TYPE_CHECKING:
-    from hfsim.deck import LoadedDeck
-    from hfsim.runfolder import RunFolder
-    from hfsim.writers import Provenance
+    from hfsim.output.runfolder import RunFolder
+    from hfsim.output.writers import Provenance
+    from hfsim.scene.schema import LoadedDeck
 
 STARTED = time.perf_counter()
 """When the program started, near enough [s]."""
 
-CASES = Path(__file__).resolve().parent.parent / "cases"
+CASES = Path(__file__).resolve().parent.parent / "scene" / "cases"
 """Decks shipped with hfsim."""
 
 _SEVERITY = (0, 4, 5, 3, 2, 1, 130, 143)
@@ -361,7 +361,7 @@ def load_decks(
     click.exceptions.Exit
         With code 2 if any deck is bad; its problems have been printed then.
     """
-    from hfsim.deck import load_deck
+    from hfsim.scene.schema import load_deck
 
     loaded, codes = [], []
     for argument in arguments:
@@ -393,7 +393,7 @@ def with_numbers(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:
     """Return a deck with the default elements where it says auto, and say so: for all commands but `run`."""
     if not loaded.auto_elements:
         return loaded
-    from hfsim.bodies.beam import DEFAULT_ELEMENTS
+    from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
 
     beams = ", ".join(loaded.auto_elements)
     words = f"elements: auto of {beams} taken as {DEFAULT_ELEMENTS}"
@@ -415,7 +415,7 @@ def claim_study(output: Path | None, deck_name: str, suffix: str, marker: str, f
     FolderError
         If a finished study stands there, or the folder cannot be written to.
     """
-    from hfsim.runfolder import FolderError, claim, folder_name
+    from hfsim.output.runfolder import FolderError, claim, folder_name
 
     path = output or Path(folder_name(deck_name, suffix))
     if (path / marker).exists() and not force:
@@ -425,7 +425,7 @@ def claim_study(output: Path | None, deck_name: str, suffix: str, marker: str, f
 
 def provenance_of(loaded: LoadedDeck, argument: str, overrides: Sequence[str]) -> Provenance:
     """Return where a run of this deck comes from."""
-    from hfsim.writers import Provenance
+    from hfsim.output.writers import Provenance
 
     return Provenance(
         source=argument,

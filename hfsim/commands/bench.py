@@ -32,8 +32,8 @@ from hfsim.commands import (
 )
 
 if TYPE_CHECKING:
-    from hfsim.deck import LoadedDeck
-    from hfsim.runfolder import RunFolder
+    from hfsim.output.runfolder import RunFolder
+    from hfsim.scene.schema import LoadedDeck
     from hfsim.studies.bench import Bench, Cell, Point, Sweep
 
 MARKER = bench_separation.MARKER
@@ -207,7 +207,7 @@ def make_sweep(
         If a name is unknown or a number out of range.
     """
     from hfsim.integrators import METHODS
-    from hfsim.models import MODELS
+    from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.bench import Sweep
 
     (tolerances, steps), (elements, degrees) = levels, meshes
@@ -233,7 +233,7 @@ def make_sweep(
 
 def do_bench(plan: Plan) -> int:
     """Run the study, write and tell it, and return the exit code."""
-    from hfsim.progress import Progress
+    from hfsim.output.progress import Progress
     from hfsim.studies.bench import Budget
     from hfsim.studies.bench import bench as measure
 
@@ -261,9 +261,9 @@ def _exit_code(result: Bench) -> int:
 
 def save_bench(plan: Plan, result: Bench) -> dict[str, object]:
     """Write bench.csv, the plots and, last, bench.json; return what is in the latter."""
-    from hfsim.runfolder import disk
+    from hfsim.output.runfolder import disk
+    from hfsim.output.writers import json_ready, versions, write_json, write_table
     from hfsim.studies.bench import CSV_COLUMNS, as_facts, as_rows
-    from hfsim.writers import json_ready, versions, write_json, write_table
 
     path = plan.folder.path
     with disk(path):
@@ -283,7 +283,7 @@ def save_bench(plan: Plan, result: Bench) -> dict[str, object]:
 def _pictures(plan: Plan, result: Bench) -> list[str]:
     if not plan.plots:
         return []
-    from hfsim.plots import draw_bench
+    from hfsim.output.plots import draw_bench
 
     return [f"plots/{name}" for name in draw_bench(result, plan.folder.path / "plots")]
 

@@ -12,7 +12,7 @@ import click
 from hfsim.commands import Talk, as_table, print_error
 
 if TYPE_CHECKING:
-    from hfsim.runfolder import RunFolder
+    from hfsim.output.runfolder import RunFolder
     from hfsim.studies.separation import Cell, FormTimes, SeparationBench, Spread
 
 ELEMENTS = (1, 4, 16, 64, 256)
@@ -46,7 +46,7 @@ def known_kinds(given: tuple[str, ...]) -> tuple[str, ...]:
     click.UsageError
         If one is unknown.
     """
-    from hfsim.elements import ELEMENTS as KINDS
+    from hfsim.parts.elements import ELEMENTS as KINDS
 
     for name in given:
         if name not in KINDS:
@@ -56,7 +56,7 @@ def known_kinds(given: tuple[str, ...]) -> tuple[str, ...]:
 
 def do_separation(plan: Plan) -> int:
     """Run the study, write and tell it, and return the exit code: 4 where forms disagree."""
-    from hfsim.progress import Progress
+    from hfsim.output.progress import Progress
     from hfsim.studies.bench import Budget
     from hfsim.studies.separation import measure
 
@@ -77,16 +77,16 @@ def do_separation(plan: Plan) -> int:
 
 def _save(plan: Plan, result: SeparationBench) -> dict[str, object]:
     """Write bench.csv, the plot and, last, bench.json; return what is in the latter."""
-    from hfsim.runfolder import disk
+    from hfsim.output.runfolder import disk
+    from hfsim.output.writers import json_ready, versions, write_json, write_table
     from hfsim.studies.separation import CSV_COLUMNS, as_facts, as_rows
-    from hfsim.writers import json_ready, versions, write_json, write_table
 
     path = plan.folder.path
     with disk(path):
         write_table(path / "bench.csv", as_rows(result), CSV_COLUMNS)
         files = ["bench.csv", MARKER]
         if plan.plots:
-            from hfsim.plots import draw_separation
+            from hfsim.output.plots import draw_separation
 
             files += [f"plots/{name}" for name in draw_separation(result, path / "plots")]
         facts, _ = json_ready({**as_facts(result), "versions": versions(), "files": files})

@@ -30,9 +30,9 @@ from hfsim.commands import (
 )
 
 if TYPE_CHECKING:
-    from hfsim.deck import Deck, LoadedDeck
-    from hfsim.runfolder import RunFolder
-    from hfsim.solution import Run
+    from hfsim.output.runfolder import RunFolder
+    from hfsim.run.solution import Run
+    from hfsim.scene.schema import Deck, LoadedDeck
     from hfsim.studies.compare import ChannelScale, Comparison, ModelResult
 
 _REPEAT_BELOW = 1.0
@@ -166,7 +166,7 @@ def make_plan(
     FolderError
         If a folder must not be written to.
     """
-    from hfsim.runfolder import claim, folder_name
+    from hfsim.output.runfolder import claim, folder_name
 
     deck = str(find_deck(argument, talk))
     decks = {m: load_decks([deck], with_settings(overrides, m), talk, assemble)[0] for m in models}
@@ -230,10 +230,10 @@ def _exit_code(plan: Plan, runs: Sequence[Run], comparison: Comparison, require:
 
 def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
     """Run one model, write its folder, and return the run and the CPU times of its solves [s]."""
-    from hfsim.progress import Progress
-    from hfsim.runfolder import RunLog, Stopwatch, save_run
+    from hfsim.output.progress import Progress
+    from hfsim.output.runfolder import RunLog, Stopwatch, save_run
     from hfsim.simulate import simulate
-    from hfsim.validity import validity_warnings
+    from hfsim.trust.validity import validity_warnings
 
     deck = plan.decks[model]
     watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
@@ -273,9 +273,9 @@ def _solve_cpu(run: Run) -> float:
 
 def save_comparison(plan: Plan, runs: Sequence[Run], comparison: Comparison) -> dict[str, object]:
     """Write compare.csv, the overlay plots and, last, compare.json; return what is in the latter."""
-    from hfsim.runfolder import disk
+    from hfsim.output.runfolder import disk
+    from hfsim.output.writers import json_ready, versions, write_json, write_table
     from hfsim.studies.compare import CSV_COLUMNS, as_facts, as_rows
-    from hfsim.writers import json_ready, versions, write_json, write_table
 
     path = plan.folder.path
     with disk(path):
@@ -295,7 +295,7 @@ def save_comparison(plan: Plan, runs: Sequence[Run], comparison: Comparison) -> 
 def _overlays(plan: Plan, runs: Sequence[Run], comparison: Comparison) -> list[str]:
     if not plan.plots:
         return []
-    from hfsim.plots import draw_comparison
+    from hfsim.output.plots import draw_comparison
 
     return [f"plots/{name}" for name in draw_comparison(runs, comparison, plan.folder.path / "plots")]
 

@@ -24,7 +24,7 @@ from hfsim.commands import (
 )
 
 if TYPE_CHECKING:
-    from hfsim.runfolder import RunFolder
+    from hfsim.output.runfolder import RunFolder
     from hfsim.studies.extreme import Extreme
 
 FOLDER = CASES / "extreme"
@@ -66,7 +66,7 @@ def extreme(
     any, and against the class expected of it (those of 'hfsim stability') and what is to be blamed. Exit code
     4: some are not as expected.
     """  # fmt: skip
-    from hfsim.progress import Progress
+    from hfsim.output.progress import Progress
     from hfsim.studies.extreme import extreme_set, read_expectations
 
     talk = Talk(quiet, verbose, as_json)
@@ -90,9 +90,9 @@ def _exit_code(result: Extreme) -> int:
 
 def _facts(result: Extreme, folder: RunFolder | None) -> dict[str, Any]:
     """Return the study as facts; write them with a table if there is a folder."""
-    from hfsim.runfolder import disk
+    from hfsim.output.runfolder import disk
+    from hfsim.output.writers import json_ready, versions, write_json, write_table
     from hfsim.studies.extreme import CSV_COLUMNS, as_facts, as_rows
-    from hfsim.writers import json_ready, versions, write_json, write_table
 
     files = ["extreme.csv", MARKER]
     facts, _ = json_ready({**as_facts(result), "versions": versions(), "files": files})

@@ -23,7 +23,7 @@ from hfsim.commands import (
 )
 
 if TYPE_CHECKING:
-    from hfsim.deck import LoadedDeck
+    from hfsim.scene.schema import LoadedDeck
     from hfsim.studies.plan import RuleCost
 
 _PROOF_SHARE = 0.1
@@ -73,14 +73,14 @@ def plan(
 
 
 def _load(argument: str, settings: tuple[str, ...], talk: Talk) -> LoadedDeck:
-    from hfsim.deck import load_deck
+    from hfsim.scene.schema import load_deck
 
     return with_numbers(load_deck(find_deck(argument, talk), settings), talk)
 
 
 def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
-    from hfsim.build import build
-    from hfsim.plan import keeping, plan_of, predicted_call
+    from hfsim.run.plan import keeping, plan_of, predicted_call
+    from hfsim.scene.build import build
 
     scene = build(loaded)
     facts = plan_of(scene)
@@ -173,7 +173,7 @@ def _pair(values: tuple[float, float], form: str) -> str:
 
 
 def _prove(decks: Sequence[LoadedDeck], repeats: int, talk: Talk) -> None:
-    from hfsim.rules import RULES
+    from hfsim.scene.rules import RULES
     from hfsim.studies.plan import ALL, measure
 
     costs = []

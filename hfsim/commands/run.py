@@ -34,9 +34,9 @@ from hfsim.commands import (
 )
 
 if TYPE_CHECKING:
-    from hfsim.deck import LoadedDeck
-    from hfsim.runfolder import RunFolder
-    from hfsim.solution import Run
+    from hfsim.output.runfolder import RunFolder
+    from hfsim.run.solution import Run
+    from hfsim.scene.schema import LoadedDeck
 
 
 @dataclass(frozen=True)
@@ -167,7 +167,7 @@ def plan_jobs(decks: Sequence[str], settings: Settings, output: Path | None, for
     FolderError
         If a folder must not be written to, or two decks would share one.
     """
-    from hfsim.runfolder import claim
+    from hfsim.output.runfolder import claim
 
     loaded = load_decks(decks, settings.overrides, settings.talk, assemble if len(decks) > 1 else _nothing)
     paths = _folders([deck.deck.name for deck in loaded], decks, output)
@@ -184,7 +184,7 @@ def _nothing(loaded: LoadedDeck) -> None:
 
 
 def _folders(names: Sequence[str], decks: Sequence[str], output: Path | None) -> list[Path]:
-    from hfsim.runfolder import FolderError, folder_name
+    from hfsim.output.runfolder import FolderError, folder_name
 
     if output is not None and len(names) == 1:
         return [output]
@@ -213,8 +213,8 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     HfsimError
         If the deck cannot be assembled or the disk refuses.
     """
-    from hfsim.progress import Progress
-    from hfsim.runfolder import RunLog, Stopwatch, save_run
+    from hfsim.output.progress import Progress
+    from hfsim.output.runfolder import RunLog, Stopwatch, save_run
     from hfsim.simulate import simulate
 
     # the first deck also pays for starting the program

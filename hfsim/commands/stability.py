@@ -31,8 +31,8 @@ from hfsim.commands import (
 )
 
 if TYPE_CHECKING:
-    from hfsim.deck import LoadedDeck
-    from hfsim.runfolder import RunFolder
+    from hfsim.output.runfolder import RunFolder
+    from hfsim.scene.schema import LoadedDeck
     from hfsim.studies.axes import Axis
     from hfsim.studies.limits import Limit, Limits
     from hfsim.studies.stability import MapPoint, Plan, StabilityMap
@@ -206,7 +206,7 @@ def make_plan(
         If a name is unknown.
     """
     from hfsim.integrators import METHODS
-    from hfsim.models import MODELS
+    from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.judge import Bounds
     from hfsim.studies.stability import Plan
 
@@ -235,7 +235,7 @@ def refuse_bisection(width: float | None, axes: Sequence[Axis]) -> None:
 
 def do_map(order: Order) -> int:
     """Run the study, write and tell it, and return the exit code."""
-    from hfsim.progress import Progress
+    from hfsim.output.progress import Progress
     from hfsim.studies.axes import AxisError
     from hfsim.studies.stability import stability_map
 
@@ -255,9 +255,9 @@ def do_map(order: Order) -> int:
 
 def save_map(order: Order, result: StabilityMap) -> dict[str, Any]:
     """Write stability.csv, the plots and, last, stability.json; return what is in the latter."""
-    from hfsim.runfolder import disk
+    from hfsim.output.runfolder import disk
+    from hfsim.output.writers import write_table
     from hfsim.studies.stability import as_facts, as_rows, csv_columns
-    from hfsim.writers import write_table
 
     path = order.folder.path
     order.folder.prepare()
@@ -269,7 +269,7 @@ def save_map(order: Order, result: StabilityMap) -> dict[str, Any]:
 
 def _write_facts(order: Order, facts: dict[str, Any], files: list[str]) -> dict[str, Any]:
     """Write stability.json with where it comes from; return what is in it."""
-    from hfsim.writers import json_ready, versions, write_json
+    from hfsim.output.writers import json_ready, versions, write_json
 
     about = {
         "deck": order.argument,
@@ -286,7 +286,7 @@ def _write_facts(order: Order, facts: dict[str, Any], files: list[str]) -> dict[
 def _pictures(order: Order, result: StabilityMap) -> list[str]:
     if not order.plots or not result.axes:
         return []
-    from hfsim.plots import draw_stability
+    from hfsim.output.plots import draw_stability
 
     return [f"plots/{name}" for name in draw_stability(result, order.folder.path / "plots")]
 
@@ -296,9 +296,9 @@ def _pictures(order: Order, result: StabilityMap) -> list[str]:
 
 def do_limits(order: Order, models: tuple[str, ...]) -> int:
     """Measure the longest stable steps with the models named, or the deck's; write and tell them."""
-    from hfsim.runfolder import disk
+    from hfsim.output.runfolder import disk
+    from hfsim.output.writers import write_table
     from hfsim.studies.limits import LIMIT_COLUMNS, limits
-    from hfsim.writers import write_table
 
     plan, deadline = order.plan, time.perf_counter() + order.plan.seconds
     results, wanted = [], models or (order.deck.deck.solve.model,)

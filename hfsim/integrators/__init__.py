@@ -18,19 +18,20 @@ from hfsim.integrators._base import (
     joined,
 )
 from hfsim.integrators._tableau import gauss, radau
-from hfsim.integrators.collocation import CollocationMethod
+from hfsim.integrators.collocation import CollocationMethod, Damping
 from hfsim.integrators.energy import DEFAULT_STAGES, EnergyMethod
 from hfsim.integrators.explicit import Explicit
 from hfsim.integrators.gear import Gear
 from hfsim.integrators.generalized_alpha import GeneralizedAlpha
 
 if TYPE_CHECKING:
-    from hfsim.deck import SolveSpec
+    from hfsim.scene.schema import SolveSpec
 
 
 GAUSS_STAGES = 20
 """Stages of `gauss` by default: fewer make steps shorter and save no iterations, even at loose tolerances."""
 LOOSE = 3e-4
+"""Tolerance above which radau makes do with fewer stages."""
 
 
 def unresolving_stages(tolerance: float) -> int:
@@ -49,8 +50,8 @@ def _gauss(solve: SolveSpec) -> Method:
 
 
 def _auto(solve: SolveSpec) -> Method:
-    unresolving = partial(radau, solve.stages or unresolving_stages(solve.tolerance))
-    return CollocationMethod("gauss", gauss(solve.stages or GAUSS_STAGES), solve.tolerance, unresolving)
+    damping = Damping("radau", partial(radau, solve.stages or unresolving_stages(solve.tolerance)))
+    return CollocationMethod("gauss", gauss(solve.stages or GAUSS_STAGES), solve.tolerance, damping)
 
 
 def _radau(solve: SolveSpec) -> Method:

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array, IntArray, distinct
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._tableau import legendre
-from hfsim.linearized import Linearized
-from hfsim.shapes import gauss_legendre
+from hfsim.maths.arrays import Array, IntArray, distinct
+from hfsim.maths.shapes import gauss_legendre
+from hfsim.mechanics.linearized import Linearized
 
 
 @dataclass

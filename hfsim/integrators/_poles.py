@@ -13,7 +13,7 @@ from math import ldexp
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray
+from hfsim.maths.arrays import Array, ComplexArray
 
 BITS = 160
 SWEEPS = 60

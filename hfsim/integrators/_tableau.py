@@ -8,8 +8,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray
 from hfsim.integrators._poles import legendre_modes
+from hfsim.maths.arrays import Array, ComplexArray
 
 
 def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:

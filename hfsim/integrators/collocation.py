@@ -5,24 +5,26 @@ The unknowns are the accelerations a at the stages; stage states follow as
     v_i = v + h sum_j A_ij a_j,   q_i = q + c_i h v + h^2 sum_j (A A)_ij a_j .
 
 They are found by simplified Newton iteration with one derivative J of the accelerations for all
-stages, in coordinates where it changes little (`Increments`).  J is taken apart into modes once and
-kept for some steps; with A turned into complex pairs (Butcher's transformation), a correction is then
-a few products and one division per mode and stage, for any step length.  The first guess lets every
-mode swing from the initial state as it would alone: extrapolated stages would put the fast modes
-anywhere, and the iteration would not converge at large steps.
+stages, in coordinates where it changes little (`Increments`); what is left of the equations is read in
+each stage's own geometry.  J is taken apart into modes once and kept for some steps; with A turned into
+complex pairs (Butcher's transformation), a correction is then a few products and one division per mode
+and stage, for any step length.  The first guess lets every mode swing from the initial state as it would
+alone: extrapolated stages would put the fast modes anywhere, and the iteration would not converge at
+large steps.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem, unsolved
 from hfsim.integrators._tableau import Collocation
 from hfsim.integrators.derivative import Start, derivative
+from hfsim.maths.arrays import Array
 
 MAX_ITERATIONS = 20
 SERVES_WELL = 5
@@ -54,6 +56,16 @@ STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
 
 
+class Damping(NamedTuple):
+    """The method for steps so long that the fastest modes are not resolved.
+
+    What a step makes of them would stay for ever in a method that keeps the energy.
+    """
+
+    name: str
+    table: Callable[[], Collocation]
+
+
 @dataclass
 class CollocationMethod:
     """A collocation method whose steps follow the decay of the Legendre series of the positions.
@@ -64,20 +76,19 @@ class CollocationMethod:
     table : Collocation
     tolerance : float
         Local error per step: metre, radian or slope, relative above 1.
-    stiff_table : callable, optional
-        Returns the one taken instead for steps so long that the fastest modes are not resolved: a method that
-        damps them, since what a step makes of them would otherwise stay for ever.
+    damping : Damping, optional
+        Taken instead in natural coordinates; the name then tells both.
     """
 
     name: str
     table: Collocation
     tolerance: float
-    stiff_table: Callable[[], Collocation] | None = None
+    damping: Damping | None = None
 
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
         """Take the initial state; return the time in which the fastest mode turns by one radian a stage."""
         self._problem = problem
-        self._resolved = self.table
+        self._resolving = self.name, self.table
         self._derivative = derivative(problem, t, q, v)
         self._old, self._served = False, 0
         self._cap = np.inf
@@ -96,7 +107,7 @@ class CollocationMethod:
             self._renew(t, q, v, SHRUNK * h)
             return unsolved(SHRUNK)
         a, table = solved, self.table
-        self._last, self._ends_at_stage = a[-1], table.nodes[-1] == 1.0
+        self._last = a[-1]
         error = self._error(a, q, h)
         return Attempt(
             error=error,
@@ -120,7 +131,7 @@ class CollocationMethod:
         self._served += 1
         self._old = self._served >= SERVES or self._iterations > SERVES_WELL
         self._cap *= REGROWTH
-        self._known = (t, self._last) if self._ends_at_stage else None
+        self._known = (t, self._last) if self.table.nodes[-1] == 1.0 else None
 
     def _error(self, a: Array, q: Array, h: float) -> float:
         """Return the size of the last terms in the Legendre series of the positions, over the tolerance."""
@@ -135,10 +146,7 @@ class CollocationMethod:
 
     def _most_growth(self) -> float:
         """Return how much longer the next step may be: long steps with some more iterations cost less."""
-        for iterations, most in GROWTH:
-            if self._iterations <= iterations:
-                return most
-        return 1.0
+        return next(most for iterations, most in GROWTH if self._iterations <= iterations)
 
     def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
         """Return stage accelerations of modes that swing freely from the start of the step."""
@@ -159,9 +167,10 @@ class CollocationMethod:
     def _renew(self, t: float, q: Array, v: Array, h: float) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         stiff = h * self._derivative.fastest > STIFF * self.table.stages
-        if self.stiff_table is not None:
-            self.table = self.stiff_table() if stiff else self._resolved
-            self.name = "gauss, radau" if stiff else self.name
+        if self.damping is not None:
+            name, resolving = self._resolving
+            self.table = self.damping.table() if stiff else resolving
+            self.name = f"{name}, {self.damping.name}" if stiff else self.name
         self._derivative = derivative(self._problem, t, q, v, self._problem.increments if stiff else None)
         self._old, self._served = False, 0
 

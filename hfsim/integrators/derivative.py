@@ -13,11 +13,11 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray
 from hfsim.integrators._base import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
-from hfsim.linearized import Linearized
-from hfsim.matrices import Matrix, factorised, is_sparse, saddle_point
+from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.matrices import Matrix, factorised, is_sparse, saddle_point
+from hfsim.mechanics.linearized import Linearized
 
 Correction = Callable[[Array], tuple[Array, float]]
 """From residuals at the stages, as displacements (s, n_r), to corrections and the size of their consequence:
@@ -90,7 +90,8 @@ def derivative(
         return ModalDerivative.of(at, natural, q)
     P = _mobility(at)
     by_q, by_v = _in_natural(natural, q, -P @ at.stiffness), _in_natural(natural, q, -P @ at.damping)
-    return DenseDerivative(natural, by_q, by_v, _of_imbalance(natural, q, P, at))
+    balance = None if isinstance(natural, PlainIncrements) else _of_imbalance(natural, q, P, at)
+    return DenseDerivative(natural, by_q, by_v, balance)
 
 
 def state_derivatives(problem: Problem, t: float, q: Array, v: Array) -> tuple[Array, Array | None] | None:
@@ -132,16 +133,15 @@ def _of_imbalance(natural: Increments, q: Array, P: Array, at: Linearized) -> tu
     """Return the maps from forces and gaps of an imbalance, as rows, to natural accelerations."""
     geometry = natural.geometry(q[None])
     mobility = natural.to_natural(geometry, np.ascontiguousarray(natural.to_natural(geometry, P).T))
-    closing = _closing(at).T
-    return mobility, natural.to_natural(geometry, closing) if len(closing) else closing
-
-
-def _closing(at: Linearized) -> Array:
-    """Return the smallest accelerations, measured by the mass matrix, that close unit gaps, (n, n_rows)."""
     if at.jacobian is None:
-        return np.zeros((len(at.mass), 0))
-    W = np.linalg.solve(at.mass, at.jacobian.T)
-    return np.asarray(W @ np.linalg.inv(at.jacobian @ W))
+        return mobility, np.zeros((0, len(q)))
+    return mobility, natural.to_natural(geometry, _closing(at, at.jacobian))
+
+
+def _closing(at: Linearized, jacobian: Array) -> Array:
+    """Return the smallest accelerations, measured by the mass matrix, that close unit gaps, (n_rows, n)."""
+    W = np.linalg.solve(at.mass, jacobian.T)
+    return np.ascontiguousarray(np.linalg.solve((jacobian @ W).T, W.T))
 
 
 def _missing(problem: Problem, natural: Increments, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
@@ -181,6 +181,12 @@ class Joints:
     jacobian: Array
     closing: Array
     forces: Array
+
+    @classmethod
+    def of(cls, at: Linearized, jacobian: Array, R: Array) -> Joints:
+        """Return them in the state's own coordinates, beside modes R."""
+        closing = _closing(at, jacobian)
+        return cls(jacobian, closing, closing @ at.stiffness.T @ R)
 
     def closed(self, gaps: Array) -> Array:
         """Return the motions that close gaps (..., n_rows)."""
@@ -236,19 +242,16 @@ class ModalDerivative:
         w2, U = np.linalg.eigh(0.5 * (K + K.T))
         R = allowed.T @ U
         L = R.T @ at.mass
-        joints = None
-        if at.jacobian is not None:
-            W = _closing(at)
-            joints = Joints(at.jacobian, np.ascontiguousarray(W.T), (R.T @ (at.stiffness @ W)).T)
-        if not isinstance(natural, PlainIncrements):
-            geometry = natural.geometry(q[None])
-            R = np.ascontiguousarray(natural.to_natural(geometry, np.ascontiguousarray(R.T)).T)
-            unit = natural.from_natural(geometry, np.eye(len(q))).T
-            L = L @ unit
-            if joints is not None:
-                closing = natural.to_natural(geometry, joints.closing)
-                joints = Joints(joints.jacobian @ unit, closing, joints.forces)
-        return cls(natural, w2, R, L, joints, None if isinstance(natural, PlainIncrements) else at.mass)
+        joints = None if at.jacobian is None else Joints.of(at, at.jacobian, R)
+        if isinstance(natural, PlainIncrements):
+            return cls(natural, w2, R, L, joints)
+        geometry = natural.geometry(q[None])
+        R = np.ascontiguousarray(natural.to_natural(geometry, np.ascontiguousarray(R.T)).T)
+        unit = natural.from_natural(geometry, np.eye(len(q))).T
+        if joints is not None:
+            closing = natural.to_natural(geometry, joints.closing)
+            joints = Joints(joints.jacobian @ unit, closing, joints.forces)
+        return cls(natural, w2, R, L @ unit, joints, at.mass)
 
     def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return missing accelerations of the modes and gaps of joints."""
@@ -338,7 +341,8 @@ class DenseDerivative:
     increments : Increments
     by_q, by_v : ndarray, shape (n, n)
     of_imbalance : tuple of ndarray, shapes (n, n) and (n_rows, n), or None
-        Maps from forces on natural increments and gaps, as rows, to accelerations in natural increments.
+        Maps from forces on natural increments and gaps, as rows, to accelerations in natural increments; None
+        in the state's own coordinates, where missing accelerations serve as well.
     """
 
     increments: Increments
@@ -353,7 +357,7 @@ class DenseDerivative:
     def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
         """Return missing accelerations in natural increments, from forces where these are at hand."""
         natural = self.increments
-        if problem.imbalance is None or self.of_imbalance is None or isinstance(natural, PlainIncrements):
+        if self.of_imbalance is None or problem.imbalance is None:
             return _missing(problem, natural, at, t, q, v, a)
         forces, gaps = problem.unbalanced(t, q, v, a)
         mobility, closing = self.of_imbalance

@@ -26,12 +26,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.arrays import Array
 from hfsim.errors import SolverFailure
 from hfsim.integrators._base import Attempt, Problem
 from hfsim.integrators._tableau import gauss, legendre
 from hfsim.integrators.collocation import LINEAR, CollocationMethod
 from hfsim.integrators.derivative import state_derivatives
+from hfsim.maths.arrays import Array
 
 DEFAULT_STAGES = 4
 POINTS_OTHERWISE = 16

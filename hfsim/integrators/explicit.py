@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem
 from hfsim.integrators._tableau import legendre
+from hfsim.maths.arrays import Array
 
 
 @lru_cache(maxsize=1)

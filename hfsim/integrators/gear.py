@@ -13,11 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem, two_point_series, unsolved
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.integrators.derivative import Derivative, derivative
+from hfsim.maths.arrays import Array
 
 MAX_ORDER = 5
 MAX_ITERATIONS = 8

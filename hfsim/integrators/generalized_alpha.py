@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.arrays import Array
 from hfsim.integrators._base import Attempt, Problem, two_point_series, unsolved
 from hfsim.integrators.derivative import Derivative, derivative
+from hfsim.maths.arrays import Array
 
 MAX_ITERATIONS = 10
 

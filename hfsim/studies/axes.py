@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.deck import Deck, LoadedDeck, parse_deck
+from hfsim.scene.schema import Deck, LoadedDeck, parse_deck
 
 Value = float | str
 """A number, or a word such as a method's name."""

@@ -18,16 +18,16 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.arrays import Array
-from hfsim.balance import balance, step_samples
-from hfsim.bodies import BeamSpec
-from hfsim.build import Scene, build
-from hfsim.channels import Samples
-from hfsim.deck import LoadedDeck, SolveSpec
 from hfsim.errors import HfsimError
-from hfsim.integration import Integration, run_integration
+from hfsim.maths.arrays import Array
+from hfsim.parts.bodies import BeamSpec
+from hfsim.parts.channels import Samples
+from hfsim.run.balance import balance, step_samples
+from hfsim.run.integration import Integration, run_integration
+from hfsim.run.solution import Channel, Run
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import LoadedDeck, SolveSpec
 from hfsim.simulate import compute_channels, sample
-from hfsim.solution import Channel, Run
 from hfsim.studies.compare import ChannelScale, channel_scales
 
 TARGETS = {"1 %": 1e-2, "0.01 %": 1e-4, "1e-6": 1e-6}

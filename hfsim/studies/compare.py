@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.solution import Channel, Run
+from hfsim.run.solution import Channel, Run
 
 SMALL = 1e-3
 """Range of a channel, relative to the scale of its unit, below which it is too small to be judged by."""

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import yaml
 
-from hfsim.deck import parse_deck
 from hfsim.errors import HfsimError
+from hfsim.scene.schema import parse_deck
 from hfsim.studies.farm import Farm, Outcome, Task
 from hfsim.studies.judge import (
     CLASSES,

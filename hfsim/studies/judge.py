@@ -6,8 +6,8 @@ that solution to the one of `exact`: what the model leaves out.  Both are the la
 worst channel, relative to the channel's scale (`hfsim.studies.compare`).
 
 Whether the scene itself is unstable is asked of `exact`: it is solved a second time with a start
-disturbed by next to nothing, and the distance of the two solutions tells (`hfsim.growth`).  Where
-references fail too, the experiments of `hfsim.diagnosis` say why, in the same classes.
+disturbed by next to nothing, and the distance of the two solutions tells (`hfsim.trust.growth`).  Where
+references fail too, the experiments of `hfsim.trust.diagnosis` say why, in the same classes.
 """
 
 from __future__ import annotations
@@ -19,19 +19,19 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.arrays import Array
-from hfsim.balance import balance, step_samples
-from hfsim.build import Scene, build
-from hfsim.channels import Samples
-from hfsim.deck import SolveSpec, parse_deck
-from hfsim.diagnosis import diagnose, instability, suspect, time_for
 from hfsim.errors import DeckError, SolverFailure
-from hfsim.growth import Growth, disturbed_growth
-from hfsim.integration import Integration, run_integration
+from hfsim.maths.arrays import Array
+from hfsim.parts.channels import Samples
+from hfsim.run.balance import balance, step_samples
+from hfsim.run.integration import Integration, run_integration
+from hfsim.run.solution import Channel
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import SolveSpec, parse_deck
 from hfsim.simulate import compute_channels, sample, validity
-from hfsim.solution import Channel
 from hfsim.studies.bench import Budget, OutOfBudgetError, channel_error, judged_scales
 from hfsim.studies.compare import ChannelScale
+from hfsim.trust.diagnosis import diagnose, instability, suspect, time_for
+from hfsim.trust.growth import Growth, disturbed_growth
 
 CLASSES = {
     "accurate": "completed; errors and energy drift within the bounds",

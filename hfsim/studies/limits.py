@@ -18,14 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.arrays import Array
-from hfsim.balance import balance, step_samples
-from hfsim.build import Scene, build
-from hfsim.deck import LoadedDeck, parse_deck
-from hfsim.integration import run_integration
 from hfsim.integrators import Trajectory, choose
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.integrators.energy import EnergyMethod
+from hfsim.maths.arrays import Array
+from hfsim.run.balance import balance, step_samples
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import LoadedDeck, parse_deck
 from hfsim.studies.bench import Budget, OutOfBudgetError
 from hfsim.studies.farm import Farm, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum

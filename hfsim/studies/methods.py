@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.build import Scene
 from hfsim.errors import DeckError, LimitReached, SolverFailure
-from hfsim.integration import Integration, Progress, run_integration
 from hfsim.integrators import METHODS
+from hfsim.run.integration import Integration, Progress, run_integration
+from hfsim.scene.build import Scene
 
 MARGIN = 1.5
 """Factor by which another method must be sooner to be taken."""

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.build import Scene, build
-from hfsim.deck import LoadedDeck
-from hfsim.integration import problem_of
 from hfsim.integrators import choose
-from hfsim.plan import keeping, plan_of, predicted_call
+from hfsim.run.integration import problem_of
+from hfsim.run.plan import keeping, plan_of, predicted_call
+from hfsim.run.solution import Run
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import LoadedDeck
 from hfsim.simulate import simulate
-from hfsim.solution import Run
 
 ALL = "all"
 """Stands for all rules together, against ``solve.keep_all``."""

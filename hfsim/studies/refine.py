@@ -26,18 +26,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from hfsim.adaptive import Leg
-from hfsim.bodies import BeamSpec
-from hfsim.build import Scene, build
-from hfsim.clock import PhaseClock
-from hfsim.deck import LoadedDeck, is_judged
 from hfsim.errors import LimitReached
-from hfsim.integration import Integration, Progress, run_integration
 from hfsim.integrators import METHODS
+from hfsim.parts.bodies import BeamSpec
+from hfsim.run.clock import PhaseClock
+from hfsim.run.integration import Integration, Progress, run_integration
+from hfsim.run.solution import Channel, Run
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import LoadedDeck, is_judged
 from hfsim.simulate import assess, channel_errors, compute_channels, sample
-from hfsim.solution import Channel, Run
 from hfsim.studies.bench import Budget, mesh_words, tidy
 from hfsim.studies.methods import MARGIN, Contest, Entry, Probe, Turn, candidates
+from hfsim.trust.adaptive import Leg
 
 DEFAULT_BUDGET = 60.0
 """Time that a refinement may take unless the deck says otherwise [s]."""

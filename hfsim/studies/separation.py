@@ -1,6 +1,6 @@
 """What matrix separation saves: the forms of one elastic force, timed side by side (the paper's Table 1).
 
-Every form of `hfsim.elements.separation` computes the same numbers.  For each element and each number of
+Every form of `hfsim.studies.separation_forms` computes the same numbers.  For each element and each number of
 elements they are timed in turns, per evaluation and for a whole run: the soft beam of the paper's section
 7.1, pinned at its root, integrated by central differences with the same fixed steps.  What a step costs
 besides the elastic force is kept small (a mass matrix inverted or factorised once), so that the force
@@ -23,11 +23,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hfsim.arrays import Array
-from hfsim.elements import ELEMENTS, Inertia, Stiffness
-from hfsim.elements.separation import STIFFNESS_FORMS, StiffnessForm
-from hfsim.models.mesh import BeamMesh
+from hfsim.maths.arrays import Array
+from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.elements import ELEMENTS, Inertia, Stiffness
 from hfsim.studies.bench import Budget
+from hfsim.studies.separation_forms import STIFFNESS_FORMS, StiffnessForm
 
 AGREEMENT = 1e-11
 """Largest difference from the direct form that counts as round-off, for one element; n elements have n^2

@@ -18,12 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.arrays import Array, ComplexArray
-from hfsim.build import Scene, build
 from hfsim.errors import HfsimError
-from hfsim.integration import run_integration
-from hfsim.linearized import Linearized
-from hfsim.matrices import Matrix, dense, factorised, is_sparse, saddle_point
+from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_point
+from hfsim.mechanics.linearized import Linearized
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import Scene, build
 from hfsim.studies.bench import Budget, OutOfBudgetError
 
 MOST_UNKNOWNS = 400

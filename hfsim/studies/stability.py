@@ -13,8 +13,8 @@ from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise, product
 from typing import Any
 
-from hfsim.deck import LoadedDeck
 from hfsim.errors import DeckError
+from hfsim.scene.schema import LoadedDeck
 from hfsim.studies.axes import Axis, Value, point_overrides, written
 from hfsim.studies.farm import Farm, Outcome, Task
 from hfsim.studies.judge import (

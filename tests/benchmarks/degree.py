@@ -22,9 +22,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from hfsim.build import build
-from hfsim.deck import load_deck
-from hfsim.integration import run_integration
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.schema import load_deck
 from hfsim.simulate import sample
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -38,9 +38,9 @@ sys.path.insert(0, str(ROOT))
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hfsim.build import Scene, build
-from hfsim.deck import LoadedDeck, load_deck
-from hfsim.integration import run_integration
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import LoadedDeck, load_deck
 from hfsim.simulate import samples_at
 
 LEVELS = tuple(10.0**-k for k in range(3, 11))

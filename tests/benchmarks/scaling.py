@@ -16,9 +16,9 @@ import tracemalloc
 
 import numpy as np
 
-from hfsim.build import build
-from hfsim.deck import parse_deck
-from hfsim.integration import run_integration
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.schema import parse_deck
 
 BEAM = """
 hfsim: 1

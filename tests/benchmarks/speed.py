@@ -24,9 +24,9 @@ from statistics import median
 
 import numpy as np
 
-from hfsim.deck import load_deck
+from hfsim.run.solution import Run
+from hfsim.scene.schema import load_deck
 from hfsim.simulate import simulate
-from hfsim.solution import Run
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 REPEATS = 5

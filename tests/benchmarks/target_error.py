@@ -20,11 +20,11 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-from hfsim.build import build
-from hfsim.deck import LoadedDeck, is_judged, load_deck
-from hfsim.integration import run_integration
+from hfsim.run.integration import run_integration
+from hfsim.run.solution import Channel
+from hfsim.scene.build import build
+from hfsim.scene.schema import LoadedDeck, is_judged, load_deck
 from hfsim.simulate import channel_errors, compute_channels, sample
-from hfsim.solution import Channel
 from hfsim.studies.refine import refine
 
 CASES = Path(__file__).parents[2] / "cases"

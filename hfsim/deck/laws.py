@@ -1,0 +1,333 @@
+"""Laws of time: what a driver imposes or a load is scaled with.
+
+Values of a law are in SI of what it drives, its rates in the same per second: an `AngleLaw` takes "12 deg"
+and "120 rpm", a `PositionLaw` "9 mm" and "1 m/s".
+"""
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import Annotated, Any, ClassVar, Literal, get_args
+
+import numpy as np
+from annotated_types import MinLen
+from numpy.typing import ArrayLike
+from pydantic import BeforeValidator, Field
+
+from hfsim.deck.fields import (
+    Angle,
+    Complaint,
+    Number,
+    OneOf,
+    PositiveFrequency,
+    PositiveTime,
+    Spec,
+    Time,
+    refuse_all,
+)
+from hfsim.deck.source import Path
+from hfsim.deck.units import UnitError, parse_quantity
+from hfsim.maths.arrays import Array
+
+
+class Law(ABC):
+    """A function of time with its first two derivatives; times of any shape give results of that shape."""
+
+    def value(self, t: ArrayLike) -> Array:
+        """Return the value at times t [s]."""
+        return self._derivative(np.asarray(t, dtype=float), 0)
+
+    def rate(self, t: ArrayLike) -> Array:
+        """Return the first time derivative at times t [s]."""
+        return self._derivative(np.asarray(t, dtype=float), 1)
+
+    def acceleration(self, t: ArrayLike) -> Array:
+        """Return the second time derivative at times t [s]."""
+        return self._derivative(np.asarray(t, dtype=float), 2)
+
+    @abstractmethod
+    def _derivative(self, t: Array, order: int) -> Array:
+        """Return the time derivative of order 0, 1 or 2."""
+
+
+@dataclass(frozen=True)
+class LinearLaw(Law):
+    """start + slope t."""
+
+    start: float
+    slope: float = 0.0
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        if order == 0:
+            return self.start + self.slope * t
+        return np.full_like(t, self.slope if order == 1 else 0.0)
+
+
+@dataclass(frozen=True)
+class SplineLaw(Law):
+    """Cubic spline; `spline` is called as SciPy's CubicSpline is."""
+
+    spline: Any
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        return np.asarray(self.spline(t, order))
+
+
+@dataclass(frozen=True)
+class StepLaw(Law):
+    """From one value to another along 10 x^3 - 15 x^4 + 6 x^5, whose rate and acceleration end at zero."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        duration = self.end - self.start
+        x = np.clip((t - self.start) / duration, 0.0, 1.0)
+        rise = self.high - self.low
+        if order == 0:
+            return np.asarray(self.low + rise * x**3 * (10 - 15 * x + 6 * x**2))
+        if order == 1:
+            return np.asarray(rise / duration * 30 * (x * (1 - x)) ** 2)
+        return np.asarray(rise / duration**2 * 60 * x * (1 - x) * (1 - 2 * x))
+
+
+@dataclass(frozen=True)
+class SpinUpLaw(Law):
+    """From rest to a constant rate, as rotating beams are commonly spun up (Simo & Vu-Quoc 1986)."""
+
+    final_rate: float
+    time: float
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        w = 2 * math.pi / self.time
+        if order == 0:
+            growing = t**2 / 2 + (np.cos(w * t) - 1) / w**2
+            steady = self.final_rate * (t - self.time / 2)
+        elif order == 1:
+            growing = t - np.sin(w * t) / w
+            steady = np.full_like(t, self.final_rate)
+        else:
+            growing = 1 - np.cos(w * t)
+            steady = np.zeros_like(t)
+        return np.where(t < self.time, self.final_rate / self.time * growing, steady)
+
+
+@dataclass(frozen=True)
+class SineLaw(Law):
+    """offset + amplitude sin(w t + phase)."""
+
+    amplitude: float
+    w: float
+    phase: float
+    offset: float
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        # Each derivative turns the phase by a quarter and brings one factor w.
+        oscillation = self.amplitude * self.w**order * np.sin(self.w * t + self.phase + order * math.pi / 2)
+        return np.asarray(oscillation + (self.offset if order == 0 else 0.0))
+
+
+class LawSpec(Spec):
+    """Base of all laws a deck may state."""
+
+    value_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that measure what the law drives."""
+
+    rate_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that measure its rate."""
+
+    def build(self) -> Law:
+        """Return the law."""
+        raise NotImplementedError
+
+
+class ConstantSpec(LawSpec):
+    """The same value at all times; a bare number in a deck means this."""
+
+    value_keys = ("value",)
+
+    type: Literal["constant"]
+    """Kind of law."""
+
+    value: Number
+    """Value [SI of what the law drives]."""
+
+    def build(self) -> Law:
+        """Return the law."""
+        return LinearLaw(self.value)
+
+
+class ConstantRateSpec(LawSpec):
+    """start + rate t."""
+
+    value_keys = ("start",)
+    rate_keys = ("rate",)
+
+    type: Literal["constant_rate"]
+    """Kind of law."""
+
+    rate: Number
+    """Rate [SI of what the law drives, per s]."""
+
+    start: Number = 0.0
+    """Value at t = 0 [SI of what the law drives]."""
+
+    def build(self) -> Law:
+        """Return the law."""
+        return LinearLaw(self.start, self.rate)
+
+
+class TableSpec(LawSpec):
+    """Cubic spline through points (not-a-knot ends)."""
+
+    value_keys = ("values",)
+
+    type: Literal["table"]
+    """Kind of law."""
+
+    times: Annotated[tuple[Time, ...], MinLen(2)]
+    """Times of the points, increasing [s]."""
+
+    values: tuple[Number, ...]
+    """Values there [SI of what the law drives]."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield points that make no curve."""
+        if len(self.values) != len(self.times):
+            message = f"{len(self.values)} values for {len(self.times)} times"
+            yield Complaint(("values",), message, "give one value for each time")
+        for index, (before, after) in enumerate(zip(self.times, self.times[1:], strict=False), start=1):
+            if after <= before:
+                yield Complaint(("times", index), f"times must increase, {after:g} follows {before:g}")
+
+    def build(self) -> Law:
+        """Return the law."""
+        from scipy.interpolate import CubicSpline
+
+        return SplineLaw(CubicSpline(self.times, self.values))
+
+
+class SmoothStepSpec(LawSpec):
+    """From one value to another, with continuous acceleration."""
+
+    value_keys = ("from", "to")
+
+    type: Literal["smooth_step"]
+    """Kind of law."""
+
+    from_: Annotated[Number, Field(alias="from")]
+    """Value until the start [SI of what the law drives]."""
+
+    to: Number
+    """Value from the end on [SI of what the law drives]."""
+
+    start: Time
+    """Time at which the step begins [s]."""
+
+    end: Time
+    """Time at which the step ends [s]."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a step that ends before it starts."""
+        if self.end <= self.start:
+            yield Complaint(("end",), f"must be later than the start, {self.start:g} s")
+
+    def build(self) -> Law:
+        """Return the law."""
+        return StepLaw(self.from_, self.to, self.start, self.end)
+
+
+class SpinUpSpec(LawSpec):
+    """From rest at zero to a constant rate."""
+
+    rate_keys = ("rate",)
+
+    type: Literal["spin_up"]
+    """Kind of law."""
+
+    rate: Number
+    """Rate that is reached [SI of what the law drives, per s]."""
+
+    time: PositiveTime
+    """Time in which it is reached [s]."""
+
+    def build(self) -> Law:
+        """Return the law."""
+        return SpinUpLaw(self.rate, self.time)
+
+
+class SineSpec(LawSpec):
+    """offset + amplitude sin(2 pi frequency t + phase)."""
+
+    value_keys = ("amplitude", "offset")
+
+    type: Literal["sine"]
+    """Kind of law."""
+
+    amplitude: Number
+    """Amplitude [SI of what the law drives]."""
+
+    frequency: PositiveFrequency
+    """Frequency [Hz]."""
+
+    phase: Angle = 0.0
+    """Phase at t = 0 [rad]."""
+
+    offset: Number = 0.0
+    """Mean value [SI of what the law drives]."""
+
+    def build(self) -> Law:
+        """Return the law."""
+        w = 2 * math.pi * self.frequency
+        return SineLaw(self.amplitude, w, self.phase, self.offset)
+
+
+AnyLaw = ConstantSpec | ConstantRateSpec | TableSpec | SmoothStepSpec | SpinUpSpec | SineSpec
+LAWS: dict[str, type[LawSpec]] = {
+    get_args(spec.model_fields["type"].annotation)[0]: spec for spec in get_args(AnyLaw)
+}
+
+
+def _read_law(data: object, value: str, rate: str) -> object:
+    """Turn a bare number into a constant, and text with units into SI numbers of what the law drives."""
+    if isinstance(data, int | float | str) and not isinstance(data, bool):
+        data = {"type": "constant", "value": data}
+    if not isinstance(data, dict) or str(data.get("type")) not in LAWS:
+        return data
+    spec = LAWS[str(data["type"])]
+    dimensions = dict.fromkeys(spec.value_keys, value) | dict.fromkeys(spec.rate_keys, rate)
+    refused: list[Complaint] = []
+    read = {
+        key: _in_si(item, dimensions[key], (key,), refused) if key in dimensions else item
+        for key, item in data.items()
+    }
+    refuse_all(refused)
+    return read
+
+
+def _in_si(item: object, dimension: str, path: Path, refused: list[Complaint]) -> object:
+    """Convert text with a unit; anything else is left to the field's own type."""
+    if isinstance(item, list):
+        return [_in_si(entry, dimension, (*path, index), refused) for index, entry in enumerate(item)]
+    if not isinstance(item, str):
+        return item
+    try:
+        return parse_quantity(item, dimension)
+    except UnitError as error:
+        refused.append(Complaint(path, str(error), error.hint))
+        return item
+
+
+def _driving(value: str, rate: str) -> BeforeValidator:
+    return BeforeValidator(partial(_read_law, value=value, rate=rate))
+
+
+_by_type = OneOf("type", LAWS)
+
+AngleLaw = Annotated[AnyLaw, _by_type, _driving("angle", "angular_velocity")]
+PositionLaw = Annotated[AnyLaw, _by_type, _driving("length", "velocity")]
+ScaleLaw = Annotated[AnyLaw, _by_type, _driving("dimensionless", "dimensionless")]

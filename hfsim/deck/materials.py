@@ -1,0 +1,186 @@
+"""Materials, cross-sections and all numbers that follow from them; no other file computes these."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal, Protocol
+
+from hfsim.deck.fields import (
+    Complaint,
+    NonNegativeLength,
+    NonNegativeTime,
+    OneOf,
+    PositiveArea,
+    PositiveDensity,
+    PositiveLength,
+    PositivePressure,
+    PositiveSecondMoment,
+    Spec,
+    measures,
+)
+
+_PROPORTIONS = (1e-4, 1e4)
+
+
+class MaterialSpec(Spec):
+    """Isotropic elastic material with damping that grows with the strain rate."""
+
+    density: PositiveDensity
+    """Mass density [kg/m^3]."""
+
+    youngs_modulus: PositivePressure
+    """Young's modulus [Pa]."""
+
+    poisson_ratio: Annotated[float, measures(above=-1, below=0.5)] = 0.0
+    """Poisson's ratio [-]."""
+
+    axial_damping: NonNegativeTime = 0.0
+    """Kelvin-Voigt retardation time of the axial strain [s]."""
+
+    bending_damping: NonNegativeTime = 0.0
+    """Kelvin-Voigt retardation time of the curvature [s]."""
+
+    @property
+    def lame_lambda(self) -> float:
+        r"""First Lame constant [Pa], :math:`E \nu / ((1 + \nu)(1 - 2 \nu))`."""
+        nu = self.poisson_ratio
+        return self.youngs_modulus * nu / ((1 + nu) * (1 - 2 * nu))
+
+    @property
+    def lame_mu(self) -> float:
+        r"""Second Lame constant, the shear modulus [Pa], :math:`E / (2 (1 + \nu))`."""
+        return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
+
+
+class _Moments(Protocol):
+    @property
+    def area(self) -> float: ...
+
+    @property
+    def second_moment(self) -> float: ...
+
+
+class _EquivalentRectangle(Spec):
+    """A section seen as the rectangle with its area A and second moment I, sqrt(12 I/A) high."""
+
+    @property
+    def height(self: _Moments) -> float:
+        """Height of the equivalent rectangle, in the bending plane [m]."""
+        return math.sqrt(12 * self.second_moment / self.area)
+
+    @property
+    def width(self: _Moments) -> float:
+        """Width of the equivalent rectangle, across the bending plane [m]."""
+        return self.area / math.sqrt(12 * self.second_moment / self.area)
+
+
+class GeneralSection(_EquivalentRectangle):
+    """Cross-section given by its area and second moment."""
+
+    area: PositiveArea
+    """Area [m^2]."""
+
+    second_moment: PositiveSecondMoment
+    """Second moment of area about the axis across the bending plane [m^4]."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield moments that no section can have together."""
+        height, width = self.height, self.width
+        if _PROPORTIONS[0] <= height / width <= _PROPORTIONS[1]:
+            return
+        message = f"does not fit the area: the section would be {height:.3g} m high and {width:.3g} m wide"
+        yield Complaint(("second_moment",), message, "a value in mm^4 needs its unit, '1.33e4 mm^4'")
+
+
+class RectangleSection(Spec):
+    """Rectangular cross-section."""
+
+    shape: Literal["rectangle"]
+    """Kind of section."""
+
+    width: PositiveLength
+    """Side across the bending plane [m]."""
+
+    height: PositiveLength
+    """Side in the bending plane [m]."""
+
+    @property
+    def area(self) -> float:
+        """Area [m^2]."""
+        return self.width * self.height
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area, width height^3 / 12 [m^4]."""
+        return self.width * self.height**3 / 12
+
+
+class CircleSection(_EquivalentRectangle):
+    """Full circular cross-section."""
+
+    shape: Literal["circle"]
+    """Kind of section."""
+
+    radius: PositiveLength | None = None
+    """Radius [m]; or give the diameter."""
+
+    diameter: PositiveLength | None = None
+    """Diameter [m]; or give the radius."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a circle without a size or with two."""
+        if (self.radius is None) == (self.diameter is None):
+            yield Complaint((), "a circle needs its radius or its diameter, one of the two")
+
+    @property
+    def outer_radius(self) -> float:
+        """Radius, however it was given [m]."""
+        return self.radius if self.radius is not None else (self.diameter or 0.0) / 2
+
+    @property
+    def area(self) -> float:
+        """Area [m^2]."""
+        return math.pi * self.outer_radius**2
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area, pi r^4 / 4 [m^4]."""
+        return math.pi * self.outer_radius**4 / 4
+
+
+class TubeSection(_EquivalentRectangle):
+    """Circular tube."""
+
+    shape: Literal["tube"]
+    """Kind of section."""
+
+    outer_radius: PositiveLength
+    """Outer radius [m]."""
+
+    inner_radius: NonNegativeLength
+    """Inner radius [m]."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a tube without a wall."""
+        if self.inner_radius >= self.outer_radius:
+            yield Complaint(("inner_radius",), f"must be less than the outer radius {self.outer_radius:g} m")
+
+    @property
+    def area(self) -> float:
+        """Area [m^2]."""
+        return math.pi * (self.outer_radius**2 - self.inner_radius**2)
+
+    @property
+    def second_moment(self) -> float:
+        """Second moment of area, pi (R^4 - r^4) / 4 [m^4]."""
+        return math.pi * (self.outer_radius**4 - self.inner_radius**4) / 4
+
+
+SectionSpec = Annotated[
+    GeneralSection | RectangleSection | CircleSection | TubeSection,
+    OneOf(
+        "shape",
+        {"rectangle": RectangleSection, "circle": CircleSection, "tube": TubeSection},
+        otherwise=GeneralSection,
+    ),
+]
+"""Any cross-section: area and second moment, or a shape; all have area, second_moment, height and width."""

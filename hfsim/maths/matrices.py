@@ -1,0 +1,98 @@
+"""Matrices that are dense in small scenes and sparse in large ones.
+
+Up to `DENSE_UP_TO` rows the calls cost, not the arithmetic, and dense matrices win; beyond it time
+and memory must grow linearly, and SciPy's sparse matrices take over.  ``X @ A`` means the same for
+both, so that most code need not know which it has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+
+Matrix: TypeAlias = Any
+"""An ndarray, or a SciPy sparse array in CSR form."""
+
+DENSE_UP_TO = 200
+"""Coordinates up to which dense algebra is the faster one (at 196, 0.51 s against 0.66 s)."""
+
+
+class Entries(NamedTuple):
+    """Entries of a matrix; those at the same place add up.
+
+    Attributes
+    ----------
+    rows, columns : ndarray of int, shape (n_entries,)
+    values : ndarray, shape (n_entries,)
+    """
+
+    rows: IntArray
+    columns: IntArray
+    values: Array
+
+    @classmethod
+    def of_block(cls, rows: IntArray, columns: IntArray, block: Array) -> Entries:
+        """Return the entries of dense blocks: rows (..., m), columns (..., n), block (..., m, n)."""
+        i = np.broadcast_to(rows[..., :, None], block.shape)
+        j = np.broadcast_to(columns[..., None, :], block.shape)
+        return cls(i.ravel(), j.ravel(), block.ravel())
+
+
+NOTHING = Entries(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
+
+
+def is_sparse(matrix: Matrix) -> bool:
+    """Return whether a matrix is sparse."""
+    return not isinstance(matrix, np.ndarray)
+
+
+def assemble(parts: Iterable[Entries], shape: tuple[int, int], sparse: bool | None = None) -> Matrix:
+    """Return the matrix of all entries; dense up to `DENSE_UP_TO` rows and columns unless said otherwise."""
+    parts = list(parts) or [NOTHING]
+    rows, columns, values = (np.concatenate(kind) for kind in zip(*parts, strict=True))
+    if sparse is None:
+        sparse = max(shape) > DENSE_UP_TO
+    if not sparse:
+        flat = np.bincount(rows * shape[1] + columns, weights=values, minlength=shape[0] * shape[1])
+        return flat.reshape(shape).astype(float, copy=False)
+    from scipy.sparse import coo_array
+
+    return coo_array((values, (rows, columns)), shape=shape).tocsr()
+
+
+def dense(matrix: Matrix) -> Array:
+    """Return a matrix as an ndarray."""
+    return np.asarray(matrix.toarray() if is_sparse(matrix) else matrix)
+
+
+def factorised(matrix: Matrix) -> Callable[[Array], Array]:
+    """Factorise a sparse square matrix once; return the map from right-hand sides (..., n) to solutions.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the matrix is singular.
+    """
+    from scipy.sparse import csc_array
+    from scipy.sparse.linalg import splu
+
+    try:
+        factor = splu(csc_array(matrix))
+    except RuntimeError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
+
+    def solve(rhs: Array) -> Array:
+        return np.asarray(factor.solve(np.ascontiguousarray(rhs.T.astype(matrix.dtype, copy=False))).T)
+
+    return solve
+
+
+def saddle_point(matrix: Matrix, border: Matrix) -> Matrix:
+    """Return [[A, B^T], [B, 0]] of sparse A (n, n) and B (m, n)."""
+    from scipy.sparse import block_array
+
+    return block_array([[matrix, border.T], [border, None]], format="csc")

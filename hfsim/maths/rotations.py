@@ -1,0 +1,66 @@
+"""Rotations of the plane.
+
+A planar vector (a, b) is handled as the complex number a + ib: turning it by an angle is then one
+product for a whole batch of vectors.  Spatial rotations will stand beside these with the same names.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, ComplexArray
+
+QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
+"""``a @ QUARTER_TURN`` is the planar cross product of the unit normal with ``a``."""
+
+
+def as_complex(a: Array) -> ComplexArray:
+    """View planar vectors as complex numbers, without a copy where memory allows.
+
+    Parameters
+    ----------
+    a : ndarray, shape (..., 2)
+
+    Returns
+    -------
+    ndarray of complex, shape (...)
+    """
+    return np.ascontiguousarray(a, dtype=float).view(np.complex128)[..., 0]
+
+
+def as_vectors(z: ComplexArray) -> Array:
+    """View complex numbers as planar vectors, shape (..., 2); the inverse of `as_complex`."""
+    return np.ascontiguousarray(z)[..., None].view(np.float64)
+
+
+def rotate(angle: Array, a: Array) -> Array:
+    """Turn planar vectors ``a`` (..., 2) by ``angle`` (...) [rad]: the product A s' of eq. (2).
+
+    Examples
+    --------
+    >>> rotate(np.array([np.pi / 2]), np.array([[1.0, 0.0]])).round(12)
+    array([[0., 1.]])
+    """
+    return as_vectors(np.exp(1j * angle) * as_complex(a))
+
+
+def rotation_matrix(angle: Array) -> Array:
+    """Return the matrix A(angle), shape (..., 2, 2), that turns body axes into inertial axes."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+
+
+def normal(a: Array) -> Array:
+    """Turn planar vectors (..., 2) by a quarter turn: (a, b) becomes (-b, a)."""
+    return np.asarray(a @ QUARTER_TURN)
+
+
+def wrap(angle: Array) -> Array:
+    """Return the angle [rad] within half a turn of zero.
+
+    Examples
+    --------
+    >>> float(wrap(np.array(7.0)).round(6))
+    0.716815
+    """
+    return np.asarray(angle - 2.0 * np.pi * np.round(np.asarray(angle) / (2.0 * np.pi)))

@@ -1,0 +1,115 @@
+"""Shape functions of beam elements on the unit interval and the quadrature that integrates them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+
+HERMITE = np.array(
+    [
+        [1.0, 0.0, -3.0, 2.0],
+        [0.0, 1.0, -2.0, 1.0],
+        [0.0, 0.0, 3.0, -2.0],
+        [0.0, 0.0, -1.0, 1.0],
+    ]
+)
+"""Cubic Hermite functions as coefficients of 1, xi, xi^2, xi^3: first value, first slope, second
+value, second slope; slopes are derivatives with respect to xi."""
+
+
+def hermite(xi: Array | float, derivative: int = 0) -> Array:
+    """Evaluate the four cubic Hermite functions, or a derivative of them with respect to xi.
+
+    Parameters
+    ----------
+    xi : array_like, shape (n,)
+        Places within the element, 0 to 1.
+    derivative : int
+        How often to differentiate.
+
+    Returns
+    -------
+    ndarray, shape (n, 4)
+
+    Examples
+    --------
+    >>> hermite(0.5)
+    array([[ 0.5  ,  0.125,  0.5  , -0.125]])
+    """
+    coefficients = HERMITE
+    for _ in range(derivative):
+        coefficients = coefficients[:, 1:] * np.arange(1, coefficients.shape[1])
+    powers = np.atleast_1d(np.asarray(xi, dtype=float))[:, None] ** np.arange(coefficients.shape[1])
+    return np.asarray(powers @ coefficients.T)
+
+
+def interior(xi: Array | float, degree: int, derivative: int = 0) -> Array:
+    r"""Evaluate the interior functions that complete the cubic Hermite functions, or a derivative by xi.
+
+    Integrated Legendre polynomials :math:`\phi_k` with :math:`\phi_k'' = (2 k + 1) P_k`, k = 2 to
+    degree - 2, P_k the Legendre polynomial on the unit interval.  As P_k is orthogonal to 1 and xi,
+    they vanish at both ends with their slopes (to the last bit, as :math:`P_k(\pm 1)` is exact in the
+    recurrence), and their second derivatives are orthogonal to those of the cubics and to one another.
+    The factor keeps their slopes within about -1 to 1 for every k.
+
+    Parameters
+    ----------
+    xi : array_like, shape (n,)
+        Places within the element, 0 to 1.
+    degree : int
+        Degree of the whole set, 3 or more.
+    derivative : int
+        0, 1 or 2.
+
+    Returns
+    -------
+    ndarray, shape (n, degree - 3)
+
+    Examples
+    --------
+    >>> interior([0.0, 0.5, 1.0], 4)  # x^2 (1 - x)^2 times 5/2
+    array([[0.     ],
+           [0.15625],
+           [0.     ]])
+    """
+    t = 2.0 * np.atleast_1d(np.asarray(xi, dtype=float)) - 1.0
+    P = np.polynomial.legendre.legvander(t, degree)
+    k = np.arange(2, degree - 1)
+    if derivative == 2:
+        return np.asarray((2 * k + 1) * P[:, k])
+    if derivative == 1:
+        return np.asarray(0.5 * (P[:, k + 1] - P[:, k - 1]))
+    if derivative != 0:
+        raise ValueError(f"no derivative of order {derivative}")
+    above, below = P[:, k + 2] - P[:, k], P[:, k] - P[:, k - 2]
+    return np.asarray(0.25 * (above / (2 * k + 3) - below / (2 * k - 1)))
+
+
+def hierarchic(xi: Array | float, degree: int, derivative: int = 0) -> Array:
+    """Evaluate all functions of an element: first value and slope, interior ones, last value and slope.
+
+    Returns
+    -------
+    ndarray, shape (n, degree + 1)
+    """
+    ends = hermite(xi, derivative)
+    if degree == 3:
+        return ends
+    return np.concatenate([ends[:, :2], interior(xi, degree, derivative), ends[:, 2:]], axis=1)
+
+
+@lru_cache(maxsize=64)
+def gauss_legendre(points: int) -> tuple[Array, Array]:
+    """Return places and weights of Gauss-Legendre quadrature on the unit interval.
+
+    Examples
+    --------
+    >>> x, w = gauss_legendre(2)
+    >>> float((w * x**3).sum().round(12))
+    0.25
+    """
+    x, w = np.polynomial.legendre.leggauss(points)
+    return 0.5 * (x + 1.0), 0.5 * w

@@ -1,0 +1,1 @@
+"""The mechanics of any scene: markers, constraints, free coordinates, equations of motion."""

@@ -1,0 +1,219 @@
+"""Which joints the free coordinates fulfil by themselves: those of open chains, at nodes and mass centres.
+
+A joint at which a position coordinate of one body coincides with one of another, or with a place on
+the ground, is linear in absolute coordinates.  Bodies are taken in from the ground outwards, each by
+the first such joint that leads to it; a joint between two bodies already taken in closes a loop and
+keeps its multipliers.  So do joints whose equations are not linear: angles between moving bodies,
+points between nodes or off the centre of mass, and all of bodies with coordinates in a body frame.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.matrices import Entries, assemble
+from hfsim.mechanics.constraints import Coincide, Constraint, RelativeAngle
+from hfsim.mechanics.increments import Mount, Tie
+from hfsim.mechanics.markers import GroundMarker, Marker, NodalMarker, RigidMarker
+from hfsim.mechanics.reduction import Reduction
+from hfsim.parts.bodies.assembled import Body
+
+GROUND = None
+"""Owner of the points of the ground."""
+
+
+@dataclass(frozen=True)
+class FreeCoordinates:
+    """What is left when joints have been eliminated.
+
+    Attributes
+    ----------
+    reduction : Reduction
+    ties : tuple of Tie
+        Bodies whose place follows from others, from the ground outwards.
+    natural_columns : ndarray of int, shape (n,)
+        Columns of x whose natural increments are free.
+    """
+
+    reduction: Reduction
+    ties: tuple[Tie, ...]
+    natural_columns: IntArray
+
+
+def eliminate(
+    bodies: Mapping[str, Body], constraints: tuple[Constraint, ...], sparse: bool
+) -> FreeCoordinates:
+    """Return the free coordinates of a scene; bodies in body frames keep all of theirs.
+
+    Parameters
+    ----------
+    bodies : mapping of str to Body
+    constraints : tuple of Constraint
+    sparse : bool
+        Which kind of matrices to use.
+    """
+    n = max(body.columns.stop for body in bodies.values())
+    work = _Elimination(n)
+    owners = {body.columns.start: name for name, body in bodies.items()}
+    linear = dict(_between_positions(bodies, constraints, owners))
+    for k, child, parent in _tree(linear, owners):
+        body = bodies[str(_owner(child, owners))]
+        if _at_coordinates(parent):
+            work.attach(k, body, child, parent)
+        else:
+            work.mount(body, child, parent, tuple(linear.values()))
+    for k, constraint in linear.items():
+        clamp = _clamp(constraint)
+        if clamp is not None and not work.dropped[clamp[0]].any():
+            work.clamp(k, *clamp)
+    return work.result(sparse)
+
+
+@dataclass
+class _Elimination:
+    """Where each coordinate comes from, while joints are taken in."""
+
+    n: int
+    ties: list[Tie] = field(default_factory=list)
+    eliminated: set[int] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.source: IntArray = np.arange(self.n)
+        self.factor: Array = np.ones(self.n)
+        self.offset: Array = np.zeros(self.n)
+        self.dropped: BoolArray = np.zeros(self.n, dtype=bool)
+        self.natural: BoolArray = np.ones(self.n, dtype=bool)
+        self.clamped: list[int] = []
+
+    def attach(self, k: int, body: Body, child: Marker, parent: Marker) -> None:
+        """Let the place of a body follow from that of a point already taken in."""
+        point, above = _place_columns(child), _place_columns(parent)
+        assert point is not None
+        self.dropped[point] = True
+        if above is None:
+            self.factor[point], self.offset[point] = 0.0, parent.position(np.zeros((1, self.n)))[0]
+        else:
+            for kind in (self.source, self.factor, self.offset):
+                kind[point] = kind[above]
+        self.natural[body.position_columns[0]] = False
+        self.ties.append(Tie(body.position_columns, point, above))
+        self.eliminated.add(k)
+
+    def mount(self, body: Body, child: Marker, parent: Marker, constraints: tuple[Constraint, ...]) -> None:
+        """Let natural increments of a beam be relative to the rigid body that carries it."""
+        assert isinstance(parent, RigidMarker) and isinstance(child, NodalMarker)
+        assert child.place_columns is not None
+        self.ties.append(
+            Mount(
+                positions=body.position_columns,
+                point=child.place_columns,
+                parent=None,
+                rigid=parent.support,
+                arm=complex(*parent.offset),
+                slope=_fixed_slope(child, parent, constraints),
+            )
+        )
+
+    def clamp(self, k: int, slope: IntArray, angle: float) -> None:
+        """Let a slope vector keep its direction."""
+        self.factor[slope] = np.cos(angle), np.sin(angle)
+        self.source[slope[1]] = slope[0]
+        self.dropped[slope[1]] = True
+        self.natural[slope[1]] = False
+        self.clamped.append(int(slope[0]))
+        self.eliminated.add(k)
+
+    def result(self, sparse: bool) -> FreeCoordinates:
+        number = np.cumsum(~self.dropped) - 1
+        used = self.factor != 0.0
+        entries = Entries(np.flatnonzero(used), number[self.source[used]], self.factor[used])
+        basis = assemble([entries], (self.n, int(np.sum(~self.dropped))), sparse)
+        return FreeCoordinates(
+            reduction=Reduction(basis, self.offset, frozenset(self.eliminated), number[self.clamped]),
+            ties=tuple(self.ties),
+            natural_columns=np.flatnonzero(self.natural),
+        )
+
+
+def _fixed_slope(child: NodalMarker, parent: RigidMarker, constraints: tuple[Constraint, ...]) -> int | None:
+    """Return the column that holds the angle of a beam's slope if a joint fixes it to a rigid body."""
+    if child.slope_columns is None:
+        return None
+    for c in constraints:
+        if isinstance(c, RelativeAngle) and not c.driven:
+            for beam, rigid in ((c.first, c.second), (c.second, c.first)):
+                if isinstance(beam, NodalMarker) and beam.slope_columns is not None:
+                    same = np.array_equal(beam.slope_columns, child.slope_columns)
+                    if same and rigid.columns == parent.columns:
+                        return int(child.slope_columns[1])
+    return None
+
+
+def _between_positions(
+    bodies: Mapping[str, Body], constraints: tuple[Constraint, ...], owners: Mapping[int, str]
+) -> Iterator[tuple[int, Constraint]]:
+    """Yield, with their numbers, the constraints between bodies whose coordinates are absolute."""
+    for k, c in enumerate(constraints):
+        ends = (_owner(marker, owners) for marker in (c.first, c.second))
+        if all(name is None or len(bodies[name].position_columns) for name in ends):
+            yield k, c
+
+
+def _tree(
+    constraints: Mapping[int, Constraint], owners: Mapping[int, str]
+) -> Iterator[tuple[int, Marker, Marker]]:
+    """Yield (constraint, marker of the body taken in, marker it is attached to), from the ground outwards."""
+    meeting: dict[str | None, list[tuple[int, Marker, Marker]]] = {}
+    for k, c in constraints.items():
+        if isinstance(c, Coincide):
+            for child, parent in ((c.first, c.second), (c.second, c.first)):
+                if _place_columns(child) is not None and _carries(parent, child):
+                    meeting.setdefault(_owner(parent, owners), []).append((k, child, parent))
+    known: set[str | None] = set()
+    for start in (GROUND, *owners.values()):
+        if start in known:
+            continue
+        known.add(start)
+        front = [start]
+        while front:
+            for k, child, parent in meeting.get(front.pop(0), []):
+                name = _owner(child, owners)
+                if name not in known:
+                    known.add(name)
+                    front.append(name)
+                    yield k, child, parent
+
+
+def _owner(marker: Marker, owners: Mapping[int, str]) -> str | None:
+    return GROUND if isinstance(marker, GroundMarker) else owners[marker.columns.start]
+
+
+def _place_columns(marker: Marker) -> IntArray | None:
+    return marker.place_columns if isinstance(marker, NodalMarker | RigidMarker) else None
+
+
+def _at_coordinates(marker: Marker) -> bool:
+    return isinstance(marker, GroundMarker) or _place_columns(marker) is not None
+
+
+def _carries(parent: Marker, child: Marker) -> bool:
+    """Whether a body can be taken in at a point: at coordinates, or a beam on a point of a rigid body."""
+    return _at_coordinates(parent) or (isinstance(parent, RigidMarker) and isinstance(child, NodalMarker))
+
+
+def _clamp(constraint: Constraint) -> tuple[IntArray, float] | None:
+    """Return the slope vector that a constraint holds in a direction of the ground, and that direction."""
+    if not isinstance(constraint, RelativeAngle) or constraint.driven:
+        return None
+    first, second = constraint.first, constraint.second
+    if isinstance(first, GroundMarker) and isinstance(second, NodalMarker):
+        slope, angle = second.slope_columns, first.turn + constraint.offset
+    elif isinstance(second, GroundMarker) and isinstance(first, NodalMarker):
+        slope, angle = first.slope_columns, second.turn - constraint.offset
+    else:
+        return None
+    return None if slope is None else (slope, angle)

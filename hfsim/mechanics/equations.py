@@ -1,0 +1,394 @@
+"""Equations of motion with multipliers: M x'' + Phi_x^T lambda = f, Phi_x x'' = gamma (eq. 37).
+
+Masses, constraints and forces are those of the coordinates x; solved are the free coordinates z of a
+`Reduction`, so that only the constraints it has not taken care of need multipliers.  Small scenes are
+solved with dense matrices for all states at once, large ones with sparse factors; state by state only where
+the matrix depends on the state and joints depend on many coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Protocol
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray, Places, run_of
+from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
+from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.markers import joint_support
+from hfsim.mechanics.reduction import Reduction
+
+FEW = 60
+"""Coordinates at joints up to which large scenes are solved by these; beyond, with the whole matrix."""
+
+
+class VariableMass(Protocol):
+    """A body whose mass matrix depends on its coordinates."""
+
+    @property
+    def name(self) -> str:
+        """Name in the deck."""
+
+    @property
+    def model(self) -> str:
+        """Name of its model."""
+
+    @property
+    def columns(self) -> slice:
+        """Its coordinates in x."""
+
+    @property
+    def truncated(self) -> bool:
+        """Whether its inertia force leaves out terms, so that it does not keep the energy."""
+
+    def mass(self, x: Array) -> Array:
+        """Return the mass matrix, shape (n_batch, n_columns, n_columns)."""
+
+
+@dataclass(frozen=True)
+class Equations:
+    """Mass and constraints of a scene, with a choice of free coordinates.
+
+    Attributes
+    ----------
+    constant_mass : Matrix, shape (n_x, n_x)
+        Zero in the rows of bodies with a variable mass matrix.
+    variable_mass : tuple of VariableMass
+    all_constraints : tuple of Constraint
+    reduction : Reduction
+        Which of them it eliminates is left out here.
+    once : bool
+        Factorise matrices that never change once; otherwise in every state, as if they did.
+    """
+
+    constant_mass: Matrix
+    variable_mass: tuple[VariableMass, ...]
+    all_constraints: tuple[Constraint, ...]
+    reduction: Reduction
+    once: bool = True
+
+    @cached_property
+    def n(self) -> int:
+        """Number of free coordinates."""
+        return int(self.reduction.basis.shape[1])
+
+    @cached_property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """The constraints that need multipliers."""
+        gone = self.reduction.eliminated
+        return tuple(c for k, c in enumerate(self.all_constraints) if k not in gone)
+
+    @cached_property
+    def rows(self) -> tuple[slice, ...]:
+        """Rows of each constraint in Phi."""
+        ends = np.cumsum([0] + [c.rows for c in self.constraints])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @cached_property
+    def n_rows(self) -> int:
+        """Number of constraint equations."""
+        return sum(c.rows for c in self.constraints)
+
+    # ------------------------------------------------------------------ constraints
+
+    @cached_property
+    def constraints_constant(self) -> bool:
+        """Whether Phi_x is the same for every state."""
+        return all(c.constant for c in self.constraints)
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return Phi, shape (n_batch, n_rows)."""
+        if self.constraints_constant:
+            return np.asarray(x @ self._constant_transpose + self._origin_residual)
+        return self._stack(len(x), lambda c: c.residual(t, x))
+
+    def drift(self, t: Array, x: Array, u: Array) -> Array:
+        """Return Phi' = Phi_x u + Phi_t, shape (n_batch, n_rows)."""
+        if self.constraints_constant:
+            return np.asarray(u @ self._constant_transpose)
+        return self._stack(len(x), lambda c: _rate(c, t, x, u))
+
+    def rate(self, t: Array) -> Array:
+        """Return Phi_t, shape (n_batch, n_rows)."""
+        return self._stack(len(t), lambda c: c.rate(t))
+
+    def curvature(self, t: Array, x: Array, u: Array) -> Array:
+        """Return gamma of eq. (37), shape (n_batch, n_rows)."""
+        gamma = np.zeros((len(x), self.n_rows))
+        for constraint, rows in self.changing:
+            gamma[:, rows] = constraint.acceleration(t, x, u)
+        return gamma
+
+    @cached_property
+    def changing(self) -> tuple[tuple[Constraint, slice], ...]:
+        """Constraints whose Jacobian depends on the state, with their rows."""
+        pairs = zip(self.constraints, self.rows, strict=True)
+        return tuple((c, rows) for c, rows in pairs if not c.constant)
+
+    @cached_property
+    def _constant_transpose(self) -> Matrix:
+        jacobian = self.jacobian_at(np.zeros((1, self.reduction.basis.shape[0])), 0)
+        return jacobian.T.tocsr() if is_sparse(jacobian) else np.ascontiguousarray(jacobian.T)
+
+    @cached_property
+    def _origin_residual(self) -> Array:
+        """Residual of linear constraints at the origin of the coordinates."""
+        n_x = self.reduction.basis.shape[0]
+        return self._stack(1, lambda c: c.residual(np.zeros(1), np.zeros((1, n_x))))
+
+    def _stack(self, n_batch: int, rows_of: Callable[[Constraint], Array]) -> Array:
+        out = np.zeros((n_batch, self.n_rows))
+        for constraint, rows in zip(self.constraints, self.rows, strict=True):
+            out[:, rows] = rows_of(constraint)
+        return out
+
+    def jacobians(self, x: Array) -> Array:
+        """Return Phi_x by the coordinates x, dense, shape (n_batch or 1, n_rows, n_x)."""
+        J = self._constant_joint_rows if self.constraints_constant else self._joint_jacobians(x)
+        Phi_x = np.zeros((*J.shape[:2], self.reduction.basis.shape[0]))
+        Phi_x[..., self._support] = J
+        return Phi_x
+
+    def jacobian_at(self, x: Array, k: int) -> Matrix:
+        """Return Phi_x of state k, shape (n_rows, n_x); dense or sparse as the mass matrix is."""
+        if not is_sparse(self.constant_mass):
+            return self.jacobians(x[k : k + 1])[0]
+        n_x = self.reduction.basis.shape[0]
+        parts: list[Entries] = []
+        for constraint, rows in zip(self.constraints, self.rows, strict=True):
+            place = np.arange(rows.start, rows.stop)
+            markers = constraint.first, constraint.second
+            for marker, block in zip(markers, constraint.jacobians(x[k : k + 1]), strict=True):
+                kept = marker.support
+                local = kept - marker.columns.start
+                parts.append(Entries.of_block(place, kept, block[0][:, local]))
+        return assemble(parts, (self.n_rows, n_x), sparse=True)
+
+    # ------------------------------------------------------------------ mass
+
+    @cached_property
+    def free_mass(self) -> Matrix:
+        """The constant mass matrix of the free coordinates."""
+        return self.reduction.reduced(self.constant_mass)
+
+    @cached_property
+    def _inverse_mass(self) -> Array:
+        """Inverse of the constant mass blocks; zero in the rows of variable bodies."""
+        M = self.free_mass
+        constant = M.any(axis=1)
+        inverse = np.zeros_like(M)
+        inverse[np.ix_(constant, constant)] = np.linalg.inv(M[np.ix_(constant, constant)])
+        return np.asarray(inverse)
+
+    @cached_property
+    def inverse_root(self) -> Array:
+        """Motions of the free coordinates as rows, orthonormal in the metric of the constant mass matrix."""
+        return np.linalg.inv(np.linalg.cholesky(self.free_mass))
+
+    def mass(self, x: Array) -> Array:
+        """Return the mass matrix M_g of eq. (38), dense, shape (n_batch, n_x, n_x)."""
+        constant = self.constant_mass.toarray() if is_sparse(self.constant_mass) else self.constant_mass
+        M = np.repeat(constant[None], len(x), axis=0)
+        for body in self.variable_mass:
+            M[:, body.columns, body.columns] = body.mass(x)
+        return M
+
+    def kinetic_energy(self, x: Array, u: Array) -> Array:
+        """Return the kinetic energy [J], shape (n_batch,)."""
+        energy = 0.5 * np.sum((u @ self.constant_mass) * u, axis=-1)
+        for body in self.variable_mass:
+            w = u[:, body.columns]
+            energy += 0.5 * np.einsum("bi,bij,bj->b", w, body.mass(x), w)
+        return np.asarray(energy)
+
+    # ------------------------------------------------------------------ solution
+
+    @property
+    def _changes(self) -> bool:
+        """Whether the mass matrix is treated as one that depends on the state."""
+        return bool(self.variable_mass) or not self.once
+
+    @cached_property
+    def solution(self) -> Array | None:
+        """Matrix W, shape (n_x, n), with z'' = f W, in small scenes whose matrices never change."""
+        if self._changes or not self.constraints_constant or is_sparse(self.constant_mass):
+            return None
+        inverse = self._inverse_mass
+        if self.constraints:
+            Phi_z = self._constant_joint_rows[0] @ self.reduction.basis[self._support]
+            Y = Phi_z @ inverse
+            inverse = inverse - Y.T @ np.linalg.solve(Y @ Phi_z.T, Y)
+        return np.asarray(self.reduction.basis @ inverse)
+
+    def accelerations(self, t: Array, x: Array, u: Array, f: Array) -> Array:
+        """Return z'' for forces f on x, shape (n_batch, n)."""
+        if self.solution is not None:
+            return np.asarray(f @ self.solution)
+        return self.solve(t, x, u, f)[0]
+
+    @property
+    def balances(self) -> bool:
+        """Whether `imbalance` is at hand: small scenes with a constant mass matrix."""
+        return not self._changes and not is_sparse(self.constant_mass)
+
+    def imbalance(self, t: Array, x: Array, u: Array, f: Array, az: Array) -> tuple[Array, Array]:
+        """Return by how much accelerations (n_batch, n) of the free coordinates fail eq. (37).
+
+        Returns
+        -------
+        forces : ndarray, shape (n_batch, n)
+            f - M a - Phi_z^T lambda with the multipliers of the solution.
+        gaps : ndarray, shape (n_batch, n_rows)
+            gamma - Phi_z a.
+        """
+        forces = self.reduction.free_force(f) - az @ self.free_mass
+        if not self.constraints:
+            return forces, np.zeros((len(x), 0))
+        reading, mobility, _ = self._at_joints
+        J = self._joint_jacobians(x)
+        gaps = self.curvature(t, x, u) - (J @ (az @ reading)[..., None])[..., 0]
+        free = (J @ (forces @ self._inverse_mass @ reading)[..., None])[..., 0]
+        multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), (free - gaps)[..., None])
+        return forces - (multipliers.swapaxes(1, 2) @ J)[:, 0] @ reading.T, gaps
+
+    def solve(self, t: Array, x: Array, u: Array, f: Array) -> tuple[Array, Array]:
+        """Solve eq. (37).
+
+        Returns
+        -------
+        accelerations : ndarray, shape (n_batch, n)
+            Of the free coordinates.
+        multipliers : ndarray, shape (n_batch, n_rows)
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the equations are singular in this state.
+        """
+        return self.constrained(x, self.reduction.free_force(f), self.curvature(t, x, u))
+
+    def constrained(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Solve M a + Phi_z^T lambda = f, Phi_z a = gamma for the free coordinates, f (n_batch, n)."""
+        if is_sparse(self.constant_mass) and not self._few_joint_coordinates:
+            return self._solve_sparse(x, f, gamma)
+        if self._changes:
+            return self._solve_whole(x, f, gamma)
+        free = self._unconstrained(f)
+        if not self.constraints:
+            return free, gamma
+        reading, mobility, spreading = self._at_joints
+        J = self._joint_jacobians(x)
+        gap = (J @ (free @ reading)[..., None])[..., 0] - gamma
+        multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), gap[..., None])[..., 0]
+        return free - (multipliers[:, None, :] @ J)[:, 0] @ spreading, multipliers
+
+    @cached_property
+    def _few_joint_coordinates(self) -> bool:
+        """Whether joints are best solved with the few coordinates they depend on, in a large scene."""
+        return self.once and len(self._support) <= FEW
+
+    def _unconstrained(self, f: Array) -> Array:
+        """Return M^-1 f for forces (n_batch, n)."""
+        return self._mass_factor(f) if is_sparse(self.constant_mass) else np.asarray(f @ self._inverse_mass)
+
+    @cached_property
+    def _mass_factor(self) -> Callable[[Array], Array]:
+        return factorised(self.free_mass)
+
+    @cached_property
+    def _support(self) -> IntArray:
+        """Columns of x that the constraints depend on."""
+        markers = [m for c in self.constraints for m in (c.first, c.second)]
+        return joint_support(*markers) if markers else np.zeros(0, dtype=np.intp)
+
+    @cached_property
+    def _at_joints(self) -> tuple[Array, Array, Array]:
+        """Constant matrices between the free coordinates and those at the joints.
+
+        From free coordinates to those at the joints (n, k); what unit forces there accelerate there
+        (k, k), and everywhere (k, n).
+        """
+        rows = dense(self.reduction.basis[self._support])
+        spreading = self._unconstrained(rows)
+        return np.ascontiguousarray(rows.T), spreading @ rows.T, spreading
+
+    def _joint_jacobians(self, x: Array) -> Array:
+        """Return Phi_x by the coordinates at the joints alone, shape (n_batch or 1, n_rows, k)."""
+        J = np.repeat(self._constant_joint_rows, len(x), axis=0)
+        for constraint, rows in self.changing:
+            self._add_joint_rows(constraint, rows, x, J)
+        return J
+
+    @cached_property
+    def _constant_joint_rows(self) -> Array:
+        J = np.zeros((1, self.n_rows, len(self._support)))
+        still = np.zeros((1, self.reduction.basis.shape[0]))
+        for constraint, rows in zip(self.constraints, self.rows, strict=True):
+            if constraint.constant:
+                self._add_joint_rows(constraint, rows, still, J)
+        return J
+
+    def _add_joint_rows(self, constraint: Constraint, rows: slice, x: Array, J: Array) -> None:
+        markers = constraint.first, constraint.second
+        for marker, block in zip(markers, constraint.jacobians(x), strict=True):
+            kept, place = self._joint_places[id(marker)]
+            J[:, rows, place] += block[..., kept]
+
+    @cached_property
+    def _joint_places(self) -> dict[int, tuple[Places, Places]]:
+        """Of each marker: which columns of its body count, and where they stand among those at the joints."""
+        places = {}
+        for marker in (m for c in self.constraints for m in (c.first, c.second)):
+            kept = marker.support - marker.columns.start
+            places[id(marker)] = run_of(kept), run_of(np.searchsorted(self._support, marker.support))
+        return places
+
+    def _free_jacobians(self, x: Array) -> Array:
+        Phi_x = self.jacobians(x)
+        return Phi_x if self.reduction.identity else Phi_x @ self.reduction.basis
+
+    def _solve_whole(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Solve with the whole matrix of eq. (37): a mass matrix may be indefinite where joints hold it."""
+        n, m = self.n, self.n_rows
+        Phi_z = self._free_jacobians(x)
+        matrix = np.zeros((len(x), n + m, n + m))
+        M, B = self.mass(x), self.reduction.basis
+        matrix[:, :n, :n] = M if self.reduction.identity else B.T @ M @ B
+        matrix[:, n:, :n] = Phi_z
+        matrix[:, :n, n:] = Phi_z.swapaxes(1, 2)
+        solution = np.linalg.solve(matrix, np.concatenate([f, gamma], axis=1)[..., None])[..., 0]
+        return solution[:, :n], solution[:, n:]
+
+    @cached_property
+    def _constant_factor(self) -> Callable[[Array], Array]:
+        """Factor of the whole matrix where it never changes."""
+        if not self.constraints:
+            return factorised(self.free_mass)
+        Phi_z = self._constant_transpose.T.tocsr() @ self.reduction.basis
+        return factorised(saddle_point(self.free_mass, Phi_z))
+
+    def _solve_sparse(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        rhs = np.concatenate([f, gamma], axis=1)
+        if self.constraints_constant and self.once:
+            solution = self._constant_factor(rhs)
+        else:
+            solution = np.array([self._factor_at(x, k)(rhs[k]) for k in range(len(rhs))])
+        return solution[:, : self.n], solution[:, self.n :]
+
+    def _factor_at(self, x: Array, k: int) -> Callable[[Array], Array]:
+        if not self.constraints:
+            return factorised(self.free_mass)
+        return factorised(saddle_point(self.free_mass, self.jacobian_at(x, k) @ self.reduction.basis))
+
+
+def _rate(constraint: Constraint, t: Array, x: Array, u: Array) -> Array:
+    """Return Phi' of one constraint, shape (n_batch, rows)."""
+    out = constraint.rate(t)
+    markers = constraint.first, constraint.second
+    for marker, J in zip(markers, constraint.jacobians(x), strict=True):
+        out = out + (J @ u[:, marker.columns, None])[..., 0]
+    return np.asarray(out)

@@ -1,0 +1,103 @@
+"""What the parts of a system have in common: the page to read before adding one.
+
+A system is a tuple of force parts, a mass matrix and constraints (`hfsim.mechanics.constraints`), all written
+in the *absolute* coordinates x of its bodies and their rates u, with a leading batch axis.  A part
+holds numbers, arrays and slices only; the same (t, x, u) gives the same answer however often it is
+asked.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import NOTHING, Entries
+
+DIFFERENCE = 1e-7
+"""Step of difference quotients, relative to coordinates larger than 1."""
+
+
+def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -> Entries:
+    """Return the derivative of some entries of a vector by the same entries of its argument, by differences.
+
+    Parameters
+    ----------
+    values : callable
+        (n_batch, n) -> (n_batch, n).
+    at : ndarray, shape (1, n)
+    columns : ndarray of int
+        The entries; all of their changes are one batch.
+    """
+    count = len(columns)
+    step = DIFFERENCE * np.maximum(1.0, np.abs(at[0, columns]))
+    moved = np.repeat(at, count + 1, axis=0)
+    moved[np.arange(count), columns] += step
+    found = values(moved)[:, columns]
+    return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
+
+
+class ForcePart:
+    """A source of generalised force together with the energy it stores and the power it puts in.
+
+    Shapes: t (n_batch,), x and u (n_batch, n); energies [J] and powers [W] have shape (n_batch,).
+    """
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether the force depends on u."""
+        return False
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether the force resists u by itself, so that stiff methods need its derivative by u."""
+        return self.uses_rates
+
+    @property
+    def exchanges_power(self) -> bool:
+        """Whether `power` can be other than zero."""
+        return self.dissipates
+
+    @property
+    def quartic(self) -> bool:
+        """Whether the energy it stores is a polynomial of degree four at most in x."""
+        return False
+
+    @property
+    def support(self) -> IntArray:
+        """Coordinates in x that the force depends on or acts on."""
+        raise NotImplementedError
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the generalised force to ``out``, shape (n_batch, n)."""
+        raise NotImplementedError
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state, (1,) and (1, n); by differences."""
+        return difference(lambda moved: self._resistance(t, moved, u), x, self.support)
+
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by u in one state."""
+        if not self.uses_rates:
+            return NOTHING
+        return difference(lambda moved: self._resistance(t, x, moved), u, self.support)
+
+    def _resistance(self, t: Array, x: Array, u: Array) -> Array:
+        """Return minus the force, with one state of x or u repeated for a batch of the other."""
+        x, u = np.broadcast_arrays(x, u)
+        out = np.zeros(x.shape)
+        self.add_force(np.repeat(t, len(x)), x, u, out)
+        return -out
+
+    def strain_energy(self, x: Array) -> Array:
+        """Return the energy stored in deformed bodies."""
+        return np.zeros(len(x))
+
+    def potential_energy(self, t: Array, x: Array) -> Array:
+        """Return the energy stored by weight and springs."""
+        return np.zeros(len(x))
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the power of the part of the force that no stored energy accounts for."""
+        return np.zeros(len(x))

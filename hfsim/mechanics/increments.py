@@ -1,0 +1,242 @@
+"""Natural increments of a whole state, through the joints that tie its bodies together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, ComplexArray, IntArray, Places, run_of
+from hfsim.maths.rotations import as_complex, as_vectors
+from hfsim.mechanics.reduction import Reduction
+from hfsim.parts.bodies.natural import NaturalBeams
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A beam or mass point whose place follows from a body nearer to the ground.
+
+    Attributes
+    ----------
+    positions : ndarray of int, shape (n, 2)
+        Columns in x of all positions of the body, that of its origin first: they move together.
+    point : ndarray of int, shape (2,)
+        Columns of the position at which it is tied.
+    parent : ndarray of int, shape (2,), or None
+        Columns of the position it is tied to; None for the ground or a point of a rigid body.
+    """
+
+    positions: IntArray
+    point: IntArray
+    parent: IntArray | None
+
+    @cached_property
+    def _at(self) -> tuple[Places, Places | None]:
+        """The columns ``point`` and ``parent``."""
+        return run_of(self.point), None if self.parent is None else run_of(self.parent)
+
+    @cached_property
+    def _components(self) -> tuple[Places, Places]:
+        """The columns of all x and of all y in ``positions``."""
+        return run_of(self.positions[:, 0]), run_of(self.positions[:, 1])
+
+    def _shift(self, dx: Array, shift: Array) -> None:
+        for k, columns in enumerate(self._components):
+            dx[:, columns] += shift[:, k, None]
+
+    def _total(self, f: Array) -> Array:
+        return np.stack([f[:, columns].sum(axis=1) for columns in self._components], axis=1)
+
+    def move(self, x: Array, y: Array, dx: Array, finite: bool) -> None:
+        """Shift the body, in changes ``dx`` of the coordinates, to where its parent has moved."""
+        point, parent = self._at
+        self._shift(dx, -dx[:, point] if parent is None else dx[:, parent] - dx[:, point])
+
+    def take_forces(self, x: Array, f: Array) -> Array | None:
+        """Hand the forces on the body, in ``f``, to its parent: the transpose of `move` for small changes.
+
+        Returns
+        -------
+        ndarray, shape (n_batch, 2), or None
+            Forces on the place of the body relative to its parent, if that is a natural coordinate.
+        """
+        total, (point, parent) = self._total(f), self._at
+        f[:, point] -= total
+        if parent is not None:
+            f[:, parent] += total
+        return None
+
+
+@dataclass(frozen=True)
+class Mount(Tie):
+    """A beam on a point of a rigid body, hinged or fixed to it.
+
+    Natural coordinates are then relative to the rigid body: the place of the beam in its axes, and, of a
+    fixed beam, the angle of the slope there.  In them the joint is linear, however far all turns.
+
+    Attributes
+    ----------
+    rigid : ndarray of int, shape (3,)
+        Columns (x, y, angle) of the rigid body.
+    arm : complex
+        The point in the rigid body's axes [m].
+    slope : int or None
+        Column of the natural coordinate that is the angle of the fixed slope.
+    """
+
+    rigid: IntArray
+    arm: complex
+    slope: int | None
+
+    @cached_property
+    def _place(self) -> Places:
+        return run_of(self.rigid[:2])
+
+    @cached_property
+    def _root(self) -> Places:
+        return run_of(self.positions[0])
+
+    def _turn(self, x: Array) -> ComplexArray:
+        return np.asarray(np.exp(1j * x[:, self.rigid[2]]))
+
+    def make_relative(self, x: Array, dx: Array, y: Array) -> None:
+        """Change natural increments of the beam into those relative to the rigid body."""
+        turn, spin = self._turn(x), dx[:, self.rigid[2]]
+        moved = as_complex(dx[:, self._at[0]]) - as_complex(dx[:, self._place]) - 1j * spin * turn * self.arm
+        y[:, self._root] = as_vectors(moved * turn.conj())
+        if self.slope is not None:
+            y[:, self.slope] -= spin
+
+    def make_absolute(self, y: Array) -> None:
+        """Add the turn of the rigid body to the angle of the fixed slope."""
+        if self.slope is not None:
+            y[:, self.slope] += y[:, self.rigid[2]]
+
+    def move(self, x: Array, y: Array, dx: Array, finite: bool) -> None:
+        """Shift the beam to where its point of the rigid body has moved."""
+        turn, spin = self._turn(x), dx[:, self.rigid[2]]
+        after = turn * np.exp(1j * spin) if finite else turn
+        carried = (after - turn) if finite else 1j * spin * turn
+        moved = as_complex(dx[:, self._place]) + carried * self.arm
+        moved += after * as_complex(y[:, self._root])
+        self._shift(dx, as_vectors(moved) - dx[:, self._at[0]])
+
+    def take_forces(self, x: Array, f: Array) -> Array | None:
+        """Hand the forces on the beam, in ``f``, to the rigid body; return those on its relative place."""
+        turn, total = self._turn(x), self._total(f)
+        f[:, self._at[0]] -= total
+        f[:, self._place] += total
+        seen = as_complex(total) * turn.conj()
+        f[:, self.rigid[2]] += (seen * np.conj(self.arm)).imag
+        return as_vectors(seen)
+
+    def take_moment(self, f: Array) -> None:
+        """Add the moment on the fixed slope to that on the rigid body: the transpose of `make_absolute`."""
+        if self.slope is not None:
+            f[:, self.rigid[2]] += f[:, self.slope]
+
+
+@dataclass(frozen=True)
+class NaturalIncrements:
+    """Natural increments of a whole state; coordinates outside the beams stay as they are.
+
+    The state are the free coordinates that joints leave.  The place of a tied body follows from what it is
+    tied to, and its increments are relative to that.
+
+    Attributes
+    ----------
+    beams : tuple of NaturalBeams
+    reduction : Reduction
+    ties : tuple of Tie
+        In order from the ground outwards.
+    columns : ndarray of int, shape (n,)
+        Columns of x whose natural increments are free.
+    """
+
+    beams: tuple[NaturalBeams, ...]
+    reduction: Reduction
+    ties: tuple[Tie, ...]
+    columns: IntArray
+
+    @cached_property
+    def _mounts(self) -> tuple[Mount, ...]:
+        return tuple(tie for tie in self.ties if isinstance(tie, Mount))
+
+    def geometry(self, q: Array) -> tuple[Array, list[Any]]:
+        """Return what the maps below need of a batch of states (n_batch, n)."""
+        x = self.reduction.expand(q)
+        return x, [part.geometry(x) for part in self.beams]
+
+    def to_natural(self, at: tuple[Array, list[Any]], dq: Array) -> Array:
+        """Return natural increments of small changes of the states."""
+        dx = self.reduction.expand_rates(dq)
+        y = dx.copy()
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            part.to_natural(geometry, dx, y)
+        for mount in self._mounts:
+            mount.make_relative(at[0], dx, y)
+        return self._free(y)
+
+    def from_natural(self, at: tuple[Array, list[Any]], y: Array) -> Array:
+        """Return the changes of the states that belong to small natural increments."""
+        return self._changes(at, y, finite=False)
+
+    def advance(self, at: tuple[Array, list[Any]], y: Array) -> Array:
+        """Return the changes of the states that add finite natural increments."""
+        return self._changes(at, y, finite=True)
+
+    def _changes(self, at: tuple[Array, list[Any]], y: Array, finite: bool) -> Array:
+        whole = self._whole(y)
+        for mount in self._mounts:
+            mount.make_absolute(whole)
+        dx = whole.copy()
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            (part.advance if finite else part.from_natural)(geometry, whole, dx)
+        for tie in self.ties:
+            tie.move(at[0], whole, dx, finite)
+        return self.reduction.free_rates(dx)
+
+    def to_natural_forces(self, at: tuple[Array, list[Any]], f: Array) -> Array:
+        """Return the forces on natural increments: the transpose of `from_natural`."""
+        fx = f.copy() if self.reduction.identity else self.reduction.read_force(f)
+        places = [(tie, tie.take_forces(at[0], fx)) for tie in reversed(self.ties)]
+        out = fx.copy()
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            part.to_natural_forces(geometry, fx, out)
+        for tie, force in places:
+            if force is not None:
+                out[:, run_of(tie.positions[0])] += force
+        for mount in self._mounts:
+            mount.take_moment(out)
+        return self._free(out)
+
+    def rates(self, at: tuple[Array, list[Any]], v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return the first and second time derivatives of the natural coordinates.
+
+        Third comes the part of the second ones that velocities alone cause.
+        """
+        u, ax = self.reduction.expand_rates(v), self.reduction.expand_rates(a)
+        y1, y2, rest = u.copy(), ax.copy(), np.zeros_like(u)
+        for part, geometry in zip(self.beams, at[1], strict=True):
+            part.to_natural(geometry, u, y1)
+            part.to_natural(geometry, ax, y2)
+            part.convective(geometry, u, y1, rest)
+        for mount in self._mounts:
+            mount.make_relative(at[0], u, y1)
+            mount.make_relative(at[0], ax, y2)
+            # the joint holds, so that nothing moves relative to the rigid body
+            root = run_of(mount.positions[0])
+            y1[:, root], rest[:, root] = 0.0, -y2[:, root]
+        return self._free(y1), self._free(y2 + rest), self._free(rest)
+
+    def _free(self, y: Array) -> Array:
+        return y if self.reduction.identity else y.take(self.columns, axis=1)
+
+    def _whole(self, y: Array) -> Array:
+        if self.reduction.identity:
+            return y.copy()
+        whole = np.zeros((len(y), len(self.reduction.offset)))
+        whole[:, self.columns] = y
+        return whole

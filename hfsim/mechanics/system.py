@@ -1,0 +1,372 @@
+"""The system: coordinates, forces and equations of a scene put together (paper, section 4).
+
+Three sets of coordinates.  The *state* q, v = q' is what is integrated.  Where a model steps in hybrid
+coordinates, charts turn it into the *free* coordinates z; otherwise it is z itself.  The free
+coordinates determine the *absolute* coordinates x of all bodies (`hfsim.mechanics.reduction`), in which
+the parts are written: there the mass matrix of most bodies is constant.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.errors import SolverFailure
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.equations import Equations, VariableMass
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.increments import NaturalIncrements
+from hfsim.mechanics.linearized import Linearized
+from hfsim.mechanics.reduction import Reduction
+from hfsim.parts.bodies.frame import FrameChart, Frames
+
+CLOSED = 1e-9
+"""Violation of joints, relative to the largest coordinate (or 1), that projection may leave."""
+ROUNDING = 1e-13
+"""Violation, relative to the largest coordinate or rate (or 1), at which projection ends."""
+NEARLY_SINGULAR = 0.2
+"""Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a failure is put
+down to it."""
+
+
+@dataclass(frozen=True)
+class System:
+    """Everything that the equations of motion of a scene are made of.
+
+    Attributes
+    ----------
+    charts : tuple of FrameChart
+        Where state and free coordinates differ.
+    forces : tuple of ForcePart
+    equations : Equations
+        Of the free coordinates.
+    natural : NaturalIncrements or None
+        Coordinates for Newton corrections of the state; None where the state's own serve.
+    keeps_rates, keeps_work : bool
+        Compute rates and the power put in even where they are not needed.
+    """
+
+    charts: tuple[FrameChart, ...]
+    forces: tuple[ForcePart, ...]
+    equations: Equations
+    natural: NaturalIncrements | None
+    keeps_rates: bool = False
+    keeps_work: bool = False
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates of the state."""
+        return self.equations.n
+
+    @property
+    def n_rows(self) -> int:
+        """Number of constraint equations that need multipliers."""
+        return self.equations.n_rows
+
+    @property
+    def n_x(self) -> int:
+        """Number of absolute coordinates."""
+        return len(self.reduction.offset)
+
+    @property
+    def reduction(self) -> Reduction:
+        """The map from free to absolute coordinates."""
+        return self.equations.reduction
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """All constraints, those included that the free coordinates fulfil by themselves."""
+        return self.equations.all_constraints
+
+    @property
+    def variable_mass(self) -> tuple[VariableMass, ...]:
+        """Bodies whose mass matrix depends on their coordinates."""
+        return self.equations.variable_mass
+
+    @cached_property
+    def unreduced(self) -> Equations:
+        """The equations of all coordinates with all constraints: what reactions are computed from."""
+        if not self.reduction.eliminated:
+            return self.equations
+        own = self.equations
+        nothing = Reduction.nothing(self.n_x, is_sparse(own.constant_mass))
+        return Equations(own.constant_mass, own.variable_mass, own.all_constraints, nothing, own.once)
+
+    # ------------------------------------------------------------------ coordinates
+
+    def frames(self, q: Array) -> list[Frames]:
+        """Return the body frames of each chart; what the maps below have in common."""
+        return [chart.frames(q) for chart in self.charts]
+
+    def arranged(self, q: Array) -> Array:
+        """Return the state in the places of x, shape (n_batch, n_x): as it is, so relative in body frames."""
+        return self.reduction.expand(q)
+
+    def absolute(self, q: Array, frames: list[Frames] | None = None) -> Array:
+        """Return the absolute coordinates x(q), shape (n_batch, n_x)."""
+        frames = self.frames(q) if frames is None else frames
+        z = self._charted(q, [c.absolute(f) for c, f in zip(self.charts, frames, strict=True)])
+        return self.reduction.expand(z)
+
+    def absolute_velocity(self, q: Array, v: Array, frames: list[Frames] | None = None) -> Array:
+        """Return the rates of the absolute coordinates."""
+        frames = self.frames(q) if frames is None else frames
+        w = self._charted(v, [c.absolute_velocity(f, v) for c, f in zip(self.charts, frames, strict=True)])
+        return self.reduction.expand_rates(w)
+
+    def state_acceleration(self, frames: list[Frames], v: Array, az: Array) -> Array:
+        """Return q'' that belongs to accelerations of the free coordinates."""
+        parts = zip(self.charts, frames, strict=True)
+        return self._charted(az, [c.relative_acceleration(f, v, az) for c, f in parts])
+
+    def state(self, x: Array, u: Array, near: Array) -> tuple[Array, Array]:
+        """Return (q, v) of absolute coordinates and rates; frame angles are taken near those of ``near``."""
+        z, w = self.reduction.free(x), self.reduction.free_rates(u)
+        q = self._charted(z, [chart.hybrid(z, near) for chart in self.charts])
+        frames = self.frames(q)
+        v = self._charted(w, [c.hybrid_velocity(f, w) for c, f in zip(self.charts, frames, strict=True)])
+        return q, v
+
+    def _charted(self, given: Array, blocks: list[Array]) -> Array:
+        """Return ``given`` with the columns of the charts replaced."""
+        if not blocks:
+            return given
+        if blocks[0].shape == given.shape:
+            return blocks[0]
+        out = given.copy()
+        for chart, block in zip(self.charts, blocks, strict=True):
+            out[:, chart.columns] = block
+        return out
+
+    # ------------------------------------------------------------------ forces and energies
+
+    @cached_property
+    def uses_rates(self) -> bool:
+        """Whether forces or constraints need the rates u."""
+        needed = any(f.uses_rates for f in self.forces) or not self.equations.constraints_constant
+        return needed or self.keeps_rates
+
+    @cached_property
+    def dissipates(self) -> bool:
+        """Whether stiff methods need the derivative of the forces by the rates."""
+        return any(f.dissipates for f in self.forces)
+
+    @cached_property
+    def exchanges_power(self) -> bool:
+        """Whether energy can enter or leave by loads, dampers, drivers; or power is computed all the same."""
+        if self.keeps_work:
+            return True
+        return any(f.exchanges_power for f in self.forces) or any(c.driven for c in self.constraints)
+
+    def force(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the generalised force of all parts, shape (n_batch, n_x)."""
+        f = np.zeros_like(x)
+        for part in self.forces:
+            part.add_force(t, x, u, f)
+        return f
+
+    def kinetic_energy(self, x: Array, u: Array) -> Array:
+        """Return the kinetic energy [J], shape (n_batch,)."""
+        return self.equations.kinetic_energy(x, u)
+
+    def strain_energy(self, x: Array) -> Array:
+        """Return the strain energy of all bodies [J], shape (n_batch,)."""
+        return np.asarray(sum((f.strain_energy(x) for f in self.forces), np.zeros(len(x))))
+
+    def potential_energy(self, t: Array, x: Array) -> Array:
+        """Return the energy of weight and springs [J], shape (n_batch,)."""
+        return np.asarray(sum((f.potential_energy(t, x) for f in self.forces), np.zeros(len(x))))
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the power put in by loads, dampers and drivers [W], shape (n_batch,)."""
+        power = np.asarray(sum((f.power(t, x, u) for f in self.forces), np.zeros(len(x))))
+        if not any(c.driven for c in self.constraints):
+            return power
+        _, multipliers = self.equations.solve(t, x, u, self.force(t, x, u))
+        return np.asarray(power + np.sum(multipliers * self.equations.rate(t), axis=-1))
+
+    def multipliers(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the multipliers of all constraints, shape (n_batch, n_rows of `unreduced`)."""
+        return self.unreduced.solve(t, x, u, self.force(t, x, u))[1]
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return Phi of all constraints, shape (n_batch, n_rows of `unreduced`)."""
+        return self.unreduced.residual(t, x)
+
+    def drift(self, t: Array, x: Array, u: Array) -> Array:
+        """Return Phi' of all constraints, shape (n_batch, n_rows of `unreduced`)."""
+        return self.unreduced.drift(t, x, u)
+
+    # ------------------------------------------------------------------ equations of motion
+
+    def acceleration(self, t: Array, q: Array, v: Array) -> Array:
+        """Return q'' for a batch of states: the one operation that carries every integrator.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n_batch,)
+        q, v : ndarray, shape (n_batch, n)
+
+        Returns
+        -------
+        ndarray, shape (n_batch, n)
+        """
+        frames = self.frames(q)
+        x = self.absolute(q, frames)
+        u = self.absolute_velocity(q, v, frames) if self.uses_rates else x
+        az = self.equations.accelerations(t, x, u, self.force(t, x, u))
+        return self.state_acceleration(frames, v, az) if self.charts else az
+
+    @property
+    def balances(self) -> bool:
+        """Whether `imbalance` is at hand."""
+        return self.linearizes and self.equations.balances
+
+    def imbalance(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Return by how much accelerations ``a`` fail the equations of motion.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n_batch,)
+        q, v, a : ndarray, shape (n_batch, n)
+
+        Returns
+        -------
+        forces : ndarray, shape (n_batch, n)
+        gaps : ndarray, shape (n_batch, n_rows)
+        """
+        x = self.absolute(q)
+        u = self.absolute_velocity(q, v) if self.uses_rates else x
+        return self.equations.imbalance(t, x, u, self.force(t, x, u), a)
+
+    @property
+    def linearizes(self) -> bool:
+        """Whether `linearized` is at hand: the state are coordinates with a constant mass matrix."""
+        return not self.charts and not self.variable_mass
+
+    @property
+    def quartic(self) -> bool:
+        """Whether mass and joints are constant in the state and the potential a polynomial of degree four."""
+        constant = self.linearizes and self.equations.constraints_constant
+        return constant and all(part.quartic for part in self.forces)
+
+    def linearized(self, t: float, q: Array, v: Array) -> Linearized:
+        """Return the equations of motion linearised at a state (n,)."""
+        time, x, u = np.array([t]), self.absolute(q[None]), self.absolute_velocity(q[None], v[None])
+        equations, reduction = self.equations, self.reduction
+        stiff = [part.tangent(time, x, u) for part in self.forces]
+        if equations.changing:
+            multipliers = equations.solve(time, x, u, self.force(time, x, u))[1]
+            stiff += [c.stiffness(x, multipliers[:, rows]) for c, rows in equations.changing]
+        damping = None
+        if self.dissipates:
+            damping = self._free_matrix([part.rate_tangent(time, x, u) for part in self.forces])
+        jacobian = equations.jacobian_at(x, 0) @ reduction.basis if equations.constraints else None
+        root = None if is_sparse(equations.free_mass) else equations.inverse_root
+        return Linearized(equations.free_mass, self._free_matrix(stiff), damping, jacobian, root)
+
+    def _free_matrix(self, parts: list[Entries]) -> Matrix:
+        whole = assemble(parts, (self.n_x, self.n_x), is_sparse(self.equations.constant_mass))
+        return self.reduction.reduced(whole)
+
+    # ------------------------------------------------------------------ trust in a state
+
+    def admissible(self, q: Array) -> bool:
+        """Whether a state (n,) makes sense.
+
+        The mass matrix is positive definite for all motions that the joints allow, and no clamped slope
+        has turned over through zero length.
+        """
+        if np.any(q[self.reduction.stretches] <= 0.0):
+            return False
+        return not self.variable_mass or self._smallest_inertia(q)[0] > 0.0
+
+    def breakdown(self, t: float, q: Array) -> SolverFailure | None:
+        """Return why no step leads on from a state (n,), if the mass matrix has become nearly singular."""
+        if not self.variable_mass:
+            return None
+        size, motion = self._smallest_inertia(q)
+        if size > NEARLY_SINGULAR * self._smallest_inertia(self._undeformed(q))[0]:
+            return None
+        body = max(self.variable_mass, key=lambda one: float(np.sum(motion[one.columns] ** 2)))
+        return SolverFailure(
+            reason=f"the mass matrix of body '{body.name}' in model {body.model} stops being positive "
+            f"definite at t = {t:.4g} s",
+            cause="the terms the model leaves out are no longer small",
+            time=t,
+            item=f"bodies.{body.name}",
+            kind="model",
+            evidence={"smallest_eigenvalue": size},
+        )
+
+    def _undeformed(self, q: Array) -> Array:
+        """Return the state with no deformation of the bodies whose mass matrix depends on it."""
+        straight = q.copy()
+        for body in self.variable_mass:
+            own = self.reduction.free_columns(body.columns)
+            straight[own.start + 3 : own.stop] = 0.0
+        return straight
+
+    def _smallest_inertia(self, q: Array) -> tuple[float, Array]:
+        """Return the smallest eigenvalue of the mass matrix among allowed motions, and that motion.
+
+        Coordinates are scaled so that the undeformed mass matrix has a unit diagonal.
+        """
+        x, equations = self.absolute(q[None]), self.unreduced
+        scale = 1.0 / np.sqrt(np.diag(equations.mass(np.zeros_like(x))[0]))
+        M = equations.mass(x)[0] * np.outer(scale, scale)
+        Z = np.eye(self.n_x)
+        if equations.constraints:
+            rows = equations.jacobians(x)[0] * scale
+            Z = np.linalg.qr(rows.T, mode="complete")[0][:, len(rows) :]
+        sizes, motions = np.linalg.eigh(Z.T @ M @ Z)
+        return float(sizes[0]), Z @ motions[:, 0]
+
+    # ------------------------------------------------------------------ projection
+
+    def project(self, t: Array, q: Array, v: Array, strict: bool = False) -> tuple[Array, Array]:
+        """Move states onto the constraints, at position and velocity level, in the metric of the mass.
+
+        Parameters
+        ----------
+        t : ndarray, shape (n_batch,)
+        q, v : ndarray, shape (n_batch, n)
+        strict : bool
+            Refuse states near which the joints cannot be closed, instead of returning what was reached.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If ``strict`` and more than `CLOSED` of a violation is left.
+        """
+        equations = self.equations
+        if not equations.constraints:
+            return q, v
+        frames = self.frames(q)
+        x, u = self.absolute(q, frames), self.absolute_velocity(q, v, frames)
+        moved = False
+        for _ in range(8):
+            gap = equations.residual(t, x)
+            if _largest(gap) <= ROUNDING * max(1.0, _largest(x)):
+                break
+            x, moved = x - self._correction(x, gap), True
+        else:
+            if strict and not _largest(equations.residual(t, x)) <= CLOSED * max(1.0, _largest(x)):
+                raise np.linalg.LinAlgError("the joints cannot be closed")
+        drift = equations.drift(t, x, u)
+        if _largest(drift) > ROUNDING * max(1.0, _largest(u)):
+            u, moved = u - self._correction(x, drift), True
+        return self.state(x, u, q) if moved else (q, v)
+
+    def _correction(self, x: Array, gap: Array) -> Array:
+        """Return the smallest move, measured by the mass matrix, that changes Phi by ``gap``."""
+        zero = np.zeros((len(x), self.n))
+        return self.reduction.expand_rates(self.equations.constrained(x, zero, gap)[0])
+
+
+def _largest(a: Array) -> float:
+    return float(np.abs(a).max(initial=0.0))

@@ -1,0 +1,166 @@
+"""Pictures of several models of one scene: overlays, error against cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hfsim.output.plots.style import (
+    COLOURS,
+    dress,
+    dress_log,
+    ended,
+    new_figure,
+    outside_legend,
+    save,
+    set_title,
+    slug,
+    with_unit,
+)
+from hfsim.run.solution import Channel, Run
+from hfsim.studies.compare import Comparison, ending, percent
+
+_MODEL_COLOURS = {
+    "rigid": "#E69F00",
+    "linear": "#D55E00",
+    "lowOrder": "#0072B2",
+    "exact": "#CC79A7",
+    "ancf": "#009E73",
+}
+_OFF_SCALE = 1e3
+"""Relative differences above this are drawn here."""
+_CLIP = 3.0
+"""Height of an overlay's axis at most, in ranges of the reference."""
+
+
+def draw_comparison(runs: Sequence[Run], comparison: Comparison, folder: Path) -> list[str]:
+    """Draw every channel over all models, and each model's error against its cost.
+
+    Parameters
+    ----------
+    runs : sequence of Run
+        The compared runs with finite values only, the reference among them.
+    comparison : Comparison
+        What `hfsim.studies.compare.compare` found.
+    folder : Path
+        Where the PNG files go.
+
+    Returns
+    -------
+    list of str
+        File names written.
+    """
+    truth = next(run for run in runs if run.model == comparison.reference)
+    if not len(truth.t):
+        return []
+    figures = {slug(channel.name): _overlay_figure(runs, truth, channel) for channel in truth.channels}
+    cost = _cost_figure(comparison)
+    if cost is not None:
+        figures["error_against_cost"] = cost
+    return save(figures, folder)
+
+
+def _overlay_figure(runs: Sequence[Run], truth: Run, channel: Channel) -> Figure:
+    figure = new_figure((9.0, 4.6))
+    axes = figure.subplots()
+    curves = [(run, values) for run in runs if (values := _values(run, channel.name)) is not None]
+    low, high, clipped = overlay_limits(channel.values, [values for _, values in curves])
+    for run, values in curves:
+        if run is not truth:
+            _draw_model(axes, run, values, (low, high))
+    label = f"{truth.model} (reference)" + ("" if truth.status == "done" else f" ({ended(truth)})")
+    axes.plot(truth.t, channel.values, "--", color="black", linewidth=1.5, label=label, zorder=5)
+    axes.set_ylim(low, high)
+    dress(axes, "time [s]", with_unit(channel.name, channel.unit))
+    outside_legend(figure, [axes])
+    note = f"\n(axis cut at {_CLIP:.0f} x the reference's range)" if clipped else ""
+    set_title(figure, f"{truth.name}: {channel.name} by model{note}")
+    return figure
+
+
+def _values(run: Run, name: str) -> np.ndarray | None:
+    found = next((channel.values for channel in run.channels if channel.name == name), None)
+    return found if found is not None and len(found) else None
+
+
+def _draw_model(axes: Axes, run: Run, values: np.ndarray, limits: tuple[float, float]) -> None:
+    low, high = limits
+    room = 2.0 * (high - low)
+    shown = np.clip(values, low - room, high + room)  # 1e200 would overflow the drawing library
+    colour = _MODEL_COLOURS.get(run.model, COLOURS[4])
+    broke = run.status != "done"
+    label = f"{run.model} ({ended(run)})" if broke else run.model
+    axes.plot(run.t, shown, color=colour, linewidth=1.8, label=None if broke else label)
+    if not broke:
+        return
+    axes.plot([], [], color=colour, linewidth=1.8, marker="X", markersize=9, label=label)
+    edge = np.clip(values[-1], low, high)
+    axes.plot(
+        run.t[-1], edge, "X", color=colour, markersize=10, markeredgecolor="white", clip_on=False, zorder=6
+    )
+
+
+def overlay_limits(reference: np.ndarray, curves: Sequence[np.ndarray]) -> tuple[float, float, bool]:
+    """Return the limits of an overlay's axis, in which a diverging model cannot squash the others.
+
+    Parameters
+    ----------
+    reference : ndarray, shape (n,)
+        Values of the reference.
+    curves : sequence of ndarray
+        Values of all models.
+
+    Returns
+    -------
+    low, high : float
+        At most three ranges of the reference around its middle.
+    clipped : bool
+        Whether some curve leaves them.
+
+    Examples
+    --------
+    >>> overlay_limits(np.array([0.0, 1.0]), [np.array([0.0, 100.0])])
+    (-0.05, 2.0, True)
+    """
+    low, high = float(reference.min()), float(reference.max())
+    span = max(high - low, 1e-9 * max(abs(low), abs(high)), 1e-15)
+    middle = 0.5 * (low + high)
+    floor, ceiling = middle - 0.5 * _CLIP * span, middle + 0.5 * _CLIP * span
+    bottom = min([low, *(float(values.min()) for values in curves)])
+    top = max([high, *(float(values.max()) for values in curves)])
+    clipped = bottom < floor or top > ceiling
+    margin = 0.05 * span
+    bottom, top = max(bottom - margin, floor), min(top + margin, ceiling)
+    return bottom, top, clipped
+
+
+def _cost_figure(comparison: Comparison) -> Figure | None:
+    shown = [
+        m for m in comparison.models if m.model != comparison.reference and m.worst and m.solve_cpu > 0.0
+    ]
+    if not shown:
+        return None
+    figure = new_figure((8.4, 4.6))
+    axes = figure.subplots()
+    for m in shown:
+        error = float(np.clip(m.worst.max_relative if m.worst else 0.0, 1e-16, _OFF_SCALE))
+        marker = "X" if m.broke_down else "o"
+        colour = _MODEL_COLOURS.get(m.model, COLOURS[4])
+        label = f"{m.model} ({ending(m.status)} at {m.stop_time:.3g} s)" if m.broke_down else m.model
+        if error == _OFF_SCALE:
+            label += ", off scale"
+        axes.loglog([m.solve_cpu], [error], marker, color=colour, markersize=10, label=label)
+    cost = comparison.result(comparison.reference).solve_cpu
+    if cost > 0.0:
+        axes.axvline(cost, color="black", linestyle="--", label=f"cost of {comparison.reference} (reference)")
+    axes.axhline(
+        comparison.max_error, color="0.5", linestyle=":", label=f"bound {percent(comparison.max_error)}"
+    )
+    dress_log(axes)
+    outside_legend(figure, [axes])
+    set_title(figure, f"{comparison.name}: error against cost")
+    return figure

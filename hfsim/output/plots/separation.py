@@ -1,0 +1,93 @@
+"""Pictures of the ways to the elastic force: time against the number of elements."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FormatStrFormatter, LogFormatter
+
+from hfsim.output.plots.style import new_figure, outside_legend, save, set_title
+from hfsim.studies.separation import PAPER_RATIO, STEPS, SeparationBench
+
+_FORM_STYLES = {
+    "direct": ("#D55E00", "s"),
+    "tabulated": ("#E69F00", "D"),
+    "separated": ("#0072B2", "o"),
+    "gram": ("#009E73", "^"),
+}
+
+
+def draw_separation(result: SeparationBench, folder: Path) -> list[str]:
+    """Draw the time of each form, and its ratio to the direct one, over the number of elements.
+
+    Parameters
+    ----------
+    result : SeparationBench
+        What `hfsim.studies.separation.measure` found.
+    folder : Path
+        Where the PNG files go.
+
+    Returns
+    -------
+    list of str
+        File names written; none if nothing was measured.
+    """
+    kinds = dict.fromkeys(cell.element for cell in result.cells if cell.forms)
+    return save({f"separation_{kind}": _separation_figure(result, kind) for kind in kinds}, folder)
+
+
+def _separation_figure(result: SeparationBench, kind: str) -> Figure:
+    cells = [cell for cell in result.cells if cell.element == kind and cell.forms]
+    counts = sorted({cell.elements for cell in cells})
+    batches = sorted({cell.states for cell in cells})
+    figure = new_figure((10.0, 7.0))
+    grid = figure.subplots(2, 3, sharex=True, sharey="row")
+    for column, (name, words) in enumerate(_SEPARATION_TIMES.items()):
+        above, below = grid[:, column]
+        for batch, (at, form) in product(batches, enumerate(cells[0].forms)):
+            mine = [cell for cell in cells if cell.states == batch]
+            colour, marker = _FORM_STYLES.get(form.form, ("0.3", "x"))
+            words_of_batch = f", {batch} beams at once" if batch > 1 else ""
+            style: dict[str, Any] = {"color": colour, "marker": marker, "markersize": 5}
+            style |= {"label": form.form + words_of_batch, "linestyle": "-" if batch == batches[0] else "--"}
+            sizes = [cell.elements for cell in mine]
+            forms = [cell.forms[at] for cell in mine]
+            spreads = [getattr(one, name) for one in forms]
+            middle = 1e6 * np.array([one.median for one in spreads])
+            ends = 1e6 * np.array([[one.least for one in spreads], [one.most for one in spreads]])
+            above.errorbar(sizes, middle / _per_run(name), np.abs(ends - middle) / _per_run(name), **style)
+            below.plot(sizes, [100.0 * getattr(one, f"{name}_ratio") for one in forms], **style)
+        below.axhline(100.0 * PAPER_RATIO, color="0.5", linestyle=":", label="the paper's ratio, 10 %")
+        above.text(0.04, 0.96, words, transform=above.transAxes, va="top")
+        _dress_counts(above, counts)
+        _dress_counts(below, counts)
+        below.set_xlabel("elements")
+    grid[0, 0].set_ylabel("CPU time [us]")
+    grid[1, 0].set_ylabel("CPU time / direct [%]")
+    outside_legend(figure, [grid[1, 0]])
+    set_title(figure, f"ways to the elastic force, element {kind}")
+    return figure
+
+
+_SEPARATION_TIMES = {"force": "force", "both": "force and tangent", "run": "a step of the whole run"}
+
+
+def _per_run(name: str) -> int:
+    return STEPS if name == "run" else 1
+
+
+def _dress_counts(axes: Axes, counts: Sequence[int]) -> None:
+    axes.set_xscale("log", base=2)
+    axes.set_yscale("log")
+    axes.set_xticks(counts, [str(count) for count in counts])
+    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+    # within one decade, ticks between its ends are labelled too
+    axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.5)))
+    axes.grid(True, color="0.9", linewidth=0.8)
+    axes.spines[["top", "right"]].set_visible(False)

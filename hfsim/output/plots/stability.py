@@ -1,0 +1,136 @@
+"""Pictures of stability maps: the class of every point."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.transforms import Affine2D
+
+from hfsim.output.plots.style import new_figure, save, set_title
+from hfsim.studies.stability import StabilityMap
+
+_CLASS_STYLES = {
+    "accurate": ("#009E73", "A"),
+    "wrong": ("#E69F00", "W"),
+    "numerical": ("#D55E00", "N"),
+    "model": ("#CC79A7", "M"),
+    "physical": ("#56B4E9", "P"),
+    "deck": ("#F0E442", "D"),
+    "no result": ("0.75", "?"),
+    "not computed": ("white", ""),
+}
+"""Colour (Okabe and Ito) and letter of each class; the letter serves where colours do not."""
+_MOST_LETTERS = 24
+"""Columns of a panel up to which cells carry their letter."""
+
+
+def draw_stability(result: StabilityMap, folder: Path) -> list[str]:
+    """Draw the classes over the axes, one panel for each model and method.
+
+    Parameters
+    ----------
+    result : StabilityMap
+        What `hfsim.studies.stability.stability_map` found, over one or two axes.
+    folder : Path
+        Where the PNG files go.
+
+    Returns
+    -------
+    list of str
+        File names written.
+    """
+    if not result.axes:
+        return []
+    draw = _map_figure if len(result.axes) == 2 else _strips_figure
+    return save({"stability": draw(result)}, folder)
+
+
+def _map_figure(result: StabilityMap) -> Figure:
+    models = list(dict.fromkeys(model for model, _ in result.rows()))
+    methods = list(dict.fromkeys(method for _, method in result.rows()))
+    figure = new_figure((2.6 + 2.9 * len(methods), 1.2 + 2.3 * len(models)))
+    panels = figure.subplots(len(models), len(methods), squeeze=False, sharex=True, sharey=True)
+    (y_name, ys, _), (x_name, xs, _) = result.axes
+    for i, model in enumerate(models):
+        for j, method in enumerate(methods):
+            axes: Axes = panels[i, j]
+            points = result.points_of(model, method)
+            classes = [[points[y, x].outcome if (y, x) in points else "not computed" for x in xs] for y in ys]
+            _classes_panel(axes, classes)
+            axes.set_title(f"{model}, {method}", fontsize=10)
+            _value_ticks(axes, xs, "x")
+            _value_ticks(axes, ys, "y")
+        panels[i, 0].set_ylabel(y_name)
+    for axes in panels[-1]:
+        axes.set_xlabel(x_name)
+    figure.suptitle(f"{result.name}: where methods and models hold", fontsize=12, x=0.01, ha="left")
+    _class_legend(figure, result)
+    return figure
+
+
+def _strips_figure(result: StabilityMap) -> Figure:
+    """Draw one strip for each model and method along the one axis."""
+    rows, (name, values, _) = result.rows(), result.axes[0]
+    figure = new_figure((min(14.0, 4.2 + 0.55 * len(values)), 1.6 + 0.42 * len(rows)))
+    axes = figure.subplots()
+    classes = []
+    for model, method in rows:
+        points = result.points_of(model, method)
+        classes.append([points[v,].outcome if (v,) in points else "not computed" for v in values])
+    _classes_panel(axes, classes)
+    _value_ticks(axes, values, "x")
+    axes.set_yticks(range(len(rows)), [f"{model}, {method}" for model, method in rows])
+    axes.invert_yaxis()
+    axes.set_xlabel(name)
+    set_title(figure, f"{result.name}: where methods and models hold")
+    _class_legend(figure, result)
+    return figure
+
+
+def _classes_panel(axes: Axes, classes: Sequence[Sequence[str]]) -> None:
+    known = list(_CLASS_STYLES)
+    numbers = [[known.index(one) for one in row] for row in classes]
+    colours = ListedColormap([colour for colour, _ in _CLASS_STYLES.values()])
+    axes.pcolormesh(
+        numbers, cmap=colours, vmin=-0.5, vmax=len(known) - 0.5, edgecolors="white", linewidth=1.0
+    )  # fmt: skip
+    axes.set_xticks([])
+    axes.spines[:].set_visible(False)
+    # cells are centred on whole numbers, where ticks and letters go
+    mesh = axes.collections[-1]
+    mesh.set_transform(Affine2D().translate(-0.5, -0.5) + axes.transData)
+    axes.set_xlim(-0.5, len(classes[0]) - 0.5)
+    axes.set_ylim(-0.5, len(classes) - 0.5)
+    if len(classes[0]) > _MOST_LETTERS:
+        return
+    for i, row in enumerate(classes):
+        for j, one in enumerate(row):
+            axes.text(j, i, _CLASS_STYLES[one][1], ha="center", va="center", fontsize=8, color="black")
+
+
+def _value_ticks(axes: Axes, values: Sequence[float | str], which: str) -> None:
+    every = max(1, -(-len(values) // 8))
+    places = list(range(0, len(values), every))
+    labels = [values[i] if isinstance(values[i], str) else f"{values[i]:.3g}" for i in places]
+    if which == "x":
+        axes.set_xticks(places, [str(label) for label in labels], rotation=45, ha="right", fontsize=8)
+    else:
+        axes.set_yticks(places, [str(label) for label in labels], fontsize=8)
+
+
+def _class_legend(figure: Figure, result: StabilityMap) -> None:
+    shown = [name for name in _CLASS_STYLES if name in result.counts()]
+    handles = [
+        Patch(facecolor=_CLASS_STYLES[name][0], edgecolor="0.6", label=_class_label(name)) for name in shown
+    ]
+    figure.legend(handles=handles, loc="outside right upper", frameon=False)
+
+
+def _class_label(name: str) -> str:
+    letter = _CLASS_STYLES[name][1]
+    return f"{letter}  {name}" if letter else name

@@ -1,0 +1,1 @@
+"""What a deck can name, one file for each: elements, bodies, joints, forces, channels."""

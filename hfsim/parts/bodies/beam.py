@@ -1,0 +1,107 @@
+"""Beams: slender flexible bodies."""
+
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+from pydantic import BeforeValidator, Field
+
+from hfsim.deck.fields import Complaint, Flag, Points, PositiveLength, Spec, refusal, shown, whole
+
+END_POINTS = ("root", "tip")
+"""Points that every beam has."""
+
+DEFAULT_ELEMENTS = 4
+"""Elements of a beam whose deck states none, or ``auto`` where nothing chooses them."""
+
+
+def _read_elements(value: object) -> object:
+    if isinstance(value, str) and value != "auto":
+        raise refusal(f"must be a whole number or auto, not {shown(value)}")
+    return DEFAULT_ELEMENTS if value == "auto" else value
+
+
+class QuadratureSpec(Spec):
+    """Gauss points an element for the integrals that are not polynomials."""
+
+    axial: Annotated[int, whole(at_most=20)]
+    """Points for the axial energy [-]."""
+
+    bending: Annotated[int, whole(at_most=20)]
+    """Points for the bending energy [-]."""
+
+
+class BeamSpec(Spec):
+    """Straight beam with a constant section; its frame is at the root, first axis along the root tangent."""
+
+    type: Literal["beam"]
+    """Kind of body."""
+
+    material: str
+    """Name of the material."""
+
+    section: str
+    """Name of the section."""
+
+    length: PositiveLength
+    """Undeformed length [m]."""
+
+    elements: Annotated[int, whole(at_most=100_000), BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
+    """Number of elements [-]; auto: `run` chooses it and the degree, all else takes 4."""
+
+    element: Literal["cable", "continuum"] = "cable"
+    """Centre line only, or the fully parameterised element of Liu, Hong & Cui (2007), eq. 22-27."""
+
+    degree: Annotated[int, whole(3, 12)] = 3
+    """Degree of the cable element's shapes: cubic Hermite and degree - 3 interior functions [-]."""
+
+    strain: Literal["green", "engineering"] = "green"
+    """Axial strain of the cable element: (r'.r' - 1)/2 or abs(r') - 1."""
+
+    curvature: Literal["linear", "exact"] = "linear"
+    """Curvature of the cable element: r'' or (r' x r'')/abs(r')^2."""
+
+    quadrature: QuadratureSpec | None = None
+    """Gauss points an element, where the elastic energy is no polynomial; 2 degree - 1 without it."""
+
+    rotary_inertia: Flag = False
+    """Whether the sections' rotary inertia counts."""
+
+    truncation: Literal["second_order", "none"] = "second_order"
+    """Order in the deformation through which the model lowOrder keeps inertia terms."""
+
+    model: Literal["rigid", "linear", "lowOrder", "exact", "ancf", "auto"] | None = None
+    """Model of this beam; that of ``solve.model`` without it."""
+
+    points: Points = Field(default_factory=dict)
+    """Named points in the undeformed body frame [m]."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield options that exclude one another, and points outside the beam."""
+        yield from self._element_complaints()
+        for name, point in self.points.items():
+            if name in END_POINTS:
+                yield Complaint(("points", name), f"every beam has a point '{name}'", "choose another name")
+            elif not 0 <= point[0] <= self.length:
+                message = f"x = {point[0]:g} m is outside the beam, which goes from 0 to {self.length:g} m"
+                yield Complaint(("points", name), message)
+            elif self.element == "cable" and any(point[1:]):
+                hint = "give y = 0, or element: continuum"
+                yield Complaint(("points", name), "a cable element has points on its centre line only", hint)
+
+    def _element_complaints(self) -> Iterator[Complaint]:
+        continuum = self.element == "continuum"
+        if continuum and self.degree != 3:
+            hint = "remove this key, or take element: cable"
+            yield Complaint(("degree",), "a continuum element is cubic along its axis", hint)
+        if continuum and self.strain != "green":
+            yield Complaint(("strain",), "a continuum element has the Green strain", "remove this key")
+        if continuum and self.curvature != "linear":
+            message = "a continuum element has no curvature of its own"
+            yield Complaint(("curvature",), message, "remove this key")
+        if self.quadrature is None:
+            return
+        if continuum:
+            yield Complaint(("quadrature",), "applies to cable elements only", "remove this key")
+        elif self.strain == "green" and self.curvature == "linear":
+            message = "strain: green with curvature: linear is integrated exactly"
+            yield Complaint(("quadrature",), message, "remove this key")

@@ -1,0 +1,405 @@
+"""Low-order approximate model: axial variable w with the foreshortening term (paper, eq. 44-46).
+
+Relative position of the centre line: s' = [x + w - 1/2 v^T H(x) v, v(x)] with
+H(x) = int_0^x N'^T N' (design, decision 8).  Mass matrix and inertia force are kept through second
+order in the elastic coordinates and their rates jointly, or whole with ``truncation: none``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import Entries
+from hfsim.maths.rotations import normal, rotate
+from hfsim.maths.shapes import gauss_legendre
+from hfsim.mechanics.force import ForcePart
+from hfsim.parts.bodies.mesh import BeamMesh
+
+
+@dataclass(frozen=True)
+class LowOrderBeam(ForcePart):
+    """One beam in the coordinates (r0, theta, w, v).
+
+    The elastic coordinates are the nodal values and slopes of w (root value left out) followed by
+    those of v (root value and slope left out), in the shapes of every other model; interior ones of
+    an element stand between those of its nodes.
+
+    Attributes
+    ----------
+    name : str
+    mesh : BeamMesh
+        Of cable elements.
+    columns : slice
+        Where its coordinates stand.
+    axial, bending : float
+        EA [N] and EI [N m^2].
+    axial_damping, bending_damping : float
+        Kelvin-Voigt retardation times [s].
+    gravity : tuple of float
+        [m/s^2].
+    whole : bool
+        Keep the terms of third and fourth order too.
+    """
+
+    name: str
+    mesh: BeamMesh
+    columns: slice
+    axial: float
+    bending: float
+    axial_damping: float
+    bending_damping: float
+    gravity: tuple[float, float]
+    whole: bool = False
+    model: str = "lowOrder"
+
+    @property
+    def truncated(self) -> bool:
+        """Whether terms of the inertia force are left out, so that it may feed energy."""
+        return not self.whole
+
+    @property
+    def uses_rates(self) -> bool:
+        """Return True: its inertia force is counted among the forces."""
+        return True
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return np.arange(self.columns.start, self.columns.stop)
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether there is damping."""
+        return self.axial_damping > 0.0 or self.bending_damping > 0.0
+
+    @property
+    def n_w(self) -> int:
+        """Number of axial coordinates."""
+        return self.mesh.n_vectors - 1
+
+    @property
+    def n_v(self) -> int:
+        """Number of transverse coordinates."""
+        return self.mesh.n_vectors - 2
+
+    @cached_property
+    def _points(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Quadrature along the beam: x, mass of each point, N_w, N_v, and H as (n_v, n_points * n_v).
+
+        Twice the degree of the shapes is the number of points an element that integrates the terms of
+        highest degree (H H, degree 10 with cubics) exactly.
+        """
+        le = self.mesh.element.length
+        xi, w = gauss_legendre(2 * self.mesh.element.degree)
+        x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
+        mass = np.tile(w, self.mesh.count) * le * self.mesh.inertia.per_length
+        N = np.array([self.mesh.shape(float(a)) for a in x])
+        H = np.array([self.foreshortening(float(a)) for a in x])
+        return x, mass, N[:, 1:], N[:, 2:], H.transpose(1, 0, 2).reshape(self.n_v, -1)
+
+    def foreshortening(self, x: float) -> Array:
+        """Return H(x) = int_0^x N_v'^T N_v', shape (n_v, n_v) [1/m]."""
+        le = self.mesh.element.length
+        whole = min(int(x / le), self.mesh.count - 1)
+        rest = min(le, x - whole * le)
+        H = np.array(self._whole_elements[whole])
+        if rest > 0.0:
+            H += self._own_foreshortening(whole, rest)
+        return H
+
+    @cached_property
+    def _whole_elements(self) -> Array:
+        """H at the start of each element, shape (count, n_v, n_v)."""
+        H = np.zeros((self.mesh.count, self.n_v, self.n_v))
+        for e in range(1, self.mesh.count):
+            H[e] = H[e - 1] + self._own_foreshortening(e - 1, self.mesh.element.length)
+        return H
+
+    def _own_foreshortening(self, e: int, part: float) -> Array:
+        """Return the share in H of the first `part` [m] of element e."""
+        start = e * self.mesh.element.length
+        xi, w = gauss_legendre(self.mesh.element.degree)
+        rows = np.array([self.mesh.shape(start + a * part, 0.0, (1, 0))[2:] for a in xi])
+        return np.asarray((rows.T * (w * part)) @ rows)
+
+    @cached_property
+    def stiffness(self) -> tuple[Array, Array]:
+        """Constant matrices of EA w'' and EI v'''' over all elastic coordinates."""
+        le = self.mesh.element.length
+        xi, w = gauss_legendre(self.mesh.element.degree + 1)
+        x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
+        weight = np.tile(w, self.mesh.count) * le
+        strain = np.array([self.mesh.shape(float(a), 0.0, (1, 0))[1:] for a in x])
+        bend = np.array([self.mesh.shape(float(a), 0.0, (2, 0))[2:] for a in x])
+        size = self.n_w + self.n_v
+        K_axial, K_bending = np.zeros((size, size)), np.zeros((size, size))
+        K_axial[: self.n_w, : self.n_w] = self.axial * (strain.T * weight) @ strain
+        K_bending[self.n_w :, self.n_w :] = self.bending * (bend.T * weight) @ bend
+        return K_axial, K_bending
+
+    def split(self, x: Array) -> tuple[Array, Array, Array, Array]:
+        """Return r0, theta, w and v coordinates of a batch."""
+        b = x[:, self.columns]
+        return b[:, :2], b[:, 2], b[:, 3 : 3 + self.n_w], b[:, 3 + self.n_w :]
+
+    def _fields(self, x: Array, u: Array) -> _Fields:
+        _, _, N_w, N_v, H = self._points
+        _, _, w, v = self.split(x)
+        _, _, dw, dv = self.split(u)
+        Hv = (v @ H).reshape(len(x), -1, self.n_v)
+        Hdv = (dv @ H).reshape(len(x), -1, self.n_v)
+        return _Fields(
+            w=w @ N_w.T,
+            v=v @ N_v.T,
+            dw=dw @ N_w.T,
+            dv=dv @ N_v.T,
+            Hv=Hv,
+            short=0.5 * (Hv @ v[:, :, None])[:, :, 0],
+            dshort=(Hdv @ v[:, :, None])[:, :, 0],
+            ddshort=(Hdv @ dv[:, :, None])[:, :, 0],
+        )
+
+    def mass(self, x: Array) -> Array:
+        """Return the mass matrix (10)-(12) kept as eq. (46) says, shape (n_batch, n, n)."""
+        place, m, N_w, N_v, _ = self._points
+        f = self._fields(x, np.zeros_like(x))
+        theta = self.split(x)[1]
+        n, nw = 3 + self.n_w + self.n_v, self.n_w
+        M = np.zeros((len(x), n, n))
+        axial = place + f.w - f.short
+        M[:, 0, 0] = M[:, 1, 1] = m.sum()
+        M[:, :2, 2] = rotate(theta, np.stack([-(f.v @ m), axial @ m], axis=-1))
+        along = np.concatenate([np.broadcast_to(m @ N_w, (len(x), nw)), -(m @ f.Hv)], axis=1)
+        across = np.tile(np.concatenate([np.zeros(nw), m @ N_v]), (len(x), 1))
+        M[:, :2, 3:] = rotate(theta[:, None], np.stack([along, across], axis=-1)).swapaxes(1, 2)
+        M[:, 2, 2] = self._rotary(f) @ m
+        M[:, 2, 3 : 3 + nw] = -(f.v * m) @ N_w
+        M[:, 2, 3 + nw :] = (axial * m) @ N_v + _weighted(f.v * m, f.Hv)
+        M[:, 3 : 3 + nw, 3 : 3 + nw] = (N_w.T * m) @ N_w
+        M[:, 3 : 3 + nw, 3 + nw :] = -((N_w.T * m) @ f.Hv)
+        M[:, 3 + nw :, 3 + nw :] = (N_v.T * m) @ N_v + (f.Hv.swapaxes(1, 2) * m) @ f.Hv
+        upper = np.triu(M)
+        return np.asarray(upper + np.triu(M, 1).swapaxes(1, 2))
+
+    def _rotary(self, f: _Fields) -> Array:
+        """Return s'.s' at the quadrature points; the w v^2 and v^4 parts only when whole."""
+        place = self._points[0]
+        square = place**2 + 2.0 * place * (f.w - f.short) + f.w**2 + f.v**2
+        if self.whole:
+            square = square - 2.0 * f.w * f.short + f.short**2
+        return np.asarray(square)
+
+    def third_order_inertia(self, x: Array) -> float:
+        """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
+        m = self._points[1]
+        f = self._fields(x, np.zeros_like(x))
+        kept = (self._points[0] ** 2) @ m
+        return float(np.abs((f.short**2 - 2.0 * f.w * f.short) @ m).max(initial=0.0) / kept)
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add inertia force (13)-(14), elastic, damping and gravity forces."""
+        out[:, self.columns] += self._inertia_force(x, u)
+        elastic = self._elastic_coordinates(x) @ (-sum(self.stiffness))
+        elastic -= self._elastic_coordinates(u) @ self._damping()
+        out[:, self.columns.start + 3 : self.columns.stop] += elastic
+        if any(self.gravity):
+            out[:, self.columns] += self._gravity_force(x)
+
+    def _elastic_coordinates(self, x: Array) -> Array:
+        return x[:, self.columns.start + 3 : self.columns.stop]
+
+    def _damping(self) -> Array:
+        K_axial, K_bending = self.stiffness
+        return self.axial_damping * K_axial + self.bending_damping * K_bending
+
+    def _inertia_force(self, x: Array, u: Array) -> Array:
+        place, m, N_w, N_v, _ = self._points
+        f = self._fields(x, u)
+        theta = self.split(x)[1]
+        omega = u[:, self.columns.start + 2][:, None]
+        axial = place + f.w - f.short
+        along = -(omega**2) * axial - 2.0 * omega * f.dv - f.ddshort
+        across = -(omega**2) * f.v + 2.0 * omega * (f.dw - f.dshort)
+        accel = np.stack([along, across], axis=-1)
+        Q = np.zeros((len(x), 3 + self.n_w + self.n_v))
+        Q[:, :2] = -rotate(theta, m @ accel)
+        rotary = 2.0 * omega * (place * (f.dw - f.dshort) + f.w * f.dw + f.v * f.dv)
+        # multiplies H v, itself of first order: kept through first order
+        lever = omega**2 * (place + f.w) + 2.0 * omega * f.dv
+        if self.whole:
+            rotary = rotary + f.v * f.ddshort
+            rotary -= 2.0 * omega * (f.short * f.dw + f.w * f.dshort - f.short * f.dshort)
+            lever = lever - omega**2 * f.short + f.ddshort
+        Q[:, 2] = -rotary @ m
+        Q[:, 3 : 3 + self.n_w] = -(accel[..., 0] * m) @ N_w
+        Q[:, 3 + self.n_w :] = -(accel[..., 1] * m) @ N_v - _weighted(lever * m, f.Hv)
+        return Q
+
+    def _gravity_force(self, x: Array) -> Array:
+        place, m, N_w, N_v, _ = self._points
+        f = self._fields(x, np.zeros_like(x))
+        theta = self.split(x)[1]
+        g = rotate(-theta, np.broadcast_to(np.array(self.gravity), (len(x), 2)))
+        Q = np.zeros((len(x), 3 + self.n_w + self.n_v))
+        Q[:, :2] = m.sum() * np.array(self.gravity)
+        arm = np.stack([(place + f.w - f.short) @ m, f.v @ m], axis=-1)
+        Q[:, 2] = np.sum(normal(arm) * g, axis=-1)
+        Q[:, 3 : 3 + self.n_w] = g[:, :1] * (m @ N_w)
+        Q[:, 3 + self.n_w :] = g[:, 1:] * (m @ N_v) - g[:, :1] * (m @ f.Hv)
+        return Q
+
+    def kinetic_energy(self, x: Array, u: Array) -> Array:
+        """Return 1/2 u^T M u with the mass matrix of the model [J]."""
+        w = u[:, self.columns]
+        return np.asarray(0.5 * np.einsum("bi,bij,bj->b", w, self.mass(x), w))
+
+    def strain_energy(self, x: Array) -> Array:
+        """Return the elastic energy [J]."""
+        e = self._elastic_coordinates(x)
+        return np.asarray(0.5 * np.sum((e @ sum(self.stiffness)) * e, axis=-1))
+
+    def potential_energy(self, t: Array, x: Array) -> Array:
+        """Return the energy of the weight [J]."""
+        place, m, _, _, _ = self._points
+        f = self._fields(x, np.zeros_like(x))
+        r0, theta, _, _ = self.split(x)
+        arm = np.stack([(place + f.w - f.short) @ m, f.v @ m], axis=-1)
+        return np.asarray(-(m.sum() * r0 + rotate(theta, arm)) @ np.array(self.gravity))
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the power that damping takes out [W], never positive."""
+        e = self._elastic_coordinates(u)
+        return np.asarray(-np.sum((e @ self._damping()) * e, axis=-1))
+
+
+def _weighted(weights: Array, rows: Array) -> Array:
+    """Return the sum of rows (n_batch, n_points, n) with weights (n_batch, n_points)."""
+    return np.asarray((weights[:, None, :] @ rows)[:, 0])
+
+
+class _Fields(NamedTuple):
+    """Values at the quadrature points, shape (n_batch, n_points); rates have a d in front."""
+
+    w: Array
+    v: Array
+    dw: Array
+    dv: Array
+    Hv: Array
+    """H v, shape (n_batch, n_points, n_v)."""
+    short: Array
+    """Foreshortening 1/2 v^T H v [m], and v^T H v', v'^T H v' below."""
+    dshort: Array
+    ddshort: Array
+
+
+@dataclass(frozen=True)
+class LowOrderMarker:
+    """A point of the centre line of a `LowOrderBeam`, its direction along the slope (1 + w', v')."""
+
+    beam: LowOrderBeam
+    place: float
+    linear: bool = False
+    keeps_turns: bool = True
+
+    @property
+    def columns(self) -> slice:
+        """Coordinates of the beam."""
+        return self.beam.columns
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return self.beam.support
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array, Array]:
+        """Shape row, its derivative by x, and H, all at the place of the marker."""
+        beam, place = self.beam, self.place
+        return beam.mesh.shape(place), beam.mesh.shape(place, 0.0, (1, 0)), beam.foreshortening(place)
+
+    def _arm(self, x: Array) -> tuple[Array, Array]:
+        """Return s', shape (n_batch, 2), and its derivative by (w, v)."""
+        _, _, w, v = self.beam.split(x)
+        row, _, H = self._rows
+        Hv = v @ H
+        s = np.stack([self.place + w @ row[1:] - 0.5 * np.sum(Hv * v, -1), v @ row[2:]], axis=-1)
+        nw = self.beam.n_w
+        S_p = np.zeros((len(x), 2, nw + self.beam.n_v))
+        S_p[:, 0, :nw] = row[1:]
+        S_p[:, 0, nw:] = -Hv
+        S_p[:, 1, nw:] = row[2:]
+        return s, S_p
+
+    def position(self, x: Array) -> Array:
+        """Return r0 + A s'."""
+        r0, theta, _, _ = self.beam.split(x)
+        return np.asarray(r0 + rotate(theta, self._arm(x)[0]))
+
+    def position_jacobian(self, x: Array) -> Array:
+        """Return (1, A s' turned by a quarter, A ds'/dp)."""
+        _, theta, _, _ = self.beam.split(x)
+        s, S_p = self._arm(x)
+        J = np.zeros((len(x), 2, 3 + S_p.shape[2]))
+        J[:, 0, 0] = J[:, 1, 1] = 1.0
+        J[:, :, 2] = rotate(theta, normal(s))
+        J[:, :, 3:] = rotate(theta[:, None], S_p.swapaxes(1, 2)).swapaxes(1, 2)
+        return J
+
+    def position_bias(self, x: Array, u: Array) -> Array:
+        """Return A (-omega^2 s' + 2 omega x s'_t - (v'^T H v', 0))."""
+        _, theta, _, _ = self.beam.split(x)
+        _, omega, dw, dv = self.beam.split(u)
+        s, S_p = self._arm(x)
+        ds = (S_p @ np.concatenate([dw, dv], axis=1)[:, :, None])[:, :, 0]
+        local = -(omega**2)[:, None] * s + 2.0 * omega[:, None] * normal(ds)
+        local[:, 0] -= np.sum((dv @ self._rows[2]) * dv, axis=-1)
+        return rotate(theta, local)
+
+    def _slope(self, x: Array) -> tuple[Array, Array]:
+        """Return ds'/dx = (1 + w' - 1/2 v'^2, v') and its derivative by (w, v)."""
+        _, _, w, v = self.beam.split(x)
+        row = self._rows[1]
+        bend = v @ row[2:]
+        t = np.stack([1.0 + w @ row[1:] - 0.5 * bend**2, bend], axis=-1)
+        nw = self.beam.n_w
+        t_p = np.zeros((len(x), 2, nw + self.beam.n_v))
+        t_p[:, 0, :nw] = row[1:]
+        t_p[:, 0, nw:] = -bend[:, None] * row[2:]
+        t_p[:, 1, nw:] = row[2:]
+        return t, t_p
+
+    def angle(self, x: Array) -> Array:
+        """Return theta plus the angle of ds'/dx."""
+        t, _ = self._slope(x)
+        return np.asarray(x[:, self.columns.start + 2] + np.arctan2(t[:, 1], t[:, 0]))
+
+    def angle_jacobian(self, x: Array) -> Array:
+        """Return (0, 0, 1, (t x t_p)/|t|^2)."""
+        t, t_p = self._slope(x)
+        turn = normal(t) / np.sum(t * t, -1, keepdims=True)
+        head = np.zeros((len(x), 3))
+        head[:, 2] = 1.0
+        return np.concatenate([head, (turn[:, None, :] @ t_p)[:, 0]], axis=1)
+
+    def angle_bias(self, x: Array, u: Array) -> Array:
+        """Return (t x t_b)/|t|^2 - 2 (t.t')(t x t')/|t|^4 with t_b = (-v'_t^2, 0)."""
+        t, t_p = self._slope(x)
+        _, _, dw, dv = self.beam.split(u)
+        dt = (t_p @ np.concatenate([dw, dv], axis=1)[:, :, None])[:, :, 0]
+        square = np.sum(t * t, -1)
+        n = normal(t)
+        own = -n[:, 0] * dt[:, 1] ** 2 / square
+        return np.asarray(own - 2.0 * np.sum(t * dt, -1) * np.sum(n * dt, -1) / square**2)
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
+        raise NotImplementedError
+
+    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+        """Refuse, as `position_stiffness`."""
+        raise NotImplementedError

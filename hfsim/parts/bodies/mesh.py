@@ -1,0 +1,93 @@
+"""A beam cut into equal elements: nodal vectors, mass matrix, shape rows, difference vectors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.parts.elements import Element
+from hfsim.parts.elements._base import Inertia
+
+
+@dataclass(frozen=True)
+class BeamMesh:
+    """Equal elements in a row; the vectors are those of node 0, the interior of element 0, node 1, ...
+
+    Each node has ``element.per_node`` vectors: its position, its slope vector and, for elements with
+    a section, the other gradient vector.  With ``stride`` vectors from one node to the next, every
+    stride-th vector is a position.  Nodal vectors mean all of them, interior ones included.
+
+    Attributes
+    ----------
+    element : Element
+    count : int
+        Number of elements.
+    inertia : Inertia
+        Mass per length and the like.
+    """
+
+    element: Element
+    count: int
+    inertia: Inertia
+
+    @property
+    def length(self) -> float:
+        """Undeformed length [m]."""
+        return self.element.length * self.count
+
+    @property
+    def n_vectors(self) -> int:
+        """Number of nodal vectors."""
+        return self.count * self.element.stride + self.element.per_node
+
+    def _span(self, e: int) -> slice:
+        """Return which vectors element e has."""
+        start = e * self.element.stride
+        return slice(start, start + self.element.stride + self.element.per_node)
+
+    @cached_property
+    def undeformed(self) -> Array:
+        """Nodal vectors of the straight beam along the first axis, shape (n_vectors, 2)."""
+        stride = self.element.stride
+        P = np.zeros((self.n_vectors, 2))
+        P[::stride, 0] = self.element.length * np.arange(self.count + 1)
+        P[1::stride, 0] = 1.0
+        if self.element.per_node == 3:
+            P[2::stride, 1] = 1.0
+        return P
+
+    @cached_property
+    def positions(self) -> Array:
+        """One for nodal vectors that are positions, zero for gradients, shape (n_vectors,)."""
+        places = np.zeros(self.n_vectors)
+        places[:: self.element.stride] = 1.0
+        return places
+
+    @cached_property
+    def mass(self) -> Array:
+        """Mass matrix of one vector component, int rho N^T N dV of eq. (12), shape (n_vectors, n_vectors)."""
+        M = np.zeros((self.n_vectors, self.n_vectors))
+        block = self.element.mass(self.inertia)
+        for e in range(self.count):
+            M[self._span(e), self._span(e)] += block
+        return M
+
+    @cached_property
+    def differences(self) -> Array:
+        """Matrix from nodal vectors to the difference vectors of all elements, (count * n, n_vectors)."""
+        local = self.element.differences()
+        n = len(local)
+        D = np.zeros((self.count * n, self.n_vectors))
+        for e in range(self.count):
+            D[e * n : (e + 1) * n, self._span(e)] = local
+        return D
+
+    def shape(self, x: float, y: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
+        """Return the shape row N(x, y), or a derivative of it, over all nodal vectors, (n_vectors,)."""
+        e = min(int(x / self.element.length), self.count - 1)
+        row = np.zeros(self.n_vectors)
+        row[self._span(e)] = self.element.shape(x / self.element.length - e, y, derivative)
+        return row

@@ -1,0 +1,366 @@
+"""What every element has: shapes, mass, and an elastic law on its difference vectors.
+
+The state of an element enters its energy through a few *difference vectors* V: the chord and the
+slope vectors, all divided by the element length, so that they carry no unit and do not change when
+the element is shifted.  Where the energy is a polynomial it depends on V only through the products
+G = V V^T (design, section 3).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property, reduce
+from typing import Any, NamedTuple, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hfsim.maths.arrays import Array
+
+
+@dataclass(frozen=True)
+class Stiffness:
+    """Numbers of material and section that an elastic law needs.
+
+    Attributes
+    ----------
+    axial : float
+        EA [N].
+    bending : float
+        EI [N m^2].
+    lame_lambda, lame_mu : float
+        Lame constants [Pa].
+    height, width : float
+        Of the (equivalent) rectangular section [m]; the height lies in the bending plane.
+    """
+
+    axial: float
+    bending: float
+    lame_lambda: float
+    lame_mu: float
+    height: float
+    width: float
+
+    def without_bending(self) -> Stiffness:
+        """Return the same with EI = 0."""
+        return replace(self, bending=0.0)
+
+
+class Inertia(NamedTuple):
+    """Mass data of a beam: mass per length [kg/m], rotary inertia per length [kg m], section height [m]."""
+
+    per_length: float
+    rotary: float
+    height: float
+
+
+class Measures(NamedTuple):
+    """Which strain and curvature a cable element has, and how its integrals are done.
+
+    Attributes
+    ----------
+    strain : str
+        ``green`` or ``engineering``.
+    curvature : str
+        ``linear`` (r'') or ``exact``.
+    axial_points, bending_points : int or None
+        Gauss points an element where the energy is no polynomial; as many as the degree of the
+        element asks for without a number.
+    """
+
+    strain: str = "green"
+    curvature: str = "linear"
+    axial_points: int | None = None
+    bending_points: int | None = None
+
+
+USUAL = Measures()
+
+
+class ElasticLaw(Protocol):
+    """Elastic energy of many elements as a function of their difference vectors.
+
+    V has shape (..., n_elements, n_vectors, n_dim); energies are in joule.
+    """
+
+    @property
+    def quartic(self) -> bool:
+        """Whether the energy is a polynomial of degree four in V."""
+
+    def energy(self, V: Array) -> Array:
+        """Return the stored energy of each element, shape (..., n_elements)."""
+
+    def gradient(self, V: Array) -> Array:
+        """Return the derivative of the energy with respect to V, same shape as V."""
+
+    def pull(self, v: Array) -> Array:
+        """Return the same from and as `component_rows`: each operation runs along whole rows of memory."""
+
+    def hessian(self, V: Array) -> Array:
+        """Return the second derivative, shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
+
+    def joined(self, other: Self) -> Self:
+        """Return one law for the elements of this one followed by those of another of the same kind."""
+
+
+def component_rows(V: Array) -> Array:
+    """Return vectors (..., n_elements, n_vectors, n_dim) as (n_vectors, n_dim, n_elements * n_states)."""
+    return V.T.swapaxes(0, 1).reshape(*V.shape[-2:], -1)
+
+
+class RowLaw:
+    """A law whose gradient is computed on `component_rows`."""
+
+    def pull(self, v: Array) -> Array:
+        """Return dU/dV [J] in rows."""
+        raise NotImplementedError
+
+    def gradient(self, V: Array) -> Array:
+        """Return dU/dV [J], same shape as V."""
+        rows = self.pull(component_rows(V))
+        return rows.reshape(*V.shape[:-3:-1][::-1], *V.shape[-3::-1]).swapaxes(0, 1).T
+
+
+class Element(Protocol):
+    """An element between two nodes with some vectors at each: a position and gradients.
+
+    Its vectors are those of the first node, interior ones if it has any, and those of the last node:
+    ``stride + per_node`` together.
+    """
+
+    def __init__(self, length: float) -> None: ...
+
+    @property
+    def per_node(self) -> int:
+        """Number of vectors at each node."""
+
+    @property
+    def degree(self) -> int:
+        """Degree of the shapes along the axis."""
+
+    @property
+    def stride(self) -> int:
+        """Number of vectors from one node to the next: those of a node and the interior ones."""
+
+    @property
+    def length(self) -> float:
+        """Undeformed length [m]."""
+
+    def differences(self) -> Array:
+        """Return the matrix from the element's vectors to difference vectors, shape (n_differences, n)."""
+
+    def shape(self, xi: float, eta: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
+        """Return the shape row, shape (n,), or a derivative of it with respect to (x, y)."""
+
+    def mass(self, inertia: Inertia) -> Array:
+        """Return the mass matrix of one vector component, shape (n, n) [kg]."""
+
+    def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
+        """Return the elastic law of ``count`` equal elements."""
+
+    def gram_law(self, stiffness: Stiffness, count: int) -> GramLaw:
+        """Return the law of the polynomial energy as a form in products of vectors."""
+
+
+@dataclass(frozen=True)
+class QuadraticMap:
+    """Sums of products of two components of a vector, and constants.
+
+    Attributes
+    ----------
+    first, second : ndarray of int, shape (n_products,)
+        Which components are multiplied; each pair once.
+    matrix : ndarray, shape (n_products, n_out)
+    constant : ndarray, shape (n_out,), (1, n_out) or (n_elements, n_out)
+    scale : ndarray, shape (n_elements, 1), optional
+        Multiplies the whole.
+    """
+
+    first: NDArray[np.intp]
+    second: NDArray[np.intp]
+    matrix: Array
+    constant: Array
+    scale: Array | None = None
+
+    @classmethod
+    def of(cls, full: Array, constant: Array, scale: Array | None = None) -> QuadraticMap:
+        """Return the map with the factors full[c, d] of each product x_c x_d, shape (n, n, n_out)."""
+        first, second = np.triu_indices(len(full))
+        matrix = full[first, second]
+        off = first != second
+        matrix[off] += full[second[off], first[off]]
+        used = matrix.any(axis=1)
+        return cls(first[used], second[used], np.ascontiguousarray(matrix[used]), constant, scale)
+
+    def __call__(self, x: Array) -> Array:
+        """Return the sums, shape (..., n_out), for x of shape (..., n_elements, n)."""
+        products = x.take(self.first, axis=-1)
+        products *= x.take(self.second, axis=-1)
+        out = products @ self.matrix
+        out += self.constant
+        if self.scale is not None:
+            out *= self.scale
+        return np.asarray(out)
+
+
+@dataclass(frozen=True)
+class GramLaw(RowLaw):
+    """An energy that is quadratic in the products of difference vectors.
+
+    U = scale (1/2 d^T C d + c^T d) with d = g - g0, g the entries of G = V V^T and g0 those of the
+    undeformed element.  The energy is summed from d: g itself is so close to g0 in stiff bodies that
+    nothing but rounding would be left of its differences.
+
+    Attributes
+    ----------
+    quadratic : ndarray, shape (n_vectors**2, n_vectors**2)
+        C, symmetric, also under exchange of the two vectors of each product.
+    linear : ndarray, shape (n_elements, n_vectors**2)
+        c of each element.
+    reference : ndarray, shape (n_vectors**2,)
+        g0.
+    scale : ndarray, shape (n_elements,)
+        [J].
+    dimension : int
+        Of the vectors.
+
+    The Hessian is one product of components and one matrix product: it is asked for in one state, where
+    calls cost, not operations.
+    """
+
+    quadratic: Array
+    linear: Array
+    reference: Array
+    scale: Array
+    dimension: int = 2
+
+    @property
+    def quartic(self) -> bool:
+        """Return True."""
+        return True
+
+    def joined(self, other: GramLaw) -> GramLaw:
+        """Return the law of this one's elements followed by the other's."""
+        return replace(
+            self,
+            linear=np.concatenate([self.linear, other.linear]),
+            scale=np.concatenate([self.scale, other.scale]),
+        )
+
+    @cached_property
+    def linear_at_zero(self) -> Array:
+        """The linear term where g, not d, multiplies C."""
+        return self.linear - self.reference @ self.quadratic
+
+    @cached_property
+    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """The two vectors of each product; each pair once."""
+        return np.triu_indices(self._n_vectors)
+
+    @cached_property
+    def packed(self) -> NDArray[np.intp]:
+        """Which of the pairs each entry of G is, entries in a row."""
+        where = np.zeros((self._n_vectors, self._n_vectors), dtype=np.intp)
+        where[self.pairs] = where[self.pairs[::-1]] = np.arange(len(self.pairs[0]))
+        return where.ravel()
+
+    @cached_property
+    def _factors(self) -> tuple[NDArray[np.intp], int, NDArray[np.intp]]:
+        """Rows of components that are multiplied, how many make the G_ab, and the pair of each H_ab.
+
+        The rows: first, then second factors of G_ab, pairs of vectors one after another for each component;
+        then V_b of each product in the sums H_ab V_b.
+        """
+        n, d = self._n_vectors, self.dimension
+        component = np.arange(d)[:, None]
+        first, second = ((d * vectors + component).ravel() for vectors in self.pairs)
+        pulled = np.broadcast_to(np.arange(n * d).reshape(n, 1, d), (n, n, d)).ravel()
+        return np.concatenate([first, second, pulled]), len(first), np.repeat(self.packed, d)
+
+    @cached_property
+    def coefficients(self) -> tuple[Array, Array, Array | None]:
+        """2 dU/dG [J] by pairs: its derivative by products of components, constant part, and common factor.
+
+        Shapes (n_pairs, n_dim * n_pairs), (n_pairs, n_elements or 1, 1) and (n_elements, 1); no factor where
+        it is the same for all elements.
+        """
+        first, second = self.pairs
+        entries = first * self._n_vectors + second
+        matrix = self.quadratic[np.ix_(entries, entries)] * np.where(first == second, 1.0, 2.0)
+        matrix = np.tile(matrix, self.dimension)
+        constant, factor = self.linear_at_zero.T[entries, :, None], 2.0 * self.scale[:, None]
+        if not np.all(factor == factor[0]):
+            return matrix, constant, factor
+        alike = np.all(constant == constant[:, :1])
+        return factor[0] * matrix, factor[0] * (constant[:, :1] if alike else constant), None
+
+    @cached_property
+    def second_derivative(self) -> QuadraticMap:
+        """d2U/dV2 [J] by the components of V: the products' own change and that of what they multiply."""
+        n, d = self._n_vectors, self.dimension
+        C, unit = self.quadratic.reshape(n, n, n, n), np.eye(d)
+        own = 2.0 * np.einsum("abcd,ik,jl->bkdlaicj", C, unit, unit)
+        geometric = np.einsum("bdac,kl,ij->bkdlaicj", C, unit, unit)
+        at_zero = np.einsum("eac,ij->eaicj", self.linear_at_zero.reshape(-1, n, n), unit)
+        return self._map(own + geometric, at_zero)
+
+    @property
+    def _n_vectors(self) -> int:
+        return math.isqrt(len(self.reference))
+
+    def _map(self, full: Array, constant: Array) -> QuadraticMap:
+        """Return 2 scale (full : V V + constant); what is equal for all elements is kept once."""
+        n = self._n_vectors * self.dimension
+        constant, factor = constant.reshape(len(self.scale), -1), 2.0 * self.scale[:, None]
+        if np.all(factor == factor[0]):
+            alike = np.all(constant == constant[0])
+            constant = factor[0] * (constant[:1] if alike else constant)
+            return QuadraticMap.of(factor[0] * full.reshape(n, n, -1), constant)
+        return QuadraticMap.of(full.reshape(n, n, -1), constant, factor)
+
+    def energy(self, V: Array) -> Array:
+        """Return the stored energy [J], shape (..., n_elements)."""
+        G = V @ V.swapaxes(-1, -2)
+        d = G.reshape(*G.shape[:-2], -1) - self.reference
+        return np.asarray(self.scale * np.sum((0.5 * (d @ self.quadratic) + self.linear) * d, axis=-1))
+
+    def pull(self, v: Array) -> Array:
+        """Return dU/dV [J] for `component_rows`, same shape; copied rows make long, plain products."""
+        return np.asarray(np.add.reduce(self.shares(v).reshape(len(v), *v.shape), axis=0))
+
+    def shares(self, v: Array) -> Array:
+        """Return what `pull` sums over b, H_ab V_b, in rows (b, a, component)."""
+        rows, size, pairs = self._factors
+        factors = v.reshape(-1, v.shape[-1]).take(rows, axis=0)
+        shares = factors[2 * size :]
+        shares *= self._weigh(factors[:size], factors[size : 2 * size]).take(pairs, axis=0)
+        return shares
+
+    def weights(self, v: Array) -> Array:
+        """Return 2 dU/dG by pairs, shape (n_pairs, n_elements * n_states)."""
+        rows, size, _ = self._factors
+        x = v.reshape(-1, v.shape[-1])
+        return self._weigh(x.take(rows[:size], axis=0), x.take(rows[size : 2 * size], axis=0))
+
+    def _weigh(self, products: Array, others: Array) -> Array:
+        """Return 2 dU/dG from both factors of each product; overwrites the first."""
+        matrix, constant, factor = self.coefficients
+        products *= others
+        H = matrix.dot(products)
+        by_element = H.reshape(len(H), len(self.scale), -1)
+        by_element += constant
+        if factor is not None:
+            by_element *= factor
+        return np.asarray(H)
+
+    def hessian(self, V: Array) -> Array:
+        """Return d2U/dV2 [J], shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
+        flat = V.reshape(*V.shape[:-2], -1)
+        return self.second_derivative(flat).reshape(*flat.shape, flat.shape[-1])
+
+
+def join_laws(laws: list[Any]) -> ElasticLaw:
+    """Return one law for the elements of several of the same kind, in their order."""
+    joined: ElasticLaw = reduce(lambda a, b: a.joined(b), laws)
+    return joined

@@ -1,0 +1,32 @@
+"""Springs between two points and loads on one; `SPRINGS` and `LOADS` name every kind there is.
+
+The module of a kind is imported when a deck has one.
+"""
+
+from typing import TYPE_CHECKING, Annotated
+
+from hfsim.deck.fields import OneOf, Spec
+
+if TYPE_CHECKING:
+    from hfsim.parts.forces.force import ForceSpec
+    from hfsim.parts.forces.moment import MomentSpec
+    from hfsim.parts.forces.rotational import RotationalSpec
+    from hfsim.parts.forces.two_point import TwoPointSpec
+
+    AnySpring = RotationalSpec | TwoPointSpec
+    AnyLoad = ForceSpec | MomentSpec
+
+SPRINGS = {
+    "rotational": "hfsim.parts.forces.rotational.RotationalSpec",
+    "two_point": "hfsim.parts.forces.two_point.TwoPointSpec",
+}
+LOADS = {
+    "force": "hfsim.parts.forces.force.ForceSpec",
+    "moment": "hfsim.parts.forces.moment.MomentSpec",
+}
+
+if not TYPE_CHECKING:
+    AnySpring = Annotated[Spec, OneOf("type", SPRINGS)]
+    AnyLoad = Annotated[Spec, OneOf("type", LOADS)]
+
+__all__ = ["LOADS", "SPRINGS", "AnyLoad", "AnySpring"]

@@ -1,0 +1,25 @@
+"""Joints; `JOINTS` names every kind there is. The module of a kind is imported when a deck has one."""
+
+from typing import TYPE_CHECKING, Annotated
+
+from hfsim.deck.fields import OneOf, Spec
+
+if TYPE_CHECKING:
+    from hfsim.parts.joints.driver import DriverSpec
+    from hfsim.parts.joints.fixed import FixedSpec
+    from hfsim.parts.joints.prismatic import PrismaticSpec
+    from hfsim.parts.joints.revolute import RevoluteSpec
+
+    AnyJoint = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec
+
+JOINTS = {
+    "revolute": "hfsim.parts.joints.revolute.RevoluteSpec",
+    "fixed": "hfsim.parts.joints.fixed.FixedSpec",
+    "prismatic": "hfsim.parts.joints.prismatic.PrismaticSpec",
+    "driver": "hfsim.parts.joints.driver.DriverSpec",
+}
+
+if not TYPE_CHECKING:
+    AnyJoint = Annotated[Spec, OneOf("type", JOINTS)]
+
+__all__ = ["JOINTS", "AnyJoint"]

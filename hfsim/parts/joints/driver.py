@@ -1,0 +1,40 @@
+"""Driver: a relative angle or distance follows a law of time."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+from hfsim.deck.fields import Axis, Between, Complaint, Spec
+from hfsim.deck.laws import AngleLaw, PositionLaw
+from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle, unit
+from hfsim.mechanics.markers import Marker
+
+
+class DriverSpec(Spec):
+    """Imposes the angle of B relative to A, or the distance of B from A along an axis."""
+
+    type: Literal["driver"]
+    """Kind of joint."""
+
+    between: Between
+    """The two points, [A, B]."""
+
+    angle: AngleLaw | None = None
+    """Angle of B's frame relative to A's over time [rad]; or give the position."""
+
+    position: PositionLaw | None = None
+    """Distance of B from A along the axis over time [m]; or give the angle."""
+
+    axis: Axis = (1.0, 0.0)
+    """Direction in A's frame along which the position is measured [-]; its length does not matter."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a driver of nothing or of two things."""
+        if (self.angle is None) == (self.position is None):
+            yield Complaint((), "a driver needs an angle or a position, one of the two")
+
+    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return the one equation that imposes the law."""
+        if self.angle is not None:
+            return (RelativeAngle(first, second, 0.0, self.angle.build()),)
+        assert self.position is not None
+        return (Along(first, second, unit(self.axis), self.position.build()),)

@@ -1,0 +1,28 @@
+"""Prismatic joint: one point slides along an axis of the other body."""
+
+from typing import Literal
+
+from hfsim.deck.fields import Angle, Axis, Between, Spec
+from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle, unit
+from hfsim.mechanics.markers import Marker
+
+
+class PrismaticSpec(Spec):
+    """Point B slides along an axis through A; the frames there keep their relative angle."""
+
+    type: Literal["prismatic"]
+    """Kind of joint."""
+
+    between: Between
+    """The two points, [A, B]."""
+
+    axis: Axis = (1.0, 0.0)
+    """Direction of sliding in A's frame [-]; its length does not matter."""
+
+    angle: Angle = 0.0
+    """Angle of B's frame relative to A's at the joint [rad]."""
+
+    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return the equations of this joint: no distance across the axis, no turning."""
+        along = unit(self.axis)
+        return (Along(first, second, (-along[1], along[0])), RelativeAngle(first, second, self.angle))

@@ -1,0 +1,1 @@
+"""From an assembled scene to a trajectory, and what watches over it."""

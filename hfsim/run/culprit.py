@@ -1,0 +1,91 @@
+"""Who is to blame: which part of a scene makes a number that is not finite."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hfsim.errors import SolverFailure
+from hfsim.maths.arrays import Array, BoolArray
+from hfsim.mechanics.force import ForcePart
+from hfsim.scene.build import Scene
+
+HUGE = 1e100
+"""Size in SI units from which a force counts as not finite: what follows from it soon is not."""
+
+
+def non_finite(scene: Scene, t: float, q: Array, v: Array) -> SolverFailure | None:
+    """Return the failure that names what is not finite in a state, or None.
+
+    Parameters
+    ----------
+    scene : Scene
+    t : float
+    q, v : ndarray, shape (n,)
+        A state that is not finite itself blames nobody: it is a trial that went too far.
+    """
+    if not (np.isfinite(q).all() and np.isfinite(v).all()):
+        return None
+    with np.errstate(all="ignore"):
+        item, what = _offender(scene, t, q, v)
+    if not item:
+        return None
+    return SolverFailure(
+        reason=f"{what} of {item} is not finite, or beyond {HUGE:g}, at t = {t:.6g} s",
+        time=t,
+        item=item,
+        kind="deck",
+        evidence={"not_finite": what},
+        remedy=f"correct the numbers of {item}",
+    )
+
+
+def _offender(scene: Scene, t: float, q: Array, v: Array) -> tuple[str, str]:
+    """Return deck path and quantity of the first thing that is not finite; empty if all is."""
+    system, time = scene.system, np.array([t])
+    x, u = system.absolute(q[None]), system.absolute_velocity(q[None], v[None])
+    for path, part in force_items(scene):
+        force = np.zeros_like(x)
+        part.add_force(time, x, u, force)
+        if not _usable(force):
+            return path or body_of(scene, ~_usable_each(force[0])), "the force"
+    for name, members in scene.joints.items():
+        for one in (system.constraints[k] for k in members):
+            if not (_usable(one.residual(time, x)) and _usable(one.acceleration(time, x, u))):
+                return f"joints.{name}", "the law"
+    try:
+        a = system.acceleration(time, q[None], v[None])[0]
+    except np.linalg.LinAlgError:
+        return "", ""
+    return ("", "") if _usable(a) else (body_of(scene, ~_usable_each(a)), "the acceleration")
+
+
+def _usable_each(values: Array) -> BoolArray:
+    return np.isfinite(values) & (np.abs(values) < HUGE)
+
+
+def _usable(values: Array) -> bool:
+    return bool(_usable_each(values).all())
+
+
+def force_items(scene: Scene) -> Iterator[tuple[str, ForcePart]]:
+    """Yield each force of a scene with its deck path; empty where it belongs to several bodies."""
+    every = [f"springs.{name}" for name in scene.deck.springs]
+    every += [f"loads.{name}" for name in scene.deck.loads]
+    gone = scene.left_out["springs"] + scene.left_out["loads"]
+    named, forces = [item for item in every if item not in gone], scene.system.forces
+    own = len(forces) - len(named)
+    for part in forces[:own]:
+        name = getattr(part, "name", "")
+        yield (f"bodies.{name}" if name else ""), part
+    yield from zip(named, forces[own:], strict=True)
+
+
+def body_of(scene: Scene, weight: Array | BoolArray) -> str:
+    """Return the deck path of the body whose coordinates have the largest weight, (n,) or (n_x,)."""
+    system = scene.system
+    if len(weight) != system.n_x:
+        weight = system.reduction.expand_rates(np.abs(weight)[None].astype(float))[0]
+    body = max(scene.bodies.values(), key=lambda one: float(np.abs(weight[one.columns]).max(initial=0.0)))
+    return f"bodies.{body.name}"

@@ -1,0 +1,296 @@
+"""What was built of a scene and what was left out, with reasons, savings and a prediction of the cost.
+
+The prediction is a sum over what one call of the accelerations consists of (`features`), with weights
+fitted once to measured calls (`COSTS`); `hfsim.studies.plan` measures the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.matrices import DENSE_UP_TO, is_sparse
+from hfsim.mechanics.force import ForcePart
+from hfsim.parts.bodies.assembled import FoldedBody, LowOrderBody, NodalBeam
+from hfsim.parts.bodies.elastic import ConstantForce, ElasticForce, KelvinVoigtForce, LinearElasticForce
+from hfsim.parts.bodies.low_order import LowOrderBeam
+from hfsim.run.culprit import force_items
+from hfsim.scene.build import Scene
+from hfsim.scene.rules import RULES
+from hfsim.scene.schema import LoadedDeck
+
+COSTS = {
+    "call": 12.4,
+    "elastic kernels": 0.166,
+    "elements": 1.4,
+    "damping kernels": 32.0,
+    "damping elements": 15.8,
+    "linear beams": 24.8,
+    "springs and loads": 31.4,
+    "maps": 4.33,
+    "entries of M": 0.00236,
+    "changing joints": 17.4,
+    "multipliers": 9.74,
+    "whole matrices": 45.1,
+    "whole entries": 0.113,
+    "whole products": 0.000284,
+    "sparse factors": 69.7,
+    "sparse unknowns": 0.487,
+    "sparse unknowns of every state": 51.4,
+    "frames": 35.3,
+    "frame entries": 0.0748,
+    "lowOrder beams": 423.0,
+    "lowOrder products": 0.0396,
+}
+"""Microseconds of CPU of one call for 16 states, per unit of each feature.
+
+Fitted by non-negative least squares of relative errors to 295 measured calls (seven decks, all models, 2 to
+40 elements a beam, with and without rules; 2-core AMD EPYC). Half of them are met within 8 %, nine of ten
+within 27 %, that of 64 beams in a chain to a factor of 5.
+"""
+
+_WHY_KEPT = {
+    "Coincide": "not at nodes or centres of mass, or it closes a loop",
+    "RelativeAngle": "an angle between moving bodies is not linear in the coordinates",
+    "Along": "the direction turns: not linear in the coordinates",
+}
+
+
+def plan_of(scene: Scene) -> dict[str, Any]:
+    """Return the plan of a scene, JSON-ready: what is kept, what is left out, and the predicted cost.
+
+    Parameters
+    ----------
+    scene : Scene
+        An assembled scene.
+
+    Returns
+    -------
+    dict
+        ``sizes``; ``kept``, a list of what with counts; ``left_out`` and ``not_left_out``, lists of rules
+        with items, reasons and savings; ``algebra``; ``predicted_call_us``, microseconds of CPU of one call
+        of the accelerations for 16 states.
+    """
+    left, not_left = [], []
+    for name, rule in RULES.items():
+        items, saves = rule.saved(scene, scene.left_out[name])
+        if items:
+            left.append(
+                {
+                    "rule": name,
+                    "leaves_out": rule.leaves_out,
+                    "reason": f"{rule.when}; {rule.because}",
+                    "items": list(items),
+                    "saves": saves,
+                }
+            )
+        else:
+            not_left.append({"rule": name, "leaves_out": rule.leaves_out, "reason": _why_not(scene, name)})
+    return {
+        "model": scene.model,
+        "sizes": sizes(scene),
+        "kept": [*_kept(scene)],
+        "left_out": left,
+        "not_left_out": not_left,
+        "algebra": algebra(scene),
+        "predicted_call_us": predicted_call(scene),
+    }
+
+
+def _why_not(scene: Scene, rule: str) -> str:
+    solve = scene.deck.solve
+    if solve.keep_all:
+        return "solve.keep_all"
+    if rule in solve.keep:
+        return "named in solve.keep"
+    if rule == "transverse":
+        return RULES[rule].because
+    return f"only when {RULES[rule].when}"
+
+
+def sizes(scene: Scene) -> dict[str, int]:
+    """Return the counts of an assembled scene."""
+    system = scene.system
+    return {
+        "coordinates": system.n_x,
+        "unknowns": system.n,
+        "multipliers": system.n_rows,
+        "terms of M": len(system.variable_mass) + bool(system.n_x > _variable(scene)),
+        "terms of Q": len(system.forces),
+        "parts": max(1, len(scene.parts)),
+        "output columns": len(scene.deck.channels),
+    }
+
+
+def _variable(scene: Scene) -> int:
+    return sum(body.columns.stop - body.columns.start for body in scene.system.variable_mass)
+
+
+def algebra(scene: Scene) -> str:
+    """Return which matrices are used, and how their cost grows."""
+    if is_sparse(scene.system.equations.constant_mass):
+        return f"sparse, from {DENSE_UP_TO + 1} coordinates on: cost grows with the number of elements"
+    grows = "cost grows with the square of the unknowns, that of a derivative with the cube"
+    if scene.system.variable_mass:
+        return (
+            "dense at any size, because the mass matrix of lowOrder is full and changes: cost of every call "
+            "grows with the cube of the unknowns"
+        )
+    if scene.system.charts:
+        return f"dense at any size, because the steps are made in body frames: {grows}"
+    return f"dense: {grows}; sparse from {DENSE_UP_TO + 1} coordinates on (not for lowOrder or body frames)"
+
+
+# --- what is kept --------------------------------------------------------------------------------
+
+
+def _kept(scene: Scene) -> Iterator[dict[str, Any]]:
+    yield from _kept_bodies(scene)
+    yield from _kept_joints(scene)
+    for path, part in force_items(scene):
+        yield {
+            "item": path or "all bodies",
+            "what": _words(part),
+            "reason": _why_force(part),
+        } | _kernel(part)
+    for channel in scene.deck.channels:
+        yield {"item": channel, "what": "output column", "reason": _needs(channel), "columns": 1}
+    yield {
+        "item": "checks",
+        "what": "energies and violations of the joints at the ends of all steps",
+        "reason": "energy_drift, constraint_position and constraint_velocity of every summary",
+    }
+
+
+def _kept_bodies(scene: Scene) -> Iterator[dict[str, Any]]:
+    for name, body in scene.bodies.items():
+        count = body.columns.stop - body.columns.start
+        fact = {"item": f"bodies.{name}", "coordinates": count, "terms_of_M": int(count > 0)}
+        if isinstance(body, FoldedBody):
+            yield fact | {"what": "points of the ground", "reason": "cannot move"}
+        elif isinstance(body, LowOrderBody):
+            yield fact | {
+                "what": "frame, axial and transverse coordinates",
+                "reason": f"beam of model {scene.model}, mass matrix anew in every state",
+            }
+        elif isinstance(body, NodalBeam):
+            elements = body.mesh.count
+            yield fact | {"what": f"positions and slopes of {elements} elements", "reason": "flexible"}
+        else:
+            yield fact | {"what": "place and angle", "reason": "rigid: no elastic coordinates"}
+
+
+def _kept_joints(scene: Scene) -> Iterator[dict[str, Any]]:
+    gone = scene.system.reduction.eliminated
+    for name, members in scene.joints.items():
+        left = [scene.system.constraints[k] for k in members if k not in gone]
+        if left:
+            reasons = [_WHY_KEPT[type(one).__name__] for one in left]
+            if not scene.left_out["tree_joints"]:
+                reasons = [_why_not(scene, "tree_joints")]
+            yield {
+                "item": f"joints.{name}",
+                "what": "multipliers",
+                "reason": "; ".join(dict.fromkeys(reasons)),
+                "multipliers": sum(one.rows for one in left),
+            }
+
+
+def _words(part: ForcePart) -> str:
+    doc = (type(part).__doc__ or "").strip().split("\n")[0]
+    return doc.rstrip(".")
+
+
+def _why_force(part: ForcePart) -> str:
+    """Return why a force is there; what is zero and was not left out is there by wish."""
+    wished = "kept by wish, though it is zero"
+    if isinstance(part, ConstantForce):
+        return "gravity" if part.force.any() else wished
+    if isinstance(part, KelvinVoigtForce):
+        return "damped material" if part.dissipates else wished
+    if isinstance(part, ElasticForce | LinearElasticForce | LowOrderBeam):
+        return "flexible"
+    idle = not any(np.any(getattr(part, size, 0.0)) for size in ("stiffness", "damping", "force", "moment"))
+    return wished if idle else "not zero"
+
+
+def _kernel(part: ForcePart) -> dict[str, Any]:
+    """Return the counts of a force: one kernel serves all its elements in one call."""
+    facts: dict[str, Any] = {"terms_of_Q": 1}
+    if isinstance(part, ElasticForce):
+        facts |= {"kernels": 1, "elements": len(part.elements.columns), "integrals": _integrals(part.law)}
+    elif isinstance(part, KelvinVoigtForce):
+        points = part.axial.shape[1]
+        facts |= {"kernels": 1, "elements": len(part.axial), "integrals": f"{points} Gauss points an element"}
+    return facts
+
+
+def _integrals(law: object) -> str:
+    axial, bending = getattr(law, "axial_points", 0), getattr(law, "bending_points", 0)
+    if axial:
+        return f"{axial} Gauss points an element for the axial energy, {bending} for bending"
+    return "exact, done beforehand"
+
+
+def _needs(channel: str) -> str:
+    quantity = channel.rpartition(".")[2]
+    if quantity in ("force_x", "force_y", "moment"):
+        return "asked for; needs all multipliers at output times"
+    if quantity in ("angle", "deflection", "elongation"):
+        return "asked for; needs the full turns of the body frame"
+    if channel.startswith("energy."):
+        return "asked for; needs the energies at output times"
+    return "asked for; read at output times"
+
+
+# --- prediction ----------------------------------------------------------------------------------
+
+
+def features(scene: Scene) -> dict[str, float]:
+    """Return counts of what one call of the accelerations for 16 states consists of."""
+    system, equations = scene.system, scene.system.equations
+    sparse = is_sparse(equations.constant_mass)
+    whole = (bool(system.variable_mass) or not equations.once) and not sparse
+    each_state = sparse and bool(equations.changing or not equations.once)
+    elastic = [part for part in system.forces if isinstance(part, ElasticForce)]
+    low = [body.beam for body in scene.bodies.values() if isinstance(body, LowOrderBody)]
+    size = system.n + system.n_rows
+    return {
+        "call": 1.0,
+        "elastic kernels": len(elastic),
+        "elements": sum(len(part.elements.columns) for part in elastic),
+        "damping kernels": sum(isinstance(part, KelvinVoigtForce) for part in system.forces),
+        "damping elements": sum(len(p.axial) for p in system.forces if isinstance(p, KelvinVoigtForce)),
+        "linear beams": sum(isinstance(part, LinearElasticForce) for part in system.forces),
+        "springs and loads": sum(path.startswith(("springs.", "loads.")) for path, _ in force_items(scene)),
+        "maps": float(not system.reduction.identity) * (1 + system.uses_rates),
+        "entries of M": 0.0 if sparse or whole else system.n_x * system.n,
+        "changing joints": len(equations.changing),
+        "multipliers": float(not whole) * system.n_rows * bool(equations.changing),
+        "whole matrices": float(whole),
+        "whole entries": float(whole) * size**2,
+        "whole products": float(whole) * size**3,
+        "sparse factors": float(sparse),
+        "sparse unknowns": float(sparse) * size,
+        "sparse unknowns of every state": float(each_state) * size,
+        "frames": len(system.charts),
+        "frame entries": len(system.charts) * system.n,
+        "lowOrder beams": len(low),
+        "lowOrder products": sum(beam.n_v**2 * beam.mesh.element.degree * beam.mesh.count for beam in low),
+    }
+
+
+def predicted_call(scene: Scene) -> float:
+    """Return the predicted CPU of one call of the accelerations for 16 states [us]."""
+    return float(sum(COSTS.get(name, 0.0) * value for name, value in features(scene).items()))
+
+
+def keeping(loaded: LoadedDeck, rule: str) -> LoadedDeck:
+    """Return the deck with a rule switched off, or with all of them (``all``)."""
+    solve = loaded.deck.solve
+    update = {"keep_all": True} if rule == "all" else {"keep": (*solve.keep, rule)}
+    deck = loaded.deck.model_copy(update={"solve": solve.model_copy(update=update)})
+    return replace(loaded, deck=deck)

@@ -1,0 +1,114 @@
+"""Watches for models that run away: energy out of nothing, displacements out of all proportion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfsim.errors import SolverFailure
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.system import System
+from hfsim.parts.bodies.elastic import LinearElasticForce
+
+LIMIT = 100.0
+"""Energy out of nothing, relative to all that was ever there, at which a model has broken down; large enough
+for a mass matrix that turns singular to be seen first."""
+ROUNDING = 1e-12
+"""Share of the energies at the start below which energy out of nothing is round-off."""
+LIMIT_LENGTHS = 10.0
+"""Displacement over length at which a beam of the model linear has broken down."""
+
+
+@dataclass
+class EnergyWatch:
+    """Ends a run whose energy grows without a source, as that of truncated models can.
+
+    The work of loads, dampers and drivers is added up by the trapezoidal rule: coarse, but what is
+    looked for is an order of magnitude.
+    """
+
+    system: System
+
+    def __post_init__(self) -> None:
+        self._truncated = [body for body in self.system.variable_mass if body.truncated]
+        self._last: tuple[float, float] | None = None
+        self._work = 0.0
+        self._most = 0.0
+
+    def __call__(self, t: float, q: Array, v: Array) -> None:
+        """Look at a kept state.
+
+        Raises
+        ------
+        SolverFailure
+            If more than `LIMIT` times the energy that there should be has come out of nothing.
+        """
+        if not self._truncated:
+            return
+        system, time = self.system, np.array([t])
+        x = system.absolute(q[None])
+        u = system.absolute_velocity(q[None], v[None])
+        moving = float((system.kinetic_energy(x, u) + system.strain_energy(x))[0])
+        potential = float(system.potential_energy(time, x)[0])
+        power = float(system.power(time, x, u)[0]) if system.exchanges_power else 0.0
+        if self._last is None:
+            self._start, self._potential = moving + potential, potential
+            self._most = ROUNDING * (moving + abs(potential))
+        else:
+            self._work += 0.5 * (power + self._last[1]) * (t - self._last[0])
+        self._last = (t, power)
+        due = self._start + self._work - potential
+        self._most = max(self._most, abs(due), abs(self._work), abs(potential - self._potential))
+        if moving - due > LIMIT * self._most:
+            raise system.breakdown(t, q) or self._failure(t, x, u, moving - due)
+
+    def _failure(self, t: float, x: Array, u: Array, gained: float) -> SolverFailure:
+        body = max(self._truncated, key=lambda one: float(np.abs(u[:, one.columns]).max()))
+        return SolverFailure(
+            reason=f"the inertia force of body '{body.name}' in model {body.model} feeds energy that "
+            f"nothing supplies at t = {t:.4g} s, {gained:.3g} J where at most {self._most:.3g} J can be",
+            cause="the terms the model leaves out are no longer small",
+            time=t,
+            item=f"bodies.{body.name}",
+            kind="model",
+            evidence={"energy_gained": gained, "energy_due": self._most},
+        )
+
+
+@dataclass
+class DisplacementWatch:
+    """Ends a run of the model linear whose beams deflect out of all proportion.
+
+    Without the stiffening by tension a fast beam bends outwards for ever, growing exponentially: what
+    follows is neither mechanics nor worth the steps it takes.
+    """
+
+    system: System
+
+    def __post_init__(self) -> None:
+        self._linear = [part for part in self.system.forces if isinstance(part, LinearElasticForce)]
+
+    def __call__(self, t: float, q: Array, v: Array) -> None:
+        """Look at a kept state.
+
+        Raises
+        ------
+        SolverFailure
+            If a beam deflects by more than `LIMIT_LENGTHS` times its length.
+        """
+        if not self._linear:
+            return
+        x = self.system.absolute(q[None])
+        for part in self._linear:
+            lengths = part.displacement(x)
+            if lengths > LIMIT_LENGTHS:
+                raise SolverFailure(
+                    reason=f"body '{part.name}' in model linear deflects by {lengths:.3g} times its length "
+                    f"at t = {t:.4g} s",
+                    cause="the stiffening that the model leaves out is what would hold it",
+                    time=t,
+                    item=f"bodies.{part.name}",
+                    kind="model",
+                    evidence={"displacement_over_length": lengths},
+                )

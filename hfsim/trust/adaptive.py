@@ -1,0 +1,341 @@
+"""The model that suffices: each beam begins in the cheapest model certified, and moves up when it must.
+
+The ladder is rigid, linear, exact.  A run begins with all its beams rigid, which costs next to nothing;
+the forces on them tell how they would bend (`hfsim.trust.quasistatic`), and from that and from the
+deformation that flexible models compute follow estimates of what each model leaves out
+(`hfsim.trust.validity`).  Where an estimate passes the bound, the run goes back to where it was below a tenth of it and goes on from there
+with a higher model.
+
+`lowOrder` is not on the ladder: wherever it was measured, it took longer than exact in its better
+coordinates.  `linear` is taken only if the forecast of the rigid
+motion certifies it for at least half of the time left, and only by the one flexible beam of a scene: with
+two, it took 0.8 to 2.4 times as long as exact, and beside an exact one, without analytic derivatives,
+twice as long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfsim.errors import DeckError, LimitReached, SolverFailure
+from hfsim.integrators import Trajectory
+from hfsim.maths.arrays import Array
+from hfsim.parts.bodies.assembled import RigidBeam
+from hfsim.run.integration import Integration, Progress, run_integration
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import LoadedDeck
+from hfsim.trust.handover import hand_over
+from hfsim.trust.quasistatic import quasistatic
+from hfsim.trust.validity import TRUNCATED, Deformation, deformation, error_reason, tip_error, tip_range
+
+SAFETY = 0.5
+"""Estimate at which a model is left, over the error stated: estimates are of order of magnitude."""
+CHECKPOINT = 0.1
+"""Share of that estimate below which a state is good enough to go on from."""
+TOGETHER = 0.1
+"""Share of the duration within which bodies that leave their models do so together."""
+SHORTEST = 0.05
+"""Share of the duration below which a leg is not worth the disturbance at its end."""
+WORTH_IT = 0.5
+"""Share of the time left for which the model linear must be certified to be taken."""
+EVERY = 16
+"""Steps from one look at the estimates to the next."""
+INNER = 8
+"""Places in each step at which estimates are made when a part of the run has ended."""
+
+
+class OutOfRange(LimitReached):
+    """An estimate passed its bound: this part of the run ends."""
+
+
+class Leg(NamedTuple):
+    """A part of a run made with one choice of models."""
+
+    scene: Scene
+    done: Integration
+
+
+class Switch(NamedTuple):
+    """A beam going over to a higher model.
+
+    Attributes
+    ----------
+    time : float
+        [s].
+    body, model, next_model : str
+    reason : str
+    energy_gained : float
+        By the whole scene, all bodies that go over at this time together [J].
+    energy_share : float
+        That over the kinetic and strain energy there; 0 if there is none.
+    """
+
+    time: float
+    body: str
+    model: str
+    next_model: str
+    reason: str
+    energy_gained: float
+    energy_share: float
+
+
+@dataclass
+class Course:
+    """What an adaptive run came to.
+
+    Attributes
+    ----------
+    legs : list of Leg
+    switches : list of Switch
+    discarded_steps : int
+        Of parts that were gone back over.
+    errors : dict of str to float
+        Largest estimate that was kept, by body, relative to the range of its tip.
+    """
+
+    legs: list[Leg] = field(default_factory=list)
+    switches: list[Switch] = field(default_factory=list)
+    discarded_steps: int = 0
+    errors: dict[str, float] = field(default_factory=dict)
+
+    def shares(self) -> dict[str, dict[str, float]]:
+        """Return the share of the time simulated that each beam spent in each model."""
+        spans = [leg.done.trajectory.t_end - leg.done.trajectory.t_start for leg in self.legs]
+        total = sum(spans)
+        shares: dict[str, dict[str, float]] = {name: {} for name in self.legs[-1].scene.models}
+        for leg, span in zip(self.legs, spans, strict=True):
+            for name, model in leg.scene.models.items():
+                share = span / total if total > 0.0 else 1.0
+                shares[name][model] = shares[name].get(model, 0.0) + share
+        return shares
+
+    def facts(self) -> dict[str, Any]:
+        """Return the course as JSON-ready facts."""
+        return {
+            "shares": self.shares(),
+            "switches": [switch._asdict() for switch in self.switches],
+            "discarded_steps": self.discarded_steps,
+            "estimated_errors": self.errors,
+        }
+
+
+@dataclass
+class _Exit:
+    """Where a beam has to leave its model, and from where to go on."""
+
+    time: float
+    back_to: float
+    reason: str
+
+
+def chooses(loaded: LoadedDeck, model: str | None) -> bool:
+    """Return whether any beam's model is to be chosen in the run."""
+    return "auto" in loaded.deck.models(model or loaded.deck.solve.model).values()
+
+
+def run_adaptive(loaded: LoadedDeck, model: str | None, progress: Progress | None) -> Course:
+    """Run a scene whose models are chosen on the way.
+
+    Raises
+    ------
+    DeckError
+        If the scene cannot be assembled.
+    """
+    return _Adaptive(loaded, model, progress).run()
+
+
+class _Adaptive:
+    """One adaptive run under way."""
+
+    def __init__(self, loaded: LoadedDeck, model: str | None, progress: Progress | None) -> None:
+        self.loaded, self.model, self.progress = loaded, model, progress
+        deck = loaded.deck
+        named = deck.models(model or deck.solve.model)
+        self.chosen = {name: "rigid" for name, one in named.items() if one == "auto"}
+        self.bound = SAFETY * deck.solve.model_error
+        self.reach: dict[str, float] = {}
+        self.forecast: dict[str, tuple[Array, Array]] = {}
+        self.course = Course()
+
+    def run(self) -> Course:
+        """Make legs until the end, each with the models that the one before asked for."""
+        deck = self.loaded.deck
+        scene, begin = self._first_scene(), 0.0
+        while True:
+            watch = _Watch(self, scene)
+            start = (begin, scene.q, scene.v)
+            done = run_integration(scene, deck.solve, self.progress, start, watch)
+            exits = self._exits(scene, done)
+            if not exits:
+                self.course.legs.append(Leg(scene, done))
+                return self.course
+            at = min(one.back_to for one in exits.values())
+            at = at if at - begin > SHORTEST * deck.solve.duration else begin
+            soon = min(one.time for one in exits.values()) + TOGETHER * deck.solve.duration
+            leaving = {name: one for name, one in exits.items() if one.time <= soon}
+            steps = len(done.trajectory.segments)
+            kept = _until(scene, done, at)
+            self.course.discarded_steps += steps - len(kept.trajectory.segments)
+            if kept.trajectory.segments:
+                self.course.legs.append(Leg(scene, kept))
+            scene, begin = self._moved_up(scene, kept.trajectory, leaving), at
+
+    def _first_scene(self) -> Scene:
+        """Assemble the scene with rigid beams, or, where these cannot move, with flexible ones."""
+        try:
+            return build(self.loaded, self.model, self.chosen)
+        except DeckError:
+            self.chosen = dict.fromkeys(self.chosen, "exact")
+            return build(self.loaded, self.model, self.chosen)
+
+    def _moved_up(self, scene: Scene, path: Trajectory, leaving: Mapping[str, _Exit]) -> Scene:
+        """Return the scene with higher models for some beams, starting where the trajectory ends."""
+        before = dict(self.chosen)
+        for name in leaving:
+            self.chosen[name] = self._next_model(name, path.t_end)
+        models = [one for one in {**scene.models, **self.chosen}.values() if one != "rigid"]
+        if "linear" in self.chosen.values() and len(models) > 1:
+            self.chosen = {k: "exact" if m == "linear" else m for k, m in self.chosen.items()}
+        new, gained = build(self.loaded, self.model, self.chosen), 0.0
+        if self.course.legs:
+            new, gained = hand_over(scene, new, path)
+        x, u = new.system.absolute(new.q[None]), new.system.absolute_velocity(new.q[None], new.v[None])
+        there = float((new.system.kinetic_energy(x, u) + new.system.strain_energy(x))[0])
+        share = gained / there if there > 0.0 else 0.0
+        for name, after in self.chosen.items():
+            if after != before[name]:
+                reason = leaving[name].reason if name in leaving else "another beam is flexible too"
+                self.course.switches.append(
+                    Switch(path.t_end, name, before[name], after, reason, gained, share)
+                )
+        return new
+
+    def _next_model(self, name: str, now: float) -> str:
+        """Return the model to go over to: linear where the forecast certifies it for long, else exact."""
+        if self.chosen[name] != "rigid" or name not in self.forecast:
+            return "exact"
+        times, errors = self.forecast[name]
+        later = times >= now
+        over = times[later][errors[later] > self.bound]
+        rest = self.loaded.deck.solve.duration - now
+        return "exact" if len(over) and over[0] - now < WORTH_IT * rest else "linear"
+
+    # ------------------------------------------------------------------ estimates
+
+    def watched(self, scene: Scene) -> list[str]:
+        """Return the beams whose model may have to be left."""
+        return [name for name in self.chosen if scene.models[name] != "exact"]
+
+    def _exits(self, scene: Scene, done: Integration) -> dict[str, _Exit]:
+        """Return where beams have to leave their models; nothing if the leg can stand as it is."""
+        names = self.watched(scene)
+        stop = done.stop
+        if not names or isinstance(stop, KeyboardInterrupt):
+            return {}
+        if isinstance(stop, LimitReached) and not isinstance(stop, OutOfRange):
+            return {}
+        times, q, v = _states(scene, done.trajectory)
+        exits, errors = {}, {}
+        failed = isinstance(stop, SolverFailure)
+        for name in names:
+            estimate = self.estimate(scene, name, times, q, v, forecast=stop is None)
+            relative, terms, seen = estimate
+            errors[name] = float(relative.max())
+            over = np.flatnonzero(~(relative <= self.bound))
+            if len(over) or failed:
+                first = int(over[0]) if len(over) else len(times) - 1
+                good = np.flatnonzero(relative[: first + 1] < CHECKPOINT * self.bound)
+                back = float(times[good[-1]]) if len(good) else float(times[0])
+                reason = error_reason(terms, first, seen, relative)
+                exits[name] = _Exit(
+                    float(times[first]), back, str(stop) if failed and not len(over) else reason
+                )
+        if not exits:
+            for name, error in errors.items():
+                self.course.errors[name] = max(error, self.course.errors.get(name, 0.0))
+        return exits
+
+    def estimate(
+        self, scene: Scene, name: str, times: Array, q: Array, v: Array, forecast: bool = False
+    ) -> tuple[Array, dict[str, Array], Deformation]:
+        """Return the error estimated over the range of the tip, its terms [m] and the deformation."""
+        x = scene.system.absolute(q)
+        seen = self._deformation(scene, name, times, q, v, x)
+        reach = max(tip_range(scene, name, x), float(np.ptp(seen.tip)))
+        if forecast and name not in self.reach and scene.models[name] == "rigid":
+            self.reach[name] = reach
+        scale = max(reach, self.reach.get(name, 0.0), 1e-300)
+        terms = tip_error(scene, name, scene.models[name], seen, times)
+        if forecast and scene.models[name] == "rigid":
+            ringing = seen._replace(
+                slope=2.0 * seen.slope, tip=2.0 * seen.tip, curvature=2.0 * seen.curvature
+            )
+            later = sum(tip_error(scene, name, "linear", ringing, times).values(), np.zeros(len(times)))
+            self.forecast[name] = times, later / scale
+        return sum(terms.values(), np.zeros(len(times))) / scale, terms, seen
+
+    def _deformation(
+        self, scene: Scene, name: str, times: Array, q: Array, v: Array, x: Array
+    ) -> Deformation:
+        body = scene.bodies[name]
+        if isinstance(body, RigidBeam):
+            return quasistatic(scene, body, times, q, v)
+        assert scene.models[name] in TRUNCATED
+        return deformation(body, x, scene.system.absolute_velocity(q, v))  # type: ignore[arg-type]
+
+
+@dataclass
+class _Watch:
+    """Ends a leg of flexible models soon after an estimate passes the bound."""
+
+    run: _Adaptive
+    scene: Scene
+
+    def __post_init__(self) -> None:
+        self._names = [name for name in self.run.watched(self.scene)]
+        self._states: list[tuple[float, Array, Array]] = []
+        # an all-rigid run is short, and its end is what forecasts are made from
+        self._idle = not self._names or all(model == "rigid" for model in self.scene.models.values())
+        self._next = EVERY
+
+    def __call__(self, t: float, q: Array, v: Array) -> None:
+        """Look at a kept state.
+
+        Raises
+        ------
+        OutOfRange
+            If an estimate passed the bound.
+        """
+        if self._idle:
+            return
+        self._states.append((t, q, v))
+        if len(self._states) < self._next:
+            return
+        # looks get rarer, so that their cost stays a small share
+        self._next = len(self._states) + max(EVERY, len(self._states) // 8)
+        times, states, rates = (np.array(part) for part in zip(*self._states, strict=True))
+        for name in self._names:
+            relative = self.run.estimate(self.scene, name, times, states, rates)[0]
+            if not relative.max() <= self.run.bound:
+                raise OutOfRange(f"'{name}' left the range of {self.scene.models[name]}", t)
+
+
+def _states(scene: Scene, path: Trajectory) -> tuple[Array, Array, Array]:
+    """Return times and states at the ends of the steps and within them."""
+    ends = path.step_ends()
+    inner = np.linspace(0.0, 1.0, INNER, endpoint=False)
+    times = np.append((ends[:-1, None] + np.diff(ends)[:, None] * inner).ravel(), ends[-1])
+    q, v = path.at(times)
+    return times, *scene.system.project(times, q, v)
+
+
+def _until(scene: Scene, done: Integration, t: float) -> Integration:
+    """Return an integration cut off at a time, ended there as if that had been asked for."""
+    path = done.trajectory
+    kept = [segment for segment in path.segments if segment.t < t]
+    q, v = scene.system.project(np.array([t]), *path.at(np.array([t])))
+    return done._replace(trajectory=Trajectory(path.t_start, t, q[0], v[0], kept), stop=None)

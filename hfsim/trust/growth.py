@@ -1,0 +1,151 @@
+"""Physical instability: whether a small disturbance of the start grows without bound along a run.
+
+Buckling and parametric resonance leave no trace in an undisturbed run, and neither method nor model
+makes them.  The same scene started a little beside shows them: in a stable scene the two motions stay
+near one another or part slowly, in an unstable one their distance grows exponentially.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import factorised, is_sparse
+from hfsim.run.integration import Integration, Watch, run_integration
+from hfsim.scene.build import Scene
+from hfsim.scene.schema import SolveSpec
+
+UNSTABLE = 30.0
+"""Factor by which a tiny disturbance grows while the time doubles, from which a scene is unstable: growth
+that is no more than a power of time (drifting apart at constant speed: 2) stays far below."""
+KICK = 1e2
+"""Size of that disturbance over the tolerance it is solved with, relative to the largest speed of the motion:
+what grows must not be the error of the integration."""
+_MOST_KICK = 1e-4
+_SWINGS = 50.0
+"""Radians within the duration above which a mode counts as fast for the disturbance."""
+WINDOWS = 8
+"""Parts of the duration in each of which the largest distance is looked at."""
+_TIMES = 400
+"""Times at which the motions are compared."""
+_WHOLE = 0.5
+"""Part of the run that the disturbed one must reach to be compared."""
+
+
+class Growth(NamedTuple):
+    """How fast two motions part that start beside one another.
+
+    Attributes
+    ----------
+    factor : float
+        By which their distance grows while the time doubles, at most.
+    rate : float
+        Mean exponent of that growth [1/s].
+    """
+
+    factor: float
+    rate: float
+
+    @property
+    def unstable(self) -> bool:
+        """Whether no power of time explains it."""
+        return self.factor > UNSTABLE
+
+
+def loaded_items(scene: Scene) -> list[str]:
+    """Return the deck paths of loads and drivers, those with a periodic law first."""
+    loads = [f"loads.{name}" for name in scene.deck.loads]
+    drivers = [f"joints.{name}" for name, joint in scene.deck.joints.items() if joint.type == "driver"]
+    return sorted([*loads, *drivers], key=lambda item: amplitude_of(scene, item) is None)
+
+
+def amplitude_of(scene: Scene, item: str) -> tuple[str, float] | None:
+    """Return deck path and value of the amplitude of a periodic law of a load or driver, if it has one."""
+    kind, name = item.split(".", 1)
+    entry: Any = (scene.deck.loads if kind == "loads" else scene.deck.joints)[name]
+    for key in ("law", "angle", "position"):
+        law: Any = getattr(entry, key, None)
+        if getattr(law, "type", "") == "sine":
+            return f"{item}.{key}.amplitude", float(law.amplitude)
+    return None
+
+
+def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, watch: Watch) -> Growth | None:
+    """Run a scene again from beside its start and return how the two motions part.
+
+    Parameters
+    ----------
+    scene : Scene
+    done : Integration
+        The undisturbed run.
+    solve : SolveSpec
+        How that was solved.
+    watch : callable
+        May end the second run.
+
+    Returns
+    -------
+    Growth or None
+        None if too little of the second run was done.
+    """
+    system, path = scene.system, done.trajectory
+    times = np.linspace(0.0, path.t_end, _TIMES + 1)
+    q, v = path.at(times)
+    speed = float(np.abs(system.absolute_velocity(q, v)).max(initial=0.0)) or 1.0
+    kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
+    start, rates = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
+    other = replace(scene, q=start[0], v=rates[0])
+    again = run_integration(other, solve, extra=watch).trajectory
+    end = min(again.t_end, path.t_end)
+    if not end > _WHOLE * path.t_end:
+        return None
+    times = np.linspace(0.0, end, _TIMES + 1)
+    apart = system.absolute(again.at(times)[0]) - system.absolute(path.at(times)[0])
+    return growth_of(times, np.abs(apart).max(axis=1))
+
+
+def _slow_direction(scene: Scene, done: Integration) -> Array:
+    """Return velocities of size one in which modes that swing often within the duration hardly take part.
+
+    Instabilities grow in slow modes; fast ones would only make the disturbed run expensive.
+    """
+    system, slow = scene.system, scene.deck.solve.duration / _SWINGS
+    random = np.random.default_rng(1).standard_normal(system.n)
+    if system.linearizes:
+        near = system.linearized(0.0, scene.q, scene.v)
+        matrix, weighted = near.mass + slow**2 * near.stiffness, near.mass @ random
+    else:
+        matrix = np.eye(system.n) - slow**2 * done.problem.jacobians(0.0, scene.q, scene.v)[0]
+        weighted = random
+    if is_sparse(matrix):
+        direction = factorised(matrix)(weighted)
+    else:
+        direction = np.linalg.lstsq(matrix, weighted, rcond=None)[0]
+    return np.asarray(direction / max(float(np.abs(direction).max()), 1e-300))
+
+
+def growth_of(times: Array, distance: Array) -> Growth:
+    """Return the largest growth of a distance while the time doubles.
+
+    Parameters
+    ----------
+    times, distance : ndarray, shape (n,)
+        At evenly spaced times, the first one the start.
+
+    Examples
+    --------
+    >>> t = np.linspace(0.0, 8.0, 801)
+    >>> round(growth_of(t, t).factor, 3), round(growth_of(t, np.exp(t) - 1.0).factor)
+    (2.0, 56)
+    """
+    most = np.maximum.accumulate(distance)
+    at = np.linspace(0, len(distance) - 1, WINDOWS + 1).astype(int)
+    best = Growth(1.0, 0.0)
+    for early, late in ((at[k], at[2 * k]) for k in range(1, WINDOWS // 2 + 1)):
+        factor = float(most[late] / most[early]) if most[early] > 0.0 else 1.0
+        if factor > best.factor:
+            best = Growth(factor, float(np.log(factor) / (times[late] - times[early])))
+    return best

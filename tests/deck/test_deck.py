@@ -1,0 +1,424 @@
+"""Decks: what is accepted, what is refused, and where the refusal points."""
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from pydantic import TypeAdapter
+
+from hfsim.deck.laws import LAWS, AngleLaw, PositionLaw
+from hfsim.deck.materials import MaterialSpec, SectionSpec
+from hfsim.deck.source import OverrideProblem, parse_source
+from hfsim.deck.units import SI_UNITS, UNITS, UnitError, parse_quantity
+from hfsim.errors import DeckError
+from hfsim.scene.schema import load_deck, parse_deck
+
+HERE = Path(__file__).parent
+CASES = sorted((HERE.parents[1] / "cases").glob("*.yaml"))
+BROKEN = sorted((HERE / "broken_decks").glob("*.yaml"))
+SMALL = """
+hfsim: 1
+materials: {steel: {density: 7800, youngs_modulus: 2.1e11}}
+sections: {bar: {area: 4e-4, second_moment: 1.33e-8}}
+bodies: {arm: {type: beam, material: steel, section: bar, length: 2}}
+joints: {pin: {type: revolute, between: [ground, arm.root]}}
+solve: {duration: 2}
+"""
+
+
+def by_stem(path):
+    return path.stem
+
+
+def problems(text, overrides=()):
+    with pytest.raises(DeckError) as caught:
+        parse_deck(text, "small.yaml", overrides)
+    return caught.value.problems
+
+
+def scalar(text):
+    return parse_source(f"key: {text}").data["key"]
+
+
+# Broken decks
+
+
+@pytest.mark.parametrize("path", BROKEN, ids=by_stem)
+def test_broken_deck_is_refused_where_it_is_wrong(path):
+    expected = re.findall(r"^# expect: (\d+) ?(\S*)$", path.read_text(), re.MULTILINE)
+    assert expected
+    with pytest.raises(DeckError) as caught:
+        load_deck(path)
+    found = [(str(one.line), one.path) for one in caught.value.problems]
+    assert sorted(found) == sorted(expected)
+    message = str(caught.value)
+    for line, key in expected:
+        assert re.search(rf"{re.escape(str(path))}:{line}:\d+: error: {re.escape(key)}", message)
+
+
+def test_marks_cover_the_wrong_text():
+    for path in BROKEN:
+        with pytest.raises(DeckError) as caught:
+            load_deck(path)
+        lines = path.read_text().splitlines()
+        for one in caught.value.problems:
+            text = lines[one.line - 1]
+            assert one.column >= 1 and one.column + one.width - 1 <= len(text) + 1
+            assert one.width == 1 or text[one.column - 1] != " "
+
+
+def test_message_shows_line_caret_and_remedy():
+    text = SMALL.replace("length: 2", "lenght: 2")
+    with pytest.raises(DeckError) as caught:
+        parse_deck(text, "small.yaml")
+    assert "small.yaml:5:59: error: bodies.arm.lenght: unknown key (did you mean 'length'?)" in str(
+        caught.value
+    )
+    caret = next(line for line in str(caught.value).splitlines() if "^^^^^^" in line)
+    assert caret.index("^") == len("    5 | ") + 58
+
+
+def test_refusals_show_numbers_as_written():
+    (problem,) = problems(SMALL.replace("length: 2", "length: -5 mm"))
+    assert problem.message == "must be greater than 0, not '-5 mm'"
+    (problem,) = problems(SMALL.replace("length: 2", "length: 2, elements: 1e30"))
+    assert problem.message == "must be at most 100000, not 1e+30"
+
+
+@pytest.mark.parametrize(
+    ("kind", "message"),
+    [
+        ("{between: [ground, arm.root]}", "missing key"),
+        ("{type: revolut}", "must be one of revolute, fixed, prismatic, driver, not 'revolut'"),
+        ("{type: 3}", "must be one of revolute, fixed, prismatic, driver, not 3"),
+        ("[1]", "must be a map, not a list"),
+    ],
+)
+def test_an_entry_must_say_of_which_kind_it_is(kind, message):
+    (problem,) = problems(SMALL.replace("{type: revolute, between: [ground, arm.root]}", kind))
+    assert (problem.message, problem.line) == (message, 6)
+
+
+def test_choices_are_listed_once():
+    (far,) = problems(SMALL.replace("duration: 2", "duration: 2, method: zzz"))
+    (near,) = problems(SMALL.replace("duration: 2", "duration: 2, method: Radau"))
+    assert far.message.startswith("must be one of gear, gauss, radau,")
+    assert (far.hint, near.hint) == ("", "did you mean 'radau'?")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [("", "empty"), ("# only a comment\n", "empty"), ("- 1\n", "map of keys"), ("a: \x07", "does not allow")],
+)
+def test_text_that_is_no_deck(text, message):
+    assert message in problems(text)[0].message
+
+
+def test_missing_and_undecodable_files(tmp_path):
+    with pytest.raises(DeckError, match="cannot be read"):
+        load_deck(tmp_path / "none.yaml")
+    (tmp_path / "latin.yaml").write_bytes("name: Träger".encode("latin-1"))
+    with pytest.raises(DeckError, match="UTF-8"):
+        load_deck(tmp_path / "latin.yaml")
+
+
+# Scalars
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("7e5", 7e5),
+        ("1e-8", 1e-8),
+        ("-.5", -0.5),
+        ("12", 12),
+        ("0x10", 16),
+        ("true", True),
+        ("on", "on"),
+        ("yes", "yes"),
+        ("no", "no"),
+        ("12:30:45", "12:30:45"),
+        ("2024-01-01", "2024-01-01"),
+        ("1_000", "1_000"),
+        ("~", None),
+        (".inf", math.inf),
+        ("-.inf", -math.inf),
+    ],
+)
+def test_scalars_follow_yaml_1_2(text, value):
+    assert scalar(text) == value
+    assert type(scalar(text)) is type(value)
+
+
+def test_on_is_a_key_and_nan_a_number():
+    assert parse_source("on: 1").data == {"on": 1}
+    assert math.isnan(scalar(".nan"))
+
+
+def test_merge_keys_and_anchors():
+    text = "base: &base {a: 1, b: 2}\nother: {<<: *base, b: 3}\nmore: {<<: [*base, {c: 4}]}\nsame: *base\n"
+    source = parse_source(text)
+    assert source.data["other"] == {"a": 1, "b": 3}
+    assert source.data["more"] == {"a": 1, "b": 2, "c": 4}
+    assert source.data["same"] == {"a": 1, "b": 2}
+    assert source.mark(("other", "a")).line == 1
+    assert source.mark(("other", "b")).line == 2
+    assert not source.problems
+
+
+def test_alias_of_itself_is_refused():
+    assert any("contain itself" in one.message for one in parse_source("a: &a [1, *a]").problems)
+
+
+# Units
+
+
+def test_every_dimension_has_its_si_unit():
+    assert UNITS.keys() == SI_UNITS.keys()
+    for dimension, unit in SI_UNITS.items():
+        if unit != "-":
+            assert parse_quantity(f"1 {unit}", dimension) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "dimension", "value"),
+    [
+        ("12 deg", "angle", math.radians(12)),
+        ("7 GPa", "pressure", 7e9),
+        ("120 rpm", "angular_velocity", 4 * math.pi),
+        ("9 mm", "length", 0.009),
+        ("1.1mm", "length", 0.0011),
+        ("2.5 kg/m^3", "density", 2.5),
+        ("3 kN", "force", 3000.0),
+        ("1 ms", "time", 0.001),
+        ("-1.33e4 mm^4", "second_moment", -1.33e-8),
+        ("4 cm²", "area", 4e-4),
+        ("2 N m/deg", "rotational_stiffness", 2 * 180 / math.pi),
+        ("36 km/h", "velocity", 10.0),
+        ("3 Nm", "moment", 3.0),
+        ("3 N mm", "moment", 0.003),
+        ("2 Nm s / rad", "rotational_damping", 2.0),
+        ("5 %", "dimensionless", 0.05),
+    ],
+)
+def test_units(text, dimension, value):
+    assert parse_quantity(text, dimension) == pytest.approx(value, rel=1e-15)
+
+
+@pytest.mark.parametrize("text", ["12 kg", "12", "mm", "1 m m", "1,5 m", "nan m", "١ m", ""])
+def test_what_is_no_length(text):
+    with pytest.raises(UnitError, match=r"must be a length \[m\]"):
+        parse_quantity(text, "length")
+
+
+@pytest.mark.parametrize("length", ["1e9999 m", "1e9999", "1" + "0" * 400])
+def test_numbers_too_large_are_refused(length):
+    (problem,) = problems(SMALL.replace("length: 2", f"length: {length}"))
+    assert problem.message == "must be finite, not inf"
+
+
+# Laws
+
+EXAMPLES = {
+    "constant": {"value": 2.0},
+    "constant_rate": {"rate": 3.0, "start": 1.0},
+    "table": {"times": [0, 0.4, 0.9, 1.3, 2], "values": [0, 1, -1, 2, 0.5]},
+    "smooth_step": {"from": 1.0, "to": 3.0, "start": 0.3, "end": 1.2},
+    "spin_up": {"rate": 6.0, "time": 1.1},
+    "sine": {"amplitude": 2.0, "frequency": 0.7, "phase": 0.3, "offset": 1.0},
+}
+
+
+def build(kind, **data):
+    return TypeAdapter(AngleLaw).validate_python({"type": kind, **data}).build()
+
+
+@pytest.mark.parametrize("kind", LAWS)
+def test_rate_and_acceleration_are_derivatives(kind):
+    law = build(kind, **EXAMPLES[kind])
+    t = np.linspace(0.05, 1.95, 38).reshape(2, 19)
+    h = 1e-5
+    assert law.value(t).shape == law.rate(t).shape == law.acceleration(t).shape == t.shape
+    assert law.value(0.5).shape == ()
+    np.testing.assert_allclose(law.rate(t), (law.value(t + h) - law.value(t - h)) / (2 * h), atol=1e-6)
+    np.testing.assert_allclose(law.acceleration(t), (law.rate(t + h) - law.rate(t - h)) / (2 * h), atol=1e-3)
+
+
+def test_values_of_laws():
+    assert build("constant", value=2).value(7.0) == 2.0
+    assert build("constant_rate", rate=3, start=1).value(2.0) == 7.0
+    table = build("table", **EXAMPLES["table"])
+    np.testing.assert_allclose(
+        table.value(EXAMPLES["table"]["times"]), EXAMPLES["table"]["values"], atol=1e-14
+    )
+    step = build("smooth_step", **EXAMPLES["smooth_step"])
+    np.testing.assert_allclose(step.value([0.0, 0.3, 0.75, 1.2, 2.0]), [1, 1, 2, 3, 3], atol=1e-14)
+    spin = build("spin_up", **EXAMPLES["spin_up"])
+    np.testing.assert_allclose(spin.value([0.0, 1.1, 2.1]), [0, 3.3, 9.3], atol=1e-14)
+    assert build("sine", **EXAMPLES["sine"]).value(0.0) == pytest.approx(1 + 2 * math.sin(0.3))
+
+
+@pytest.mark.parametrize("times", [[0, 1], [0, 1, 3]])
+def test_short_tables(times):
+    law = build("table", times=times, values=[2 * t for t in times])
+    assert law.value(0.5) == pytest.approx(1.0)
+
+
+def test_laws_take_units_of_what_they_drive():
+    angle, position = TypeAdapter(AngleLaw), TypeAdapter(PositionLaw)
+    assert angle.validate_python("180 deg").build().value(0.0) == pytest.approx(math.pi)
+    assert position.validate_python({"type": "constant_rate", "rate": "36 km/h"}).build().rate(0.0) == 10.0
+    with pytest.raises(ValueError, match="must be a length"):
+        position.validate_python("180 deg")
+    with pytest.raises(ValueError, match="angular velocity"):
+        angle.validate_python({"type": "spin_up", "rate": "3 Hz", "time": 1})
+
+
+# Materials and sections
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"area": 4e-4, "second_moment": 1.33e-8},
+        {"shape": "rectangle", "width": 0.02, "height": 0.03},
+        {"shape": "circle", "radius": 0.01},
+        {"shape": "circle", "diameter": "20 mm"},
+        {"shape": "tube", "outer_radius": 0.01, "inner_radius": 0.008},
+    ],
+)
+def test_equivalent_rectangle_keeps_the_moments(data):
+    section = TypeAdapter(SectionSpec).validate_python(data)
+    assert section.width * section.height == pytest.approx(section.area, rel=1e-14)
+    assert section.width * section.height**3 / 12 == pytest.approx(section.second_moment, rel=1e-14)
+
+
+def test_section_formulas():
+    def section(**data):
+        return TypeAdapter(SectionSpec).validate_python(data)
+
+    circle, tube = section(shape="circle", radius=2), section(shape="tube", outer_radius=2, inner_radius=1)
+    assert (circle.area, circle.second_moment) == pytest.approx((4 * math.pi, 4 * math.pi))
+    assert (tube.area, tube.second_moment) == pytest.approx((3 * math.pi, 15 * math.pi / 4))
+    assert section(shape="rectangle", width=2, height=3).second_moment == pytest.approx(4.5)
+
+
+def test_lame_constants_give_back_modulus_and_ratio():
+    steel = MaterialSpec(density=7800, youngs_modulus=2.1e11, poisson_ratio=0.3)
+    la, mu = steel.lame_lambda, steel.lame_mu
+    assert mu * (3 * la + 2 * mu) / (la + mu) == pytest.approx(2.1e11)
+    assert la / (2 * (la + mu)) == pytest.approx(0.3)
+
+
+# Overrides
+
+
+def test_overrides_reach_the_deck():
+    overrides = ["bodies.arm.elements=8", "gravity=[0, -9.81]", "gravity.0=1", "bodies.arm.length=900 mm"]
+    loaded = parse_deck(SMALL, "small.yaml", overrides)
+    assert loaded.deck.bodies["arm"].elements == 8
+    assert loaded.deck.bodies["arm"].length == 0.9
+    assert loaded.deck.gravity == (1.0, -9.81)
+    assert loaded.overrides == tuple(overrides)
+    assert loaded.line_of("bodies.arm.elements") == 0
+    assert loaded.line_of("bodies.arm.section") == 5
+
+
+@pytest.mark.parametrize(
+    ("override", "path"),
+    [
+        ("bodies.arm.elements=0", "bodies.arm.elements"),
+        ("bodies.arm.elments=8", "bodies.arm.elments"),
+        ("bodies.leg.elements=8", "bodies.leg.elements"),
+        ("initial.arm.angle=8", "initial.arm.angle"),
+        ("bodies.arm.length.x=8", "bodies.arm.length.x"),
+        ("joints.pin.between.2=arm", "joints.pin.between.2"),
+        ("joints.pin.between.1=leg", "joints.pin.between.1"),
+        ("solve.model=automatic", "solve.model"),
+        ("solve.model=[exact", "solve.model"),
+        ("bodies.arm={type: beam, type: rigid}", "bodies.arm"),
+        ("solve.duration=.nan", "solve.duration"),
+        ("solve.duration", "solve.duration"),
+    ],
+)
+def test_bad_overrides_are_placed_at_set(override, path):
+    (problem,) = problems(SMALL, [override])
+    assert isinstance(problem, OverrideProblem)
+    assert (problem.path, problem.line) == (path, 0)
+    with pytest.raises(DeckError, match=re.escape(f"--set: error: {path}: ")):
+        parse_deck(SMALL, "small.yaml", [override])
+
+
+# Whole decks
+
+
+@pytest.mark.parametrize("path", CASES, ids=by_stem)
+def test_case_loads_and_comes_back_from_its_resolved_form(path):
+    loaded = load_deck(path)
+    assert loaded.deck.name == path.stem
+    again = parse_deck(yaml.safe_dump(loaded.deck.resolved(), sort_keys=False))
+    assert again.deck == loaded.deck
+    assert again.deck_sha256 == loaded.deck_sha256
+    assert load_deck(path, ["solve.tolerance=1e-5"]).deck_sha256 != loaded.deck_sha256
+
+
+def test_resolved_form_keeps_laws_shapes_and_options():
+    text = SMALL.replace("{area: 4e-4, second_moment: 1.33e-8}", "{shape: circle, diameter: 20 mm}") + (
+        "ground: {points: {wall: [0, 1]}}\n"
+        "loads: {push: {type: force, at: arm.tip, force: [0, 1 kN], follower: true, law: {type: smooth_step, "
+        "from: 0, to: 1, start: 0, end: 1}}, twist: {type: moment, at: arm, moment: 2, law: 0.5}}\n"
+        "springs: {coil: {type: two_point, between: [ground.wall, arm.tip], stiffness: 10}}\n"
+        "initial: {arm: {angle: 12 deg, position: [0, 0]}}\n"
+    )
+    loaded = parse_deck(text)
+    again = parse_deck(yaml.safe_dump(loaded.deck.resolved()))
+    assert again.deck == loaded.deck
+    assert again.deck_sha256 == loaded.deck_sha256
+
+
+def test_defaults():
+    deck = parse_deck(SMALL, "folder/small.yaml").deck
+    assert deck.name == "small"
+    assert deck.dimension == 2
+    assert deck.interval == deck.output.interval == 0.01
+    assert deck.channels == (
+        *("arm.tip.x", "arm.tip.y", "arm.tip.deflection", "arm.angle", "arm.angular_velocity"),
+        "energy.total",
+    )
+    assert (deck.solve.model, deck.solve.tolerance, deck.solve.rho_inf) == ("exact", 1e-8, 0.8)
+    assert deck.bodies["arm"].elements == 4
+
+
+def test_keys_whose_entries_are_commented_out():
+    deck = parse_deck(SMALL + "springs:\n  # coil: {}\ninitial:\noutput:\n").deck
+    assert deck.springs == {}
+
+
+def test_numbers_that_cannot_be_told_from_their_unit_are_si():
+    assert parse_deck(SMALL.replace("length: 2", "length: 2000 mm")).deck == parse_deck(SMALL).deck
+
+
+def test_problem_of_a_later_stage_names_the_line():
+    loaded = parse_deck(SMALL, "small.yaml")
+    error = loaded.problem("bodies.arm.length", "does not fit", "make it shorter")
+    assert "small.yaml:5:67: error: bodies.arm.length: does not fit (make it shorter)" in str(error)
+    assert loaded.line_of("joints.pin") == 6
+    assert loaded.line_of("joints.pin.angle") == 6
+
+
+def test_deck_cannot_be_changed():
+    deck = parse_deck(SMALL).deck
+    with pytest.raises(ValueError, match="frozen"):
+        deck.solve.duration = 3.0
+
+
+def test_decks_do_not_import_heavy_packages():
+    import subprocess
+    import sys
+
+    code = "import sys, hfsim.scene.schema; print([m for m in ('scipy', 'matplotlib') if m in sys.modules])"
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert output.strip() == "[]"

@@ -1,0 +1,214 @@
+"""The method energy: the total energy to round-off at any step, and what it does not promise."""
+
+import numpy as np
+import pytest
+
+from hfsim.errors import DeckError, SolverFailure
+from hfsim.integrators import energy
+from hfsim.run.balance import balance, step_samples
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.studies.spectra import fastest_mode
+
+ARM = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {rubber: {density: 1100.0, youngs_modulus: 5.0e6}}
+sections: {strip: {shape: rectangle, width: 0.05, height: 0.01}}
+bodies: {arm: {type: beam, material: rubber, section: strip, length: 1.0, elements: 3}}
+joints: {pin: {type: revolute, between: [ground, arm.root]}}
+solve: {duration: 1.0, method: energy, step: 0.01}
+"""
+FLYING = """
+hfsim: 1
+materials: {rubber: {density: 1100.0, youngs_modulus: 5.0e6}}
+sections: {strip: {shape: rectangle, width: 0.05, height: 0.01}}
+bodies: {arm: {type: beam, material: rubber, section: strip, length: 1.0, elements: 3}}
+initial: {arm: {angular_velocity: 3.0, velocity: [1.0, 2.0]}}
+solve: {duration: 0.2, method: energy, stages: 2}
+"""
+CART = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {rubber: {density: 1100.0, youngs_modulus: 5.0e6}}
+sections: {strip: {shape: rectangle, width: 0.05, height: 0.01}}
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 0.1}
+  arm: {type: beam, material: rubber, section: strip, length: 1.0, elements: 2}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  mount: {type: revolute, between: [hub, arm.root]}
+springs: {coil: {type: rotational, between: [ground, hub], stiffness: 20.0}}
+initial: {hub: {angle: 1.0}}
+solve: {duration: 0.3, method: energy, step: 0.01}
+"""
+
+
+def solved(deck, *overrides, model=None):
+    """Return scene and integration of a deck given as text or as the path of a case."""
+    loaded = parse_deck(deck, "deck", overrides) if "\n" in deck else load_deck(deck, overrides)
+    scene = build(loaded, model)
+    return scene, run_integration(scene, scene.deck.solve)
+
+
+def drift_of(scene, done):
+    assert done.stop is None, str(done.stop)
+    return balance(scene.system, step_samples(done.trajectory))["energy_drift"]
+
+
+def energies(scene, done):
+    system, steps = scene.system, step_samples(done.trajectory)
+    x, u = system.absolute(steps.q), system.absolute_velocity(steps.q, steps.v)
+    return system.kinetic_energy(x, u) + system.strain_energy(x) + system.potential_energy(steps.t, x)
+
+
+def fastest_period(scene):
+    return 2.0 * np.pi / fastest_mode(scene, 0.0, scene.q, scene.v)[0]
+
+
+# what it promises ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 4])
+@pytest.mark.parametrize("model", ["exact", "ancf"])
+def test_the_energy_is_kept_to_round_off(stages, model):
+    scene, done = solved(ARM, f"solve.stages={stages}", model=model)
+    assert drift_of(scene, done) < 1e-13
+
+
+def test_fewer_points_along_the_path_would_lose_energy(monkeypatch):
+    whole = energy.path
+    monkeypatch.setattr(energy, "path", lambda stages, points: whole(stages, points - 1))
+    assert drift_of(*solved(ARM, "solve.stages=2")) > 1e-9
+
+
+@pytest.mark.parametrize("stages", [2, 4])
+def test_steps_of_a_hundred_periods_of_the_fastest_mode(stages):
+    """Two spinning beams of aluminium: other methods do not get through."""
+    step = 100.0 * fastest_period(build(load_deck("cases/two_beams.yaml")))
+    given = ["solve.duration=0.4", f"solve.step={step}", f"solve.stages={stages}"]
+    scene, done = solved("cases/two_beams.yaml", *given, "solve.method=energy")
+    assert drift_of(scene, done) < 1e-13
+    # nothing bends there: both beams turn as one rigid rod
+    ends = done.trajectory.step_ends()
+    tip = scene.marker("b2.tip").position(scene.system.absolute(done.trajectory.q[None]))[0]
+    assert tip == pytest.approx([8.0 * np.cos(4.0 * ends[-1]), 8.0 * np.sin(4.0 * ends[-1])], abs=0.02)
+    for other in ("solve.method=gauss", "solve.method=generalized_alpha"):
+        _, lost = solved("cases/two_beams.yaml", *given, other, "solve.rho_inf=1")
+        assert isinstance(lost.stop, SolverFailure)
+
+
+def test_a_long_swing_with_large_steps():
+    given = ["solve.duration=2", "solve.step=0.005"]
+    assert drift_of(*solved("cases/pendulum.yaml", *given, "solve.method=energy")) < 1e-12
+    for rho in (1.0, 0.9):
+        _, lost = solved(
+            "cases/pendulum.yaml", *given, "solve.method=generalized_alpha", f"solve.rho_inf={rho}"
+        )
+        assert isinstance(lost.stop, SolverFailure)
+
+
+@pytest.mark.slow
+def test_the_energy_after_a_hundred_thousand_steps():
+    given = ["solve.duration=400", "solve.step=0.004", "solve.stages=2", "solve.method=energy"]
+    assert drift_of(*solved("cases/pendulum.yaml", *given)) < 5e-12
+
+
+def test_forward_and_back_again():
+    scene, done = solved(ARM, "solve.duration=0.5")
+    end = done.trajectory
+    back = run_integration(scene, scene.deck.solve, start=(0.0, end.q, -end.v)).trajectory
+    assert np.abs(back.q - scene.q).max() < 1e-9
+    assert np.abs(back.v + scene.v).max() < 1e-7
+
+
+def test_dead_loads_and_springs_of_rigid_bodies_are_in_the_balance():
+    scene, done = solved(CART)
+    assert scene.system.quartic
+    assert drift_of(scene, done) < 1e-13
+    pushed = "loads: {push: {type: force, at: arm.tip, force: [0.0, 5.0]}}\n"
+    assert drift_of(*solved(ARM + pushed, "solve.duration=0.3")) < 1e-12
+
+
+@pytest.mark.parametrize("step", [0.01, 0.05])
+def test_dampers_never_put_energy_in(step):
+    brake = "springs: {brake: {type: rotational, between: [ground, arm], stiffness: 0.0, damping: 0.05}}\n"
+    damped = ARM.replace("5.0e6}", "5.0e6, bending_damping: 0.01}") + brake
+    scene, done = solved(damped, f"solve.step={step}", "solve.stages=2", "solve.duration=0.3")
+    assert done.stop is None
+    total = energies(scene, done)
+    assert np.diff(total).max() < 1e-13 * np.ptp(total)
+    assert total[-1] < total[0] - 0.01
+
+
+def test_the_work_of_dampers_and_loads_is_as_accurate_as_the_steps():
+    damped = ARM.replace("5.0e6}", "5.0e6, bending_damping: 0.01}")
+    law = "{type: sine, amplitude: 1, frequency: 1}"
+    pushed = f"{damped}loads: {{push: {{type: moment, at: arm.tip, moment: 0.1, law: {law}}}}}\n"
+    given = ["solve.stages=2", "solve.duration=0.2"]
+    drifts = [drift_of(*solved(pushed, f"solve.step={h}", *given)) for h in (0.008, 0.002)]
+    assert drifts[0] < 1e-2
+    assert drifts[1] < drifts[0] / 100.0
+
+
+# what it does not promise ---------------------------------------------------------------------------
+
+
+def test_linear_momentum_is_kept_and_angular_momentum_to_the_order():
+    changes = []
+    for step in (0.004, 0.002):
+        scene = build(parse_deck(FLYING, "deck", [f"solve.step={step}"]))
+        bent = scene.v + np.random.default_rng(3).standard_normal(len(scene.v))
+        done = run_integration(scene, scene.deck.solve, start=(0.0, scene.q, bent))
+        assert drift_of(scene, done) < 1e-13
+        system, steps = scene.system, step_samples(done.trajectory)
+        x, u = system.absolute(steps.q), system.absolute_velocity(steps.q, steps.v)
+        p = u @ system.equations.constant_mass
+        rows = scene.bodies["arm"].mesh.positions
+        total = np.einsum("bni,n->bi", p.reshape(len(p), -1, 2), rows)
+        assert np.abs(total - total[0]).max() < 1e-13 * np.abs(total).max()
+        about = np.sum(x[:, ::2] * p[:, 1::2] - x[:, 1::2] * p[:, ::2], axis=1)
+        changes.append(np.ptp(about) / np.abs(about).max())
+    assert changes[0] < 1e-3
+    assert changes[1] < changes[0] / 8.0
+
+
+def test_other_strain_measures_keep_it_to_the_accuracy_of_the_quadrature():
+    other = ["bodies.arm.strain=engineering", "bodies.arm.curvature=exact"]
+    scene, done = solved(ARM, *other)
+    assert not scene.system.quartic
+    assert drift_of(scene, done) < 1e-9
+
+
+def test_joints_that_are_not_linear_keep_it_to_the_order():
+    drifts = []
+    for step in (0.01, 0.005):
+        given = ["solve.duration=0.3", f"solve.step={step}", "solve.method=energy", "solve.stages=2"]
+        scene, done = solved("cases/hub_beams_soft.yaml", *given)
+        assert not scene.system.quartic
+        drifts.append(drift_of(scene, done))
+    assert drifts[0] < 1e-5
+    assert drifts[1] < drifts[0] / 8.0
+
+
+def test_the_phase_is_only_as_good_as_the_step():
+    ends = {}
+    for step in (0.02, 0.002):
+        _, done = solved(ARM, f"solve.step={step}", "solve.stages=1", "solve.duration=0.5")
+        ends[step] = done.trajectory.q
+    assert np.abs(ends[0.02] - ends[0.002]).max() > 1e-3
+
+
+def test_models_without_a_constant_mass_matrix_are_refused():
+    with pytest.raises(DeckError, match="constant mass matrix"):
+        solved(ARM, model="lowOrder")
+    with pytest.raises(DeckError, match="absolute coordinates"):
+        solved(ARM, "solve.coordinates=frame")
+    scene, done = solved(ARM, model="linear")
+    assert not scene.system.charts
+    assert drift_of(scene, done) < 1e-9
+    scene = build(parse_deck(ARM, "deck", ["solve.method=gauss"]), "linear")
+    stop = run_integration(scene, scene.deck.solve.model_copy(update={"method": "energy"})).stop
+    assert isinstance(stop, SolverFailure)
+    assert (stop.kind, stop.item) == ("deck", "solve.method")

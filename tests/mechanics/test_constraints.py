@@ -1,0 +1,258 @@
+"""Every marker and every joint against differences, and what a reaction may and may not do."""
+
+import numpy as np
+import pytest
+import zoo
+from analytical import along, jacobian, turned, twice_along
+from zoo import MARKERS, PAIRS
+
+from hfsim.parts.joints import JOINTS as KINDS
+from hfsim.parts.joints.driver import DriverSpec
+from hfsim.parts.joints.fixed import FixedSpec
+from hfsim.parts.joints.prismatic import PrismaticSpec
+from hfsim.parts.joints.revolute import RevoluteSpec
+
+SINE = {"type": "sine", "amplitude": 0.4, "frequency": 0.3, "phase": 0.2, "offset": 0.1}
+ENDS = ("ground", "ground")
+JOINTS = {
+    "revolute": RevoluteSpec(type="revolute", between=ENDS),
+    "fixed": FixedSpec(type="fixed", between=ENDS, angle=0.3),
+    "prismatic": PrismaticSpec(type="prismatic", between=ENDS, axis=(0.6, 1.1), angle=-0.2),
+    "driven_angle": DriverSpec(type="driver", between=ENDS, angle=SINE),
+    "driven_distance": DriverSpec(type="driver", between=ENDS, position=SINE, axis=(-0.5, 2.0)),
+}
+ROWS = {"revolute": 2, "fixed": 3, "prismatic": 2, "driven_angle": 1, "driven_distance": 1}
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+@pytest.fixture(params=list(MARKERS))
+def marker(request):
+    return MARKERS[request.param]
+
+
+@pytest.fixture(params=PAIRS, ids="-".join)
+def pair(request):
+    return tuple(MARKERS[name] for name in request.param)
+
+
+@pytest.fixture(params=list(JOINTS))
+def joint(request, pair):
+    return JOINTS[request.param].build(*pair)
+
+
+def test_every_joint_is_covered():
+    made = {(spec.type, f"{type(spec).__module__}.{type(spec).__name__}") for spec in JOINTS.values()}
+    assert made == set(KINDS.items())
+
+
+def trajectory(rng, size=0.3):
+    """Quadratic motion of all coordinates: x(s) in a batch, with x, u, a at s = 0."""
+    x, u, a = zoo.random_state(rng), size * rng.normal(size=zoo.N), size * rng.normal(size=zoo.N)
+    return lambda s: x + np.outer(s, u) + 0.5 * np.outer(s * s, a), x, u, a
+
+
+def full(marker, J):
+    """A Jacobian over all coordinates."""
+    out = np.zeros((*J.shape[1:-1], zoo.N))
+    out[..., marker.columns] = J[0]
+    return out
+
+
+def dense(constraint, x):
+    """Phi_x over all coordinates, (rows, N)."""
+    first, second = constraint.jacobians(x[None])
+    return full(constraint.first, first) + full(constraint.second, second)
+
+
+# ---------------------------------------------------------------- markers
+
+
+def test_marker_jacobians(marker, rng):
+    x = zoo.random_state(rng)
+    place = full(marker, marker.position_jacobian(x[None]))
+    assert place == pytest.approx(jacobian(marker.position, x), abs=1e-10)
+    angle = full(marker, marker.angle_jacobian(x[None]))
+    assert angle == pytest.approx(jacobian(marker.angle, x), abs=1e-9)
+
+
+def test_marker_biases(marker, rng):
+    motion, x, u, a = trajectory(rng)
+    for value, J, bias in (
+        (marker.position, marker.position_jacobian, marker.position_bias),
+        (marker.angle, marker.angle_jacobian, marker.angle_bias),
+    ):
+        second = full(marker, J(x[None])) @ a + bias(x[None], u[None])[0]
+        assert second == pytest.approx(twice_along(lambda s, f=value: f(motion(s))), abs=1e-8)
+
+
+def test_linear_markers_are_linear(marker, rng):
+    x = np.array([zoo.random_state(rng) for _ in range(2)])
+    straight = np.allclose(marker.position(x.mean(axis=0)[None])[0], marker.position(x).mean(axis=0))
+    assert straight or not marker.linear
+
+
+def test_markers_follow_a_rigid_motion(marker, rng):
+    if marker.columns.stop == 0:
+        return
+    x, v, w = zoo.random_state(rng), rng.normal(size=2), 0.7
+    u = zoo.rigid_motion(x, v, w)
+    place = marker.position(x[None])[0]
+    velocity = full(marker, marker.position_jacobian(x[None])) @ u
+    assert velocity == pytest.approx(v + w * np.array([-place[1], place[0]]), abs=1e-12)
+    assert full(marker, marker.angle_jacobian(x[None])) @ u == pytest.approx(w, abs=1e-12)
+
+
+def test_markers_of_undeformed_bodies_are_where_the_deck_says():
+    x = np.zeros(zoo.N)
+    angle, origin = 0.8, np.array([0.5, -1.0])
+    A = turned(angle)
+    for columns in (zoo.HUB, zoo.PLATE, zoo.BLADE):
+        x[columns.start : columns.start + 3] = [*origin, angle]
+    for mesh, columns in ((zoo.CABLE, zoo.ROPE), (zoo.CONTINUUM, zoo.BLOCK)):
+        x[columns] = (mesh.undeformed @ A.T + mesh.positions[:, None] * origin).ravel()
+    places = {
+        "hub": (0, 0),
+        "plate": (0.4, -0.3),
+        "rope_tip": (1.2, 0),
+        "rope_inside": (0.4, 0),
+        "block": (0.8, 0.1),
+        "blade_root": (0, 0),
+        "blade": (0.9, 0),
+    }
+    assert set(places) | {"ground"} == set(MARKERS)
+    for name, place in places.items():
+        assert MARKERS[name].position(x[None])[0] == pytest.approx(origin + A @ place, abs=1e-13)
+        assert MARKERS[name].angle(x[None])[0] == pytest.approx(angle, abs=1e-13)
+
+
+# ---------------------------------------------------------------- constraints
+
+
+def test_constraint_jacobian(joint, rng):
+    x, t = zoo.random_state(rng), 0.4
+    for constraint in joint:
+        slope = jacobian(lambda s, c=constraint: c.residual(np.full(len(s), t), s), x)
+        assert dense(constraint, x) == pytest.approx(slope, abs=2e-9)
+
+
+def test_constraint_acceleration_along_a_motion(joint, rng):
+    motion, x, u, a = trajectory(rng)
+    t = np.array([0.4])
+    for constraint in joint:
+        second = twice_along(lambda s, c=constraint: c.residual(t + s, motion(s)))
+        own = dense(constraint, x) @ a - constraint.acceleration(t, x[None], u[None])[0]
+        assert own == pytest.approx(second, rel=1e-8, abs=3e-8)
+
+
+def test_constraint_rate(joint, rng):
+    x, t = zoo.random_state(rng), np.array([0.4])
+    for constraint in joint:
+        explicit = along(lambda s, c=constraint: c.residual(t + s, np.repeat(x[None], len(s), axis=0)))
+        assert constraint.rate(t)[0] == pytest.approx(explicit, abs=1e-10)
+        assert constraint.driven == bool(np.abs(explicit).max() > 1e-6)
+
+
+def test_constant_constraints_are_constant(joint, rng):
+    one, other = zoo.random_state(rng), zoo.random_state(rng)
+    for constraint in joint:
+        same = np.allclose(dense(constraint, one), dense(constraint, other))
+        assert same or not constraint.constant
+
+
+def test_number_of_rows():
+    pair = MARKERS["hub"], MARKERS["plate"]
+    for name, spec in JOINTS.items():
+        constraints = spec.build(*pair)
+        assert sum(c.rows for c in constraints) == ROWS[name]
+        for c in constraints:
+            assert c.residual(np.zeros(1), np.zeros((1, zoo.N))).shape == (1, c.rows)
+
+
+def test_action_is_reaction(joint, rng):
+    """The generalised force of a joint is its reaction on the second body and the opposite on the first."""
+    x = zoo.random_state(rng)[None]
+    for constraint in joint:
+        multipliers = rng.normal(size=(1, constraint.rows))
+        force, moment = (part[0] for part in constraint.reaction(x, multipliers))
+        first, second = constraint.first, constraint.second
+        gap = (second.position(x) - first.position(x))[0]
+        turning = gap[0] * force[1] - gap[1] * force[0]
+        if constraint.rows == 2:
+            turning = 0.0  # both points are one: the gap is the violation
+        on_second = force @ full(second, second.position_jacobian(x))
+        on_second = on_second + moment * full(second, second.angle_jacobian(x))
+        on_first = -force @ full(first, first.position_jacobian(x))
+        on_first = on_first - (moment + turning) * full(first, first.angle_jacobian(x))
+        assert on_first + on_second == pytest.approx(-multipliers[0] @ dense(constraint, x[0]), abs=1e-11)
+
+
+def test_joints_between_bodies_let_them_move_together(joint, rng):
+    """No joint resists a common rigid motion: its forces on the bodies balance, moments too."""
+    x = zoo.random_state(rng)
+    for constraint in joint:
+        if 0 in (constraint.first.columns.stop, constraint.second.columns.stop):
+            continue
+        if constraint.rows == 2:
+            _close_gap(constraint, x)
+        u = zoo.rigid_motion(x, rng.normal(size=2), 0.9)
+        assert dense(constraint, x) @ u == pytest.approx(np.zeros(constraint.rows), abs=1e-11)
+
+
+def _close_gap(constraint, x):
+    t = np.zeros(1)
+    for _ in range(30):
+        gap = constraint.residual(t, x[None])[0]
+        x -= np.linalg.lstsq(dense(constraint, x), gap, rcond=None)[0]
+    assert np.abs(constraint.residual(t, x[None])).max() < 1e-12
+
+
+def test_a_joint_at_rest_does_no_work(pair, rng):
+    """Power of the reaction, as force and moment at the two points, in every motion the joint allows."""
+    for name in ("revolute", "fixed", "prismatic"):
+        x = zoo.random_state(rng)
+        joint = JOINTS[name].build(*pair)
+        for constraint in joint:
+            _close_gap(constraint, x)
+            J = dense(constraint, x)
+            u = rng.normal(size=zoo.N)
+            u -= np.linalg.lstsq(J, J @ u, rcond=None)[0]
+            multipliers = rng.normal(size=(1, constraint.rows))
+            force, moment = (part[0] for part in constraint.reaction(x[None], multipliers))
+            ends = []
+            for one in (constraint.first, constraint.second):
+                velocity = full(one, one.position_jacobian(x[None])) @ u
+                spin = full(one, one.angle_jacobian(x[None])) @ u
+                ends.append((one.position(x[None])[0], velocity, spin))
+            (a, va, wa), (b, vb, wb) = ends
+            gap = b - a
+            back = moment + gap[0] * force[1] - gap[1] * force[0]
+            assert force @ vb + moment * wb - force @ va - back * wa == pytest.approx(0.0, abs=1e-10)
+
+
+def test_what_each_joint_holds():
+    """Residuals of two rigid bodies placed by hand."""
+    x, t = np.zeros((1, zoo.N)), np.zeros(1)
+    hub, plate = MARKERS["hub"], MARKERS["plate"]
+    x[0, zoo.PLATE] = [2.0, 1.0, 0.3]
+    x[0, zoo.HUB] = [*plate.position(x)[0], 0.7]
+    x[0, zoo.HUB.start : zoo.HUB.start + 2] += 1e-3 * np.array([3.0, -4.0])
+    gap = JOINTS["revolute"].build(plate, hub)[0].residual(t, x)
+    assert gap[0] == pytest.approx([3e-3, -4e-3], abs=1e-14)
+    angle = JOINTS["fixed"].build(plate, hub)[1].residual(t, x)
+    assert angle[0] == pytest.approx([0.4 - 0.3], abs=1e-14)
+    slide = PrismaticSpec(type="prismatic", between=ENDS, axis=(3.0, 4.0)).build(plate, hub)
+    local = turned(-0.3) @ [3e-3, -4e-3]
+    across = np.array([-0.8, 0.6]) @ local
+    assert slide[0].residual(t, x)[0] == pytest.approx([across], abs=1e-14)
+    assert slide[1].residual(t, x)[0] == pytest.approx([0.4], abs=1e-14)
+    law = {"type": "constant_rate", "rate": 2.0, "start": 0.1}
+    spin = DriverSpec(type="driver", between=ENDS, angle=law).build(plate, hub)[0]
+    assert spin.residual(t + 0.1, x)[0] == pytest.approx([0.4 - 0.3], abs=1e-14)
+    push = DriverSpec(type="driver", between=ENDS, position=law, axis=(0.0, 2.0)).build(plate, hub)[0]
+    assert push.residual(t + 0.1, x)[0] == pytest.approx([local[1] - 0.3], abs=1e-14)
+    whole = DriverSpec(type="driver", between=ENDS, angle={**law, "start": 0.4 + 2 * np.pi}).build(plate, hub)
+    assert whole[0].residual(t, x)[0] == pytest.approx([0.0], abs=1e-13)

@@ -1,0 +1,291 @@
+"""Eliminated joints, sparse matrices, linearised equations and natural increments: all say the same."""
+
+import numpy as np
+import pytest
+
+import hfsim.maths.matrices
+import hfsim.mechanics.equations
+import hfsim.scene.build
+from hfsim.integrators import PlainIncrements, Problem
+from hfsim.integrators._tableau import gauss, radau
+from hfsim.integrators.derivative import derivative
+from hfsim.maths.matrices import assemble, dense, is_sparse
+from hfsim.mechanics.equations import Equations
+from hfsim.mechanics.reduction import Reduction
+from hfsim.scene.build import build
+from hfsim.scene.schema import parse_deck
+
+HEAD = """
+hfsim: 1
+name: case
+gravity: [0.4, -9.81]
+materials: {soft: {density: 900.0, youngs_modulus: 2.0e7}}
+sections: {bar: {shape: rectangle, width: 0.05, height: 0.08}}
+bodies:
+  hub: {type: rigid, mass: 3.0, inertia: 0.2, points: {rim: [0.3, 0.1]}}
+  b1: {type: beam, material: soft, section: bar, length: 1.5, elements: 3}
+  b2: {type: beam, material: soft, section: bar, length: 1.5, elements: 3}
+solve: {model: ancf, duration: 1.0}
+"""
+SCENES = {
+    "chain": """
+joints:
+  pin: {type: revolute, between: [ground, b1.root]}
+  elbow: {type: revolute, between: [b1.tip, b2.root]}
+  weight: {type: revolute, between: [b2.tip, hub]}
+""",
+    "from the tip": """
+joints:
+  pin: {type: revolute, between: [b1.tip, ground]}
+  elbow: {type: revolute, between: [b2.tip, b1.root]}
+""",
+    "clamped": """
+joints:
+  wall: {type: fixed, between: [ground, b1.root], angle: 0.7}
+  elbow: {type: fixed, between: [b1.tip, b2.root], angle: 0.2}
+initial: {b1: {angle: 0.7}, b2: {angle: 0.9}}
+""",
+    "hub": """
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  mount: {type: fixed, between: [hub.rim, b1.root]}
+  hinge: {type: revolute, between: [b1.tip, b2.root]}
+springs: {coil: {type: rotational, between: [ground, hub], stiffness: 50.0}}
+""",
+    "hinged on the hub": """
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  hinge: {type: revolute, between: [hub.rim, b1.root]}
+""",
+    "loop": """
+joints:
+  a: {type: revolute, between: [ground, b1.root]}
+  b: {type: revolute, between: [b1.tip, b2.root]}
+  c: {type: revolute, between: [b2.tip, ground]}
+initial: {b1: {angle: 1.0}, b2: {angle: -2.141592653589793}}
+""",
+}
+MULTIPLIERS = {"chain": 0, "from the tip": 0, "clamped": 1, "hub": 3, "hinged on the hub": 2, "loop": 2}
+
+
+def scene_of(name, extra=""):
+    return build(parse_deck(HEAD + SCENES[name] + extra))
+
+
+@pytest.fixture(params=[hfsim.mechanics.equations.FEW, -1], ids=["joint coordinates", "whole matrix"])
+def switch(request, monkeypatch):
+    """Return what makes small scenes pass for large ones, with few or many coordinates at joints."""
+
+    def to_sparse():
+        monkeypatch.setattr(hfsim.mechanics.equations, "FEW", request.param)
+        monkeypatch.setattr(hfsim.maths.matrices, "DENSE_UP_TO", 0)
+        monkeypatch.setattr(hfsim.scene.build, "DENSE_UP_TO", 0)
+
+    return to_sparse
+
+
+def states(scene, count=3, size=0.02, seed=5):
+    """Deformed moving states on the constraints."""
+    rng = np.random.default_rng(seed)
+    q = scene.q + size * rng.normal(size=(count, scene.system.n))
+    return scene.system.project(np.zeros(count), q, rng.normal(size=q.shape))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_free_coordinates_move_as_all_with_multipliers(name):
+    system = (scene := scene_of(name)).system
+    assert system.n_rows == MULTIPLIERS[name]
+    q, v = states(scene)
+    t = np.zeros(len(q))
+    x, u = system.absolute(q), system.absolute_velocity(q, v)
+    assert np.abs(system.residual(t, x)).max() < 1e-12
+    assert np.abs(system.drift(t, x, u)).max() < 1e-11
+    a = system.reduction.expand_rates(system.acceleration(t, q, v))
+    whole = system.unreduced.solve(t, x, u, system.force(t, x, u))[0]
+    assert a == pytest.approx(whole, abs=1e-10 * np.abs(whole).max())
+    back = system.state(x, u, q)
+    assert np.allclose(back, (q, v), rtol=0, atol=1e-13)
+
+
+def test_a_loop_keeps_the_multipliers_that_close_it():
+    system = scene_of("loop").system
+    assert len(system.reduction.eliminated) == 2
+    assert system.unreduced.n_rows == 6
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_sparse_matrices_give_what_dense_ones_give(name, switch):
+    small = scene_of(name)
+    q, v = states(small)
+    t = np.zeros(len(q))
+    a = small.system.acceleration(t, q, v)
+    kinetic = small.system.kinetic_energy(small.system.absolute(q), small.system.absolute_velocity(q, v))
+    switch()
+    large = scene_of(name).system
+    assert is_sparse(large.equations.constant_mass)
+    assert large.acceleration(t, q, v) == pytest.approx(a, abs=1e-9 * np.abs(a).max())
+    x, u = large.absolute(q), large.absolute_velocity(q, v)
+    assert large.kinetic_energy(x, u) == pytest.approx(kinetic, rel=1e-12)
+    one, other = (system.linearized(0.0, q[0], v[0]) for system in (small.system, large))
+    for name in ("mass", "stiffness", "jacobian"):
+        value = getattr(one, name)
+        if value is not None:
+            assert dense(getattr(other, name)) == pytest.approx(value, abs=1e-9 * np.abs(value).max())
+
+
+def allowed(system, q):
+    jacobian = system.linearized(0.0, q, np.zeros_like(q)).jacobian
+    if jacobian is None:
+        return np.eye(system.n)
+    return np.linalg.qr(dense(jacobian).T, mode="complete")[0][:, system.n_rows :]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_linearised_equations_are_the_slope_of_the_accelerations(name):
+    """At rest, for changes the joints allow: the accelerations along them change by -M^-1 K."""
+    system = (scene := scene_of(name)).system
+    q = states(scene)[0][0]
+    rest = np.zeros_like(q)
+    at, Z = system.linearized(0.0, q, rest), allowed(system, q)
+    eps = 1e-6
+
+    def forces(y):
+        """What accelerates along the joints, at the state that a small change leads to."""
+        state, _ = system.project(np.zeros(1), (q + y)[None], rest[None])
+        return system.acceleration(np.zeros(1), state, rest[None])[0], state[0]
+
+    slopes = []
+    for z in Z.T:
+        (ahead, _), (behind, _) = forces(eps * z), forces(-eps * z)
+        slopes.append((ahead - behind) / (2 * eps))
+    K = Z.T @ dense(at.stiffness) @ Z
+    M = Z.T @ dense(at.mass) @ Z
+    expected = -np.linalg.solve(M, K)
+    found = np.linalg.solve(M, Z.T @ dense(at.mass) @ np.array(slopes).T)
+    assert found == pytest.approx(expected, abs=2e-5 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_natural_increments_go_there_and_back(name):
+    system = (scene := scene_of(name)).system
+    q, _ = states(scene, 2, 0.05)
+    rng = np.random.default_rng(3)
+    at = system.natural.geometry(q)
+    y = rng.normal(size=q.shape)
+    small = system.natural.from_natural(at, y)
+    assert system.natural.to_natural(at, small) == pytest.approx(y, abs=1e-11)
+    eps = 1e-5
+    finite = (system.natural.advance(at, eps * y) - system.natural.advance(at, -eps * y)) / (2 * eps)
+    assert finite == pytest.approx(small, abs=1e-8 * np.abs(small).max())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_forces_do_the_same_work_on_natural_increments(name):
+    system = (scene := scene_of(name)).system
+    q, _ = states(scene, 2, 0.05)
+    rng = np.random.default_rng(4)
+    at = system.natural.geometry(q)
+    f, y = rng.normal(size=q.shape), rng.normal(size=q.shape)
+    work = np.sum(f * system.natural.from_natural(at, y), axis=1)
+    assert np.sum(system.natural.to_natural_forces(at, f) * y, axis=1) == pytest.approx(work, rel=1e-11)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_an_imbalance_is_what_the_accelerations_lack(name):
+    """Forces M (q'' - a) and gaps Phi_z (q'' - a), with the accelerations q'' of the equations of motion."""
+    system = (scene := scene_of(name)).system
+    q, v = states(scene, 2)
+    t = np.zeros(len(q))
+    rng = np.random.default_rng(5)
+    a = rng.normal(size=q.shape)
+    lacking = system.acceleration(t, q, v) - a
+    forces, gaps = system.imbalance(t, q, v, a)
+    expected = lacking @ system.equations.free_mass
+    assert forces == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+    at = [system.linearized(0.0, *state).jacobian for state in zip(q, v, strict=True)]
+    if at[0] is None:
+        assert gaps.shape == (len(q), 0)
+    else:
+        expected = np.stack([J @ one for J, one in zip(at, lacking, strict=True)])
+        assert gaps == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_residuals_are_alike_from_forces_and_from_accelerations(name):
+    """At the state of the derivative itself, where both belong to the same mass matrix."""
+    scene = scene_of(name)
+    q, v = states(scene, 1)
+    t, a = np.zeros(1), np.random.default_rng(6).normal(size=q.shape)
+    found = []
+    for imbalance in (None, scene.system.imbalance):
+        problem = problem_of(scene, natural=True)
+        problem.imbalance = imbalance
+        d = derivative(problem, 0.0, q[0], v[0], problem.increments)
+        found.append(d.residual(problem, problem.increments.geometry(q), t, q, v, a))
+    assert found[0] == pytest.approx(found[1], abs=1e-8 * np.abs(found[0]).max())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_natural_increments_of_joints_that_hold_stay_zero(name):
+    """Mounted beams are seen from their hub: moving all the rest leaves the joint closed."""
+    system = (scene := scene_of(name)).system
+    if name not in ("hub", "hinged on the hub"):
+        pytest.skip("nothing is mounted on a rigid body")
+    q, v = states(scene, 1)
+    at = system.natural.geometry(q)
+    y1 = system.natural.rates(at, v, np.zeros_like(q))[0]
+    moved = system.natural.advance(at, 3e-3 * y1)
+    x = system.absolute(q + moved)
+    assert np.abs(system.residual(np.zeros(1), x)).max() < 1e-12
+
+
+def problem_of(scene, natural=False):
+    system = scene.system
+    increments = system.natural if natural else PlainIncrements()
+    return Problem(
+        system.acceleration,
+        system.project,
+        system.dissipates,
+        linearized=system.linearized,
+        increments=increments,
+    )
+
+
+@pytest.mark.parametrize("natural", [False, True])
+@pytest.mark.parametrize("name", SCENES)
+def test_corrections_are_alike_dense_and_sparse(name, natural, switch):
+    """Modes, and factors for each pole, solve the same equations for residuals that the joints allow."""
+    table, h = gauss(4), 3e-3
+    scene = scene_of(name)
+    q, v = states(scene, 1)
+    rng = np.random.default_rng(8)
+    r = rng.normal(size=(4, scene.system.n)) @ allowed(scene.system, q[0]) @ allowed(scene.system, q[0]).T
+    found = []
+    for kind in ("dense", "sparse"):
+        if kind == "sparse":
+            switch()
+        scene = scene_of(name)
+        problem = problem_of(scene, natural)
+        d = derivative(problem, 0.0, q[0], v[0], problem.increments if natural else None)
+        residual = problem.increments.to_natural(problem.increments.geometry(q), r) if natural else r
+        found.append((d.correction(table, h)(d.reading(residual))[0], d.solver(h * h, 0.0)(residual[0])))
+    for one, other in zip(*found, strict=True):
+        # the stiffness of joint forces comes from difference quotients
+        assert one == pytest.approx(other, abs=1e-7 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("table", [gauss(1), gauss(7), gauss(16), gauss(24), radau(2), radau(9), radau(20)])
+def test_poles_take_the_integration_matrix_apart(table):
+    A = 2.0 * ((table.left * table.poles) @ table.right).real
+    rounding = 1e-15 * np.abs(table.left).max() * np.abs(table.right).max()
+    assert np.abs(A - table.A).max() < 10 * rounding
+    assert len(table.poles) == (len(table.nodes) + 1) // 2
+
+
+def test_reduction_of_nothing_is_the_identity():
+    nothing = Reduction.nothing(4, sparse=False)
+    z = np.arange(4.0)[None]
+    assert nothing.identity and nothing.expand(z) is z and nothing.free(z) is z
+    mass = assemble([], (4, 4), sparse=False)
+    assert mass.dtype == float
+    assert Equations(mass, (), (), nothing).n == 4

@@ -1,0 +1,205 @@
+"""Files and folders: full precision, no NaN, nothing of somebody else's removed."""
+
+import json
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import yaml
+
+from hfsim.output.runfolder import FolderError, RunLog, Stopwatch, WriteError, claim, folder_name, save_run
+from hfsim.output.writers import Provenance, finite_part, json_ready, write_history, write_json, write_table
+from hfsim.run.solution import Channel, Run
+
+RESOLVED = {"name": "case", "solve": {"duration": 1.0}}
+PROVENANCE = Provenance("case.yaml", "0" * 64, ("solve.model=exact",), RESOLVED)
+DOCUMENTED = {
+    *("status", "reason", "model", "method", "cpu_s", "wall_s", "steps", "rejected", "newton_iterations"),
+    *("evaluations", "factorisations", "unknowns", "multipliers", "energy_drift", "constraint_position"),
+    *("constraint_velocity", "error_estimate", "channels", "deck_sha256", "versions"),
+    *("failure", "name", "exit_code", "warnings", "overrides"),
+}
+
+
+def make_run(values, status="done", **changes):
+    t = np.linspace(0.0, 1.0, len(values))
+    run = Run(
+        name="case",
+        model="exact",
+        method="gauss",
+        status=status,
+        reason="" if status == "done" else "it broke",
+        t=t,
+        channels=(
+            Channel("b1.tip.x", "m", np.asarray(values, dtype=float)),
+            Channel("b1.angle", "rad", 0.1 * t),
+        ),
+        outlines={"b1": np.zeros((len(values), 3, 2))},
+        statistics={"cpu_s": {"build": 0.1, "solve": 0.2}, "wall_s": {"solve": 0.3}, "steps": 7},
+        failure=None,
+        exit_code=0 if status == "done" else 3,
+    )
+    return replace(run, **changes)
+
+
+def save(path, run, force=False, plots=False):
+    return save_run(claim(path, force), run, PROVENANCE, Stopwatch(), RunLog(), plots)
+
+
+def test_history_reads_back_bit_for_bit(tmp_path):
+    rng = np.random.default_rng(1)
+    values = rng.standard_normal(9001) * 10.0 ** rng.integers(-300, 300, 9001)
+    run = make_run(values)
+    write_history(tmp_path / "h.csv", run)
+    assert (tmp_path / "h.csv").read_text().splitlines()[0] == "t,b1.tip.x,b1.angle"
+    table = np.genfromtxt(tmp_path / "h.csv", delimiter=",", skip_header=1)
+    assert np.array_equal(table, np.column_stack([run.t, values, 0.1 * run.t]))
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_rows_from_the_first_non_finite_value_on_are_dropped(bad):
+    run = finite_part(make_run([1.0, 2.0, bad, 4.0, 5.0]))
+    assert list(run.t) == [0.0, 0.25]
+    assert [len(c.values) for c in run.channels] == [2, 2]
+    assert run.outlines["b1"].shape == (2, 3, 2)
+    assert (run.status, run.exit_code) == ("failed", 3)
+    assert "b1.tip.x is not finite from t = 0.5 s" in run.reason
+    assert run.statistics["warnings"] == [f"{run.reason}: 3 rows were dropped"]
+
+
+def test_a_bad_outline_counts_too_and_a_failed_run_keeps_its_reason():
+    outline = np.zeros((3, 2, 2))
+    outline[1, 0, 1] = math.nan
+    run = finite_part(make_run([1.0, 2.0, 3.0], status="failed", outlines={"b1": outline}))
+    assert (len(run.t), run.reason) == (1, "it broke")
+
+
+def test_a_finite_run_is_left_alone():
+    run = make_run([1.0, 2.0])
+    assert finite_part(run) is run
+
+
+def test_writers_refuse_what_is_not_finite(tmp_path):
+    with pytest.raises(ValueError, match="finite"):
+        write_history(tmp_path / "h.csv", make_run([1.0, math.nan]))
+    with pytest.raises(ValueError, match="JSON"):
+        write_json(tmp_path / "s.json", {"a": math.inf})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_non_finite_numbers_in_json_become_null_and_are_named():
+    plain, bad = json_ready(
+        {"a": np.float64("nan"), "b": [np.inf, np.int64(2)], "c": np.array([1.0, np.nan])}
+    )
+    assert plain == {"a": None, "b": [None, 2], "c": [1.0, None]}
+    assert bad == ["a", "b.0", "c.1"]
+
+
+def test_table_leaves_unknown_cells_empty_and_quotes_commas(tmp_path):
+    rows = [{"a": 1.5, "b": None, "c": 'x, "y"'}, {"a": math.nan, "b": True}]
+    write_table(tmp_path / "t.csv", rows, ("a", "b", "c"))
+    assert (tmp_path / "t.csv").read_text() == 'a,b,c\n1.5,,"x, ""y"""\n,True,\n'
+
+
+def test_run_folder_has_all_files_and_the_documented_keys(tmp_path):
+    _, summary = save(tmp_path / "out", make_run([1.0, 2.0], statistics={"energy_drift": math.nan}))
+    names = {path.name for path in (tmp_path / "out").iterdir()}
+    assert names == {"history.csv", "summary.json", "resolved.yaml", "run.log"}
+    assert json.loads((tmp_path / "out/summary.json").read_text()) == summary
+    assert set(summary) >= DOCUMENTED
+    assert summary["energy_drift"] is None
+    assert summary["warnings"] == ["energy_drift is not finite: written as null"]
+    assert summary["channels"] == {"b1.tip.x": "m", "b1.angle": "rad"}
+    resolved = yaml.safe_load((tmp_path / "out/resolved.yaml").read_text())
+    assert resolved == {"name": "case", "solve": {"duration": 1.0, "model": "exact"}}
+
+
+def test_summary_has_the_time_of_every_phase(tmp_path):
+    _, summary = save(tmp_path / "out", make_run([1.0, 2.0]))
+    for times in (summary["cpu_s"], summary["wall_s"]):
+        assert {"solve", "write", "total"} <= set(times)
+        assert times["total"] >= times["write"] >= 0.0
+
+
+def test_plots_are_drawn_and_listed(tmp_path):
+    _, summary = save(tmp_path / "out", make_run([1.0, 2.0, 0.5]), plots=True)
+    drawn = {f"plots/{path.name}" for path in (tmp_path / "out/plots").glob("*.png")}
+    assert {"plots/position.png", "plots/angle.png", "plots/shapes.png"} <= drawn
+    assert drawn < set(summary["files"])
+
+
+def test_an_empty_run_can_be_saved(tmp_path):
+    empty = make_run([], status="failed", outlines={})
+    _, summary = save(tmp_path / "out", empty, plots=True)
+    assert summary["status"] == "failed"
+    assert (tmp_path / "out/history.csv").read_text() == "t,b1.tip.x,b1.angle\n"
+
+
+def test_a_finished_run_is_protected_and_force_removes_only_its_own_files(tmp_path):
+    out = tmp_path / "out"
+    save(out, make_run([1.0, 2.0]), plots=True)
+    (out / "notes.txt").write_text("mine")
+    (out / "plots/mine.png").write_text("mine too")
+    with pytest.raises(FolderError, match="--force"):
+        claim(out, force=False)
+    save(out, make_run([3.0, 4.0]), force=True)
+    assert {p.name for p in (out / "plots").iterdir()} == {"mine.png"}
+    assert (out / "notes.txt").read_text() == "mine"
+
+
+def test_a_failed_run_may_be_replaced_without_force(tmp_path):
+    save(tmp_path / "out", make_run([1.0], status="failed"))
+    assert "failed" in claim(tmp_path / "out", force=False).replaces
+
+
+def test_files_of_unknown_origin_are_protected(tmp_path):
+    (tmp_path / "history.csv").write_text("somebody else's")
+    with pytest.raises(FolderError, match=r"history\.csv"):
+        claim(tmp_path, force=False)
+
+
+def test_an_edited_summary_cannot_make_force_remove_other_files(tmp_path):
+    victim = tmp_path / "precious.csv"
+    victim.write_text("keep")
+    out = tmp_path / "out"
+    out.mkdir()
+    listed = ["../precious.csv", str(victim), "history.csv", 3, "plots/../../precious.csv"]
+    (out / "summary.json").write_text(json.dumps({"status": "done", "files": listed}))
+    claim(out, force=True).prepare()
+    assert victim.exists()
+    assert not (out / "summary.json").exists()
+
+
+def test_an_interrupted_write_never_looks_finished(tmp_path, monkeypatch):
+    save(tmp_path / "out", make_run([1.0, 2.0]))
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hfsim.output.runfolder.write_history", stop)
+    with pytest.raises(KeyboardInterrupt):
+        save(tmp_path / "out", make_run([1.0, 2.0]), force=True)
+    assert not (tmp_path / "out/summary.json").exists()
+
+
+def test_a_full_disk_is_told_in_plain_words(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(28, "No space left on device", "history.csv")
+
+    monkeypatch.setattr("hfsim.output.runfolder.write_history", full)
+    with pytest.raises(WriteError, match=r"history\.csv: No space left"):
+        save(tmp_path / "out", make_run([1.0, 2.0]))
+
+
+def test_a_file_in_the_way_is_refused(tmp_path):
+    (tmp_path / "out").write_text("")
+    for path in (tmp_path / "out", tmp_path / "out/deeper"):
+        with pytest.raises(FolderError, match="is a file"):
+            claim(path, force=True)
+
+
+@pytest.mark.parametrize("name", ["../../etc", "/etc/passwd", "..", "", "a/b"])
+def test_no_deck_name_leads_out_of_the_folder(name):
+    assert "/" not in folder_name(name, ".out")
+    assert not folder_name(name, "").startswith(".")

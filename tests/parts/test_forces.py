@@ -1,0 +1,215 @@
+"""Every spring and load: force from its energy, power, balance of the pair, frames and laws."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import zoo
+from analytical import jacobian, turned
+from zoo import MARKERS, PAIRS
+
+from hfsim.deck.laws import LinearLaw, StepLaw
+from hfsim.parts.bodies.elastic import ConstantForce
+from hfsim.parts.forces import LOADS as LOAD_KINDS
+from hfsim.parts.forces import SPRINGS as SPRING_KINDS
+from hfsim.parts.forces.force import ForceSpec, PointForce
+from hfsim.parts.forces.moment import MomentSpec, PointMoment
+from hfsim.parts.forces.rotational import RotationalSpec, RotationalSpring
+from hfsim.parts.forces.two_point import TwoPointSpec
+
+SPRINGS = {
+    "two_point": lambda a, b, damping: (
+        TwoPointSpec(type="two_point", between=("a", "b"), stiffness=70.0, damping=damping, rest_length=0.4)
+    ).build(a, b, 9.0),
+    "rotational": lambda a, b, damping: (
+        RotationalSpec(type="rotational", between=("a", "b"), stiffness=30.0, damping=damping, rest_angle=0.3)
+    ).build(a, b),
+}
+T = np.array([0.7])
+LAW = LinearLaw(0.5, 2.0)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+@pytest.fixture(params=PAIRS, ids="-".join)
+def pair(request):
+    return tuple(MARKERS[name] for name in request.param)
+
+
+@pytest.fixture(params=list(MARKERS))
+def marker(request):
+    return MARKERS[request.param]
+
+
+@pytest.fixture(params=list(SPRINGS))
+def spring(request, pair):
+    return lambda damping=0.0: SPRINGS[request.param](*pair, damping)
+
+
+def test_every_force_is_covered():
+    own = {"force": ForceSpec, "moment": MomentSpec, "rotational": RotationalSpec, "two_point": TwoPointSpec}
+    assert {k: f"{spec.__module__}.{spec.__name__}" for k, spec in own.items()} == SPRING_KINDS | LOAD_KINDS
+
+
+def force_of(part, x, u=None, t=T):
+    out = np.zeros((1, zoo.N))
+    part.add_force(t, x[None], np.zeros((1, zoo.N)) if u is None else u[None], out)
+    return out[0]
+
+
+# ---------------------------------------------------------------- springs
+
+
+def test_spring_force_is_the_slope_of_its_energy(spring, rng):
+    part, x = spring(), zoo.random_state(rng)
+    slope = jacobian(lambda s: part.potential_energy(np.zeros(len(s)), s), x)
+    assert np.abs(slope).max() > 1.0
+    assert force_of(part, x) == pytest.approx(-slope, abs=1e-8 * np.abs(slope).max())
+    assert not part.uses_rates
+    assert not part.exchanges_power
+
+
+def test_damper_power_is_its_force_times_rates_and_never_positive(spring, rng):
+    part = spring(3.0)
+    assert part.uses_rates
+    assert part.dissipates
+    assert part.exchanges_power
+    for _ in range(5):
+        x, u = zoo.random_state(rng), rng.normal(size=zoo.N)
+        power = part.power(T, x[None], u[None])[0]
+        damping = force_of(part, x, u) - force_of(part, x)
+        assert power < 0
+        assert damping @ u == pytest.approx(power, rel=1e-10)
+        assert damping == pytest.approx(force_of(part, x, -u) * -1 + force_of(part, x), abs=1e-10)
+
+
+def test_springs_and_dampers_do_not_resist_a_common_rigid_motion(spring, rng):
+    """Action is reaction, in force and in moment about any point."""
+    part, x, u = spring(2.0), zoo.random_state(rng), rng.normal(size=zoo.N)
+    if 0 in (part.first.columns.stop, part.second.columns.stop):
+        return
+    force = force_of(part, x, u)
+    for velocity, omega in (((1.0, 0.0), 0.0), ((0.0, 1.0), 0.0), ((0.0, 0.0), 1.0)):
+        motion = zoo.rigid_motion(x, velocity, omega)
+        assert force @ motion == pytest.approx(0.0, abs=1e-10 * np.abs(force).max())
+        assert part.power(T, x[None], motion[None])[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_spring_of_known_length():
+    part = SPRINGS["two_point"](MARKERS["ground"], MARKERS["hub"], 2.0)
+    x, u = np.zeros(zoo.N), np.zeros(zoo.N)
+    x[:2] = np.add(MARKERS["ground"].place, [0.3, 0.4])
+    u[:2] = [0.6, 0.8]
+    # 0.5 m long, rest 0.4 m, 1 m/s along the line
+    assert force_of(part, x, u)[:3] == pytest.approx(-(70 * 0.1 + 2.0) * np.array([0.6, 0.8, 0.0]), abs=1e-12)
+    assert part.potential_energy(T, x[None])[0] == pytest.approx(70 * 0.1**2 / 2)
+    assert part.power(T, x[None], u[None])[0] == pytest.approx(-2.0)
+
+
+def test_spring_whose_points_meet_has_no_force_to_give():
+    part = SPRINGS["two_point"](MARKERS["ground"], MARKERS["hub"], 2.0)
+    x = np.zeros(zoo.N)
+    x[:2] = MARKERS["ground"].place
+    assert force_of(part, x, np.ones(zoo.N)) == pytest.approx(np.zeros(zoo.N))
+
+
+def test_rest_length_is_the_first_distance_unless_stated():
+    ends = MARKERS["hub"], MARKERS["plate"]
+    bare = TwoPointSpec(type="two_point", between=("a", "b"), stiffness=1.0)
+    assert bare.build(*ends, 9.0).rest_length == 9.0
+    assert SPRINGS["two_point"](*ends, 0.0).rest_length == 0.4
+
+
+def test_rotational_spring_counts_turns_between_rigid_bodies_only():
+    x = np.zeros(zoo.N)
+    x[zoo.PLATE.start + 2] = 0.3 + 2 * np.pi + 0.1
+    between_rigid = RotationalSpring(MARKERS["hub"], MARKERS["plate"], 30.0, 0.0, 0.3)
+    assert force_of(between_rigid, x)[[2, 5]] == pytest.approx(30 * (2 * np.pi + 0.1) * np.array([1, -1]))
+    x[zoo.ROPE] = zoo.CABLE.undeformed.ravel()
+    to_beam = RotationalSpring(MARKERS["rope_tip"], MARKERS["plate"], 30.0, 0.0, 0.3)
+    assert force_of(to_beam, x)[5] == pytest.approx(-3.0)
+
+
+# ---------------------------------------------------------------- loads
+
+
+def test_load_power_is_force_times_the_velocity_of_the_point(marker, rng):
+    x, u, f = zoo.random_state(rng), rng.normal(size=zoo.N), np.array([3.0, -2.0])
+    i = marker.columns
+    velocity = marker.position_jacobian(x[None])[0] @ u[i]
+    spin = marker.angle_jacobian(x[None])[0] @ u[i]
+    turn = turned(marker.angle(x[None])[0])
+    scale = LAW.value(0.7)
+    for part, expected in (
+        (PointForce(marker, (3.0, -2.0), False, None), f @ velocity),
+        (PointForce(marker, (3.0, -2.0), True, None), turn @ f @ velocity),
+        (PointForce(marker, (3.0, -2.0), False, LAW), scale * f @ velocity),
+        (PointForce(marker, (3.0, -2.0), True, LAW), scale * turn @ f @ velocity),
+        (PointMoment(marker, 1.5, None), 1.5 * spin),
+        (PointMoment(marker, 1.5, LAW), scale * 1.5 * spin),
+    ):
+        assert part.exchanges_power
+        assert not part.uses_rates
+        assert part.power(T, x[None], u[None])[0] == pytest.approx(expected, rel=1e-12, abs=1e-12)
+        assert force_of(part, x) @ u == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_constant_loads_are_slopes_of_place_and_angle(marker, rng):
+    x = zoo.random_state(rng)
+    work = jacobian(lambda s: marker.position(s) @ [3.0, -2.0], x)
+    assert force_of(PointForce(marker, (3.0, -2.0), False, None), x) == pytest.approx(work, abs=1e-9)
+    turning = jacobian(lambda s: 1.5 * marker.angle(s), x)
+    assert force_of(PointMoment(marker, 1.5, None), x) == pytest.approx(turning, abs=1e-8)
+
+
+def test_loads_give_their_own_resultant(marker, rng):
+    """Their power in a rigid motion is that of a force at the point, or of a couple."""
+    if marker.columns.stop == 0:
+        return
+    x, v, w = zoo.random_state(rng), rng.normal(size=2), 0.6
+    motion = zoo.rigid_motion(x, v, w)
+    r = marker.position(x[None])[0]
+    expected = 3.0 * (v[0] - w * r[1]) - 2.0 * (v[1] + w * r[0])
+    assert force_of(PointForce(marker, (3.0, -2.0), False, None), x) @ motion == pytest.approx(expected)
+    assert force_of(PointMoment(marker, 1.5, None), x) @ motion == pytest.approx(1.5 * w)
+
+
+def test_a_follower_force_turns_with_its_body():
+    x = np.zeros(zoo.N)
+    x[2] = np.pi / 2
+    follower = PointForce(MARKERS["hub"], (3.0, -2.0), True, None)
+    assert force_of(follower, x)[:3] == pytest.approx([2.0, 3.0, 0.0])
+    fixed = PointForce(MARKERS["hub"], (3.0, -2.0), False, None)
+    assert force_of(fixed, x)[:3] == pytest.approx([3.0, -2.0, 0.0])
+
+
+def test_laws_scale_batches_of_times(rng):
+    x = np.array([zoo.random_state(rng)] * 3)
+    t = np.array([-1.0, 0.25, 5.0])
+    law = StepLaw(0.2, 1.0, 0.0, 0.5)
+    for bare in (
+        PointForce(MARKERS["rope_tip"], (1.0, 2.0), True, None),
+        PointMoment(MARKERS["hub"], 2.0, None),
+    ):
+        scaled = replace(bare, law=law)
+        one, other = np.zeros_like(x), np.zeros_like(x)
+        bare.add_force(t, x, x, one)
+        scaled.add_force(t, x, x, other)
+        assert other == pytest.approx(one * np.array([0.2, 0.6, 1.0])[:, None], rel=1e-12, abs=1e-12)
+
+
+def test_load_specs_build_what_they_say():
+    load = ForceSpec(type="force", at="a", force=(1.0, 2.0), follower=True, law=3.0).build(MARKERS["hub"])
+    assert (load.force, load.follower, float(load.law.value(0.0))) == ((1.0, 2.0), True, 3.0)
+    moment = MomentSpec(type="moment", at="a", moment=4.0).build(MARKERS["hub"])
+    assert (moment.moment, moment.law) == (4.0, None)
+
+
+def test_weight_is_the_slope_of_its_energy(rng):
+    part = ConstantForce(rng.normal(size=zoo.N))
+    x = zoo.random_state(rng)
+    slope = jacobian(lambda s: part.potential_energy(np.zeros(len(s)), s), x)
+    assert force_of(part, x) == pytest.approx(-slope, abs=1e-10)

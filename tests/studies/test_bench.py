@@ -1,0 +1,374 @@
+"""`hfsim bench`: reference and floor, budget, failed points, tables, advice."""
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.commands import CASES, parse_budget
+from hfsim.scene.schema import load_deck
+from hfsim.studies.bench import (
+    CSV_COLUMNS,
+    Bench,
+    Budget,
+    Cell,
+    Point,
+    Sweep,
+    advice,
+    as_facts,
+    as_rows,
+    bench,
+    channel_error,
+    model_advice,
+    pareto,
+    recommend,
+)
+from hfsim.studies.compare import ChannelScale
+
+
+def pendulum(*overrides):
+    return load_deck(CASES / "pendulum.yaml", ("solve.duration=0.1", *overrides))
+
+
+def sweep(**changes):
+    few = Sweep(methods=("gauss", "gear"), models=("exact",), tolerances=(1e-3, 1e-6), repeats=2)
+    return replace(few, **changes)
+
+
+@pytest.fixture(scope="module")
+def small():
+    return bench(pendulum(), sweep(), Budget(30.0))
+
+
+def point(cpu, error, method="gauss", tolerance=1e-4, **facts):
+    return Point("exact", 4, method, tolerance, None, "done", cpu=cpu, error=error, **facts)
+
+
+# --- the study -----------------------------------------------------------------------------------
+
+
+def test_every_point_has_cost_and_error(small):
+    assert small.status == "done"
+    assert [(p.method, p.tolerance) for p in small.points] == [
+        ("gauss", 1e-3), ("gauss", 1e-6), ("gear", 1e-3), ("gear", 1e-6),
+    ]  # fmt: skip
+    for p in small.points:
+        assert p.status == "done"
+        assert p.repeats == 2
+        assert 0.0 < p.cpu_min <= p.cpu <= p.cpu_max
+        assert p.rms_error <= p.error
+        assert p.steps > 0 and p.evaluations > 0 and p.newton_iterations > 0
+        assert {e.channel for e in p.channels} == set(pendulum().deck.channels)
+    gear = [p for p in small.points if p.method == "gear"]
+    assert gear[1].error < 0.1 * gear[0].error
+
+
+def test_the_reference_is_two_methods_that_agree(small):
+    (cell,) = small.cells
+    assert "gauss" in cell.reference and "radau" in cell.reference
+    assert 0.0 < cell.floor < 1e-9
+    assert cell.floor >= max(f for name, f in cell.floors.items() if name != "energy.total")
+
+
+def test_an_independent_run_confirms_the_error(small):
+    """The error of a point against another code path: the error estimate of a plain run."""
+    from hfsim.simulate import simulate
+
+    run = simulate(pendulum("solve.method=gear", "solve.tolerance=1e-3"))
+    (gear,) = (p for p in small.points if p.method == "gear" and p.tolerance == 1e-3)
+    found = {e.channel: e.max_abs for e in gear.channels}
+    for name, error in run.statistics["error_by_channel"].items():
+        if name != "energy.total":
+            assert found[name] == pytest.approx(error, rel=1e-3), name
+
+
+def test_no_error_below_the_floor_is_a_number():
+    scale = ChannelScale("x", "m", 2.0, 2.0, False, True)
+    truth = np.zeros(3)
+    below = channel_error(np.array([0.0, 1e-9, -1e-9]), truth, scale, 1e-8)
+    assert (below.below_floor, below.max_relative, below.rms_relative) == (True, 1e-8, 1e-8)
+    assert below.max_abs == pytest.approx(2e-8)
+    above = channel_error(np.array([0.0, 0.2, 0.0]), truth, scale, 1e-8)
+    assert (above.below_floor, above.max_relative) == (False, pytest.approx(0.1))
+    assert above.rms_relative == pytest.approx(0.1 / np.sqrt(3.0))
+
+
+def test_points_of_the_reference_accuracy_are_flagged():
+    result = bench(pendulum(), sweep(methods=("gauss",), tolerances=(1e-13,)), Budget(30.0))
+    (p,), (cell,) = result.points, result.cells
+    if p.below_floor:
+        assert p.error == cell.floor
+    assert p.error >= cell.floor
+
+
+def test_fixed_steps():
+    result = bench(pendulum(), sweep(methods=("gauss",), steps=(0.01, 0.02)), Budget(30.0))
+    assert [(p.step, p.tolerance, p.steps) for p in result.points] == [(0.02, None, 5), (0.01, None, 10)]
+
+
+def test_failed_points_are_data():
+    """No explicit method stands steps of 10 ms in a pendulum a hundred times stiffer."""
+    deck = pendulum("materials.rubber.youngs_modulus=7e7")
+    result = bench(deck, sweep(methods=("explicit",), steps=(0.01, 0.0002)), Budget(30.0))
+    failed = [p for p in result.points if p.status == "failed"]
+    assert failed, [(p.method, p.step, p.status) for p in result.points]
+    for p in failed:
+        assert p.reason and p.error is None
+    assert any(p.status == "done" for p in result.points)
+    assert result.status == "done"
+
+
+def test_a_model_that_breaks_down_has_no_reference():
+    result = bench(pendulum(), sweep(models=("lowOrder",), tolerances=(1e-3,)), Budget(30.0))
+    assert result.status == "failed"
+    assert result.cells[0].status == "failed"
+    assert "mass matrix" in result.cells[0].reason
+    assert {p.status for p in result.points} == {"failed"}
+
+
+class Clock:
+    """A clock that moves by a tick at every look."""
+
+    def __init__(self, tick):
+        self.now, self.tick = 0.0, tick
+
+    def __call__(self):
+        self.now += self.tick
+        return self.now
+
+
+def test_the_budget_is_kept_and_what_was_not_run_is_told():
+    wanted = sweep(tolerances=(1e-3, 1e-6, 1e-9))
+    whole = Clock(1e-3)
+    bench(pendulum(), wanted, Budget(1e6, whole))
+    clock, shares = Clock(1e-3), []
+    budget = Budget(0.5 * whole.now, clock, report=shares.append)
+    result = bench(pendulum(), wanted, budget)
+    assert clock.now < 1.05 * budget.seconds
+    statuses = {p.status for p in result.points}
+    assert statuses <= {"done", "over budget", "skipped"}
+    assert statuses & {"over budget", "skipped"}
+    assert len(result.points) == 6
+    assert all(p.reason for p in result.points if p.status != "done")
+    assert 0.0 < max(shares) <= 1.0
+
+
+def test_a_slow_point_is_cut_off_and_says_how_far_it_came():
+    """Clock ticks are steps: steps of 10 us are 10 000 of them, with no cheaper point to judge by."""
+    clock = Clock(1e-3)
+    result = bench(pendulum(), sweep(methods=("explicit",), steps=(1e-5,)), Budget(3.0, clock))
+    assert clock.now < 3.3
+    (p,) = result.points
+    assert p.status == "over budget"
+    assert "cut off at" in p.reason and "of the duration" in p.reason
+
+
+def test_one_reference_is_made_at_any_price():
+    result = bench(pendulum(), sweep(), Budget(1e-6))
+    assert result.cells[0].status == "done"
+    assert {p.status for p in result.points} == {"skipped"}
+
+
+def test_an_interrupt_keeps_what_was_measured():
+    def stop(share, seen=[]):  # noqa: B006
+        seen.append(share)
+        if len(seen) > 300:
+            raise KeyboardInterrupt
+
+    result = bench(pendulum(), sweep(tolerances=(1e-3, 1e-9)), Budget(30.0, report=stop))
+    assert result.status == "interrupted"
+    assert result.cells
+
+
+def test_mesh_and_time_errors_are_told_apart():
+    deck = pendulum("output.channels=[b1.tip.y]", "solve.duration=0.3")
+    result = bench(deck, sweep(methods=("gauss",), tolerances=(1e-2, 1e-6), elements=(2, 4)), Budget(60.0))
+    coarse, fine = result.cells
+    assert (coarse.mesh_reference, fine.mesh_reference) == (8, 8)
+    assert coarse.mesh_error > fine.mesh_error > fine.floor
+    assert fine.mesh_order == pytest.approx(np.log2(coarse.mesh_error / fine.mesh_error))
+    for p in result.points:
+        cell = coarse if p.elements == 2 else fine
+        assert abs(p.total_error - cell.mesh_error) < 2.0 * p.error + 0.01 * cell.mesh_error
+    assert all("elements, gauss" in line or "nothing" in line for line in result.recommendations)
+
+
+# --- advice on made-up points --------------------------------------------------------------------
+
+POINTS = [
+    point(0.01, 3e-2, tolerance=1e-3),
+    point(0.06, 5e-5, tolerance=1e-5),
+    point(0.05, 4e-3, method="radau"),
+    point(0.20, 4e-5, method="radau", tolerance=1e-6),
+    point(0.90, 1e-8, tolerance=1e-9),
+    Point("exact", 4, "gear", 1e-3, None, "failed", "diverged"),
+]
+
+
+def test_the_front_holds_what_nothing_cheaper_comes_near():
+    assert [p.cpu for p in pareto(POINTS)] == [0.01, 0.05, 0.06, 0.90]
+
+
+@pytest.mark.parametrize(("target", "cpu"), [(1.0, 0.01), (1e-2, 0.05), (1e-4, 0.06), (1e-6, 0.90)])
+def test_the_cheapest_point_within_the_target_is_recommended(target, cpu):
+    assert recommend(POINTS, target).cpu == cpu
+
+
+def test_advice_in_words():
+    assert advice(POINTS, "0.01 %", 1e-4) == "for 0.01 %: gauss, tolerance 1e-5: 0.06 s"
+    assert "nothing tried reaches it; best 1.0e-08" in advice(POINTS, "1e-9", 1e-9)
+    assert advice([], "1 %", 1e-2) == "for 1 %: nothing was measured"
+    floor = [point(0.1, 1e-7, below_floor=True)]
+    assert "the reference is not known better" in advice(floor, "1e-9", 1e-9)
+
+
+def test_the_error_of_the_mesh_counts():
+    points = [replace(POINTS[1], total_error=2e-2), replace(POINTS[4], elements=8, total_error=5e-3)]
+    assert recommend(points, 1e-2).elements == 8
+
+
+def test_tables_hold_every_point():
+    cell = Cell("exact", 4, 20, "done", floor=1e-10)
+    result = Bench("deck", "done", 1.0, 60.0, 2.0, (cell,), tuple(POINTS))
+    rows = as_rows(result)
+    assert len(rows) == len(POINTS)
+    assert set(rows[0]) <= set(CSV_COLUMNS)
+    assert len(as_facts(result)["pareto"][0]) == 4
+    assert len(as_facts(result)["recommendations"]) == 3
+
+
+# --- the command ---------------------------------------------------------------------------------
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+FEW = ("bench", "pendulum", "--set", "solve.duration=0.05", "--methods", "gauss", "--tolerances", "1e-3,1e-5")
+
+
+def test_the_command_writes_tables_and_pictures(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = call(*FEW)
+    assert result.exit_code == 0, result.output
+    for words in ("error floor", "for 1 %: gauss, tolerance", "pendulum.bench/"):
+        assert words in result.stdout
+    assert Path("pendulum.bench/plots/work_precision.png").stat().st_size > 5000
+    facts = json.loads(Path("pendulum.bench/bench.json").read_text())
+    assert facts["status"] == "done"
+    assert facts["files"] == ["bench.csv", "bench.json", "plots/work_precision.png"]
+    with Path("pendulum.bench/bench.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 2 * 6
+    assert {row["below_floor"] for row in rows} <= {"True", "False"}
+    assert all(float(row["channel_max_relative"]) >= float(row["channel_floor"]) for row in rows)
+    assert call(*FEW).exit_code == 2
+    again = call(*FEW, "--force", "--json", "--no-plots")
+    assert again.exit_code == 0
+    assert len(json.loads(again.stdout)["points"]) == 2
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ("--methods", "gaus"),
+        ("--models", "auto"),
+        ("--tolerances", "1e-3,x"),
+        ("--tolerances", "-1"),
+        ("--steps", "1e-3"),
+        ("--elements", "2.5"),
+        ("--budget", "soon"),
+    ],
+)
+def test_a_bad_command_line_ends_with_2(tmp_path, monkeypatch, wrong):
+    monkeypatch.chdir(tmp_path)
+    assert call(*FEW, *wrong).exit_code == 2
+    assert not list(tmp_path.iterdir())
+
+
+def test_exit_code_3_without_a_reference(tmp_path):
+    result = call("bench", "pendulum", "--models", "lowOrder", "--methods", "gauss", "--tolerances", "1e-3",
+                  "--set", "solve.duration=0.05", "-o", tmp_path / "o", "--no-plots")  # fmt: skip
+    assert result.exit_code == 3
+    assert "mass matrix" in result.stdout
+
+
+def test_budgets():
+    assert [parse_budget(text) for text in ("500ms", "1.5 min", "1h")] == [0.5, 90.0, 3600.0]
+
+
+# --- degrees -------------------------------------------------------------------------------------
+
+
+def test_meshes_of_higher_degree_are_no_finer_than_the_finest_of_the_lowest():
+    meshes = sweep(elements=(1, 4, 8), degrees=(3, 5, 7)).meshes
+    assert meshes == [(1, 3), (4, 3), (8, 3), (1, 5), (4, 5), (1, 7)]
+    assert sweep(elements=(1, 4, 8), degrees=(3, 5, 7)).fine_mesh == (6, 7, 1)
+    assert sweep(elements=(2, 4)).fine_mesh == (4, None, 2)
+    assert sweep(degrees=(3, 5)).fine_mesh == (None, 5, 2)
+    assert sweep(degrees=(3, 5)).meshes == [(None, 3), (None, 5)]
+
+
+def test_the_command_compares_degrees(tmp_path):
+    result = call(
+        "bench", "pendulum", "--methods", "gauss", "--tolerances", "1e-3,1e-5", "--elements", "1,2,4",
+        "--degrees", "3,5", "--set", "solve.duration=0.1", "--set", "output.channels=[b1.tip.x, b1.tip.y]",
+        "--set", "materials.rubber.youngs_modulus=2e8", "-o", tmp_path / "o",
+    )  # fmt: skip
+    assert result.exit_code == 0, result.output
+    for words in ("exact, 2 elements of degree 5", "against 4 elements of degree 5", "degree 5: CPU [s]"):
+        assert words in result.stdout
+    assert (tmp_path / "o" / "plots" / "total_error_exact.png").stat().st_size > 5000
+    facts = json.loads((tmp_path / "o" / "bench.json").read_text())
+    assert [(c["elements"], c["degree"]) for c in facts["cells"]] == [(1, 3), (2, 3), (4, 3), (1, 5), (2, 5)]
+    errors = {(c["elements"], c["degree"]): c["mesh_error"] for c in facts["cells"]}
+    assert errors[2, 5] < errors[1, 5] < errors[1, 3]
+    with (tmp_path / "o" / "bench.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {(row["degree"], row["unknowns"]) for row in rows} >= {("3", "10"), ("5", "18")}
+    assert call("bench", "pendulum", "--degrees", "2,5").exit_code == 2
+
+
+# --- models against the exact one ----------------------------------------------------------------
+
+
+def test_models_are_held_against_the_exact_one():
+    """A stiff beam begins to fall: linear suffices for 1 %, but not for 0.01 %."""
+    stiff = pendulum("materials.rubber.youngs_modulus=7e8", "output.channels=[b1.tip.y]")
+    found = bench(stiff, sweep(methods=("gauss",), models=("linear", "exact"), repeats=1), Budget(60.0))
+    linear, exact = found.cells
+    assert exact.model_error is None and 1e-4 < linear.model_error < 1e-2
+    assert linear.model_channel == "b1.tip.y"
+    tight = {p.model: p for p in found.points if p.tolerance == 1e-6}
+    assert tight["exact"].exact_error == pytest.approx(tight["exact"].error)
+    assert tight["linear"].error < 1e-5 < 0.9 * linear.model_error < tight["linear"].exact_error
+    assert tight["linear"].exact_error == pytest.approx(linear.model_error, rel=1e-2)
+    advice_lines = found.recommendations
+    assert any(line.startswith("linear, 4 elements: off exact by") for line in advice_lines)
+    (one_percent,) = (line for line in advice_lines if line.startswith("for 1 % of exact: "))
+    assert "linear suffices" in one_percent or "linear would do too" in one_percent
+    assert any("for 0.01 % of exact: exact, no other model suffices" in line for line in advice_lines)
+
+
+def test_advice_on_models():
+    points = [
+        replace(point(0.02, None), model="linear", total_error=3e-3),
+        replace(point(0.09, None), model="exact", total_error=1e-5),
+    ]
+    assert model_advice(points, "1 %", 1e-2) == (
+        "for 1 % of exact: linear suffices: gauss, tolerance 1e-4: 0.02 s; exact: 0.09 s"
+    )
+    assert model_advice(points, "0.01 %", 1e-4) == (
+        "for 0.01 % of exact: exact, no other model suffices: gauss, tolerance 1e-4: 0.09 s"
+    )
+    assert "no model that was tried" in model_advice(points, "1e-6", 1e-6)
+
+
+def test_one_model_has_nothing_to_be_held_against(small):
+    assert all(p.exact_error is None for p in small.points)
+    assert not any("of exact" in line for line in small.recommendations)

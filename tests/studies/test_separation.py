@@ -1,0 +1,318 @@
+"""`hfsim bench --separation`, `solve.elastic_form` and the quadratic maps behind the elastic law."""
+
+import csv
+import json
+from typing import get_args
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.commands import CASES
+from hfsim.errors import DeckError
+from hfsim.parts.bodies.elastic import ElasticForce
+from hfsim.parts.elements import ELEMENTS, Stiffness, join_laws
+from hfsim.parts.elements._base import QuadraticMap
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.schema import SolveSpec, load_deck, parse_deck
+from hfsim.studies.bench import Budget
+from hfsim.studies.separation import (
+    CSV_COLUMNS,
+    STEPS,
+    PinnedBeam,
+    as_facts,
+    as_rows,
+    held_bytes,
+    measure,
+    soft_beam,
+)
+from hfsim.studies.separation_forms import STIFFNESS_FORMS, DirectStiffness, GramStiffness, SeparatedStiffness
+
+STIFFNESS = Stiffness(1260.0, 8.5e-3, 1.0e5, 3.5e5, 0.009, 0.2)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def close(a, b, tolerance):
+    np.testing.assert_allclose(a, b, rtol=0, atol=tolerance * np.abs(b).max())
+
+
+# quadratic maps and the Gram law ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("scaled", [False, True])
+def test_a_quadratic_map_sums_all_products(scaled, rng):
+    full, constant = rng.normal(size=(4, 4, 5)), rng.normal(size=(3, 5))
+    full[1, 2] = full[2, 1] = 0.0
+    scale = rng.uniform(1.0, 9.0, size=(3, 1)) if scaled else None
+    x = rng.normal(size=(2, 3, 4))
+    expected = np.einsum("cdo,bec,bed->beo", full, x, x) + constant
+    mine = QuadraticMap.of(full, constant, scale)
+    assert len(mine.first) == 9  # ten pairs, one of them never used
+    close(mine(x), expected * (scale if scaled else 1.0), 1e-13)
+
+
+@pytest.mark.parametrize("name", list(ELEMENTS))
+@pytest.mark.parametrize("lengths", [(0.3, 0.3), (0.3, 0.2)])
+def test_gradient_and_hessian_of_the_gram_law_are_those_of_its_formula(name, lengths, rng):
+    if name == "continuum" and lengths[0] != lengths[1]:
+        pytest.skip("such beams share no law")
+    law = join_laws([ELEMENTS[name](le).gram_law(STIFFNESS, 2) for le in lengths])
+    n = len(ELEMENTS[name](1.0).differences())
+    V = rng.normal(size=(3, 4, n, 2))
+    C = law.quadratic.reshape(n, n, n, n)
+    G = V @ V.swapaxes(-1, -2)
+    linear = law.linear_at_zero.reshape(4, n, n)
+    H = 2.0 * law.scale[:, None, None] * (np.einsum("abcd,xecd->xeab", C, G) + linear)
+    close(law.gradient(V), H @ V, 1e-13)
+    own = 4.0 * law.scale[:, None, None, None, None] * np.einsum("abcd,xebi,xedj->xeaicj", C, V, V)
+    whole = own + np.einsum("xeac,ij->xeaicj", H, np.eye(2))
+    close(law.hessian(V), whole.reshape(3, 4, 2 * n, 2 * n), 1e-13)
+
+
+# forms in scenes --------------------------------------------------------------------------------------
+
+DECK = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {rubber: {density: 5540.0, youngs_modulus: 7.0e5}}
+sections: {strip: {area: 1.8e-3, second_moment: 1.215e-8}}
+bodies:
+  a: {type: beam, material: rubber, section: strip, length: 1.0, elements: 2, element: ELEMENT}
+  b: {type: beam, material: rubber, section: strip, length: 0.7, elements: 2, element: ELEMENT}
+  c: {type: beam, material: rubber, section: strip, length: 0.7, elements: 2, element: ELEMENT}
+joints:
+  pin: {type: revolute, between: [ground, a.root]}
+  elbow: {type: revolute, between: [a.tip, b.root]}
+  wrist: {type: revolute, between: [b.tip, c.root]}
+solve: {duration: 0.02, step: 0.002, method: gauss, stages: 4}
+"""
+
+
+@pytest.mark.parametrize("element", list(ELEMENTS))
+def test_a_scene_runs_alike_with_every_form(element):
+    ends, energies, slopes = [], [], []
+    for form in STIFFNESS_FORMS:
+        scene = build(parse_deck(DECK.replace("ELEMENT", element), "d.yaml", [f"solve.elastic_form={form}"]))
+        done = run_integration(scene, scene.deck.solve)
+        assert done.stop is None
+        ends.append(done.trajectory.q)
+        x = scene.system.absolute(done.trajectory.q[None])
+        energies.append(scene.system.strain_energy(x)[0])
+        slopes.append(scene.system.linearized(0.0, scene.q, scene.v).stiffness)
+    for end, energy, slope in zip(ends, energies, slopes, strict=True):
+        close(end, ends[-1], 1e-11)
+        close(slope, slopes[-1], 1e-9)
+        assert energy == pytest.approx(energies[-1], rel=1e-8)
+
+
+def test_gram_is_the_default_and_shares_one_law():
+    scene = build(parse_deck(DECK.replace("ELEMENT", "cable")))
+    assert scene.deck.solve.elastic_form == "gram"
+    assert get_args(SolveSpec.model_fields["elastic_form"].annotation) == tuple(STIFFNESS_FORMS)
+    assert sum(isinstance(f, ElasticForce) for f in scene.system.forces) == 1
+
+
+def test_other_forms_need_a_polynomial_energy():
+    overrides = ["solve.elastic_form=direct", "bodies.b1.curvature=exact"]
+    with pytest.raises(DeckError, match=r"needs strain: green, curvature: linear"):
+        load_deck(CASES / "pendulum.yaml", overrides)
+
+
+# the study --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("element", list(ELEMENTS))
+def test_the_pinned_beam_is_the_pendulum_of_the_paper(element):
+    overrides = ["solve.model=ancf", f"bodies.b1.element={element}"]
+    system = build(load_deck(CASES / "pendulum.yaml", overrides)).system
+    mesh, stiffness = soft_beam(element, 4)
+    beam = PinnedBeam(mesh, GramStiffness.of(mesh.element, stiffness))
+    x = by_node(beam.start())
+    rest = np.zeros_like(x)
+    q, v = system.state(x, rest, rest)
+    expected = system.reduction.expand_rates(system.acceleration(np.zeros(1), q, v))
+    close(by_node(beam.acceleration(beam.start())), expected, 1e-8)
+
+
+def by_node(x):
+    """States of a pinned beam as rows of coordinates."""
+    return x.transpose(3, 2, 1, 0).reshape(x.shape[-1], -1)
+
+
+@pytest.mark.parametrize("count", [2, 24])
+def test_beams_of_a_batch_move_one_by_one(count):
+    """In small meshes one matrix leads from forces to a step's change, in large ones a banded factor."""
+    mesh, stiffness = soft_beam("continuum", count)
+    form = GramStiffness.of(mesh.element, stiffness)
+    batch, one = PinnedBeam(mesh, form, 3), PinnedBeam(mesh, form)
+    run = batch.run()
+    x = one.start()
+    close(batch.start()[..., :1], x, 1e-15)
+    close(run[..., :1], one.run(), 1e-10)
+    change = run[1:] - run[:-1]
+    close(
+        change[1:] - change[:-1], one.step() ** 2 * np.array([batch.acceleration(x) for x in run[1:-1]]), 1e-5
+    )
+
+
+def test_a_whole_run_keeps_the_energy():
+    mesh, stiffness = soft_beam("cable", 4)
+    beam = PinnedBeam(mesh, GramStiffness.of(mesh.element, stiffness))
+    states = beam.run()
+    states = np.concatenate([by_node(x) for x in states])
+    assert states.shape == (STEPS + 1, 2 * mesh.n_vectors)
+    x, v = states[1:-1], (states[2:] - states[:-2]) / (2.0 * beam.step())
+    law = mesh.element.law(stiffness, mesh.count)
+    strain = law.energy((mesh.differences @ x.reshape(len(x), -1, 2)).reshape(len(x), mesh.count, -1, 2))
+    rates = v.reshape(len(v), -1, 2)
+    kinetic = 0.5 * np.einsum("tia,ij,tja->t", rates, mesh.mass, rates)
+    weight = 9.81 * (x.reshape(len(x), -1, 2)[..., 1] @ mesh.mass @ mesh.positions)
+    total = kinetic + strain.sum(axis=-1) + weight
+    assert np.ptp(total) < 1e-3 * np.ptp(kinetic)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return measure((1, 3), tuple(ELEMENTS), 2, Budget(60.0))
+
+
+def test_all_forms_are_measured_and_agree(result):
+    assert result.status == "done"
+    assert [(cell.element, cell.elements) for cell in result.cells] == [
+        (kind, count) for kind in ELEMENTS for count in (1, 3)
+    ]
+    for cell in result.cells:
+        assert [form.form for form in cell.forms] == list(STIFFNESS_FORMS)
+        assert cell.repeats == 2
+        assert 0.0 < cell.share <= 1.0
+        direct = cell.forms[0]
+        for form in cell.forms:
+            assert form.worst_difference < 1e-10
+            assert form.run_ratio == form.run.median / direct.run.median
+            assert 0.0 < form.force.least <= form.force.median <= form.force.most
+            assert form.tables > 0 and form.peak > 0
+    assert not result.disagreements
+
+
+def test_rows_and_facts_hold_what_was_measured(result):
+    rows, facts = as_rows(result), as_facts(result)
+    assert len(rows) == 4 * len(STIFFNESS_FORMS)
+    assert all(set(row) == set(CSV_COLUMNS) for row in rows)
+    assert len(facts["verdicts"]) == 2
+    json.dumps(facts, allow_nan=False)
+
+
+def test_a_spent_budget_leaves_cells_out_and_says_so():
+    result = measure((1, 2), ("cable",), 3, Budget(1e-6))
+    assert [(cell.status, cell.repeats) for cell in result.cells] == [("done", 1), ("skipped", 0)]
+    assert result.cells[1].reason == "the budget is used up"
+    assert [row.get("status") for row in as_rows(result)][-1] == "skipped"
+
+
+def test_memory_of_tables_counts_what_is_kept_after_use():
+    element = ELEMENTS["cable"](0.3)
+    form = SeparatedStiffness.of(element, STIFFNESS)
+    before = held_bytes(form)
+    assert before == 8 * (8**4 + 8**2)
+    form.force(np.zeros((8, 1)))
+    # of 36 products 16 are of different components, which no strain has; the others come in pairs.
+    # Of 64 entries 32 vanish, and 9 differ
+    distinct = form._distinct
+    assert distinct.matrix.shape == (9, 10)
+    assert distinct.factors.shape == (2 * 20 + 32,)
+    entries = 8 * (20 * 64 + 2 * 20)
+    assert held_bytes(form) == before + entries + 8 * (9 * (10 + 20 + 1) + 72 + 32)
+
+
+class Broken(SeparatedStiffness):
+    def force(self, p):
+        return super().force(p) * (1.0 + 1e-6)
+
+
+def test_a_broken_form_is_found_out():
+    result = measure((2,), ("cable",), 1, Budget(60.0), {"direct": DirectStiffness, "broken": Broken})
+    assert result.status == "wrong"
+    assert "broken differs from direct by" in result.disagreements[0]
+
+
+# the command ------------------------------------------------------------------------------------------
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["bench", *map(str, arguments)])
+
+
+def test_the_command_writes_table_csv_json_and_plot(tmp_path):
+    folder = tmp_path / "o"
+    done = call("--separation", "--elements", "1,2", "--element", "cable", "--repeats", 1, "-o", folder)
+    assert done.exit_code == 0
+    for words in ("cable:", "tabulated", "the paper reports 10 %", "goal 3 %"):
+        assert words in done.stdout
+    with (folder / "bench.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    sizes = [(row["elements"], row["states"]) for row in rows]
+    assert sizes == [(n, b) for b in ("1", "64") for n in ("1", "2") for _ in range(4)]
+    facts = json.loads((folder / "bench.json").read_text())
+    assert facts["status"] == "done"
+    assert facts["files"] == ["bench.csv", "bench.json", "plots/separation_cable.png"]
+    assert (folder / "plots" / "separation_cable.png").stat().st_size > 10_000
+    again = call("--separation", "--elements", "1", "-o", folder)
+    assert again.exit_code == 2
+    assert "--force" in again.output
+
+
+def test_the_command_prints_json_and_nothing_else(tmp_path):
+    done = call("--separation", "--elements", 1, "--element", "cable", "--repeats", 1, "--no-plots", "-q",
+                "--json", "-o", tmp_path / "o")  # fmt: skip
+    assert done.exit_code == 0
+    assert json.loads(done.output)["cells"][0]["forms"][0]["form"] == "direct"
+
+
+def test_forms_that_disagree_give_exit_code_4(tmp_path, monkeypatch):
+    monkeypatch.setitem(STIFFNESS_FORMS, "separated", Broken)
+    done = call("--separation", "--elements", 1, "--element", "cable", "--repeats", 1, "--no-plots", "-o",
+                tmp_path / "o")  # fmt: skip
+    assert done.exit_code == 4
+    assert "separated differs from direct" in done.stderr
+    assert json.loads((tmp_path / "o" / "bench.json").read_text())["status"] == "wrong"
+
+
+def test_an_interruption_keeps_what_was_measured(tmp_path, monkeypatch):
+    class Interrupting(SeparatedStiffness):
+        def force(self, p):
+            if p.shape[1] == 2:
+                raise KeyboardInterrupt
+            return super().force(p)
+
+    monkeypatch.setitem(STIFFNESS_FORMS, "separated", Interrupting)
+    done = call(
+        *("--separation", "--elements", "1,2", "--states", 1, "--element", "cable", "--repeats", 1),
+        *("-o", tmp_path / "o"),
+    )
+    assert done.exit_code == 130
+    cells = json.loads((tmp_path / "o" / "bench.json").read_text())["cells"]
+    assert [cell["status"] for cell in cells] == ["done", "skipped"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--separation", "pendulum"], "DECK does not go with --separation"),
+        (["--separation", "--methods", "gauss"], "--methods does not go"),
+        (["--separation", "--element", "truss"], "there is no element 'truss'"),
+        (["pendulum", "--element", "cable"], "goes with --separation only"),
+        (["pendulum", "--states", "2"], "goes with --separation only"),
+        ([], "Missing argument 'DECK'"),
+    ],
+)
+def test_options_that_do_not_fit_are_refused(arguments, words, tmp_path):
+    done = call(*arguments, "-o", tmp_path / "o")
+    assert done.exit_code == 2
+    assert words in done.output
+    assert not (tmp_path / "o").exists()

@@ -1,0 +1,374 @@
+"""`hfsim stability`: farm, axes, classes, maps, bisection."""
+
+import json
+import os
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from zoo import DEAD_CENTRE
+
+from hfsim.cli import app
+from hfsim.commands import CASES
+from hfsim.errors import DeckError
+from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary
+from hfsim.studies.farm import Farm, Task
+from hfsim.studies.judge import Bounds, Job, Trial, Truth, classify, solve_point, solve_reference
+from hfsim.studies.stability import Plan, as_rows, csv_columns, stability_map
+from hfsim.trust.growth import UNSTABLE, growth_of
+
+# --- the farm ------------------------------------------------------------------------------------
+
+
+def double(number):
+    return 2 * number
+
+
+def die(_):
+    os._exit(7)
+
+
+def fail(_):
+    raise ValueError("so it is")
+
+
+def sleep(seconds):
+    time.sleep(seconds)
+    return seconds
+
+
+def served(tasks, jobs=2, seconds=20.0):
+    farm = Farm(jobs, time.perf_counter() + seconds)
+    for task in tasks:
+        farm.add(task)
+    return {outcome.key: outcome for outcome in farm.outcomes()}, farm
+
+
+def test_a_job_that_dies_or_fails_costs_only_itself():
+    tasks = [
+        Task("a", double, 1, 5.0),
+        Task("b", die, 0, 5.0),
+        Task("c", fail, 0, 5.0),
+        Task("d", double, 2, 5.0),
+    ]
+    found, _ = served(tasks)
+    assert (found["a"].value, found["d"].value) == (2, 4)
+    assert "exit code 7" in found["b"].lost
+    assert found["c"].lost == "ValueError: so it is"
+
+
+def test_a_job_that_hangs_is_ended(monkeypatch):
+    monkeypatch.setattr("hfsim.studies.farm._GRACE", 0.1)
+    start = time.perf_counter()
+    found, _ = served([Task("slow", sleep, 30.0, 0.2), Task("quick", double, 1, 5.0)])
+    assert time.perf_counter() - start < 5.0
+    assert "no answer within 0.2 s" in found["slow"].lost
+    assert found["quick"].value == 2
+
+
+def test_the_deadline_ends_everything_and_tells_what_was_not_reached():
+    start = time.perf_counter()
+    found, farm = served([Task(k, sleep, 10.0, 60.0) for k in range(3)], seconds=0.3)
+    assert time.perf_counter() - start < 3.0
+    assert not found
+    assert sorted(farm.unreached()) == [0, 1, 2]
+
+
+def test_jobs_run_side_by_side():
+    start = time.perf_counter()
+    served([Task(k, sleep, 0.6, 60.0) for k in range(4)], jobs=4)
+    assert time.perf_counter() - start < 1.8
+
+
+# --- axes ----------------------------------------------------------------------------------------
+
+
+def test_values_are_spaced_as_asked():
+    values, logarithmic = parse_values("log(1e5, 1e12, 8)")
+    assert values == pytest.approx([10.0**k for k in range(5, 13)]) and logarithmic
+    assert parse_values("lin(0,1,3)") == ((0.0, 0.5, 1.0), False)
+    assert parse_values("[2, 4]") == ((2.0, 4.0), False)
+
+
+@pytest.mark.parametrize("text", ["", "1,,2", "log(0,1,3)", "log(1,2,x)", "lin(1,2,0)", "nan", "inf,1"])
+def test_values_that_are_none(text):
+    with pytest.raises(AxisError):
+        parse_values(text)
+
+
+def changed(axis, value, case="hub_beams"):
+    loaded = load_deck(CASES / f"{case}.yaml")
+    overrides = point_overrides(loaded, [axis], [value])
+    return loaded.deck, parse_deck(loaded.source.text, loaded.source.file, overrides).deck
+
+
+def test_what_the_named_axes_change():
+    old, new = changed(NAMED["stiffness"]("10"), 10.0)
+    assert new.materials["soft"].youngs_modulus == 10.0 * old.materials["soft"].youngs_modulus
+    assert new.springs["coil"].stiffness == 10.0 * old.springs["coil"].stiffness
+    old, new = changed(NAMED["amplitude"]("2"), 2.0)
+    assert new.initial["b2"].angle == pytest.approx(0.3)
+    _, new = changed(NAMED["speed"]("2"), 2.0, "two_beams_relative")
+    assert [new.initial[b].angular_velocity for b in ("b1", "b2")] == [8.0, 16.0]
+    old, new = changed(NAMED["slenderness"]("1000"), 1000.0)
+    section = new.sections[new.bodies["b1"].section]
+    assert new.bodies["b1"].length / section.height == pytest.approx(1000.0)
+    assert section.height / section.width == pytest.approx(
+        old.sections["strip"].height / old.sections["strip"].width
+    )
+    _, new = changed(NAMED["elements"]("7"), 7.0)
+    assert {new.bodies[b].elements for b in ("b1", "b2")} == {7}
+    _, new = changed(vary("solve.rho_inf=0.5"), 0.5)
+    assert new.solve.rho_inf == 0.5
+
+
+def test_an_axis_that_changes_nothing_is_refused():
+    loaded = parse_deck(WHEEL)
+    with pytest.raises(AxisError, match="speed"):
+        point_overrides(loaded, [NAMED["speed"]("2")], [2.0])
+    with pytest.raises(DeckError):
+        point_overrides(loaded, [vary("bodies.rotor.mass=2")], [2.0])
+
+
+def test_axes_act_one_after_the_other():
+    axes = [vary("springs.coil.stiffness=5"), NAMED["stiffness"]("3")]
+    loaded = parse_deck(WHEEL)
+    overrides = point_overrides(loaded, axes, [5.0, 3.0])
+    assert parse_deck(WHEEL, "deck", overrides).deck.springs["coil"].stiffness == 15.0
+
+
+# --- classes -------------------------------------------------------------------------------------
+
+DONE, FAILED, LOST = (
+    Truth("done", growth=2.0),
+    Truth("failed", "model", "it breaks", 0.5),
+    Truth("lost", reason="late"),
+)
+WILD = Truth("done", "physical", "it grows", item="loads.push", growth=1e4)
+DEAD = Truth("failed", "physical", "a dead centre", 0.5, "joints.push")
+GOOD = Trial("done", error=1e-5, drift=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("trial", "truth", "exact", "outcome"),
+    [
+        (GOOD, DONE, DONE, "accurate"),
+        (replace(GOOD, error=0.5), DONE, DONE, "wrong"),
+        (replace(GOOD, drift=0.5), DONE, DONE, "wrong"),
+        (GOOD, FAILED, DONE, "wrong"),
+        (GOOD, WILD, WILD, "physical"),
+        (replace(GOOD, drift=0.5), WILD, WILD, "wrong"),
+        (Trial("failed", "", "no"), DONE, DONE, "numerical"),
+        (Trial("failed", "model", "no"), DONE, DONE, "numerical"),
+        (Trial("failed", "deck", "no"), FAILED, FAILED, "deck"),
+        (Trial("failed", "model", "no"), FAILED, DONE, "model"),
+        (Trial("failed", "", "no"), FAILED, DEAD, "physical"),
+        (Trial("failed", "", "no"), FAILED, replace(FAILED, kind=""), "numerical"),
+        (Trial("failed", "", "no"), LOST, DONE, "no result"),
+        (Trial("failed", "model", "no"), LOST, DONE, "model"),
+        (Trial("lost", reason="the deck is refused: no"), LOST, LOST, "deck"),
+        (replace(GOOD, kind="physical", reason="no"), DONE, DONE, "physical"),
+        (Trial("lost", reason="crash"), DONE, DONE, "no result"),
+        (GOOD, LOST, DONE, "no result"),
+        (GOOD, DONE, LOST, "no result"),
+    ],
+)
+def test_classes(trial, truth, exact, outcome):
+    verdict = classify(trial, truth, exact, Bounds())
+    assert verdict.outcome == outcome
+    assert verdict.reason or outcome == "accurate"
+    assert verdict.cause == outcome or outcome in ("accurate", "wrong", "no result")
+
+
+def test_what_is_wrong_has_its_cause():
+    """With a small time error it is the model that leaves the truth or loses energy; exact cannot."""
+    found = {
+        "time": classify(replace(GOOD, error=0.5), DONE, DONE, Bounds()),
+        "drift": classify(replace(GOOD, drift=0.5), DONE, DONE, Bounds()),
+        "truncated": classify(replace(GOOD, drift=0.5), DONE, replace(DONE), Bounds()),
+        "beyond": classify(GOOD, FAILED, DONE, Bounds()),
+    }
+    causes = {"time": "numerical", "drift": "numerical", "truncated": "model", "beyond": "model"}
+    assert {name: verdict.cause for name, verdict in found.items()} == causes
+
+
+def test_failures_without_a_reference_get_the_class_of_run():
+    """A driver into a dead centre: the map blames the joint that `hfsim run` blames."""
+    job = Job(DEAD_CENTRE, "dead.yaml", (), "exact", 20.0, method="auto")
+    trial = solve_point(job)
+    truth = solve_reference(replace(job, disturbed=True))
+    for found in (trial, truth):
+        assert (found.status, found.kind, found.item) == ("failed", "physical", "joints.push")
+    verdict = classify(trial, truth, truth, Bounds())
+    assert (verdict.outcome, verdict.item) == ("physical", "joints.push")
+
+
+def test_a_reference_is_another_discretisation():
+    """Even one step of both: a run is not held against itself."""
+    text = WHEEL.replace("duration: 20.0", "duration: 6.0")
+    job = Job(text, "wheel.yaml", (), "exact", 20.0, method="auto")
+    truth = solve_reference(job)
+    trial = solve_point(replace(job, truth=truth))
+    assert trial.steps == 1 and 0.0 < trial.error < 1e-10
+
+
+def test_drifting_apart_is_no_instability():
+    t = np.linspace(0.0, 1.0, 201)
+    assert growth_of(t, t**2).factor == pytest.approx(4.0, rel=0.05)
+    assert growth_of(t, np.abs(np.sin(40.0 * t)) * t).factor < 3.0
+    growing = growth_of(t, np.sinh(15.0 * t))
+    assert growing.unstable and growing.factor > UNSTABLE
+    assert growing.rate == pytest.approx(15.0, rel=0.1)
+
+
+# --- maps ----------------------------------------------------------------------------------------
+
+WHEEL = """
+hfsim: 1
+name: wheel
+bodies: {wheel: {type: rigid, mass: 1.0, inertia: 1.0}}
+joints: {axle: {type: revolute, between: [ground, wheel]}}
+springs: {coil: {type: rotational, between: [ground, wheel], stiffness: 1.0}}
+initial: {wheel: {angle: 0.5}}
+solve: {duration: 20.0}
+output: {channels: [wheel.angle]}
+"""
+
+
+def plan(*axes, **changes):
+    usual = {"methods": ("gauss", "explicit"), "models": ("exact",), "seconds": 60.0, "limit": 20.0}
+    return Plan(axes=axes, **{**usual, **changes})
+
+
+def test_a_map_puts_every_point_into_a_class():
+    """An explicit step beyond 5.96 over the frequency blows up or fails; Gauss goes on."""
+    axes = NAMED["stiffness"]("1,100"), NAMED["step"]("0.05,1")
+    result = stability_map(parse_deck(WHEEL), plan(*axes))
+    assert result.status == "done"
+    assert len(result.points) == 8
+    found = {(p.method, *p.values): p.outcome for p in result.points}
+    assert found["gauss", 1.0, 1.0] == found["gauss", 100.0, 0.05] == "accurate"
+    assert found["explicit", 1.0, 0.05] == "accurate"
+    assert found["explicit", 100.0, 1.0] in ("wrong", "numerical")
+    for p in result.points:
+        if p.outcome == "accurate":
+            assert p.verdict.time_error < 1e-2 and p.verdict.model_error == 0.0
+    rows = as_rows(result)
+    assert all(set(row) == set(csv_columns(result)) for row in rows)
+    assert "solve.step=1" in rows[-1]["overrides"]
+
+
+def test_a_refused_value_is_a_point_and_a_hopeless_map_is_refused():
+    result = stability_map(parse_deck(WHEEL), plan(vary("springs.coil.stiffness=-1,1"), methods=("gauss",)))
+    assert [p.outcome for p in result.points] == ["deck", "accurate"]
+    assert "refused" in result.points[0].verdict.reason
+    with pytest.raises(DeckError):
+        stability_map(parse_deck(WHEEL), plan(vary("springs.wire.stiffness=1,2")))
+
+
+def test_what_the_budget_does_not_reach_is_told():
+    result = stability_map(parse_deck(WHEEL), plan(NAMED["stiffness"]("1,2,3"), seconds=0.0))
+    assert result.status == "over budget"
+    assert {p.outcome for p in result.points} == {"not computed"}
+    assert len(result.points) == 6
+
+
+def test_an_unstable_scene_is_told_from_an_unstable_method():
+    """A rigid pendulum that stands nearly upright: the disturbance grows like exp(t sqrt(g m l / J))."""
+    text = """
+hfsim: 1
+gravity: [0.0, -9.81]
+bodies: {rod: {type: rigid, mass: 1.0, inertia: 0.1, points: {top: [0.5, 0.0]}}}
+joints: {pin: {type: revolute, between: [ground, rod.top]}}
+initial: {rod: {angle: 90 deg}}
+solve: {duration: 3.0}
+output: {channels: [rod.angle]}
+"""
+    for angle, outcome in (("-90 deg", "physical"), ("100 deg", "accurate")):
+        deck = parse_deck(text.replace("90 deg", f'"{angle}"'))
+        (point,) = stability_map(deck, plan(methods=("gauss",))).points
+        assert point.outcome == outcome, point
+
+
+def test_a_scene_at_rest_has_no_energy_to_lose():
+    """A beam without a load: its energies are round-off, and their drift would be anything."""
+    text = """
+hfsim: 1
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10}}
+sections: {bar: {area: 1.0e-4, second_moment: 1.0e-9}}
+bodies: {b1: {type: beam, material: alloy, section: bar, length: 1.0, elements: 2}}
+joints: {clamp: {type: fixed, between: [ground, b1.root]}}
+solve: {duration: 0.1}
+"""
+    result = stability_map(parse_deck(text), plan(methods=("auto",), models=("linear", "exact")))
+    assert [p.outcome for p in result.points] == ["accurate", "accurate"]
+
+
+def test_the_end_of_a_class_is_located():
+    """Explicit steps hold the wheel up to less than 5.96 over its frequency of 1 rad/s."""
+    axis = NAMED["step"]("log(0.5,50,3)")
+    result = stability_map(parse_deck(WHEEL), plan(axis, methods=("explicit",)), bisect=0.02)
+    (end,) = result.boundaries
+    assert end.class_below == "accurate" and end.class_above != "accurate"
+    assert end.width <= 0.02
+    assert 0.5 < end.below < end.above < 6.5
+    values = [p.values[0] for p in result.points]
+    assert values == sorted(values) and end.below in values and end.above in values
+
+
+def test_the_end_of_another_class_is_located():
+    axis = NAMED["step"]("1,3,5,50")
+    result = stability_map(parse_deck(WHEEL), plan(axis, methods=("explicit",)), 0.05, ending="wrong")
+    for end in result.boundaries:
+        assert (end.class_below == "wrong") != (end.class_above == "wrong")
+
+
+# --- the command ---------------------------------------------------------------------------------
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def test_the_command_writes_tables_and_a_picture(tmp_path):
+    deck = tmp_path / "wheel.yaml"
+    deck.write_text(WHEEL)
+    out = tmp_path / "o"
+    order = ("stability", deck, "--scale-stiffness", "log(1,100,2)", "--step", "0.05,1", "--methods",
+             "gauss,explicit", "--models", "exact", "-o", out)  # fmt: skip
+    result = call(*order)
+    assert result.exit_code == 0, result.output
+    for words in ("exact, explicit", "stiffness \\ step", "accurate", "bounds: error 0.01"):
+        assert words in result.stdout
+    assert (out / "plots/stability.png").stat().st_size > 5000
+    facts = json.loads((out / "stability.json").read_text())
+    assert facts["status"] == "done" and len(facts["points"]) == 8
+    assert facts["files"] == ["stability.csv", "stability.json", "plots/stability.png"]
+    assert len((out / "stability.csv").read_text().splitlines()) == 9
+    assert call(*order).exit_code == 2
+    again = call(*order, "--force", "--json", "--no-plots")
+    assert json.loads(again.stdout)["counts"] == facts["counts"]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ("--methods", "gaus"),
+        ("--models", "auto"),
+        ("--vary", "solve.step"),
+        ("--vary", "solve.step=log(0,1,2)"),
+        ("--step", "-1"),
+        ("--scale-speed", "1,2"),
+        ("--step", "0.1", "--elements", "2", "--scale-stiffness", "2"),
+        ("--bisect", "0.1"),
+        ("--vary", "springs.wire.stiffness=1,2"),
+    ],
+)
+def test_a_bad_command_line_ends_with_2(tmp_path, wrong):
+    deck = tmp_path / "wheel.yaml"
+    deck.write_text(WHEEL)
+    assert call("stability", deck, "-o", tmp_path / "o", *wrong).exit_code == 2
+    assert not (tmp_path / "o").exists()

@@ -1,0 +1,149 @@
+"""`model: auto`: forecasts against closed forms, legs that join, errors within what is stated."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.simulate import simulate
+from hfsim.trust.handover import hand_over
+from hfsim.trust.quasistatic import quasistatic
+
+CASES = Path(__file__).parents[2] / "cases"
+HEAD = """hfsim: 1
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10}}
+sections: {bar: {shape: rectangle, width: 0.02, height: 0.02}}
+bodies: {b1: {type: beam, material: alloy, section: bar, length: 1.0, elements: 2, model: auto}}
+"""
+E, AREA, INERTIA, DENSITY = 7e10, 4e-4, 0.02**4 / 12, 2700.0
+CLAMPED = "joints: {clamp: {type: fixed, between: [ground, b1.root]}}\n"
+PINNED = "joints: {pin: {type: revolute, between: [ground, b1.root]}}\n"
+SOLVE = "solve: {duration: 0.5, tolerance: 1.0e-6, model: linear}\n"
+GROWING = (
+    HEAD
+    + PINNED
+    + """gravity: [0.0, -9.81]
+loads:
+  push: {type: force, at: b1.tip, force: [0.0, 60.0], follower: true,
+         law: {type: smooth_step, from: 0, to: 1, start: 0.2, end: 0.7}}
+solve: {duration: 0.6, tolerance: 1.0e-5}
+"""
+)
+
+
+def rigid(text):
+    scene = build(parse_deck(text), models={"b1": "rigid"})
+    return scene, quasistatic(scene, scene.bodies["b1"], np.zeros(1), scene.q[None], scene.v[None])
+
+
+def test_bending_of_a_cantilever_by_loads_and_weight():
+    force = "f: {type: force, at: b1.tip, force: [50.0, 3.0]}"
+    loads = f"loads: {{{force}, m: {{type: moment, at: b1.tip, moment: 2.0}}}}\n"
+    _, seen = rigid(HEAD + CLAMPED + loads + "gravity: [0.0, -9.81]\n" + SOLVE)
+    expected = 3.0 / 3 + 2.0 / 2 - DENSITY * AREA * 9.81 / 8
+    assert seen.tip[0] == pytest.approx(expected / (E * INERTIA), rel=2e-3)
+    assert seen.axial[0, :-1] == pytest.approx(50.0 / (E * AREA), rel=1e-12)
+
+
+def test_stretch_of_a_spinning_beam_and_bending_of_a_falling_one():
+    spin = "initial: {b1: {angle: 0.4, angular_velocity: 20.0}}\n"
+    _, seen = rigid(HEAD + PINNED + spin + SOLVE)
+    assert seen.axial[0] @ seen.weights == pytest.approx(DENSITY * 400.0 / 3 / E, rel=1e-3)
+    assert np.abs(seen.tip).max() < 1e-12
+    _, seen = rigid(HEAD + PINNED + "gravity: [0.0, -9.81]\n" + SOLVE)
+    # weight and inertia of a beam released from the horizontal: M(x) = rho A g x (L - x)^2 / (4 L)
+    x = np.linspace(0.0, 1.0, seen.slope.shape[1])
+    moment = DENSITY * AREA * 9.81 * (x * (1 - x) ** 2) / 4
+    assert E * INERTIA * seen.curvature[0] == pytest.approx(moment, abs=1e-9)
+
+
+def test_what_takes_over_goes_on_in_the_same_place_with_the_same_forces():
+    old = build(parse_deck(GROWING), models={"b1": "rigid"})
+    path = run_integration(old, old.deck.solve.model_copy(update={"duration": 0.3})).trajectory
+    for model in ("linear", "exact"):
+        new, gained = hand_over(old, build(old.loaded, models={"b1": model}), path)
+        x, y = old.system.absolute(path.q[None]), new.system.absolute(new.q[None])
+        seen = quasistatic(old, old.bodies["b1"], np.array([0.3]), path.q[None], path.v[None])
+        gap = new.marker("b1.tip").position(y) - old.marker("b1.tip").position(x)
+        assert np.linalg.norm(gap) == pytest.approx(abs(seen.tip[0]), rel=0.02)
+        energy = new.system.kinetic_energy(x=y, u=new.system.absolute_velocity(new.q[None], new.v[None]))[0]
+        assert abs(gained) < 1e-2 * energy
+        assert new.start_angles["b1"] == pytest.approx(path.q[2], abs=1e-12)
+
+
+def tip_error(run, truth):
+    mine, real = (np.array([c.values for c in one.channels if ".tip." in c.name]) for one in (run, truth))
+    return np.abs(mine - real).max() / np.ptp(real, axis=1).max()
+
+
+def test_a_beam_moves_up_before_the_error_is_there():
+    deck = parse_deck(GROWING + "output: {interval: 0.003, channels: [b1.tip.x, b1.tip.y, b1.angle]}\n")
+    run = simulate(deck, error_estimate=True)
+    truth = simulate(
+        parse_deck(
+            GROWING + "output: {interval: 0.003, channels: [b1.tip.x, b1.tip.y, b1.angle]}\n",
+            overrides=["bodies.b1.model=exact"],
+        ),
+        error_estimate=False,
+    )
+    auto = run.statistics["auto"]
+    switch = auto["switches"][0]
+    assert switch["model"] == "rigid"
+    assert 0.05 < switch["time"] < 0.5
+    assert abs(switch["energy_share"]) < 1e-3
+    shares = auto["shares"]["b1"]
+    assert shares["rigid"] == pytest.approx(switch["time"] / 0.6)
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert np.array_equal(run.t, truth.t)
+    assert tip_error(run, truth) < 0.01
+    # nothing jumps where models change: second differences stay as they are in exact
+    for mine, real in zip(run.channels, truth.channels, strict=True):
+        bend = [np.abs(np.diff(c.values, 2)).max() for c in (mine, real)]
+        assert bend[0] < 2.0 * bend[1] + 1e-5
+    assert run.statistics["error_estimate"] < 1e-3
+    assert run.outlines["b1"].shape[0] == len(run.t)
+
+
+def test_stiff_beams_stay_rigid_and_soft_ones_start_exact():
+    two = load_deck(CASES / "two_beams.yaml", ["solve.model=auto"])
+    run = simulate(two, error_estimate=True)
+    assert run.statistics["auto"]["shares"] == {"b1": {"rigid": 1.0}, "b2": {"rigid": 1.0}}
+    assert run.statistics["steps"] < 10
+    assert run.statistics["error_estimate"] < 1e-3
+    soft = simulate(load_deck(CASES / "pendulum.yaml"), model="auto", error_estimate=False)
+    truth = simulate(load_deck(CASES / "pendulum.yaml"), error_estimate=False)
+    assert soft.statistics["auto"]["shares"] == {"b1": {"exact": 1.0}}
+    assert soft.channels[0].values[-1] == truth.channels[0].values[-1]
+
+
+def test_bodies_of_their_own_model_stay_and_a_tighter_error_moves_up_earlier():
+    text = GROWING.replace(
+        "{type: beam, material: alloy, section: bar, length: 1.0, elements: 2, model: auto}}",
+        "{type: beam, material: alloy, section: bar, length: 1.0, elements: 2, model: exact},"
+        " b2: {type: beam, material: alloy, section: bar, length: 0.1, elements: 1, model: auto}}",
+    )
+    text = text.replace("b1.root]}}", "b1.root]}, weld: {type: fixed, between: [b1.tip, b2.root]}}")
+    run = simulate(parse_deck(text, overrides=["solve.duration=0.1"]), error_estimate=False)
+    assert run.statistics["auto"]["shares"]["b1"] == {"exact": 1.0}
+    times = []
+    for error in (0.01, 0.002):
+        deck = parse_deck(GROWING, overrides=[f"solve.model_error={error}"])
+        times.append(simulate(deck, error_estimate=False).statistics["auto"]["switches"][0]["time"])
+    assert times[1] < times[0]
+
+
+def test_the_command_line_tells_shares_and_changes(tmp_path):
+    deck = tmp_path / "case.yaml"
+    deck.write_text(GROWING)
+    out = tmp_path / "out"
+    done = CliRunner().invoke(app, ["run", str(deck), "--no-error-estimate", "-o", str(out)])
+    assert done.exit_code == 0
+    assert "share of time" in done.stdout and "b1 from rigid to " in done.stdout
+    summary = json.loads((out / "summary.json").read_text())
+    assert summary["auto"]["switches"][-1]["next_model"] == summary["models"]["b1"]

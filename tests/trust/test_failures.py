@@ -1,0 +1,335 @@
+# ruff: noqa: E501
+"""Failures and doubts are classed by evidence: deck, numerical, model, physical; one real scene for each."""
+
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from zoo import DEAD_CENTRE
+
+from hfsim.cli import app
+from hfsim.errors import DeckError, SolverFailure
+from hfsim.integrators import Limits, Problem, _base, integrate
+from hfsim.integrators.explicit import Explicit
+from hfsim.scene.build import build
+from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.simulate import simulate
+
+CASES = Path(__file__).parents[2] / "cases"
+
+BOB = """hfsim: 1
+bodies:
+  bob: {type: rigid, mass: 1.0, inertia: 0.25, points: {pivot: [-0.5, 0.0], end: [0.5, 0.0]}}
+joints:
+  pin: {type: revolute, between: [ground, bob.pivot]}
+solve: {duration: 1.0}
+"""
+OVERFLOW = f"""{BOB}
+springs:
+  coil: {{type: rotational, between: [ground, bob], stiffness: 1.0e308, rest_angle: 12.0}}
+"""
+LATE = f"""{BOB}
+loads:
+  twist: {{type: moment, at: bob, moment: 1.0e300, law: {{type: smooth_step, from: 0, to: 1.0e10, start: 0.5, end: 0.6}}}}
+"""
+LINK = """hfsim: 1
+gravity: [0.0, -9.81]
+bodies:
+  bob: {type: rigid, mass: 1.0, inertia: 0.25, points: {pivot: [-0.5, 0.0], end: [0.5, 0.0]}}
+  link: {type: rigid, mass: 1.0e-20, inertia: 1.0e-22, points: {start: [-0.1, 0.0], end: [0.1, 0.0]}}
+joints:
+  pin: {type: revolute, between: [ground, bob.pivot]}
+  hook: {type: revolute, between: [bob.end, link.start]}
+springs:
+  rubber: {type: two_point, between: [ground, link.end], stiffness: 1.0e5, damping: 0.0}
+solve: {duration: 10.0}
+"""
+COLUMN = """hfsim: 1
+materials: {rubber: {density: 1100.0, youngs_modulus: 1.0e7}}
+sections: {bar: {shape: rectangle, width: 0.02, height: 0.02}}
+bodies:
+  b1: {type: beam, material: rubber, section: bar, length: 1.0, elements: 2}
+joints: {clamp: {type: fixed, between: [ground, b1.root]}}
+loads:
+  press: {type: force, at: b1.tip, force: [-2.0, 0.0]}
+solve: {duration: 3.0, tolerance: 1.0e-6}
+"""
+SHAKEN = """hfsim: 1
+gravity: [0.0, -9.81]
+bodies:
+  pivot: {type: rigid, mass: 1.0, inertia: 1.0}
+  bob: {type: rigid, mass: 1.0, inertia: 0.01, points: {top: [0.0, 1.0]}}
+joints:
+  guide: {type: prismatic, between: [ground, pivot], axis: [0.0, 1.0]}
+  shaker: {type: driver, between: [ground, pivot], axis: [0.0, 1.0], position: {type: sine, amplitude: 0.1, frequency: 0.992}}
+  hinge: {type: revolute, between: [pivot, bob.top]}
+initial: {bob: {angle: 1.0e-4}}
+solve: {duration: 30.0}
+"""
+"""Pivot shaken at twice the bob's own frequency: the Mathieu equation in its first unstable tongue."""
+
+
+def diagnosed(text, *overrides, model=None):
+    loaded = parse_deck(text, "scene.yaml", overrides) if "\n" in text else load_deck(CASES / text, overrides)
+    return simulate(loaded, model, error_estimate=False, diagnosis=True)
+
+
+def line_of(text, word):
+    return next(n for n, line in enumerate(text.splitlines(), start=1) if line.strip().startswith(word))
+
+
+BLADE = """hfsim: 1
+materials: {alu: {density: 1200, youngs_modulus: 2.8e9}}
+sections: {s: {shape: rectangle, width: 0.05, height: 0.02}}
+bodies: {blade: {type: beam, material: alu, section: s, length: 2.0, elements: 2}}
+joints:
+  mount: {type: revolute, between: [ground, blade.root]}
+  motor: {type: driver, between: [ground, blade.root], angle: {type: spin_up, rate: "120 rpm", time: 1}}
+solve: {duration: 4, tolerance: 1e-4}
+"""
+
+
+# deck ------------------------------------------------------------------------------------------------
+
+
+def test_a_number_out_of_range_is_named_at_the_start():
+    run = diagnosed(OVERFLOW)
+    assert (run.status, run.exit_code) == ("failed", 3)
+    assert (run.failure["class"], run.failure["item"]) == ("deck", "springs.coil")
+    assert run.failure["line"] == line_of(OVERFLOW, "coil")
+    assert "springs.coil" in run.reason and run.failure["time"] == 0.0
+
+
+@pytest.mark.parametrize("settings", [(), ("solve.method=gear",), ("solve.step=0.01",)])
+def test_a_law_that_grows_out_of_range_is_named_where_it_does(settings):
+    run = diagnosed(LATE, *settings)
+    assert (run.failure["class"], run.failure["item"]) == ("deck", "loads.twist")
+    assert run.stop_time == pytest.approx(0.5, abs=0.011)
+    assert run.end_time == pytest.approx(0.5, abs=0.011), "what came before is kept"
+    assert all(np.isfinite(channel.values).all() for channel in run.channels)
+
+
+def test_a_body_without_mass_ends_the_crawl_and_is_named(monkeypatch):
+    monkeypatch.setattr(_base, "WINDOW", 100)
+    run = diagnosed(LINK)
+    assert (run.failure["class"], run.failure["item"]) == ("deck", "bodies.link")
+    assert run.failure["line"] == line_of(LINK, "link")
+    assert run.statistics["steps"] + run.statistics["rejected"] <= 20 * _base.WINDOW
+
+
+def test_redundant_joints_are_named_with_their_lines():
+    text = BOB.replace("joints:", "joints:\n  nail: {type: fixed, between: [ground, bob.pivot]}")
+    with pytest.raises(DeckError) as refusal:
+        build(parse_deck(text, "scene.yaml"))
+    (problem,) = refusal.value.problems
+    assert problem.path == "joints.pin" and problem.line == line_of(text, "pin")
+    assert f"'nail' (line {line_of(text, 'nail')})" in problem.message
+
+
+def test_nearly_redundant_joints_are_suspicious():
+    text = BOB.replace("end: [0.5, 0.0]", "near: [-0.5, 1.0e-7]").replace(
+        "solve:",
+        "  again: {type: revolute, between: [ground.near, bob.near]}\nground: {points: {near: [0.0, 1.0e-7]}}\nsolve:",
+    )
+    text = text.replace(
+        "type: revolute, between: [ground.near",
+        "type: driver, position: 0.0, axis: [1.0, 0.0], between: [ground.near",
+    )
+    run = diagnosed(text)
+    assert run.status == "done"
+    assert (run.statistics["suspicion"]["class"], run.statistics["suspicion"]["line"]) == (
+        "deck",
+        line_of(text, "again"),
+    )
+
+
+# numerical -------------------------------------------------------------------------------------------
+
+
+def test_a_step_too_long_goes_away_with_a_shorter_one():
+    run = diagnosed("hub_beams.yaml", "solve.step=0.07", "solve.duration=0.6")
+    assert (run.status, run.failure["class"], run.failure["item"]) == ("failed", "numerical", "solve.step")
+    assert run.failure["evidence"]["half the step"].startswith("fails")
+    again = shlex.split(run.failure["try"])
+    assert again[:2] == ["hfsim", "run"] and again[-2:] == ["--set", "solve.step=0.00875"]
+    sets = [word for word in again if "=" in word]
+    assert simulate(load_deck(CASES / "hub_beams.yaml", sets), error_estimate=False).status == "done"
+
+
+def test_energy_lost_by_the_method_is_a_numerical_suspicion():
+    run = diagnosed(
+        "pendulum.yaml",
+        "solve.method=generalized_alpha",
+        "solve.step=0.004",
+        "solve.rho_inf=0.0",
+        "solve.duration=0.3",
+    )
+    assert run.status == "done"
+    assert run.statistics["suspicion"]["class"] == "numerical"
+    assert run.statistics["suspicion"]["item"] == "solve.step"
+    assert run.statistics["suspicion"]["try"].endswith("--force")
+
+
+CANTILEVER = """hfsim: 1
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10}}
+sections: {bar: {area: 1.0e-4, second_moment: 1.0e-9}}
+bodies: {b1: {type: beam, material: alloy, section: bar, length: 1.0, elements: 2}}
+joints: {clamp: {type: fixed, between: [ground, b1.root]}}
+loads: {push: {type: force, at: b1.tip, force: [0.0, 0.1]}}
+solve: {duration: 0.5, method: explicit, step: 1.0e-4, tolerance: 1.0e-6}
+"""
+
+
+@pytest.mark.parametrize(("model", "step"), [("linear", 6e-3), ("lowOrder", 1e-4)])
+def test_a_truncated_model_is_not_blamed_for_what_a_long_step_does(model, step):
+    """The explicit method stands 0.06 ms here; the watch for what the model leaves out sees the blow-up first."""
+    run = diagnosed(CANTILEVER, f"solve.step={step}", model=model)
+    assert (run.failure["class"], run.failure["item"]) == ("numerical", "solve.step")
+    assert "leaves out" not in run.reason and "it goes away with" in run.reason
+    watched = simulate(parse_deck(CANTILEVER, "s.yaml", [f"solve.step={step}"]), model, error_estimate=False)
+    assert watched.failure["class"] == "model" and "leaves out" in watched.reason, "without experiments"
+
+
+# model -----------------------------------------------------------------------------------------------
+
+
+def test_an_indefinite_mass_matrix_goes_away_with_exact():
+    run = diagnosed("pendulum.yaml", model="lowOrder")
+    assert (run.failure["class"], run.failure["item"]) == ("model", "bodies.b1")
+    assert run.failure["evidence"]["model exact"].startswith("passes")
+    assert "mass matrix" in run.failure["evidence"]["term"]
+    assert run.failure["evidence"]["left_range_at"] < run.failure["time"]
+    assert "solve.model=exact" in run.failure["try"]
+
+
+def test_a_linear_blade_that_bends_outwards_misses_its_stiffening():
+    run = diagnosed(BLADE, model="linear")
+    assert (run.failure["class"], run.failure["item"]) == ("model", "bodies.blade")
+    assert run.failure["evidence"]["model exact"].startswith("passes")
+    assert run.failure["evidence"]["foreshortening"] > 1.0
+
+
+def test_a_model_that_left_its_range_is_a_suspicion():
+    run = diagnosed("pendulum.yaml", "materials.rubber.youngs_modulus=7e9", model="linear")
+    doubt = run.statistics["suspicion"]
+    assert (run.status, doubt["class"], doubt["item"]) == ("done", "model", "bodies.b1")
+    assert doubt["time"] == run.statistics["validity"]["b1"]["left_at"]
+    assert any("left the range of linear" in warning for warning in run.statistics["warnings"])
+
+
+# physical --------------------------------------------------------------------------------------------
+
+
+def test_a_driver_into_a_dead_centre():
+    """The slider reaches the length of crank and rod, 0.8 m, at (0.8 - 0.68397...) / 0.2 s."""
+    run = diagnosed(DEAD_CENTRE)
+    assert (run.failure["class"], run.failure["item"]) == ("physical", "joints.push")
+    assert run.failure["line"] == line_of(DEAD_CENTRE, "push")
+    assert run.failure["time"] == pytest.approx((0.8 - 0.683974572191) / 0.2, rel=1e-5)
+    assert "dead centre" in run.reason
+    assert (
+        simulate(
+            parse_deck(DEAD_CENTRE, "s.yaml", [run.failure["try"].split("--set ")[-1]]), error_estimate=False
+        ).status
+        == "done"
+    )
+
+
+def test_a_beam_crushed_beyond_the_limit_of_green_strain():
+    """The force EA (s^3 - s) / 2 of a stretch s has its extreme, -0.19 EA, at s = 3^-1/2."""
+    text = COLUMN.replace("[-2.0, 0.0]", "[-2000.0, 0.0]")
+    run = diagnosed(text, "solve.duration=1.0")
+    assert (run.failure["class"], run.failure["item"]) == ("physical", "bodies.b1")
+    assert run.failure["evidence"]["collapse_at"] < run.failure["time"]
+    assert run.failure["evidence"]["smallest_stretch"] < 3.0**-0.5
+    assert run.failure["evidence"]["energy_drift_until_then"] < 1e-3
+    assert "Green strain" in run.reason
+
+
+def test_a_column_under_six_times_its_buckling_load_only_looks_straight():
+    """Euler: pi^2 E I / (4 L^2) = 0.329 N."""
+    run = diagnosed(COLUMN)
+    assert run.status == "done"
+    assert (run.statistics["suspicion"]["class"], run.statistics["suspicion"]["item"]) == (
+        "physical",
+        "loads.press",
+    )
+    assert diagnosed(COLUMN, "loads.press.force=[-0.3, 0.0]").statistics["suspicion"] is None
+
+
+def test_parametric_resonance_is_physical():
+    """Mathieu's first tongue: growth rate 1/4 h w0 with h = a W^2 / g, about 0.3 1/s."""
+    doubt = diagnosed(SHAKEN).statistics["suspicion"]
+    assert (doubt["class"], doubt["item"], doubt["line"]) == (
+        "physical",
+        "joints.shaker",
+        line_of(SHAKEN, "shaker"),
+    )
+    assert doubt["evidence"]["growth_rate"] == pytest.approx(0.31, rel=0.3)
+    assert diagnosed(SHAKEN, "joints.shaker.position.frequency=0.7").statistics["suspicion"] is None
+
+
+# pace ------------------------------------------------------------------------------------------------
+
+
+def test_steps_that_stay_hopeless_end_and_say_so(monkeypatch):
+    monkeypatch.setattr(_base, "WINDOW", 50)
+    fast = Problem(lambda t, q, v: -(1e10**2) * q, lambda t, q, v: (q, v), dissipates=False)
+    _, stop = integrate(
+        fast, Explicit(1e-6), (0.0, np.ones(1), np.zeros(1)), 1.0, Limits(), lambda *state: None
+    )
+    assert isinstance(stop, SolverFailure) and "crawl" in stop.reason
+    assert fast.counts.steps + fast.counts.rejected <= 150
+
+
+def test_short_steps_of_a_stiff_start_are_left_alone(monkeypatch):
+    """A chirp down: steps grow all the time, from far below the pace that would be hopeless."""
+    monkeypatch.setattr(_base, "WINDOW", 100)
+    slowing = Problem(
+        lambda t, q, v: -((100.0 / (t[:, None] + 1e-9)) ** 2) * q, lambda t, q, v: (q, v), dissipates=False
+    )
+    trajectory, stop = integrate(
+        slowing, Explicit(1e-6), (0.0, np.ones(1), np.zeros(1)), 1.0, Limits(), lambda *state: None
+    )
+    assert stop is None and trajectory.segments[0].h < 1e-8
+
+
+# as the user sees it ---------------------------------------------------------------------------------
+
+
+def call(tmp_path, *arguments):
+    return CliRunner().invoke(app, ["run", *arguments, "-o", str(tmp_path / "out"), "--no-plots"])
+
+
+def test_run_prints_class_item_line_evidence_and_the_next_command(tmp_path):
+    deck = tmp_path / "dead.yaml"
+    deck.write_text(DEAD_CENTRE)
+    result = call(tmp_path, str(deck), "--no-error-estimate")
+    assert result.exit_code == 3
+    line = line_of(DEAD_CENTRE, "push")
+    for words in (
+        "class     physical",
+        f"item      joints.push, line {line} of the deck",
+        "evidence  smallest singular value",
+        f"try       hfsim run {deck} --set solve.duration=",
+    ):
+        assert words in result.stderr
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert set(summary["failure"]) == {"class", "item", "line", "time", "evidence", "try"}
+    assert summary["failure"]["line"] == line
+
+
+def test_no_diagnosis_makes_no_experiments(tmp_path):
+    result = call(tmp_path, "pendulum", "--model", "lowOrder", "--no-error-estimate", "--no-diagnosis")
+    assert result.exit_code == 3
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert "diagnosis" not in summary["cpu_s"] and summary["failure"]["class"] == "model"
+
+
+@pytest.mark.parametrize("case", ["pendulum", "two_beams", "hub_beams_soft"])
+def test_sound_runs_raise_no_suspicion(case):
+    run = diagnosed(f"{case}.yaml", "solve.duration=0.5")
+    assert run.status == "done" and run.statistics["suspicion"] is None and not run.statistics["validity"]
