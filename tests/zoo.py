@@ -3,7 +3,8 @@
 import numpy as np
 
 from hfsim.mechanics.markers import GroundMarker, NodalMarker, RigidMarker
-from hfsim.parts.bodies.low_order import LowOrderBeam, LowOrderMarker
+from hfsim.parts.bodies.low_order import LowOrderBeam
+from hfsim.parts.bodies.low_order_body import LowOrderMarker
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import Cable, Continuum, Inertia, Stiffness
 
@@ -98,7 +99,8 @@ joints:
   pin: {type: revolute, between: [crank.end, rod.start]}
   wrist: {type: revolute, between: [rod.end, slider]}
   rail: {type: prismatic, between: [ground, slider]}
-  push: {type: driver, between: [ground, slider], position: {type: constant_rate, rate: 0.2, start: 0.683974572191}}
+  push: {type: driver, between: [ground, slider], position: {type: constant_rate, rate: 0.2,
+         start: 0.683974572191}}
 initial:
   crank: {angle: 1.0}
   rod: {angle: -0.284304905894}

@@ -51,3 +51,8 @@ def random_signs(shape: tuple[int, ...]) -> Array:
     """Return -1 and 1 in no order, always the same: `numpy.random` would take long to import."""
     bits = np.frombuffer(random.Random(0).randbytes(math.prod(shape)), dtype=np.uint8) & 1
     return np.asarray(2.0 * bits - 1.0).reshape(shape)
+
+
+def component_rows(V: Array) -> Array:
+    """Return vectors (..., n_elements, n_vectors, n_dim) as (n_vectors, n_dim, n_elements * n_states)."""
+    return V.T.swapaxes(0, 1).reshape(*V.shape[-2:], -1)

@@ -16,11 +16,11 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import Entries, assemble
+from hfsim.mechanics.body import Body
 from hfsim.mechanics.constraints import Coincide, Constraint, RelativeAngle
 from hfsim.mechanics.increments import Mount, Tie
 from hfsim.mechanics.markers import GroundMarker, Marker, NodalMarker, RigidMarker
 from hfsim.mechanics.reduction import Reduction
-from hfsim.parts.bodies.assembled import Body
 
 GROUND = None
 """Owner of the points of the ground."""

@@ -9,6 +9,7 @@ asked.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -101,3 +102,35 @@ class ForcePart:
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power of the part of the force that no stored energy accounts for."""
         return np.zeros(len(x))
+
+
+@dataclass(frozen=True)
+class ConstantForce(ForcePart):
+    """Weight of bodies whose mass matrix is constant: one vector for all states (eq. 31).
+
+    Attributes
+    ----------
+    force : ndarray, shape (n,)
+    energy : float
+        Energy of bodies that cannot move [J].
+    """
+
+    force: Array
+    energy: float = 0.0
+
+    @property
+    def quartic(self) -> bool:
+        """Return True: the energy is linear."""
+        return True
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the constant vector."""
+        out += self.force
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return nothing: the force does not change."""
+        return NOTHING
+
+    def potential_energy(self, t: Array, x: Array) -> Array:
+        """Return minus the work of the force from the origin."""
+        return np.asarray(self.energy - x @ self.force)

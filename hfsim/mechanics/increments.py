@@ -4,14 +4,39 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray, IntArray, Places, run_of
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.reduction import Reduction
-from hfsim.parts.bodies.natural import NaturalBeams
+
+
+class BodyIncrements(Protocol):
+    """Natural increments of some bodies, written in the places of the coordinates they replace.
+
+    A geometry is whatever the maps need of a batch of states; changes and increments have shape
+    (n_batch, n_x) and are those of the whole scene, of which only the bodies' own places are written.
+    """
+
+    def geometry(self, x: Array) -> Any:
+        """Return what the maps below need of a batch of states."""
+
+    def to_natural(self, at: Any, dx: Array, out: Array) -> None:
+        """Write the natural increments of small changes into ``out``."""
+
+    def from_natural(self, at: Any, y: Array, out: Array) -> None:
+        """Write the changes that belong to small natural increments into ``out``."""
+
+    def advance(self, at: Any, y: Array, out: Array) -> None:
+        """Write the changes that add finite natural increments into ``out``."""
+
+    def to_natural_forces(self, at: Any, f: Array, out: Array) -> None:
+        """Write forces on natural increments into ``out``: the transpose of `from_natural`."""
+
+    def convective(self, at: Any, u: Array, y1: Array, out: Array) -> None:
+        """Write what velocities alone make of the second derivatives of the natural coordinates."""
 
 
 @dataclass(frozen=True)
@@ -147,7 +172,7 @@ class NaturalIncrements:
 
     Attributes
     ----------
-    beams : tuple of NaturalBeams
+    beams : tuple of BodyIncrements
     reduction : Reduction
     ties : tuple of Tie
         In order from the ground outwards.
@@ -155,7 +180,7 @@ class NaturalIncrements:
         Columns of x whose natural increments are free.
     """
 
-    beams: tuple[NaturalBeams, ...]
+    beams: tuple[BodyIncrements, ...]
     reduction: Reduction
     ties: tuple[Tie, ...]
     columns: IntArray

@@ -10,19 +10,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.equations import Equations, VariableMass
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.linearized import Linearized
 from hfsim.mechanics.reduction import Reduction
-from hfsim.parts.bodies.frame import FrameChart, Frames
 
 CLOSED = 1e-9
 """Violation of joints, relative to the largest coordinate (or 1), that projection may leave."""
@@ -39,7 +40,7 @@ class System:
 
     Attributes
     ----------
-    charts : tuple of FrameChart
+    charts : tuple of Chart
         Where state and free coordinates differ.
     forces : tuple of ForcePart
     equations : Equations
@@ -50,7 +51,7 @@ class System:
         Compute rates and the power put in even where they are not needed.
     """
 
-    charts: tuple[FrameChart, ...]
+    charts: tuple[Chart, ...]
     forces: tuple[ForcePart, ...]
     equations: Equations
     natural: NaturalIncrements | None
@@ -98,7 +99,7 @@ class System:
 
     # ------------------------------------------------------------------ coordinates
 
-    def frames(self, q: Array) -> list[Frames]:
+    def frames(self, q: Array) -> list[Any]:
         """Return the body frames of each chart; what the maps below have in common."""
         return [chart.frames(q) for chart in self.charts]
 
@@ -106,19 +107,19 @@ class System:
         """Return the state in the places of x, shape (n_batch, n_x): as it is, so relative in body frames."""
         return self.reduction.expand(q)
 
-    def absolute(self, q: Array, frames: list[Frames] | None = None) -> Array:
+    def absolute(self, q: Array, frames: list[Any] | None = None) -> Array:
         """Return the absolute coordinates x(q), shape (n_batch, n_x)."""
         frames = self.frames(q) if frames is None else frames
         z = self._charted(q, [c.absolute(f) for c, f in zip(self.charts, frames, strict=True)])
         return self.reduction.expand(z)
 
-    def absolute_velocity(self, q: Array, v: Array, frames: list[Frames] | None = None) -> Array:
+    def absolute_velocity(self, q: Array, v: Array, frames: list[Any] | None = None) -> Array:
         """Return the rates of the absolute coordinates."""
         frames = self.frames(q) if frames is None else frames
         w = self._charted(v, [c.absolute_velocity(f, v) for c, f in zip(self.charts, frames, strict=True)])
         return self.reduction.expand_rates(w)
 
-    def state_acceleration(self, frames: list[Frames], v: Array, az: Array) -> Array:
+    def state_acceleration(self, frames: list[Any], v: Array, az: Array) -> Array:
         """Return q'' that belongs to accelerations of the free coordinates."""
         parts = zip(self.charts, frames, strict=True)
         return self._charted(az, [c.relative_acceleration(f, v, az) for c, f in parts])

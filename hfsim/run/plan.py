@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from hfsim.maths.matrices import DENSE_UP_TO, is_sparse
-from hfsim.mechanics.force import ForcePart
-from hfsim.parts.bodies.assembled import FoldedBody, LowOrderBody, NodalBeam
-from hfsim.parts.bodies.elastic import ConstantForce, ElasticForce, KelvinVoigtForce, LinearElasticForce
+from hfsim.mechanics.force import ConstantForce, ForcePart
+from hfsim.parts.bodies.folded import FoldedBody
+from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.parts.bodies.low_order import LowOrderBeam
+from hfsim.parts.bodies.low_order_body import LowOrderBody
+from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 from hfsim.run.culprit import force_items
 from hfsim.scene.build import Scene
 from hfsim.scene.rules import RULES

@@ -9,7 +9,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.system import System
-from hfsim.parts.bodies.elastic import LinearElasticForce
+from hfsim.parts.bodies.linear import LinearElasticForce
 
 LIMIT = 100.0
 """Energy out of nothing, relative to all that was ever there, at which a model has broken down; large enough

@@ -13,29 +13,30 @@ from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import DENSE_UP_TO, Entries, Matrix, assemble
 from hfsim.maths.rank import dependence
+from hfsim.mechanics.body import Body
+from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle
 from hfsim.mechanics.elimination import eliminate
 from hfsim.mechanics.equations import Equations, VariableMass
-from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.markers import GroundMarker, Marker
 from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies import BeamSpec, RigidSpec
-from hfsim.parts.bodies.assembled import Body, FoldedBody, LowOrderBody, NodalBeam, RigidBeam, RigidBody
-from hfsim.parts.bodies.elastic import (
-    Connectivity,
-    ConstantForce,
-    ElasticForce,
-    KelvinVoigtForce,
-    LinearElasticForce,
-)
+from hfsim.parts.bodies.folded import FoldedBody
 from hfsim.parts.bodies.frame import FrameChart
+from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.parts.bodies.low_order import LowOrderBeam
+from hfsim.parts.bodies.low_order_body import LowOrderBody
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.parts.bodies.natural import InteriorBeams, NaturalBeams
+from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.parts.bodies.rigid import RigidBody
+from hfsim.parts.bodies.rigid_beam import RigidBeam
 from hfsim.parts.elements import ELEMENTS, Cable, ElasticLaw, Inertia, Measures, Stiffness, join_laws
+from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
 from hfsim.scene.schema import Deck, LoadedDeck
 from hfsim.scene.start import Start, starting_state

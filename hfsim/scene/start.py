@@ -16,8 +16,8 @@ import numpy as np
 
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray
+from hfsim.mechanics.body import Body
 from hfsim.mechanics.constraints import Constraint, RelativeAngle
-from hfsim.parts.bodies.assembled import Body
 from hfsim.scene.schema import InitialSpec
 
 TOLERANCE = 1e-9

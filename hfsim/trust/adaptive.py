@@ -1,16 +1,15 @@
 """The model that suffices: each beam begins in the cheapest model certified, and moves up when it must.
 
-The ladder is rigid, linear, exact.  A run begins with all its beams rigid, which costs next to nothing;
+The ladder is rigid, linear, exact. A run begins with all its beams rigid, which costs next to nothing;
 the forces on them tell how they would bend (`hfsim.trust.quasistatic`), and from that and from the
 deformation that flexible models compute follow estimates of what each model leaves out
-(`hfsim.trust.validity`).  Where an estimate passes the bound, the run goes back to where it was below a tenth of it and goes on from there
-with a higher model.
+(`hfsim.trust.validity`). Where an estimate passes the bound, the run goes back to where it was below a
+tenth of it and goes on from there with a higher model.
 
 `lowOrder` is not on the ladder: wherever it was measured, it took longer than exact in its better
-coordinates.  `linear` is taken only if the forecast of the rigid
-motion certifies it for at least half of the time left, and only by the one flexible beam of a scene: with
-two, it took 0.8 to 2.4 times as long as exact, and beside an exact one, without analytic derivatives,
-twice as long.
+coordinates. `linear` is taken only if the forecast of the rigid motion certifies it for at least half of
+the time left, and only by the one flexible beam of a scene: with two, it took 0.8 to 2.4 times as long
+as exact, and beside an exact one, without analytic derivatives, twice as long.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ import numpy as np
 from hfsim.errors import DeckError, LimitReached, SolverFailure
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
-from hfsim.parts.bodies.assembled import RigidBeam
+from hfsim.parts.bodies.rigid_beam import RigidBeam
 from hfsim.run.integration import Integration, Progress, run_integration
 from hfsim.scene.build import Scene, build
 from hfsim.scene.schema import LoadedDeck

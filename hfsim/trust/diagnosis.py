@@ -20,7 +20,7 @@ from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
 from hfsim.maths.rank import dependence
 from hfsim.parts.bodies import BeamSpec
-from hfsim.parts.bodies.assembled import NodalBeam
+from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.culprit import body_of
 from hfsim.run.integration import Integration, Watch, run_integration

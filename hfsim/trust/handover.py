@@ -10,8 +10,10 @@ import numpy as np
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import normal, rotate
+from hfsim.mechanics.body import Body
 from hfsim.mechanics.system import System
-from hfsim.parts.bodies.assembled import Body, NodalBeam, RigidBeam
+from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.parts.bodies.rigid_beam import RigidBeam
 from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene
 from hfsim.trust.quasistatic import quasistatic

@@ -17,7 +17,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import rotate
 from hfsim.mechanics.markers import RigidMarker
 from hfsim.parts.bodies import BeamSpec
-from hfsim.parts.bodies.assembled import RigidBeam
+from hfsim.parts.bodies.rigid_beam import RigidBeam
 from hfsim.run.culprit import force_items
 from hfsim.scene.build import Scene
 from hfsim.trust.validity import Deformation

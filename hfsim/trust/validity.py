@@ -27,9 +27,10 @@ from hfsim.maths.arrays import Array, distinct
 from hfsim.maths.rotations import as_complex
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.bodies import BeamSpec
-from hfsim.parts.bodies.assembled import LowOrderBody, NodalBeam
 from hfsim.parts.bodies.frame import relative_nodes
+from hfsim.parts.bodies.low_order_body import LowOrderBody
 from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.scene.build import Scene
 
 LEFT = 5e-3

@@ -9,7 +9,7 @@ from analytical import jacobian, turned
 from zoo import MARKERS, PAIRS
 
 from hfsim.deck.laws import LinearLaw, StepLaw
-from hfsim.parts.bodies.elastic import ConstantForce
+from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.forces import LOADS as LOAD_KINDS
 from hfsim.parts.forces import SPRINGS as SPRING_KINDS
 from hfsim.parts.forces.force import ForceSpec, PointForce

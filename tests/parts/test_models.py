@@ -5,10 +5,12 @@ import pytest
 from analytical import along, cable_row, cable_row_x, cable_row_xx, gauss, jacobian, turned, twice_along
 
 from hfsim.maths.matrices import assemble
-from hfsim.parts.bodies.elastic import ElasticForce, KelvinVoigtForce, LinearElasticForce
-from hfsim.parts.bodies.low_order import LowOrderBeam, LowOrderMarker
+from hfsim.parts.bodies.linear import LinearElasticForce
+from hfsim.parts.bodies.low_order import LowOrderBeam
+from hfsim.parts.bodies.low_order_body import LowOrderMarker
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.elements import ELEMENTS
+from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 from hfsim.scene.build import build
 from hfsim.scene.schema import parse_deck
 

@@ -1,6 +1,7 @@
 """The paper's equations, written out over many points, against what the code evaluates."""
 
 import numpy as np
+import paper
 import pytest
 from analytical import (
     cable_row,
@@ -15,7 +16,6 @@ from analytical import (
     tilde,
 )
 
-from hfsim.parts.bodies import paper
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELEMENTS, Cable, Inertia, Stiffness
 from hfsim.scene.build import build

@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.commands import CASES
 from hfsim.errors import DeckError
-from hfsim.parts.bodies.elastic import ElasticForce
 from hfsim.parts.elements import ELEMENTS, Stiffness, join_laws
 from hfsim.parts.elements._base import QuadraticMap
+from hfsim.parts.elements.forces import ElasticForce
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.schema import SolveSpec, load_deck, parse_deck

@@ -39,6 +39,13 @@ class BeamMesh:
         return self.element.length * self.count
 
     @property
+    def outline_places(self) -> Array:
+        """Places along the beam, from 0 to its length, between which a straight line passes for the curve."""
+        interior = self.element.stride - self.element.per_node
+        per_element = max(1, min(8 * (1 + interior), 200 // self.count))
+        return np.linspace(0.0, self.length, min(self.count * per_element, 400) + 1)
+
+    @property
     def n_vectors(self) -> int:
         """Number of nodal vectors."""
         return self.count * self.element.stride + self.element.per_node

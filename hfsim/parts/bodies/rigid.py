@@ -1,10 +1,17 @@
 """Rigid bodies."""
 
+from __future__ import annotations
+
+from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
 from pydantic import Field
 
 from hfsim.deck.fields import Points, PositiveInertia, PositiveMass, Spec
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.mechanics.body import Place, polyline
+from hfsim.mechanics.markers import Marker, RigidMarker
 
 
 class RigidSpec(Spec):
@@ -21,3 +28,49 @@ class RigidSpec(Spec):
 
     points: Points = Field(default_factory=dict)
     """Named points in the body frame [m]."""
+
+
+@dataclass(frozen=True)
+class RigidBody:
+    """A rigid body with coordinates (x, y, angle); its origin is its centre of mass.
+
+    Attributes
+    ----------
+    name : str
+    columns : slice
+    mass, inertia : float
+        Mass [kg] and moment of inertia about the centre of mass [kg m^2].
+    points : dict of str to Place
+    """
+
+    name: str
+    columns: slice
+    mass: float
+    inertia: float
+    points: dict[str, Place] = field(default_factory=dict)
+
+    @property
+    def angle_column(self) -> int | None:
+        """The third coordinate."""
+        return int(self.columns.start) + 2
+
+    @property
+    def position_columns(self) -> IntArray:
+        """The centre of mass."""
+        return np.asarray(self.columns.start + np.arange(2)[None])
+
+    def marker(self, place: Place) -> Marker:
+        """Return the marker of a point of the body."""
+        return RigidMarker(self.columns, place)
+
+    def placed(self, origin: Array, angle: float) -> Array:
+        """Return (x, y, angle)."""
+        return np.array([*origin, angle])
+
+    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+        """Return (vx, vy, omega)."""
+        return np.array([*velocity, omega])
+
+    def outline(self, x: Array) -> Array:
+        """Return the polyline from the centre of mass through the named points."""
+        return polyline(self, x)

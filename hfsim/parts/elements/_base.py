@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, component_rows
 
 
 @dataclass(frozen=True)
@@ -102,11 +102,6 @@ class ElasticLaw(Protocol):
 
     def joined(self, other: Self) -> Self:
         """Return one law for the elements of this one followed by those of another of the same kind."""
-
-
-def component_rows(V: Array) -> Array:
-    """Return vectors (..., n_elements, n_vectors, n_dim) as (n_vectors, n_dim, n_elements * n_states)."""
-    return V.T.swapaxes(0, 1).reshape(*V.shape[-2:], -1)
 
 
 class RowLaw:

@@ -13,15 +13,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre, hierarchic, interior
-from hfsim.parts.elements._base import (
-    USUAL,
-    ElasticLaw,
-    GramLaw,
-    Inertia,
-    Measures,
-    RowLaw,
-    Stiffness,
-)
+from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Inertia, Measures, RowLaw, Stiffness
 
 LAST_GRAM_DEGREE = 4
 """Highest degree at which the products of vectors are the cheaper form of the polynomial energy: their

@@ -1,0 +1,92 @@
+"""The elastic force of the model linear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, ComplexArray, IntArray
+from hfsim.maths.rotations import as_complex, as_vectors
+from hfsim.mechanics.force import ForcePart
+from hfsim.parts.bodies.frame import relative_nodes
+
+
+@dataclass(frozen=True)
+class LinearElasticForce(ForcePart):
+    """Elastic force of one beam linearised about its undeformed state in the body frame (eq. 42-43).
+
+    Attributes
+    ----------
+    name : str
+        Of the beam.
+    columns : slice
+    stiffness, damping : ndarray, shape (n_vectors * 2, n_vectors * 2)
+        Over all relative nodal coordinates [N/m and the like]; damping multiplies their rates.
+    undeformed : ndarray, shape (n_vectors, 2)
+    positions : ndarray, shape (n_vectors,)
+        One for nodal positions, zero for gradients.
+    """
+
+    name: str
+    columns: slice
+    stiffness: Array
+    damping: Array
+    undeformed: Array
+    positions: Array
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether there is damping."""
+        return bool(self.damping.any())
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return np.arange(self.columns.start, self.columns.stop)
+
+    def _nodes(self, x: Array) -> Array:
+        return x[:, self.columns].reshape(len(x), -1, 2)
+
+    def _deformation(self, x: Array) -> tuple[Array, ComplexArray, ComplexArray]:
+        """Return p - p0 flattened, the relative vectors and the frame's first axis as complex."""
+        origin, tangent, z = relative_nodes(self._nodes(x))
+        p = (z - self.positions * origin) * tangent.conj()
+        flat = (as_vectors(p) - self.undeformed).reshape(len(x), -1)
+        return flat, p, tangent
+
+    def _rates(self, x: Array, u: Array, p: ComplexArray, tangent: ComplexArray) -> Array:
+        w = as_complex(self._nodes(u))
+        local = (w - self.positions * w[:, :1]) * tangent.conj()
+        omega = local[:, 1:2].imag / p[:, 1:2].real
+        return as_vectors(local - 1j * omega * p).reshape(len(x), -1)
+
+    def displacement(self, x: Array) -> float:
+        """Return the largest nodal displacement in the body frame over the length of the beam."""
+        moved = np.abs(self._deformation(x)[0].reshape(-1, 2)) * np.tile(self.positions, len(x))[:, None]
+        return float(moved.max() / self.undeformed[:, 0].max())
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add -K (p - p0) - D p', with no force on the frame coordinates."""
+        flat, p, tangent = self._deformation(x)
+        local = flat @ -self.stiffness
+        if self.uses_rates:
+            local -= self._rates(x, u, p, tangent) @ self.damping
+        force = as_complex(local.reshape(len(x), -1, 2)).copy()
+        # what the frame coordinates do not feel is balanced at the root vectors
+        force[:, 0] = 0.0
+        force[:, 1] = force[:, 1].real
+        force[:, 0] = -(force @ self.positions)
+        force[:, 1] -= 1j * np.sum((p.conj() * force).imag, axis=-1) / p[:, 1].real
+        out[:, self.columns] += as_vectors(force * tangent).reshape(len(x), -1)
+
+    def strain_energy(self, x: Array) -> Array:
+        """Return 1/2 (p - p0)^T K (p - p0)."""
+        flat = self._deformation(x)[0]
+        return np.asarray(0.5 * np.sum((flat @ self.stiffness) * flat, axis=-1))
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the power of the damping."""
+        _, p, tangent = self._deformation(x)
+        rates = self._rates(x, u, p, tangent)
+        return np.asarray(-np.sum((rates @ self.damping) * rates, axis=-1))

@@ -1,0 +1,164 @@
+"""Beams of the model lowOrder, and their points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import Entries
+from hfsim.maths.rotations import normal, rotate
+from hfsim.mechanics.body import Place
+from hfsim.mechanics.markers import Marker
+from hfsim.parts.bodies.low_order import LowOrderBeam
+
+
+@dataclass(frozen=True)
+class LowOrderMarker:
+    """A point of the centre line of a `LowOrderBeam`, its direction along the slope (1 + w', v')."""
+
+    beam: LowOrderBeam
+    place: float
+    linear: bool = False
+    keeps_turns: bool = True
+
+    @property
+    def columns(self) -> slice:
+        """Coordinates of the beam."""
+        return self.beam.columns
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return self.beam.support
+
+    @cached_property
+    def _rows(self) -> tuple[Array, Array, Array]:
+        """Shape row, its derivative by x, and H, all at the place of the marker."""
+        beam, place = self.beam, self.place
+        return beam.mesh.shape(place), beam.mesh.shape(place, 0.0, (1, 0)), beam.foreshortening(place)
+
+    def _arm(self, x: Array) -> tuple[Array, Array]:
+        """Return s', shape (n_batch, 2), and its derivative by (w, v)."""
+        _, _, w, v = self.beam.split(x)
+        row, _, H = self._rows
+        Hv = v @ H
+        s = np.stack([self.place + w @ row[1:] - 0.5 * np.sum(Hv * v, -1), v @ row[2:]], axis=-1)
+        nw = self.beam.n_w
+        S_p = np.zeros((len(x), 2, nw + self.beam.n_v))
+        S_p[:, 0, :nw] = row[1:]
+        S_p[:, 0, nw:] = -Hv
+        S_p[:, 1, nw:] = row[2:]
+        return s, S_p
+
+    def position(self, x: Array) -> Array:
+        """Return r0 + A s'."""
+        r0, theta, _, _ = self.beam.split(x)
+        return np.asarray(r0 + rotate(theta, self._arm(x)[0]))
+
+    def position_jacobian(self, x: Array) -> Array:
+        """Return (1, A s' turned by a quarter, A ds'/dp)."""
+        _, theta, _, _ = self.beam.split(x)
+        s, S_p = self._arm(x)
+        J = np.zeros((len(x), 2, 3 + S_p.shape[2]))
+        J[:, 0, 0] = J[:, 1, 1] = 1.0
+        J[:, :, 2] = rotate(theta, normal(s))
+        J[:, :, 3:] = rotate(theta[:, None], S_p.swapaxes(1, 2)).swapaxes(1, 2)
+        return J
+
+    def position_bias(self, x: Array, u: Array) -> Array:
+        """Return A (-omega^2 s' + 2 omega x s'_t - (v'^T H v', 0))."""
+        _, theta, _, _ = self.beam.split(x)
+        _, omega, dw, dv = self.beam.split(u)
+        s, S_p = self._arm(x)
+        ds = (S_p @ np.concatenate([dw, dv], axis=1)[:, :, None])[:, :, 0]
+        local = -(omega**2)[:, None] * s + 2.0 * omega[:, None] * normal(ds)
+        local[:, 0] -= np.sum((dv @ self._rows[2]) * dv, axis=-1)
+        return rotate(theta, local)
+
+    def _slope(self, x: Array) -> tuple[Array, Array]:
+        """Return ds'/dx = (1 + w' - 1/2 v'^2, v') and its derivative by (w, v)."""
+        _, _, w, v = self.beam.split(x)
+        row = self._rows[1]
+        bend = v @ row[2:]
+        t = np.stack([1.0 + w @ row[1:] - 0.5 * bend**2, bend], axis=-1)
+        nw = self.beam.n_w
+        t_p = np.zeros((len(x), 2, nw + self.beam.n_v))
+        t_p[:, 0, :nw] = row[1:]
+        t_p[:, 0, nw:] = -bend[:, None] * row[2:]
+        t_p[:, 1, nw:] = row[2:]
+        return t, t_p
+
+    def angle(self, x: Array) -> Array:
+        """Return theta plus the angle of ds'/dx."""
+        t, _ = self._slope(x)
+        return np.asarray(x[:, self.columns.start + 2] + np.arctan2(t[:, 1], t[:, 0]))
+
+    def angle_jacobian(self, x: Array) -> Array:
+        """Return (0, 0, 1, (t x t_p)/|t|^2)."""
+        t, t_p = self._slope(x)
+        turn = normal(t) / np.sum(t * t, -1, keepdims=True)
+        head = np.zeros((len(x), 3))
+        head[:, 2] = 1.0
+        return np.concatenate([head, (turn[:, None, :] @ t_p)[:, 0]], axis=1)
+
+    def angle_bias(self, x: Array, u: Array) -> Array:
+        """Return (t x t_b)/|t|^2 - 2 (t.t')(t x t')/|t|^4 with t_b = (-v'_t^2, 0)."""
+        t, t_p = self._slope(x)
+        _, _, dw, dv = self.beam.split(u)
+        dt = (t_p @ np.concatenate([dw, dv], axis=1)[:, :, None])[:, :, 0]
+        square = np.sum(t * t, -1)
+        n = normal(t)
+        own = -n[:, 0] * dt[:, 1] ** 2 / square
+        return np.asarray(own - 2.0 * np.sum(t * dt, -1) * np.sum(n * dt, -1) / square**2)
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
+        raise NotImplementedError
+
+    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+        """Refuse, as `position_stiffness`."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class LowOrderBody:
+    """A beam of the model lowOrder."""
+
+    name: str
+    beam: LowOrderBeam
+    points: dict[str, Place]
+
+    @property
+    def columns(self) -> slice:
+        """Coordinates of the beam."""
+        return self.beam.columns
+
+    @property
+    def angle_column(self) -> int | None:
+        """The third coordinate."""
+        return int(self.columns.start) + 2
+
+    @property
+    def position_columns(self) -> IntArray:
+        """None: its coordinates are relative to a frame."""
+        return np.zeros((0, 2), dtype=np.intp)
+
+    def marker(self, place: Place) -> Marker:
+        """Return the marker of a point of the centre line."""
+        return LowOrderMarker(self.beam, place[0])
+
+    def placed(self, origin: Array, angle: float) -> Array:
+        """Return (origin, angle, no deformation)."""
+        return np.concatenate([origin, [angle], np.zeros(self.beam.n_w + self.beam.n_v)])
+
+    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+        """Return (velocity, omega, no deformation)."""
+        return np.concatenate([velocity, [omega], np.zeros(self.beam.n_w + self.beam.n_v)])
+
+    def outline(self, x: Array) -> Array:
+        """Return points of the centre line."""
+        places = self.beam.mesh.outline_places
+        return np.stack([LowOrderMarker(self.beam, float(a)).position(x) for a in places], axis=1)

@@ -1,0 +1,151 @@
+"""Elastic and damping forces of elements in absolute nodal coordinates."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Entries
+from hfsim.mechanics.connectivity import Connectivity
+from hfsim.mechanics.force import DIFFERENCE, ForcePart
+from hfsim.parts.elements._base import ElasticLaw
+from hfsim.parts.elements.cable import exact_points, gauss_rows
+
+AT_ONCE = 1024
+"""Elements, counted once for each state, whose forces are computed together: what they take stays in the
+processor's cache."""
+
+
+@dataclass(frozen=True)
+class ElasticForce(ForcePart):
+    """Elastic force of all elements that share a law, of one or several beams.
+
+    The energy does not change with a rotation, so it is evaluated on absolute nodal vectors; in the
+    body frame the same numbers would come out.
+    """
+
+    elements: Connectivity
+    law: ElasticLaw
+
+    @property
+    def quartic(self) -> bool:
+        """Return what the law says."""
+        return self.law.quartic
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add minus the derivative of the strain energy, eq. (24)."""
+        elements, states = self.elements, max(1, AT_ONCE // len(self.elements.columns))
+        if len(x) <= states:
+            out -= elements.push(self.law.pull(elements.rows(x)), len(x))
+            return
+        for first in range(0, len(x), states):
+            some = x[first : first + states]
+            out[first : first + states] -= elements.push(self.law.pull(elements.rows(some)), len(some))
+
+    def strain_energy(self, x: Array) -> Array:
+        """Return the strain energy of all elements."""
+        return np.asarray(self.law.energy(self.elements.vectors(x)).sum(axis=-1))
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return the second derivative of the strain energy in one state."""
+        return self.elements.entries(self.law.hessian(self.elements.vectors(x))[0])
+
+
+@dataclass(frozen=True)
+class KelvinVoigtForce(ForcePart):
+    """Damping proportional to the rates of axial strain and curvature, of cable elements.
+
+    Dissipated per length: EA tau_a strain'^2 + EI tau_b curvature'^2 with the Green strain and the
+    curvature (r' x r'')/|r'|^2, whose rates vanish in every rigid motion.
+
+    Attributes
+    ----------
+    elements : Connectivity
+    slope, bend : ndarray, shape (n_points, n_vectors)
+        Rows of r' and r'' (times le) at the Gauss points of an element.
+    axial, bending : ndarray, shape (n_elements, n_points)
+        EA le tau_a w and EI / le tau_b w [J s].
+    """
+
+    elements: Connectivity
+    slope: Array
+    bend: Array
+    axial: Array
+    bending: Array
+
+    @property
+    def uses_rates(self) -> bool:
+        """Return True."""
+        return True
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether there is any damping."""
+        return bool(self.axial.any() or self.bending.any())
+
+    @classmethod
+    def of(cls, elements: Connectivity, degree: int, axial: float, bending: float) -> KelvinVoigtForce:
+        """Return the force of equal elements from EA le tau_a and EI / le tau_b [J s]."""
+        w, slope, bend = gauss_rows(exact_points(degree), degree)
+        count = len(elements.columns)
+        return cls(
+            elements=elements,
+            slope=slope,
+            bend=bend,
+            axial=np.tile(axial * w, (count, 1)),
+            bending=np.tile(bending * w, (count, 1)),
+        )
+
+    def _measures(self, V: Array, dV: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
+        s, c = self.slope @ V, self.bend @ V
+        ds, dc = self.slope @ dV, self.bend @ dV
+        square = np.sum(s * s, axis=-1, keepdims=True)
+        kappa = (s[..., :1] * c[..., 1:] - s[..., 1:] * c[..., :1]) / square
+        by_c = np.stack([-s[..., 1], s[..., 0]], axis=-1) / square
+        by_s = np.stack([c[..., 1], -c[..., 0]], axis=-1) / square - 2.0 * kappa / square * s
+        strain_rate = np.sum(s * ds, axis=-1)
+        curvature_rate = np.sum(by_s * ds + by_c * dc, axis=-1)
+        return s, by_s, by_c, strain_rate, curvature_rate, square
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the damping force."""
+        out -= self.elements.force(self._gradient(self.elements.vectors(x), self.elements.vectors(u)))
+
+    def _gradient(self, V: Array, dV: Array) -> Array:
+        s, by_s, by_c, strain_rate, curvature_rate, _ = self._measures(V, dV)
+        moment = (self.bending * curvature_rate)[..., None]
+        tension = (self.axial * strain_rate)[..., None]
+        return np.asarray(self.slope.T @ (tension * s + moment * by_s) + self.bend.T @ (moment * by_c))
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state; by differences, element by element."""
+        V, dV = self.elements.vectors(x), self.elements.vectors(u)
+        change = self._gradient(V + DIFFERENCE * self._units, dV) - self._gradient(V, dV)
+        return self._entries(change / DIFFERENCE)
+
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by u in one state: the force is linear in u."""
+        return self._entries(self._gradient(self.elements.vectors(x), self._units))
+
+    @cached_property
+    def _units(self) -> Array:
+        """Each component of the difference vectors by itself, in all elements at once, as a batch."""
+        count, n_vectors, n_dim = self.elements.shape
+        m = n_vectors * n_dim
+        units = np.broadcast_to(np.eye(m)[:, None], (m, count, m))
+        return units.reshape(m, count, n_vectors, n_dim)
+
+    def _entries(self, columns: Array) -> Entries:
+        """Return the entries of a matrix whose blocks are given column by column."""
+        m, count = columns.shape[:2]
+        return self.elements.entries(columns.reshape(m, count, m).transpose(1, 2, 0))
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return minus the dissipated power."""
+        V, dV = self.elements.vectors(x), self.elements.vectors(u)
+        _, _, _, strain_rate, curvature_rate, _ = self._measures(V, dV)
+        lost = self.axial * strain_rate**2 + self.bending * curvature_rate**2
+        return np.asarray(-lost.sum(axis=(-1, -2)))
