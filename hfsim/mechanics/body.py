@@ -8,6 +8,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.pose import Pose, Twist
 
 Place = tuple[float, float]
 
@@ -38,10 +39,10 @@ class Body(Protocol):
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point."""
 
-    def placed(self, origin: Array, angle: float) -> Array:
-        """Return the coordinates of the undeformed body at an origin (2,) and angle, (n_columns,)."""
+    def placed(self, pose: Pose) -> Array:
+        """Return the coordinates of the undeformed body in a place, (n_columns,)."""
 
-    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+    def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return the rates of the undeformed body in rigid motion, (n_columns,)."""
 
     def outline(self, x: Array) -> Array:

@@ -21,6 +21,7 @@ from hfsim.mechanics.equations import Equations, VariableMass
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.markers import GroundMarker, Marker
+from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies import BeamSpec, RigidSpec
@@ -201,7 +202,7 @@ def _folded(
         name: bodies[name].marker((0.0, 0.0)).position(x[None])[0] for name in still_bodies(deck, models)
     }
     folded = {
-        name: FoldedBody(name, (float(place[0]), float(place[1])), angles[name], bodies[name].points)
+        name: FoldedBody(name, Pose.planar(place, angles[name]), bodies[name].points)
         for name, place in places.items()
     }
     return _bodies(deck, models, folded)
@@ -397,7 +398,7 @@ def _weight(deck: Deck, bodies: dict[str, Body], mass: Matrix) -> ConstantForce:
         elif isinstance(body, FoldedBody):
             spec = deck.bodies[body.name]
             assert isinstance(spec, RigidSpec)
-            energy -= spec.mass * float(np.dot(deck.gravity, body.origin))
+            energy -= spec.mass * float(np.dot(deck.gravity, body.pose.origin))
     return ConstantForce(mass @ field, energy)
 
 

@@ -18,6 +18,7 @@ from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.constraints import Constraint, RelativeAngle
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.scene.schema import InitialSpec
 
 TOLERANCE = 1e-9
@@ -62,6 +63,12 @@ class _Rigid:
     angles: Array
     free_origins: BoolArray
     free_angles: BoolArray
+
+    def poses(self) -> list[Pose]:
+        return [Pose.planar(*one) for one in zip(self.origins, map(float, self.angles), strict=True)]
+
+    def twists(self) -> list[Twist]:
+        return [Twist.planar(*one) for one in zip(self.origins, map(float, self.angles), strict=True)]
 
     def add(self, step: Array, columns: BoolArray) -> None:
         full = np.zeros(columns.shape)
@@ -135,22 +142,22 @@ def _owner(owner: Mapping[int, int], columns: slice) -> int | None:
 
 
 def _coordinates(start: Start, place: _Rigid) -> Array:
-    parts = zip(start.bodies.values(), place.origins, place.angles, strict=True)
-    return np.concatenate([body.placed(origin, float(angle)) for body, origin, angle in parts])
+    poses = zip(start.bodies.values(), place.poses(), strict=True)
+    return np.concatenate([body.placed(pose) for body, pose in poses])
 
 
 def _rate_coordinates(start: Start, place: _Rigid, rates: _Rigid) -> Array:
-    parts = zip(start.bodies.values(), place.angles, rates.origins, rates.angles, strict=True)
-    return np.concatenate([body.moving(float(a), v, float(w)) for body, a, v, w in parts])
+    parts = zip(start.bodies.values(), place.poses(), rates.twists(), strict=True)
+    return np.concatenate([body.moving(pose, twist) for body, pose, twist in parts])
 
 
 def _motions(start: Start, place: _Rigid) -> list[Array]:
     """Return the change of each body's coordinates with its rigid freedoms, shape (n_columns, 3) each."""
-    motions = []
-    for body, angle in zip(start.bodies.values(), map(float, place.angles), strict=True):
-        shifts = [body.moving(angle, axis, 0.0) for axis in np.eye(2)]
-        motions.append(np.stack([*shifts, body.moving(angle, np.zeros(2), 1.0)], axis=1))
-    return motions
+    n_dim = place.origins.shape[1]
+    return [
+        np.stack([body.moving(pose, twist) for twist in Twist.units(n_dim)], axis=1)
+        for body, pose in zip(start.bodies.values(), place.poses(), strict=True)
+    ]
 
 
 def _jacobian(start: Start, x: Array, motions: list[Array]) -> Array:

@@ -11,6 +11,7 @@ from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import normal, rotate
 from hfsim.mechanics.body import Body
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.bodies.rigid_beam import RigidBeam
@@ -119,13 +120,12 @@ def _close(scene: Scene, t: Array, y: Array, angles: Mapping[str, float]) -> Non
 def _motions(body: Body, y: Array, angle: float) -> Array:
     """Return the changes of x with the rigid freedoms of a body, shape (3, n_x)."""
     motions = np.zeros((3, y.shape[1]))
-    for k, axis in enumerate(np.eye(2)):
-        motions[k, body.columns] = body.moving(angle, axis, 0.0)
+    pose = Pose.planar((0.0, 0.0), angle)
+    for k, twist in enumerate(Twist.units(2)):
+        motions[k, body.columns] = body.moving(pose, twist)
     if isinstance(body, NodalBeam):
         vectors = y[0, body.columns].reshape(-1, 2)
         motions[2, body.columns] = normal(vectors - body.mesh.positions[:, None] * vectors[0]).ravel()
-    else:
-        motions[2, body.columns] = body.moving(angle, np.zeros(2), 1.0)
     return motions
 
 

@@ -5,6 +5,7 @@ import pytest
 from analytical import along, cable_row, cable_row_x, cable_row_xx, gauss, jacobian, turned, twice_along
 
 from hfsim.maths.matrices import assemble
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.parts.bodies.low_order import LowOrderBeam
 from hfsim.parts.bodies.low_order_body import LowOrderMarker
@@ -59,7 +60,7 @@ def stiffness_of(part, x, u=None):
 def undeformed(scene, angle=0.4):
     """State of the one body at rest, turned and shifted."""
     body = scene.bodies["b1"]
-    x = body.placed(np.array([0.3, -0.2]), angle)[None]
+    x = body.placed(Pose.planar((0.3, -0.2), angle))[None]
     near = np.zeros((1, scene.system.n))
     return scene.system.state(x, np.zeros_like(x), near)
 
@@ -118,8 +119,8 @@ def test_kinetic_energy_is_half_v_M_v(model, options, rng):
 def test_kinetic_energy_of_a_rigid_motion(model, options):
     scene = scene_of(model, options)
     body, mass = scene.bodies["b1"], 900 * 0.004 * 1.5
-    x, own = body.placed(np.zeros(2), 0.7)[None], 900 * 0.05 * 0.08**3 / 12 * 1.5
-    u = body.moving(0.7, np.array([0.3, -0.4]), 2.0)[None]
+    x, own = body.placed(Pose.planar((0.0, 0.0), 0.7))[None], 900 * 0.05 * 0.08**3 / 12 * 1.5
+    u = body.moving(Pose.planar((0.0, 0.0), 0.7), Twist.planar((0.3, -0.4), 2.0))[None]
     centre = np.array([0.3, -0.4]) + 2.0 * 0.75 * np.array([-np.sin(0.7), np.cos(0.7)])
     inertia = mass * 1.5**2 / 12 + (own if "continuum" in options else 0.0)
     expected = mass * centre @ centre / 2 + inertia * 2.0**2 / 2
@@ -269,7 +270,7 @@ def test_linear_force_is_the_slope_of_the_exact_one(options):
     scene = scene_of("linear", options)
     exact, linear = part_of(scene_of("ancf", options), ElasticForce), part_of(scene, LinearElasticForce)
     for angle in (0.0, 2.1):
-        x = scene.bodies["b1"].placed(np.array([0.3, -0.2]), angle)
+        x = scene.bodies["b1"].placed(Pose.planar((0.3, -0.2), angle))
         slope = jacobian(lambda s: force_of(linear, s), x, 1e-4)
         close(slope, jacobian(lambda s: force_of(exact, s), x, 1e-4), 1e-8)
         close(-stiffness_of(exact, x), slope, 1e-8)
@@ -456,7 +457,7 @@ def test_damped_power_is_that_of_strain_and_curvature_rates(rng):
 
 def damping_matrix(model, kind, options=""):
     scene = scene_of(model, options, damping=0.02)
-    part, x = part_of(scene, kind), scene.bodies["b1"].placed(np.zeros(2), 0.6)
+    part, x = part_of(scene, kind), scene.bodies["b1"].placed(Pose.planar((0.0, 0.0), 0.6))
     return jacobian(lambda u: force_of(part, np.repeat(x[None], len(u), axis=0), u), 0 * x)
 
 
@@ -471,7 +472,7 @@ def test_damping_is_the_stiffness_times_the_retardation_time():
     beam = part_of(scene_of("lowOrder", damping=0.02), LowOrderBeam)
     close(jacobian(lambda u: force_of(beam, 0 * u, u), np.zeros(16)), 0.02 * K, 1e-10)
     scene = scene_of("ancf", CABLES[1])
-    x = scene.bodies["b1"].placed(np.zeros(2), 0.6)
+    x = scene.bodies["b1"].placed(Pose.planar((0.0, 0.0), 0.6))
     K = stiffness_of(part_of(scene, ElasticForce), x)
     close(damping_matrix("ancf", KelvinVoigtForce), -0.02 * K, 1e-10)
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.rotations import rotate
 from hfsim.mechanics.body import Place, polyline
 from hfsim.mechanics.markers import GroundMarker, Marker
+from hfsim.mechanics.pose import Pose, Twist
 
 
 @dataclass(frozen=True)
@@ -18,15 +18,11 @@ class FoldedBody:
 
     Attributes
     ----------
-    origin : tuple of float
-        Place of its origin [m].
-    angle : float
-        Angle of its frame, full turns included [rad].
+    pose : Pose
     """
 
     name: str
-    origin: Place
-    angle: float
+    pose: Pose
     points: dict[str, Place]
     columns: slice = field(default_factory=lambda: slice(0, 0))
 
@@ -42,14 +38,14 @@ class FoldedBody:
 
     def marker(self, place: Place) -> Marker:
         """Return a point of the ground."""
-        x, y = np.array(self.origin) + rotate(np.array([self.angle]), np.array(place))[0]
-        return GroundMarker((float(x), float(y)), self.angle)
+        x, y = self.pose.placed(np.array(place))
+        return GroundMarker((float(x), float(y)), self.pose.angle)
 
-    def placed(self, origin: Array, angle: float) -> Array:
+    def placed(self, pose: Pose) -> Array:
         """Return no coordinates."""
         return np.zeros(0)
 
-    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+    def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return no rates."""
         return np.zeros(0)
 

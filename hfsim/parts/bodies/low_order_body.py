@@ -12,6 +12,7 @@ from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import normal, rotate
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.low_order import LowOrderBeam
 
 
@@ -150,13 +151,13 @@ class LowOrderBody:
         """Return the marker of a point of the centre line."""
         return LowOrderMarker(self.beam, place[0])
 
-    def placed(self, origin: Array, angle: float) -> Array:
+    def placed(self, pose: Pose) -> Array:
         """Return (origin, angle, no deformation)."""
-        return np.concatenate([origin, [angle], np.zeros(self.beam.n_w + self.beam.n_v)])
+        return np.concatenate([*pose, np.zeros(self.beam.n_w + self.beam.n_v)])
 
-    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+    def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return (velocity, omega, no deformation)."""
-        return np.concatenate([velocity, [omega], np.zeros(self.beam.n_w + self.beam.n_v)])
+        return np.concatenate([*twist, np.zeros(self.beam.n_w + self.beam.n_v)])
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""

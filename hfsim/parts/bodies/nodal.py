@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.rotations import normal, rotate
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.markers import Marker, NodalMarker
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.mesh import BeamMesh
 
 
@@ -40,15 +40,15 @@ class NodalBeam:
         """Return the marker of a material point; its direction is that of the beam's axis there."""
         return NodalMarker(self.columns, self.mesh.shape(*place), self.mesh.shape(place[0], place[1], (1, 0)))
 
-    def placed(self, origin: Array, angle: float) -> Array:
+    def placed(self, pose: Pose) -> Array:
         """Return the turned and shifted undeformed nodal vectors."""
-        turned = rotate(np.full(self.mesh.n_vectors, angle), self.mesh.undeformed)
-        return np.asarray(turned + self.mesh.positions[:, None] * origin).ravel()
+        turned = pose.turned(self.mesh.undeformed)
+        return np.asarray(turned + self.mesh.positions[:, None] * pose.origin).ravel()
 
-    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+    def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return the rates of the nodal vectors."""
-        turned = rotate(np.full(self.mesh.n_vectors, angle), self.mesh.undeformed)
-        return np.asarray(omega * normal(turned) + self.mesh.positions[:, None] * velocity).ravel()
+        turning = twist.turning(pose.turned(self.mesh.undeformed))
+        return np.asarray(turning + self.mesh.positions[:, None] * twist.velocity).ravel()
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""

@@ -12,6 +12,7 @@ from hfsim.deck.fields import Points, PositiveInertia, PositiveMass, Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.body import Place, polyline
 from hfsim.mechanics.markers import Marker, RigidMarker
+from hfsim.mechanics.pose import Pose, Twist
 
 
 class RigidSpec(Spec):
@@ -63,13 +64,13 @@ class RigidBody:
         """Return the marker of a point of the body."""
         return RigidMarker(self.columns, place)
 
-    def placed(self, origin: Array, angle: float) -> Array:
+    def placed(self, pose: Pose) -> Array:
         """Return (x, y, angle)."""
-        return np.array([*origin, angle])
+        return np.concatenate(pose)
 
-    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+    def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return (vx, vy, omega)."""
-        return np.array([*velocity, omega])
+        return np.concatenate(twist)
 
     def outline(self, x: Array) -> Array:
         """Return the polyline from the centre of mass through the named points."""

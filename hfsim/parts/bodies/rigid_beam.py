@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import normal
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.markers import Marker, RigidMarker
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.rigid import RigidBody
 
@@ -28,20 +28,22 @@ class RigidBeam(RigidBody):
         inertia = about_root - mass * (0.5 * mesh.length) ** 2
         return cls(name, columns, mass, inertia, points, mesh.length)
 
-    def _to_centre(self, angle: float) -> Array:
-        return 0.5 * self.length * np.array([np.cos(angle), np.sin(angle)])
+    @property
+    def _centre(self) -> Array:
+        return np.array([0.5 * self.length, 0.0])
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point."""
         return RigidMarker(self.columns, (place[0] - 0.5 * self.length, place[1]))
 
-    def placed(self, origin: Array, angle: float) -> Array:
+    def placed(self, pose: Pose) -> Array:
         """Return the mid-point and the angle."""
-        return super().placed(origin + self._to_centre(angle), angle)
+        return super().placed(pose._replace(origin=pose.placed(self._centre)))
 
-    def moving(self, angle: float, velocity: Array, omega: float) -> Array:
+    def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return the velocity of the mid-point and the angular velocity."""
-        return super().moving(angle, velocity + omega * normal(self._to_centre(angle)), omega)
+        velocity = twist.velocity + twist.turning(pose.turned(self._centre))
+        return super().moving(pose, twist._replace(velocity=velocity))
 
     def outline(self, x: Array) -> Array:
         """Return root and tip."""
