@@ -21,7 +21,8 @@ from hfsim.run.plan import plan_of
 from hfsim.run.solution import Channel, Run
 from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck, is_judged
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import is_judged
 from hfsim.trust.adaptive import Course, Leg, chooses, run_adaptive
 from hfsim.trust.diagnosis import diagnose, suspect, time_for
 from hfsim.trust.handover import hand_over

@@ -160,7 +160,7 @@ def test_a_run_imports_no_more_than_it_needs(tmp_path):
 def test_a_deck_builds_only_the_classes_it_uses():
     code = (
         "from hfsim.parts.bodies import BeamSpec, RigidSpec\n"
-        "from hfsim.scene.schema import load_deck\n"
+        "from hfsim.scene.loading import load_deck\n"
         f"load_deck({str(ROOT / 'cases' / 'pendulum.yaml')!r})\n"
         "print(*(spec.__name__ for spec in (BeamSpec, RigidSpec) if spec.__pydantic_complete__))"
     )
@@ -190,7 +190,7 @@ def test_ci_runs_the_commands_of_the_readme():
 
 
 def test_the_deck_of_the_readme_runs():
-    from hfsim.scene.schema import parse_deck
+    from hfsim.scene.loading import parse_deck
     from hfsim.simulate import simulate
 
     deck = re.search(r"```yaml\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)

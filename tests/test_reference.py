@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hfsim.scene.schema import load_deck
+from hfsim.scene.loading import load_deck
 from hfsim.simulate import simulate
 
 HERE = Path(__file__).parent

@@ -12,7 +12,7 @@ import numpy as np
 
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import sample, validity
 from hfsim.trust.validity import LEFT
 

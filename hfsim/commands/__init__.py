@@ -23,7 +23,7 @@ from hfsim.errors import DeckError, HfsimError
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
     from hfsim.output.writers import Provenance
-    from hfsim.scene.schema import LoadedDeck
+    from hfsim.scene.loading import LoadedDeck
 
 STARTED = time.perf_counter()
 """When the program started, near enough [s]."""
@@ -361,7 +361,7 @@ def load_decks(
     click.exceptions.Exit
         With code 2 if any deck is bad; its problems have been printed then.
     """
-    from hfsim.scene.schema import load_deck
+    from hfsim.scene.loading import load_deck
 
     loaded, codes = [], []
     for argument in arguments:

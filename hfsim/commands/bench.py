@@ -33,7 +33,7 @@ from hfsim.commands import (
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
-    from hfsim.scene.schema import LoadedDeck
+    from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.bench import Bench, Cell, Point, Sweep
 
 MARKER = bench_separation.MARKER

@@ -55,7 +55,7 @@ def check(
 
 
 def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
-    from hfsim.scene.schema import load_deck
+    from hfsim.scene.loading import load_deck
     from hfsim.simulate import check as assemble
 
     try:

@@ -32,7 +32,8 @@ from hfsim.commands import (
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
     from hfsim.run.solution import Run
-    from hfsim.scene.schema import Deck, LoadedDeck
+    from hfsim.scene.loading import LoadedDeck
+    from hfsim.scene.schema import Deck
     from hfsim.studies.compare import ChannelScale, Comparison, ModelResult
 
 _REPEAT_BELOW = 1.0

@@ -23,7 +23,7 @@ from hfsim.commands import (
 )
 
 if TYPE_CHECKING:
-    from hfsim.scene.schema import LoadedDeck
+    from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.plan import RuleCost
 
 _PROOF_SHARE = 0.1
@@ -73,7 +73,7 @@ def plan(
 
 
 def _load(argument: str, settings: tuple[str, ...], talk: Talk) -> LoadedDeck:
-    from hfsim.scene.schema import load_deck
+    from hfsim.scene.loading import load_deck
 
     return with_numbers(load_deck(find_deck(argument, talk), settings), talk)
 

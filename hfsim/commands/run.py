@@ -36,7 +36,7 @@ from hfsim.commands import (
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
     from hfsim.run.solution import Run
-    from hfsim.scene.schema import LoadedDeck
+    from hfsim.scene.loading import LoadedDeck
 
 
 @dataclass(frozen=True)

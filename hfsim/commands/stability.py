@@ -32,7 +32,7 @@ from hfsim.commands import (
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
-    from hfsim.scene.schema import LoadedDeck
+    from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.axes import Axis
     from hfsim.studies.limits import Limit, Limits
     from hfsim.studies.stability import MapPoint, Plan, StabilityMap

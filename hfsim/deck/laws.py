@@ -16,18 +16,9 @@ from annotated_types import MinLen
 from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field
 
-from hfsim.deck.fields import (
-    Angle,
-    Complaint,
-    Number,
-    OneOf,
-    PositiveFrequency,
-    PositiveTime,
-    Spec,
-    Time,
-    refuse_all,
-)
+from hfsim.deck.fields import Angle, Number, PositiveFrequency, PositiveTime, Time
 from hfsim.deck.source import Path
+from hfsim.deck.spec import Complaint, OneOf, Spec, refuse_all
 from hfsim.deck.units import UnitError, parse_quantity
 from hfsim.maths.arrays import Array
 

@@ -5,18 +5,16 @@ from collections.abc import Iterator
 from typing import Annotated, Literal, Protocol
 
 from hfsim.deck.fields import (
-    Complaint,
     NonNegativeLength,
     NonNegativeTime,
-    OneOf,
     PositiveArea,
     PositiveDensity,
     PositiveLength,
     PositivePressure,
     PositiveSecondMoment,
-    Spec,
     measures,
 )
+from hfsim.deck.spec import Complaint, OneOf, Spec
 
 _PROPORTIONS = (1e-4, 1e4)
 

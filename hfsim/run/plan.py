@@ -22,8 +22,8 @@ from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 from hfsim.run.culprit import force_items
 from hfsim.scene.build import Scene
+from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import RULES
-from hfsim.scene.schema import LoadedDeck
 
 COSTS = {
     "call": 12.4,
@@ -109,8 +109,6 @@ def _why_not(scene: Scene, rule: str) -> str:
         return "solve.keep_all"
     if rule in solve.keep:
         return "named in solve.keep"
-    if rule == "transverse":
-        return RULES[rule].because
     return f"only when {RULES[rule].when}"
 
 

@@ -38,8 +38,9 @@ from hfsim.parts.bodies.rigid import RigidBody
 from hfsim.parts.bodies.rigid_beam import RigidBeam
 from hfsim.parts.elements import ELEMENTS, Cable, ElasticLaw, Inertia, Measures, Stiffness, join_laws
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
+from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
-from hfsim.scene.schema import Deck, LoadedDeck
+from hfsim.scene.schema import Deck
 from hfsim.scene.start import Start, starting_state
 
 

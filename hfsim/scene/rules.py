@@ -10,11 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 if TYPE_CHECKING:
+    from hfsim.mechanics.system import System
     from hfsim.parts.bodies.models import Model
-    from hfsim.scene.build import Scene
     from hfsim.scene.schema import Deck
 
 Models: TypeAlias = "Mapping[str, Model]"
@@ -23,6 +23,18 @@ Items = tuple[str, ...]
 """Deck paths (``springs.coil``) or plain words for what is left out; empty if the rule does not fire."""
 Sizes = dict[str, int]
 """Counts of what a scene consists of, or of what a rule saves of it."""
+
+
+class Assembled(Protocol):
+    """What savings are read from."""
+
+    @property
+    def system(self) -> System:
+        """The system."""
+
+    @property
+    def joints(self) -> Mapping[str, tuple[int, ...]]:
+        """Which constraints of the system each joint is made of."""
 
 
 PARTS_FROM = 64
@@ -56,7 +68,7 @@ class Rule(NamedTuple):
     when: str
     because: str
     find: Callable[[Deck, Models], Items]
-    saved: Callable[[Scene, Items], tuple[Items, Sizes]]
+    saved: Callable[[Assembled, Items], tuple[Items, Sizes]]
 
 
 @dataclass(frozen=True)
@@ -266,23 +278,19 @@ def _plots(deck: Deck, models: Models) -> Items:
     return () if deck.output.plots else ("plots and outlines",)
 
 
-def _never(deck: Deck, models: Models) -> Items:
-    return ()
-
-
 # --- savings -------------------------------------------------------------------------------------
 
 
-def _each(size: str) -> Callable[[Scene, Items], tuple[Items, Sizes]]:
+def _each(size: str) -> Callable[[Assembled, Items], tuple[Items, Sizes]]:
     """Return the saving of a rule that spares one of something for each item."""
     return lambda scene, items: (items, {size: len(items)} if items else {})
 
 
-def _saved_weight(scene: Scene, items: Items) -> tuple[Items, Sizes]:
+def _saved_weight(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
     return items, {"terms of Q": 1, "body-force integrals": len(items)} if items else {}
 
 
-def _saved_joints(scene: Scene, items: Items) -> tuple[Items, Sizes]:
+def _saved_joints(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
     system = scene.system
     gone = {k: name for name, members in scene.joints.items() for k in members}
     joints = dict.fromkeys(f"joints.{gone[k]}" for k in sorted(system.reduction.eliminated))
@@ -290,15 +298,15 @@ def _saved_joints(scene: Scene, items: Items) -> tuple[Items, Sizes]:
     return tuple(joints), counts if joints else {}
 
 
-def _saved_bodies(scene: Scene, items: Items) -> tuple[Items, Sizes]:
+def _saved_bodies(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
     return items, {"coordinates": 3 * len(items), "joint equations": 3 * len(items)} if items else {}
 
 
-def _saved_rates(scene: Scene, items: Items) -> tuple[Items, Sizes]:
+def _saved_rates(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
     return (items, {"maps of rates": 1}) if items and not scene.system.uses_rates else ((), {})
 
 
-def _saved_parts(scene: Scene, items: Items) -> tuple[Items, Sizes]:
+def _saved_parts(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
     return items, {"common steps": 1} if items else {}
 
 
@@ -408,16 +416,6 @@ _RULES = (
         "nothing would read them",
         _plots,
         _each("outlines"),
-    ),
-    Rule(
-        "transverse",
-        "transverse coordinates of scenes that are symmetric about an axis",
-        "never",
-        "undisturbed, the beam stays straight with them too; but any axial force that oscillates, in tension "
-        "too, can excite them parametrically and any compression can buckle the beam: without these "
-        "coordinates the search for such growth would be blind, and no cheap proof excludes it",
-        _never,
-        _each("unknowns"),
     ),
 )
 RULES: dict[str, Rule] = {rule.name: rule for rule in _RULES}

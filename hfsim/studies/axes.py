@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.scene.schema import Deck, LoadedDeck, parse_deck
+from hfsim.scene.loading import LoadedDeck, parse_deck
+from hfsim.scene.schema import Deck
 
 Value = float | str
 """A number, or a word such as a method's name."""

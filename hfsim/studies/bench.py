@@ -26,7 +26,8 @@ from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.solution import Channel, Run
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck, SolveSpec
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import compute_channels, sample
 from hfsim.studies.compare import ChannelScale, channel_scales
 

@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from hfsim.errors import HfsimError
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 from hfsim.studies.farm import Farm, Outcome, Task
 from hfsim.studies.judge import (
     CLASSES,

@@ -26,7 +26,8 @@ from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.solution import Channel
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import SolveSpec, parse_deck
+from hfsim.scene.loading import parse_deck
+from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import compute_channels, sample, validity
 from hfsim.studies.bench import Budget, OutOfBudgetError, channel_error, judged_scales
 from hfsim.studies.compare import ChannelScale

@@ -25,7 +25,7 @@ from hfsim.maths.arrays import Array
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck, parse_deck
+from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.studies.bench import Budget, OutOfBudgetError
 from hfsim.studies.farm import Farm, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum

@@ -15,7 +15,7 @@ from hfsim.run.integration import problem_of
 from hfsim.run.plan import keeping, plan_of, predicted_call
 from hfsim.run.solution import Run
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck
+from hfsim.scene.loading import LoadedDeck
 from hfsim.simulate import simulate
 
 ALL = "all"

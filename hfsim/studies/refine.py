@@ -33,7 +33,8 @@ from hfsim.run.clock import PhaseClock
 from hfsim.run.integration import Integration, Progress, run_integration
 from hfsim.run.solution import Channel, Run
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck, is_judged
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import is_judged
 from hfsim.simulate import assess, channel_errors, compute_channels, sample
 from hfsim.studies.bench import Budget, mesh_words, tidy
 from hfsim.studies.methods import MARGIN, Contest, Entry, Probe, Turn, candidates

@@ -14,7 +14,7 @@ from itertools import pairwise, product
 from typing import Any
 
 from hfsim.errors import DeckError
-from hfsim.scene.schema import LoadedDeck
+from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import Axis, Value, point_overrides, written
 from hfsim.studies.farm import Farm, Outcome, Task
 from hfsim.studies.judge import (

@@ -26,7 +26,7 @@ from hfsim.maths.arrays import Array
 from hfsim.parts.bodies.rigid_beam import RigidBeam
 from hfsim.run.integration import Integration, Progress, run_integration
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck
+from hfsim.scene.loading import LoadedDeck
 from hfsim.trust.handover import hand_over
 from hfsim.trust.quasistatic import quasistatic
 from hfsim.trust.validity import TRUNCATED, Deformation, deformation, error_reason, tip_error, tip_range

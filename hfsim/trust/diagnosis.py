@@ -25,7 +25,8 @@ from hfsim.run.balance import balance, step_samples
 from hfsim.run.culprit import body_of
 from hfsim.run.integration import Integration, Watch, run_integration
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck, SolveSpec
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import SolveSpec
 from hfsim.trust.growth import Growth, amplitude_of, disturbed_growth, loaded_items
 from hfsim.trust.validity import STEEP, truncated_beams, watch_validity
 

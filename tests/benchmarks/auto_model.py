@@ -17,7 +17,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from validity_study import CANTILEVER, CASES, SPIN_UP
 
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 
 RAMP = """hfsim: 1

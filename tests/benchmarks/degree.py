@@ -24,7 +24,7 @@ import numpy as np
 
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import load_deck
+from hfsim.scene.loading import load_deck
 from hfsim.simulate import sample
 
 CASES = Path(__file__).parents[2] / "cases"

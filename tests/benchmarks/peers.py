@@ -40,7 +40,7 @@ from scipy.integrate import solve_ivp
 
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck, load_deck
+from hfsim.scene.loading import LoadedDeck, load_deck
 from hfsim.simulate import samples_at
 
 LEVELS = tuple(10.0**-k for k in range(3, 11))

@@ -18,7 +18,7 @@ import numpy as np
 
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 
 BEAM = """
 hfsim: 1

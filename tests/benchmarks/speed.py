@@ -25,7 +25,7 @@ from statistics import median
 import numpy as np
 
 from hfsim.run.solution import Run
-from hfsim.scene.schema import load_deck
+from hfsim.scene.loading import load_deck
 from hfsim.simulate import simulate
 
 ROOT = Path(__file__).resolve().parent.parent.parent

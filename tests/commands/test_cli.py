@@ -97,7 +97,7 @@ def fake_run(name, model, status="done", code=0, error=0.0, cpu=0.5, end=1.0, na
 def scene(monkeypatch, tmp_path):
     """A fake scene, and an empty current folder with the decks case.yaml, other.yaml and bad.yaml."""
     fake = FakeScene()
-    monkeypatch.setitem(sys.modules, "hfsim.scene.schema", types.SimpleNamespace(load_deck=fake.load_deck))
+    monkeypatch.setitem(sys.modules, "hfsim.scene.loading", types.SimpleNamespace(load_deck=fake.load_deck))
     module = types.SimpleNamespace(simulate=fake.simulate, check=fake.check)
     monkeypatch.setitem(sys.modules, "hfsim.simulate", module)
     monkeypatch.chdir(tmp_path)

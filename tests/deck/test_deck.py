@@ -14,7 +14,7 @@ from hfsim.deck.materials import MaterialSpec, SectionSpec
 from hfsim.deck.source import OverrideProblem, parse_source
 from hfsim.deck.units import SI_UNITS, UNITS, UnitError, parse_quantity
 from hfsim.errors import DeckError
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 
 HERE = Path(__file__).parent
 CASES = sorted((HERE.parents[1] / "cases").glob("*.yaml"))

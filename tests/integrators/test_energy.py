@@ -8,7 +8,7 @@ from hfsim.integrators import energy
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.spectra import fastest_mode
 
 ARM = """

@@ -14,7 +14,7 @@ from hfsim.integrators.explicit import Explicit
 from hfsim.integrators.gear import Gear
 from hfsim.integrators.generalized_alpha import GeneralizedAlpha
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 
 TIGHT = 1e-13
 

@@ -13,7 +13,7 @@ from hfsim.maths.matrices import assemble, dense, is_sparse
 from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.reduction import Reduction
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 
 HEAD = """
 hfsim: 1

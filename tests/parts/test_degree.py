@@ -18,7 +18,7 @@ from hfsim.parts.elements.cable import (
     green_linear_law,
 )
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 from hfsim.studies.separation_forms import STIFFNESS_FORMS
 

@@ -13,7 +13,7 @@ from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.frame import FrameChart
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 
 PAIRS = list(itertools.product(MODELS, MODELS))

@@ -13,7 +13,7 @@ from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.elements import ELEMENTS
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 
 DECK = """
 hfsim: 1

@@ -7,7 +7,7 @@ from analytical import along, gauss
 from hfsim.maths.shapes import interior
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 
 DECK = """
 hfsim: 1

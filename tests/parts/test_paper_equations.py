@@ -19,7 +19,7 @@ from analytical import (
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELEMENTS, Cable, Inertia, Stiffness
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 from hfsim.studies.separation_forms import STIFFNESS_FORMS, GramStiffness, SeparatedStiffness
 
 INERTIA = Inertia(per_length=1.7, rotary=0.0, height=0.3)

@@ -5,7 +5,7 @@ import pytest
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import parse_deck
+from hfsim.scene.loading import parse_deck
 
 ROTOR = """
 hfsim: 1

@@ -15,15 +15,14 @@ from hfsim.run.culprit import force_items
 from hfsim.run.integration import run_integration
 from hfsim.run.plan import COSTS, features, plan_of
 from hfsim.scene.build import build
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.rules import RULES
-from hfsim.scene.schema import load_deck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.studies.plan import ALL, firing, largest_difference, measure
 
 SPARE, NEEDED = (CASES / "rules" / f"{name}.yaml" for name in ("spare", "needed"))
 SMALL = ["bodies.arm.elements=2", "bodies.blade.elements=1"]
 """Enough to show a rule that has nothing to do with the number of elements."""
-NEVER = {"transverse"}
 ANGLE_FREE = ["output.channels=[b1.tip.x, b1.tip.y, energy.total]"]
 FALLING = ["gravity=[0.3, -9.81]"]
 CLAMPED = [
@@ -75,7 +74,6 @@ NOT_HERE = {
     "parts, small": SMALL,
     "turns": ["output.channels=[arm.angle, blade.tip.deflection]"],
     "plots": ["output.plots=true"],
-    "transverse": [],
 }
 """Changes of a scene after which a rule must not fire."""
 
@@ -101,7 +99,7 @@ def test_a_rule_does_not_fire_where_its_condition_is_not_met(rule, settings):
 
 def test_every_rule_has_both_kinds_of_scene():
     shown = {label.split()[0] for label in IN_USE} - {ALL}
-    assert shown == set(RULES) - NEVER
+    assert shown == set(RULES)
     assert {label.split(",")[0] for label in NOT_HERE} == set(RULES)
 
 

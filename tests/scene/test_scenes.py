@@ -12,7 +12,7 @@ from scipy.special import ellipj, ellipk
 
 from hfsim.errors import DeckError
 from hfsim.scene.build import build
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.commands import CASES, parse_budget
-from hfsim.scene.schema import load_deck
+from hfsim.scene.loading import load_deck
 from hfsim.studies.bench import (
     CSV_COLUMNS,
     Bench,

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.commands.extreme import FOLDER
-from hfsim.scene.schema import load_deck
+from hfsim.scene.loading import load_deck
 from hfsim.studies.extreme import (
     Case,
     Expectation,

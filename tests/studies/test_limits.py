@@ -11,7 +11,7 @@ from hfsim.cli import app
 from hfsim.commands import CASES
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.limits import (
     LimitJob,
     explicit_growth,

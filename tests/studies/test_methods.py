@@ -16,7 +16,7 @@ from hfsim.integrators import METHODS, gauss
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import load_deck
+from hfsim.scene.loading import load_deck
 from hfsim.simulate import channel_errors, simulate
 from hfsim.studies import methods
 from hfsim.studies import refine as module

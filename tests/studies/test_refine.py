@@ -12,7 +12,8 @@ from hfsim.cli import app
 from hfsim.commands import CASES
 from hfsim.errors import DeckError
 from hfsim.scene.build import build
-from hfsim.scene.schema import is_judged, load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.scene.schema import is_judged
 from hfsim.simulate import channel_errors, simulate
 from hfsim.studies import refine as module
 from hfsim.studies.refine import Level, Setting, _Part, refine, refined

@@ -16,7 +16,8 @@ from hfsim.parts.elements._base import QuadraticMap
 from hfsim.parts.elements.forces import ElasticForce
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import SolveSpec, load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.scene.schema import SolveSpec
 from hfsim.studies.bench import Budget
 from hfsim.studies.separation import (
     CSV_COLUMNS,

@@ -13,7 +13,7 @@ from zoo import DEAD_CENTRE
 from hfsim.cli import app
 from hfsim.commands import CASES
 from hfsim.errors import DeckError
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary
 from hfsim.studies.farm import Farm, Task
 from hfsim.studies.judge import Bounds, Job, Trial, Truth, classify, solve_point, solve_reference

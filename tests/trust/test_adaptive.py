@@ -10,7 +10,7 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.trust.handover import hand_over
 from hfsim.trust.quasistatic import quasistatic

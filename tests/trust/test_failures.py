@@ -15,7 +15,7 @@ from hfsim.errors import DeckError, SolverFailure
 from hfsim.integrators import Limits, Problem, _base, integrate
 from hfsim.integrators.explicit import Explicit
 from hfsim.scene.build import build
-from hfsim.scene.schema import load_deck, parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from hfsim.deck.fields import OneOf
+from hfsim.deck.spec import OneOf
 from hfsim.parts.bodies.beam import BeamSpec, QuadratureSpec
 from hfsim.parts.bodies.rigid import RigidSpec
 

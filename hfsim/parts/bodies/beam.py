@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 
 from pydantic import BeforeValidator, Field
 
-from hfsim.deck.fields import Complaint, Flag, Points, PositiveLength, Spec, refusal, shown, whole
+from hfsim.deck.fields import Flag, Points, PositiveLength, whole
+from hfsim.deck.spec import Complaint, Spec, refusal, shown
 
 END_POINTS = ("root", "tip")
 """Points that every beam has."""

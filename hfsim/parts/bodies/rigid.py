@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from hfsim.deck.fields import Points, PositiveInertia, PositiveMass, Spec
+from hfsim.deck.fields import Points, PositiveInertia, PositiveMass
+from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.body import Place, polyline
 from hfsim.mechanics.markers import Marker, RigidMarker

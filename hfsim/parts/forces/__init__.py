@@ -5,7 +5,7 @@ The module of a kind is imported when a deck has one.
 
 from typing import TYPE_CHECKING, Annotated
 
-from hfsim.deck.fields import OneOf, Spec
+from hfsim.deck.spec import OneOf, Spec
 
 if TYPE_CHECKING:
     from hfsim.parts.forces.force import ForceSpec

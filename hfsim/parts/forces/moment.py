@@ -6,8 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Moment, Spec
+from hfsim.deck.fields import Moment
 from hfsim.deck.laws import Law, ScaleLaw
+from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker

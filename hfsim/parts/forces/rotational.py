@@ -6,7 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Angle, Between, RotationalDamping, RotationalStiffness, Spec
+from hfsim.deck.fields import Angle, Between, RotationalDamping, RotationalStiffness
+from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import wrap

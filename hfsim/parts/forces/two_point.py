@@ -6,7 +6,8 @@ from typing import Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Between, Damping, NonNegativeLength, Spec, Stiffness
+from hfsim.deck.fields import Between, Damping, NonNegativeLength, Stiffness
+from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, joint_support

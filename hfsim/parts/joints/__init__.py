@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING, Annotated
 
-from hfsim.deck.fields import OneOf, Spec
+from hfsim.deck.spec import OneOf, Spec
 
 if TYPE_CHECKING:
     from hfsim.parts.joints.driver import DriverSpec

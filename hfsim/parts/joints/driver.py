@@ -3,8 +3,9 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from hfsim.deck.fields import Axis, Between, Complaint, Spec
+from hfsim.deck.fields import Axis, Between
 from hfsim.deck.laws import AngleLaw, PositionLaw
+from hfsim.deck.spec import Complaint, Spec
 from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle, unit
 from hfsim.mechanics.markers import Marker
 

@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from hfsim.deck.fields import Angle, Between, Spec
+from hfsim.deck.fields import Angle, Between
+from hfsim.deck.spec import Spec
 from hfsim.mechanics.constraints import Coincide, Constraint, RelativeAngle
 from hfsim.mechanics.markers import Marker
 

@@ -2,7 +2,8 @@
 
 from typing import Literal
 
-from hfsim.deck.fields import Angle, Axis, Between, Spec
+from hfsim.deck.fields import Angle, Axis, Between
+from hfsim.deck.spec import Spec
 from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle, unit
 from hfsim.mechanics.markers import Marker
 

@@ -1,0 +1,171 @@
+"""Base class of deck entries: how one is read, and how it says what is wrong.
+
+An entry says what is wrong with it as a whole in `Spec.complaints`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib import import_module
+from typing import Any, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
+from pydantic_core.core_schema import no_info_plain_validator_function
+
+from hfsim.deck.source import Path, did_you_mean
+
+REFUSED = "refused"
+"""Kind of pydantic's error that carries a complaint."""
+
+
+class Complaint(NamedTuple):
+    """What is wrong with an entry.
+
+    Attributes
+    ----------
+    path : tuple
+        Where, counted from the entry that complains.
+    message, hint : str
+        What is wrong, and what would be right.
+    on_key : bool
+        Whether the key is to be marked, not the value.
+    """
+
+    path: Path
+    message: str
+    hint: str = ""
+    on_key: bool = False
+
+
+class Spec(BaseModel):
+    """Base of everything a deck may say: frozen, no unknown keys, finite numbers only."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
+
+    @classmethod
+    def keys(cls) -> list[str]:
+        """Return the keys that an entry may have, as decks spell them."""
+        return [info.alias or name for name, info in cls.model_fields.items()]
+
+    def complaints(self) -> Iterable[Complaint]:
+        """Yield what is wrong with this entry where each key by itself is right."""
+        return ()
+
+    def model_post_init(self, context: Any, /) -> None:
+        """Refuse an entry that has complaints."""
+        refuse_all(self.complaints())
+
+
+def refusal(message: str, hint: str = "", on_key: bool = False) -> PydanticCustomError:
+    """Return the exception by which a validator refuses a value, with what would be right."""
+    return PydanticCustomError(REFUSED, "{message}", {"message": message, "hint": hint, "on_key": on_key})
+
+
+def refused(complaints: Sequence[Complaint]) -> ValidationError:
+    """Return the exception that makes all complaints at once, each at its own path."""
+    errors = [
+        InitErrorDetails(type=refusal(one.message, one.hint, one.on_key), loc=one.path, input=None)
+        for one in complaints
+    ]
+    return ValidationError.from_exception_data("entry", errors)
+
+
+def refuse_all(complaints: Iterable[Complaint]) -> None:
+    """Raise all complaints at once; do nothing where there are none."""
+    if found := list(complaints):
+        raise refused(found)
+
+
+class ReadBy:
+    """Marks a field's type: a function turns the deck's value into it, or refuses it.
+
+    Pydantic's own validators would look at each function's signature whenever a class is built.
+
+    Attributes
+    ----------
+    read : callable
+        From the deck's value to the field's.
+    """
+
+    def __init__(self, read: Callable[[Any], object]) -> None:
+        self.read = read
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        """Tell pydantic how the field is validated."""
+        return no_info_plain_validator_function(self.read)
+
+
+class OneOf:
+    """Marks a union of entries: one key of an entry says which class it is read as.
+
+    Pydantic's own unions build all their classes at once; here a class is built, and if need be its module
+    imported, when a deck first has such an entry.
+
+    Attributes
+    ----------
+    key : str
+        The key.
+    kinds : mapping of str to type or str
+        The key's values and the class of each, or where it stands: ``hfsim.parts.joints.fixed.FixedSpec``.
+    otherwise : type, optional
+        The class of entries without the key.
+    """
+
+    def __init__(
+        self, key: str, kinds: Mapping[str, type[Spec] | str], otherwise: type[Spec] | None = None
+    ) -> None:
+        self.key, self.kinds, self.otherwise = key, kinds, otherwise
+
+    def spec_of(self, entry: dict[str, Any]) -> type[Spec] | None:
+        """Return the class that an entry is read as, None where its key does not say it."""
+        if self.key not in entry:
+            return self.otherwise
+        kind = entry[self.key]
+        spec = self.kinds.get(kind) if isinstance(kind, str) else None
+        if isinstance(spec, str):
+            module, _, name = spec.rpartition(".")
+            found: type[Spec] = getattr(import_module(module), name)
+            return found
+        return spec
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        """Tell pydantic how the field is validated."""
+        return no_info_plain_validator_function(self._read)
+
+    def _read(self, value: Any) -> Spec:
+        if isinstance(value, Spec):
+            return value
+        if not isinstance(value, dict):
+            raise refusal(f"must be a map, not {shown(value)}")
+        spec = self.spec_of(value)
+        if spec is not None:
+            return spec.model_validate(value)
+        if self.key not in value:
+            wrong = Complaint((self.key,), "missing key", "it says which kind this entry is", on_key=True)
+        else:
+            wrong = wrong_choice((self.key,), value[self.key], list(self.kinds))
+        raise refused([wrong])
+
+
+def wrong_choice(path: Path, given: object, choices: list[str]) -> Complaint:
+    """Return what is wrong with a value that is none of the choices."""
+    hint = did_you_mean(str(given), choices)
+    message = f"must be one of {', '.join(choices)}, not {shown(given)}"
+    return Complaint(path, message, hint if "?" in hint else "")
+
+
+def shown(value: object) -> str:
+    """Return a deck's value as messages show it."""
+    if value is None:
+        return "empty"
+    if isinstance(value, dict):
+        return "a map"
+    if isinstance(value, list | tuple):
+        return "a list"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:g}"
+    text = f"'{value}'" if isinstance(value, str) else str(value)
+    return text if len(text) <= 60 else text[:57] + "..."

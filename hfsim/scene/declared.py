@@ -1,0 +1,92 @@
+"""The names that a deck declares, looked up in its plain data: bad entries have names too."""
+
+import difflib
+from collections.abc import Iterable, Iterator
+from functools import cached_property
+from typing import Any
+
+from hfsim.deck.fields import split_point
+from hfsim.deck.source import Path, did_you_mean
+from hfsim.deck.spec import Complaint
+from hfsim.parts.bodies import BeamSpec
+from hfsim.parts.bodies.beam import END_POINTS
+from hfsim.scene.schema import Deck
+
+
+class Declared:
+    """Names of bodies, joints, points and the like.
+
+    A name that some other, already reported mistake may have hidden is not complained about.
+
+    Attributes
+    ----------
+    data : dict
+        Plain data of a deck.
+    """
+
+    def __init__(self, data: dict[str, Any]) -> None:
+        self.data = data
+
+    def maps(self, key: str) -> dict[str, dict[str, Any]]:
+        """Return those entries of a top-level key that are maps."""
+        value = self.data.get(key)
+        pairs = value.items() if isinstance(value, dict) else ()
+        return {name: entry for name, entry in pairs if isinstance(entry, dict)}
+
+    def names(self, key: str) -> list[str] | None:
+        """Return the names under a top-level key, None where they cannot be known."""
+        return _names_in(self.data, key, Deck.keys())
+
+    @cached_property
+    def points(self) -> dict[str, list[str] | None] | None:
+        """The points of ground and of each body; None where they cannot be known."""
+        bodies = self.names("bodies")
+        ground = self.data.get("ground", {})
+        if bodies is None or not bodies:
+            return None
+        known = _names_in(ground, "points", ["points"]) if isinstance(ground, dict) else None
+        return {"ground": known, **{name: _points_of(self.data["bodies"][name]) for name in bodies}}
+
+    def point_complaint(self, path: Path, reference: str) -> Iterator[Complaint]:
+        """Yield a point that does not exist."""
+        if self.points is None:
+            return
+        owner, point = split_point(reference)
+        if owner not in self.points:
+            yield Complaint(path, f"there is no body '{owner}'", did_you_mean(owner, self.points))
+            return
+        known = self.points[owner]
+        if known is None or not point or point in known:
+            return
+        if point in END_POINTS:
+            yield Complaint(
+                path, f"'{owner}' has no {point}, only beams have", _points_hint(owner, point, known)
+            )
+        else:
+            yield Complaint(path, f"'{owner}' has no point '{point}'", _points_hint(owner, point, known))
+
+
+def _names_in(data: dict[str, Any], key: str, known_keys: Iterable[str]) -> list[str] | None:
+    """Return the keys of a map inside a map, none if it is absent, None if it is malformed or misspelt."""
+    if key not in data:
+        strangers = [other for other in data if isinstance(other, str) and other not in known_keys]
+        return None if difflib.get_close_matches(key, strangers, n=1) else []
+    value = data[key]
+    if value is None:
+        return []
+    return list(value) if isinstance(value, dict) else None
+
+
+def _points_of(body: Any) -> list[str] | None:
+    """Return the points that a body's plain data declare, None where they cannot be known."""
+    if not isinstance(body, dict) or body.get("type") not in ("beam", "rigid"):
+        return None
+    ends = END_POINTS if body["type"] == "beam" else ()
+    points = _names_in(body, "points", BeamSpec.keys())
+    return None if points is None else [*ends, *points]
+
+
+def _points_hint(owner: str, point: str, known: list[str]) -> str:
+    if not known:
+        return f"declare it under {'ground.points' if owner == 'ground' else f'bodies.{owner}.points'}"
+    return did_you_mean(point, known)

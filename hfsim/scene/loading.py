@@ -1,0 +1,151 @@
+"""From a file to a checked deck.
+
+Pydantic checks each entry; then `Checks` looks at names in the plain data, so that one bad entry hides no bad
+reference elsewhere, and at options and sizes in the entries that could be read.
+"""
+
+import typing
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path as FilePath
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from hfsim.deck.source import DeckSource, parse_source, read_source
+from hfsim.errors import DeckError
+from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
+from hfsim.scene.checks import Checks
+from hfsim.scene.schema import Deck, sha256_of
+
+DEFAULT_TARGET = 1e-2
+"""Target error of decks that leave elements to `run` and state no target [-]."""
+
+
+@dataclass(frozen=True)
+class LoadedDeck:
+    """A deck and where it came from.
+
+    Attributes
+    ----------
+    deck : Deck
+        With numbers of elements throughout.
+    source : DeckSource
+    auto_elements : tuple of str
+        Beams whose elements the deck leaves to `hfsim run`; it has a target error then.
+    """
+
+    deck: Deck
+    source: DeckSource = field(repr=False, compare=False)
+    auto_elements: tuple[str, ...] = ()
+
+    @property
+    def deck_sha256(self) -> str:
+        """Hash of the resolved deck, and of which elements are left open."""
+        resolved = self.deck.resolved()
+        for name in self.auto_elements:
+            resolved["bodies"][name]["elements"] = "auto"
+        return sha256_of(resolved)
+
+    def with_numbers(self) -> "LoadedDeck":
+        """Return the deck with the default elements where it leaves them open, and then without target."""
+        if not self.auto_elements:
+            return self
+        numbers = [f"bodies.{name}.elements={DEFAULT_ELEMENTS}" for name in self.auto_elements]
+        stated = self.source.data["solve"]
+        none = [f"solve.{key}=null" for key in ("target_error", "target_channels", "budget") if key in stated]
+        return parse_deck(self.source.text, self.source.file, (*self.overrides, *numbers, *none))
+
+    @property
+    def overrides(self) -> tuple[str, ...]:
+        """The overrides as given, ``KEY=VALUE``."""
+        return self.source.overrides
+
+    def with_solve(self, update: dict[str, Any]) -> "LoadedDeck":
+        """Return the same deck solved in another way: entries of ``solve`` by their names."""
+        solve = self.deck.solve.model_copy(update=update)
+        return replace(self, deck=self.deck.model_copy(update={"solve": solve}))
+
+    def line_of(self, path: str) -> int:
+        """Return the line of an entry such as ``bodies.b1``, or of the entry around it; 0 if overridden."""
+        mark = self.source.mark(self.source.path_of(path), on_key=True)
+        return mark.line if mark else 0
+
+    def problem(self, path: str, message: str, hint: str = "") -> DeckError:
+        """Return the exception that refuses the entry at a dotted path; for checks made after loading."""
+        return self.source.error([self.source.problem(self.source.path_of(path), message, hint)])
+
+
+def load_deck(path: str | FilePath, overrides: Sequence[str] = ()) -> LoadedDeck:
+    """Read a deck file and check it.
+
+    Parameters
+    ----------
+    path : str or pathlib.Path
+        The YAML file.
+    overrides : sequence of str
+        ``KEY=VALUE`` each, applied before the checks.
+
+    Raises
+    ------
+    DeckError
+        With every problem found.
+    """
+    return _load(read_source(path, overrides), FilePath(path).stem)
+
+
+def parse_deck(text: str, file: str = "deck", overrides: Sequence[str] = ()) -> LoadedDeck:
+    """Check a deck given as text; see `load_deck`."""
+    return _load(parse_source(text, file, overrides), FilePath(file).stem)
+
+
+def _load(source: DeckSource, stem: str) -> LoadedDeck:
+    data = {"name": stem, **{key: value for key, value in source.data.items() if value is not None}}
+    auto = _auto_elements(data)
+    solve = data.get("solve")
+    if auto and isinstance(solve, dict) and solve.get("target_error") is None:
+        data["solve"] = {**solve, "target_error": DEFAULT_TARGET}
+    deck, complaints = None, []
+    try:
+        deck = Deck.model_validate(data)
+        entries = {key: getattr(deck, key) for key in Deck.model_fields}
+    except ValidationError as error:
+        from hfsim.deck.explain import explain
+
+        complaints = list(explain(error, Deck, data))
+        entries = _readable_entries(data)
+    complaints += Checks(data, entries).complaints()
+    problems = source.problems + [source.problem(*complaint) for complaint in complaints]
+    if problems or deck is None:
+        # What follows from a problem at the very same place is left out.
+        raise source.error({(one.path, one.line, one.column): one for one in reversed(problems)}.values())
+    return LoadedDeck(deck, source, auto)
+
+
+def _auto_elements(data: dict[str, Any]) -> tuple[str, ...]:
+    """Return the bodies of a deck's plain data that leave their elements open."""
+    bodies = data.get("bodies")
+    pairs = bodies.items() if isinstance(bodies, dict) else ()
+    return tuple(name for name, body in pairs if isinstance(body, dict) and body.get("elements") == "auto")
+
+
+def _readable_entries(data: dict[str, Any]) -> dict[str, Any]:
+    """Return of each top-level key what can be read, though other parts of the deck are bad."""
+    entries: dict[str, Any] = {}
+    for key, info in Deck.model_fields.items():
+        value, annotation = data.get(key), typing.cast(Any, info.annotation)
+        if typing.get_origin(annotation) is dict:
+            adapter: TypeAdapter[Any] = TypeAdapter(typing.get_args(annotation)[1])
+            pairs = value.items() if isinstance(value, dict) else ()
+            read = {name: _read_or_none(adapter, entry) for name, entry in pairs}
+            entries[key] = {name: entry for name, entry in read.items() if entry is not None}
+        else:
+            entries[key] = _read_or_none(TypeAdapter[Any](annotation), value)
+    return entries
+
+
+def _read_or_none(adapter: TypeAdapter[Any], value: Any) -> Any:
+    try:
+        return adapter.validate_python(value)
+    except ValidationError:
+        return None
