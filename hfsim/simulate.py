@@ -24,8 +24,10 @@ from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import is_judged
 from hfsim.trust.adaptive import Course, Leg, chooses, run_adaptive
-from hfsim.trust.diagnosis import diagnose, suspect, time_for
+from hfsim.trust.diagnosis import diagnose
+from hfsim.trust.experiments import time_for
 from hfsim.trust.handover import hand_over
+from hfsim.trust.suspicion import suspect
 from hfsim.trust.validity import validity_warnings, watch_validity
 
 LARGE_DRIFT = 1e-3

@@ -31,8 +31,10 @@ from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import compute_channels, sample, validity
 from hfsim.studies.bench import Budget, OutOfBudgetError, channel_error, judged_scales
 from hfsim.studies.compare import ChannelScale
-from hfsim.trust.diagnosis import diagnose, instability, suspect, time_for
+from hfsim.trust.diagnosis import diagnose
+from hfsim.trust.experiments import time_for
 from hfsim.trust.growth import Growth, disturbed_growth
+from hfsim.trust.suspicion import instability, suspect
 
 CLASSES = {
     "accurate": "completed; errors and energy drift within the bounds",

@@ -1,0 +1,198 @@
+"""Short runs of a scene around a failure or a doubt: what goes away with which change of the deck."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from hfsim.errors import LimitReached
+from hfsim.maths.arrays import Array
+from hfsim.maths.rank import Dependence, dependence
+from hfsim.parts.bodies import BeamSpec
+from hfsim.run.balance import balance, step_samples
+from hfsim.run.integration import Integration, Watch, run_integration
+from hfsim.scene.build import Scene, build
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import SolveSpec
+
+GOOD_BALANCE = 1e-3
+"""Energy drift up to which an experiment counts as passed."""
+AT_LEAST = 3.0
+"""CPU time that a diagnosis may take where the run itself took less [s]."""
+SHARE = 0.2
+"""Part of the time for all experiments that each one may take; one of the first may take half of it."""
+AHEAD = 0.01
+"""How far before and after the failure an experiment reaches, relative to the duration."""
+STIFF_METHODS = ("radau", "gauss", "gear")
+"""Methods worth trying where another one failed."""
+ALIGNED = 0.05
+"""Share of a blocked motion from which a joint takes part in blocking it."""
+
+Update = dict[str, Any]
+"""Keys of the deck's ``solve`` with other values."""
+
+
+def time_for(seconds: float) -> float:
+    """Return the CPU time for experiments with a run that took so long: no more than that, or `AT_LEAST`."""
+    return max(seconds, AT_LEAST)
+
+
+@dataclass
+class Experiments:
+    """Short runs of one scene around a failure, within a limit of CPU time.
+
+    Attributes
+    ----------
+    scene : Scene
+    done : Integration
+        The run in question.
+    seconds : float
+        CPU time for all experiments together [s].
+    outcomes : dict of str to str
+        What was tried, and what came of it.
+    """
+
+    scene: Scene
+    done: Integration
+    seconds: float
+    outcomes: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._end = time.process_time() + self.seconds
+
+    @property
+    def solve(self) -> SolveSpec:
+        """How the run was solved."""
+        return self.scene.deck.solve
+
+    @property
+    def stop_time(self) -> float:
+        """When the run stopped [s]."""
+        return self.done.trajectory.t_end
+
+    @property
+    def target(self) -> float:
+        """Time an experiment must reach to have passed [s]."""
+        beyond = max(AHEAD * self.solve.duration, 5.0 * (self.solve.step or 0.0))
+        return min(self.stop_time + beyond, self.solve.duration)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether any experiment did not come to an end."""
+        return "not" in " ".join(self.outcomes.values()).split()
+
+    def shortly_before(self) -> tuple[float, Array, Array]:
+        """Return the last kept state well before the failure."""
+        back = max(AHEAD * self.solve.duration, 2.0 * (self.solve.step or 0.0))
+        early = [s for s in self.done.trajectory.segments if s.t <= self.stop_time - back]
+        return (early[-1].t, early[-1].q, early[-1].v) if early else (0.0, self.scene.q, self.scene.v)
+
+    def passes(self, what: str, update: Update, scene: Scene | None = None) -> bool:
+        """Try the stretch around the failure with other settings, or another scene from its start."""
+        left = self._end - time.process_time()
+        if left <= 0.0:
+            self.outcomes[what] = "not tried, the time for experiments was used up"
+            return False
+        solve = self.solve.model_copy(update={"max_steps": None, **update, "duration": self.target})
+        start = self.shortly_before() if scene is None else None
+        watch = until(time.process_time() + max(SHARE * self.seconds, 0.5 * left))
+        tried = run_integration(scene or self.scene, solve, start=start, extra=watch)
+        self.outcomes[what], good = self._outcome(scene or self.scene, tried)
+        return good
+
+    def _outcome(self, scene: Scene, tried: Integration) -> tuple[str, bool]:
+        reached = tried.trajectory.t_end
+        if isinstance(tried.stop, LimitReached):
+            return f"not finished, {reached:.4g} s was reached", False
+        if tried.stop is not None:
+            return f"fails at {reached:.4g} s", False
+        drift = balance(scene.system, step_samples(tried.trajectory))["energy_drift"]
+        good = bool(drift <= GOOD_BALANCE)
+        verb = "passes" if good else "gets wrongly past"
+        return f"{verb} {self.stop_time:.4g} s, energy drift {drift:.1e}", good
+
+    def passes_exact(self) -> bool:
+        """Try the scene with every beam in the model exact, from its start."""
+        exact = build(self.scene.loaded, models=dict.fromkeys(self.scene.models, "exact"))
+        return self.passes("model exact", {}, exact)
+
+    def other_settings(self) -> Iterator[tuple[str, Update]]:
+        """Yield in words and in keys what else to try: shorter steps, other methods, other coordinates."""
+        solve = self.solve
+        if solve.step is not None:
+            for word, part in (("half the step", 2.0), ("an eighth of the step", 8.0)):
+                yield word, {"step": float(f"{solve.step / part:.4g}")}
+            tolerance = min(solve.tolerance, 1e-6)
+            yield "steps by tolerance", {"step": None, "method": "auto", "tolerance": tolerance}
+            return
+        yield "a tolerance 100 times tighter", self.tighter()
+        for method in STIFF_METHODS:
+            if method != self.done.method:
+                yield f"method {method}", {"method": method, "stages": None, "order": None}
+        if {"linear", "exact"} & set(self.scene.models.values()) and solve.coordinates == "frame":
+            yield "absolute coordinates", {"coordinates": "absolute"}
+
+    def tighter(self) -> Update:
+        """Return a tolerance 100 times tighter."""
+        return {"tolerance": max(float(f"{self.solve.tolerance / 100.0:.4g}"), 1e-13)}
+
+    def command(self, update: Update, force: bool = False) -> str:
+        """Return the command that runs the deck with keys of ``solve`` changed that are not so already."""
+        changes = {f"solve.{k}": value for k, value in update.items() if getattr(self.solve, k) != value}
+        return command(self.scene.loaded, changes, force)
+
+    def command_exact(self, name: str, force: bool = False) -> str:
+        """Return the command that runs the deck with a beam in the model exact."""
+        spec = self.scene.deck.bodies[name]
+        own = isinstance(spec, BeamSpec) and spec.model is not None
+        key = f"bodies.{name}.model" if own else "solve.model"
+        return command(self.scene.loaded, {key: "exact"}, force)
+
+
+def until(deadline: float) -> Watch:
+    """Return what ends a run when the CPU time passes a reading of its clock [s]."""
+
+    def watch(t: float, q: Array, v: Array) -> None:
+        if time.process_time() > deadline:
+            raise LimitReached("the time for experiments was used up", t)
+
+    return watch
+
+
+def joint_dependence(scene: Scene, q: Array) -> Dependence:
+    """Return how near joint equations are to depending on one another in a state (n,), if any are solved."""
+    if not scene.system.n_rows:
+        return Dependence(0, 1.0, ())
+    equations = scene.system.unreduced
+    rows = equations.jacobians(scene.system.absolute(q[None]))[0]
+    return dependence(rows, equations.rows, scene.joints, ALIGNED)
+
+
+def command(loaded: LoadedDeck, changes: dict[str, Any], force: bool = False) -> str:
+    """Return the command that runs a deck again with some entries changed.
+
+    Parameters
+    ----------
+    loaded : LoadedDeck
+    changes : dict
+        Deck path to value; they replace overrides already made.
+    force : bool
+        Replace the results of a finished run.
+    """
+    kept = [one for one in loaded.overrides if one.partition("=")[0] not in changes]
+    parts = ["hfsim run", shlex.quote(loaded.source.file)]
+    for override in [*kept, *(f"{key}={_text(value)}" for key, value in changes.items())]:
+        parts.append(f"--set {shlex.quote(override)}")
+    return " ".join([*parts, "--force"] if force else parts)
+
+
+def _text(value: Any) -> str:
+    return "null" if value is None else f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def listed(names: tuple[str, ...]) -> str:
+    """Return names in quotes, with commas."""
+    return ", ".join(f"'{name}'" for name in names)

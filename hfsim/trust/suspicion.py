@@ -1,0 +1,131 @@
+"""Why a run that reached its end is not to be trusted: doubts, each tested by a short experiment."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+
+from hfsim.errors import SolverFailure
+from hfsim.run.integration import Integration
+from hfsim.scene.build import Scene
+from hfsim.trust.experiments import (
+    GOOD_BALANCE,
+    Experiments,
+    Update,
+    command,
+    joint_dependence,
+    listed,
+    until,
+)
+from hfsim.trust.growth import Growth, amplitude_of, disturbed_growth, loaded_items
+
+REDUNDANT = 1e-6
+"""Smallest singular value of the joint equations below which joints are all but redundant."""
+
+
+def suspect(
+    scene: Scene, done: Integration, statistics: dict[str, Any], seconds: float
+) -> dict[str, Any] | None:
+    """Return class, item, evidence and next command of a run that reached its end but is not to be trusted.
+
+    None where nothing speaks against it.
+
+    Parameters
+    ----------
+    scene : Scene
+    done : Integration
+    statistics : dict
+        With ``energy_drift`` and ``validity``.
+    seconds : float
+        CPU time that experiments may take; `time_for` suits a run.
+    """
+    trial = Experiments(scene, done, seconds)
+    with np.errstate(all="ignore"):
+        found = (
+            _suspicious_balance(trial, statistics["energy_drift"])
+            or _left_range(trial, statistics["validity"])
+            or _nearly_redundant(trial)
+            or _unstable(trial)
+        )
+    if found is None:
+        return None
+    return {"reason": found.reason, **found.facts(scene.loaded.line_of)}
+
+
+def _suspicious_balance(trial: Experiments, drift: float) -> SolverFailure | None:
+    """Energy out of nothing: numerical if it goes away with smaller steps, else of the model."""
+    if drift < GOOD_BALANCE:
+        return None
+    scene, solve = trial.scene, trial.solve
+
+    def failure(reason: str, item: str, kind: str, remedy: str, **more: str) -> SolverFailure:
+        evidence = {"energy_drift": drift, **trial.outcomes, **more}
+        return SolverFailure(
+            f"the energy balance is off{reason}", trial.stop_time, item, kind, evidence, remedy
+        )
+
+    gauss: tuple[str, Update] = ("method gauss", {"method": "gauss", "step": None, "stages": None})
+    for what, update in (next(trial.other_settings()), gauss):
+        if trial.passes(what, update, scene):
+            item = "solve.step" if solve.step is not None else f"solve.{next(iter(update))}"
+            remedy = trial.command(update, force=True)
+            return failure(", and is kept with smaller steps", item, "numerical", remedy)
+    beams = [body for body in scene.system.variable_mass if body.truncated]
+    if beams and trial.passes_exact():
+        reason = f" whatever the steps, and is kept by exact: {beams[0].model} breaks it"
+        remedy = trial.command_exact(beams[0].name, force=True)
+        item = f"bodies.{beams[0].name}"
+        return failure(reason, item, "model", remedy, term="inertia forces of third order")
+    remedy = command(scene.loaded, {"solve.tolerance": 1e-10}, force=True)
+    return failure(", and no experiment kept it in the time allowed", "solve", "numerical", remedy)
+
+
+def _left_range(trial: Experiments, validity: dict[str, Any]) -> SolverFailure | None:
+    """The body whose model left its range first."""
+    left = {name: facts for name, facts in validity.items() if facts["left_at"] is not None}
+    if not left:
+        return None
+    name = min(left, key=lambda one: float(left[one]["left_at"]))
+    reason = f"body '{name}' left the range of {trial.scene.models[name]}: {left[name]['reason']}"
+    evidence = dict(left[name]["largest"])
+    remedy = trial.command_exact(name, force=True)
+    return SolverFailure(reason, left[name]["left_at"], f"bodies.{name}", "model", evidence, remedy)
+
+
+def _nearly_redundant(trial: Experiments) -> SolverFailure | None:
+    """Joints that all but block the same motion twice."""
+    found = joint_dependence(trial.scene, trial.scene.q)
+    if found.size > REDUNDANT:
+        return None
+    names = listed(found.joints)
+    reason = f"joints {names} all but block the same motion twice: their reactions mean nothing"
+    evidence = {"smallest_singular_value": found.size}
+    item = f"joints.{found.joints[-1]}"
+    return SolverFailure(reason, 0.0, item, "deck", evidence, f"remove {item} or free one of its motions")
+
+
+def _unstable(trial: Experiments) -> SolverFailure | None:
+    """A motion under load from which disturbances grow away."""
+    scene = trial.scene
+    if not loaded_items(scene):
+        return None
+    watch = until(time.process_time() + trial.seconds)
+    growth = disturbed_growth(scene, trial.done, trial.solve, watch)
+    return instability(scene, growth) if growth is not None and growth.unstable else None
+
+
+def instability(scene: Scene, growth: Growth) -> SolverFailure:
+    """Return class, item and evidence of a scene from whose motion disturbances grow away."""
+    items = loaded_items(scene)
+    amplitude = amplitude_of(scene, items[0]) if items else None
+    cause = "parametric resonance" if amplitude else "buckling or another instability"
+    reason = f"a disturbance of the start grows {growth.factor:.2g}-fold while the time doubles"
+    reason += f" under {items[0]}: {cause}" if items else ", in free motion"
+    evidence = {"growth": growth.factor, "growth_rate": growth.rate}
+    remedy = f"lower {items[0]}, or take" if items else "take"
+    remedy += " the curves as one of many possible ones"
+    if amplitude is not None:
+        remedy = command(scene.loaded, {amplitude[0]: 0.5 * amplitude[1]}, force=True)
+    return SolverFailure(reason, 0.0, items[0] if items else "", "physical", evidence, remedy)
