@@ -34,6 +34,10 @@ class Constraint(Protocol):
         """Marker on the second body."""
 
     @property
+    def item(self) -> str:
+        """Deck path of its joint, such as ``joints.elbow``."""
+
+    @property
     def rows(self) -> int:
         """Number of equations."""
 
@@ -90,6 +94,7 @@ class Coincide:
     first: Marker
     second: Marker
     rows: int = 2
+    item: str = ""
 
     @property
     def constant(self) -> bool:
@@ -136,6 +141,7 @@ class RelativeAngle:
     offset: float
     law: Law | None = None
     rows: int = 1
+    item: str = ""
 
     @property
     def constant(self) -> bool:
@@ -184,6 +190,7 @@ class Along:
     direction: tuple[float, float]
     law: Law | None = None
     rows: int = 1
+    item: str = ""
 
     @property
     def constant(self) -> bool:

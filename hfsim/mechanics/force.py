@@ -15,6 +15,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.mechanics.markers import Marker
 
 DIFFERENCE = 1e-7
 """Step of difference quotients, relative to coordinates larger than 1."""
@@ -39,11 +40,24 @@ def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -
     return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
 
 
+@dataclass(frozen=True, kw_only=True)
 class ForcePart:
     """A source of generalised force together with the energy it stores and the power it puts in.
 
     Shapes: t (n_batch,), x and u (n_batch, n); energies [J] and powers [W] have shape (n_batch,).
+
+    Attributes
+    ----------
+    item : str
+        Deck path of its origin, such as ``springs.coil``; empty where several bodies share it.
     """
+
+    item: str = ""
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        """Points that it acts on; none where it acts all along a body."""
+        return ()
 
     @property
     def uses_rates(self) -> bool:

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, BoolArray
-from hfsim.mechanics.force import ForcePart
 from hfsim.scene.build import Scene
 
 HUGE = 1e100
@@ -45,15 +42,14 @@ def _offender(scene: Scene, t: float, q: Array, v: Array) -> tuple[str, str]:
     """Return deck path and quantity of the first thing that is not finite; empty if all is."""
     system, time = scene.system, np.array([t])
     x, u = system.absolute(q[None]), system.absolute_velocity(q[None], v[None])
-    for path, part in force_items(scene):
+    for part in system.forces:
         force = np.zeros_like(x)
         part.add_force(time, x, u, force)
         if not _usable(force):
-            return path or body_of(scene, ~_usable_each(force[0])), "the force"
-    for name, members in scene.joints.items():
-        for one in (system.constraints[k] for k in members):
-            if not (_usable(one.residual(time, x)) and _usable(one.acceleration(time, x, u))):
-                return f"joints.{name}", "the law"
+            return part.item or body_of(scene, ~_usable_each(force[0])), "the force"
+    for row in system.constraints:
+        if not (_usable(row.residual(time, x)) and _usable(row.acceleration(time, x, u))):
+            return row.item, "the law"
     try:
         a = system.acceleration(time, q[None], v[None])[0]
     except np.linalg.LinAlgError:
@@ -67,19 +63,6 @@ def _usable_each(values: Array) -> BoolArray:
 
 def _usable(values: Array) -> bool:
     return bool(_usable_each(values).all())
-
-
-def force_items(scene: Scene) -> Iterator[tuple[str, ForcePart]]:
-    """Yield each force of a scene with its deck path; empty where it belongs to several bodies."""
-    every = [f"springs.{name}" for name in scene.deck.springs]
-    every += [f"loads.{name}" for name in scene.deck.loads]
-    gone = scene.left_out["springs"] + scene.left_out["loads"]
-    named, forces = [item for item in every if item not in gone], scene.system.forces
-    own = len(forces) - len(named)
-    for part in forces[:own]:
-        name = getattr(part, "name", "")
-        yield (f"bodies.{name}" if name else ""), part
-    yield from zip(named, forces[own:], strict=True)
 
 
 def body_of(scene: Scene, weight: Array | BoolArray) -> str:

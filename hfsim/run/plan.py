@@ -20,7 +20,6 @@ from hfsim.parts.bodies.low_order import LowOrderBeam
 from hfsim.parts.bodies.low_order_body import LowOrderBody
 from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
-from hfsim.run.culprit import force_items
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import RULES
@@ -151,9 +150,9 @@ def algebra(scene: Scene) -> str:
 def _kept(scene: Scene) -> Iterator[dict[str, Any]]:
     yield from _kept_bodies(scene)
     yield from _kept_joints(scene)
-    for path, part in force_items(scene):
+    for part in scene.system.forces:
         yield {
-            "item": path or "all bodies",
+            "item": part.item or "all bodies",
             "what": _words(part),
             "reason": _why_force(part),
         } | _kernel(part)
@@ -266,7 +265,7 @@ def features(scene: Scene) -> dict[str, float]:
         "damping kernels": sum(isinstance(part, KelvinVoigtForce) for part in system.forces),
         "damping elements": sum(len(p.axial) for p in system.forces if isinstance(p, KelvinVoigtForce)),
         "linear beams": sum(isinstance(part, LinearElasticForce) for part in system.forces),
-        "springs and loads": sum(path.startswith(("springs.", "loads.")) for path, _ in force_items(scene)),
+        "springs and loads": sum(part.item.startswith(("springs.", "loads.")) for part in system.forces),
         "maps": float(not system.reduction.identity) * (1 + system.uses_rates),
         "entries of M": 0.0 if sparse or whole else system.n_x * system.n,
         "changing joints": len(equations.changing),

@@ -310,6 +310,7 @@ def _low_order_beam(deck: Deck, name: str, mesh: BeamMesh, columns: slice) -> Lo
         bending_damping=material.bending_damping,
         gravity=(deck.gravity[0], deck.gravity[1]),
         whole=spec.truncation == "none",
+        item=f"bodies.{name}",
     )
 
 
@@ -322,6 +323,7 @@ def _joints(
     for name, spec in deck.joints.items():
         first, second = (find_marker(point, bodies, deck) for point in spec.between)
         rows = () if name in held else spec.build(first, second)
+        rows = tuple(replace(row, item=f"joints.{name}") for row in rows)  # type: ignore[type-var]
         if left_out is not None and f"joints.{name}" in left_out["standing_drivers"]:
             rows = tuple(_standing(row) for row in rows)
         joints[name] = tuple(range(len(constraints), len(constraints) + len(rows)))
@@ -523,7 +525,9 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
         axial = matrix(_stiffness(deck, spec).without_bending(), "exact")
         both = matrix(_stiffness(deck, spec), "exact")
         damping = material.axial_damping * axial + material.bending_damping * (both - axial)
-    return LinearElasticForce(body.name, body.columns, K, damping, mesh.undeformed, mesh.positions)
+    return LinearElasticForce(
+        body.name, body.columns, K, damping, mesh.undeformed, mesh.positions, item=f"bodies.{body.name}"
+    )
 
 
 def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
@@ -538,19 +542,18 @@ def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
 
 
 def _springs_and_loads(deck: Deck, bodies: dict[str, Body], left_out: LeftOut, x: Array) -> list[ForcePart]:
-    forces: list[ForcePart] = []
+    found: dict[str, ForcePart] = {}
     for name, spring in deck.springs.items():
-        if f"springs.{name}" in left_out["springs"]:
-            continue
         first, second = (find_marker(point, bodies, deck) for point in spring.between)
         if spring.type == "two_point":
             gap = second.position(x[None]) - first.position(x[None])
-            forces.append(spring.build(first, second, float(np.linalg.norm(gap))))
+            found[f"springs.{name}"] = spring.build(first, second, float(np.linalg.norm(gap)))
         else:
-            forces.append(spring.build(first, second))
-    acting = (load for name, load in deck.loads.items() if f"loads.{name}" not in left_out["loads"])
-    forces += [load.build(find_marker(load.at, bodies, deck)) for load in acting]
-    return forces
+            found[f"springs.{name}"] = spring.build(first, second)
+    for name, load in deck.loads.items():
+        found[f"loads.{name}"] = load.build(find_marker(load.at, bodies, deck))
+    gone = {*left_out["springs"], *left_out["loads"]}
+    return [replace(part, item=item) for item, part in found.items() if item not in gone]
 
 
 def _check_independent(

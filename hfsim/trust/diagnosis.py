@@ -77,8 +77,10 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     first, last = (joint_dependence(scene, q) for q in (scene.q, end.q))
     if last.size > DEAD * first.size:
         return None
-    drivers = [name for name in last.joints if scene.deck.joints[name].type == "driver"]
-    item = f"joints.{(drivers or last.joints)[0]}"
+    driven = {row.item for row in scene.system.constraints if row.driven}
+    involved = [f"joints.{name}" for name in last.joints]
+    drivers = [item for item in involved if item in driven]
+    item = (drivers or involved)[0]
     what = (
         f"drives the mechanism into a dead centre of {listed(last.joints)}"
         if drivers

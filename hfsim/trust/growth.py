@@ -8,7 +8,7 @@ near one another or part slowly, in an unstable one their distance grows exponen
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -56,19 +56,17 @@ class Growth(NamedTuple):
 
 
 def loaded_items(scene: Scene) -> list[str]:
-    """Return the deck paths of loads and drivers, those with a periodic law first."""
+    """Return the deck paths of loads and of joints driven by laws, those with a periodic law first."""
     loads = [f"loads.{name}" for name in scene.deck.loads]
-    drivers = [f"joints.{name}" for name, joint in scene.deck.joints.items() if joint.type == "driver"]
-    return sorted([*loads, *drivers], key=lambda item: amplitude_of(scene, item) is None)
+    driven = dict.fromkeys(row.item for row in scene.system.constraints if row.driven)
+    return sorted([*loads, *driven], key=lambda item: amplitude_of(scene, item) is None)
 
 
 def amplitude_of(scene: Scene, item: str) -> tuple[str, float] | None:
     """Return deck path and value of the amplitude of a periodic law of a load or driver, if it has one."""
     kind, name = item.split(".", 1)
-    entry: Any = (scene.deck.loads if kind == "loads" else scene.deck.joints)[name]
-    for key in ("law", "angle", "position"):
-        law: Any = getattr(entry, key, None)
-        if getattr(law, "type", "") == "sine":
+    for key, law in getattr(scene.deck, kind)[name]:
+        if hasattr(law, "amplitude"):
             return f"{item}.{key}.amplitude", float(law.amplitude)
     return None
 

@@ -18,7 +18,6 @@ from hfsim.maths.rotations import rotate
 from hfsim.mechanics.markers import RigidMarker
 from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.bodies.rigid_beam import RigidBeam
-from hfsim.run.culprit import force_items
 from hfsim.scene.build import Scene
 from hfsim.trust.validity import Deformation
 
@@ -88,18 +87,9 @@ def _wrenches(
         for marker, J in ends:
             if isinstance(marker, RigidMarker) and marker.columns == body.columns:
                 yield marker, -(multipliers[:, None, rows] @ J)[:, 0]
-    for path, part in force_items(scene):
-        for point in _points(scene, path):
-            marker = scene.marker(point)
+    for part in system.forces:
+        for marker in part.markers:
             if isinstance(marker, RigidMarker) and marker.columns == body.columns:
                 whole = np.zeros_like(x)
                 part.add_force(t, x, u, whole)
                 yield marker, whole[:, body.columns]
-
-
-def _points(scene: Scene, path: str) -> tuple[str, ...]:
-    """Return the points at which a spring or a load of the deck acts."""
-    kind, _, name = path.partition(".")
-    if kind == "springs":
-        return scene.deck.springs[name].between
-    return (scene.deck.loads[name].at,) if kind == "loads" else ()

@@ -11,7 +11,6 @@ from hfsim.cli import app
 from hfsim.commands import CASES
 from hfsim.errors import DeckError
 from hfsim.integrators import Segment, Trajectory, joined
-from hfsim.run.culprit import force_items
 from hfsim.run.integration import run_integration
 from hfsim.run.plan import COSTS, features, plan_of
 from hfsim.scene.build import build
@@ -296,7 +295,7 @@ def test_compare_keeps_all_on_demand(tmp_path):
 
 def test_forces_keep_their_names_when_others_are_left_out():
     for settings, left in (([], ["pull", "coil"]), (["solve.keep_all=true"], ["pull", "coil", "idle"])):
-        items = force_items(build(load_deck(SPARE, settings)))
-        named = {path: part for path, part in items if path.startswith("springs.")}
+        forces = build(load_deck(SPARE, settings)).system.forces
+        named = {part.item: part for part in forces if part.item.startswith("springs.")}
         assert list(named) == [f"springs.{name}" for name in left]
         assert [part.stiffness for part in named.values()] == [30.0, 4.0, 0.0][: len(left)]

@@ -48,6 +48,11 @@ class PointForce(ForcePart):
     follower: bool
     law: Law | None
 
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        """Its point."""
+        return (self.marker,)
+
     @cached_property
     def support(self) -> IntArray:
         """Coordinates of its point."""

@@ -42,6 +42,11 @@ class PointMoment(ForcePart):
     moment: float
     law: Law | None
 
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        """Its point."""
+        return (self.marker,)
+
     @cached_property
     def support(self) -> IntArray:
         """Coordinates of its point."""

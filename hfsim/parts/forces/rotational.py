@@ -52,6 +52,11 @@ class RotationalSpring(ForcePart):
     damping: float
     rest_angle: float
 
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        """Both points."""
+        return self.first, self.second
+
     @cached_property
     def support(self) -> IntArray:
         """Coordinates of both points."""

@@ -47,6 +47,11 @@ class TwoPointSpring(ForcePart):
     damping: float
     rest_length: float
 
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        """Both points."""
+        return self.first, self.second
+
     @cached_property
     def support(self) -> IntArray:
         """Coordinates of both points."""
