@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Literal, Protocol
+from typing import Annotated, Literal, NamedTuple, Protocol, Self
 
 from hfsim.deck.fields import (
     NonNegativeLength,
@@ -173,8 +173,9 @@ class TubeSection(_EquivalentRectangle):
         return math.pi * (self.outer_radius**4 - self.inner_radius**4) / 4
 
 
+AnySection = GeneralSection | RectangleSection | CircleSection | TubeSection
 SectionSpec = Annotated[
-    GeneralSection | RectangleSection | CircleSection | TubeSection,
+    AnySection,
     OneOf(
         "shape",
         {"rectangle": RectangleSection, "circle": CircleSection, "tube": TubeSection},
@@ -182,3 +183,57 @@ SectionSpec = Annotated[
     ),
 ]
 """Any cross-section: area and second moment, or a shape; all have area, second_moment, height and width."""
+
+
+class BeamProperties(NamedTuple):
+    """All that follows from a beam's material and section.
+
+    Attributes
+    ----------
+    mass_per_length : float
+        rho A [kg/m].
+    rotary_inertia : float
+        rho I, per length [kg m].
+    axial_stiffness : float
+        EA [N].
+    bending_stiffness : float
+        EI [N m^2].
+    axial_damping, bending_damping : float
+        Kelvin-Voigt retardation times of strain and curvature [s].
+    lame_lambda, lame_mu : float
+        Lame constants [Pa].
+    height, width : float
+        Of the (equivalent) rectangle [m]; the height lies in the bending plane.
+    """
+
+    mass_per_length: float
+    rotary_inertia: float
+    axial_stiffness: float
+    bending_stiffness: float
+    axial_damping: float
+    bending_damping: float
+    lame_lambda: float
+    lame_mu: float
+    height: float
+    width: float
+
+    @classmethod
+    def of(cls, material: MaterialSpec, section: AnySection) -> Self:
+        """Return the properties of a beam of a material with a section."""
+        return cls(
+            mass_per_length=material.density * section.area,
+            rotary_inertia=material.density * section.second_moment,
+            axial_stiffness=material.youngs_modulus * section.area,
+            bending_stiffness=material.youngs_modulus * section.second_moment,
+            axial_damping=material.axial_damping,
+            bending_damping=material.bending_damping,
+            lame_lambda=material.lame_lambda,
+            lame_mu=material.lame_mu,
+            height=section.height,
+            width=section.width,
+        )
+
+    @property
+    def damped(self) -> bool:
+        """Whether the material loses energy."""
+        return bool(self.axial_damping or self.bending_damping)

@@ -10,6 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from hfsim.deck.fields import split_point
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import DENSE_UP_TO, Entries, Matrix, assemble
 from hfsim.maths.rank import dependence
@@ -260,7 +261,7 @@ def _beam(
     deck: Deck, name: str, spec: BeamSpec, model: Model, points: dict[str, tuple[float, float]], at: int
 ) -> Body:
     """Return a beam whose coordinates begin at a column."""
-    mesh = _mesh(deck, spec)
+    mesh = _mesh(deck, name, spec)
     if model.strain == "none":
         return RigidBeam.of(name, slice(at, at + 3), mesh, points)
     columns = slice(at, at + 2 * mesh.n_vectors)
@@ -269,24 +270,23 @@ def _beam(
     return NodalBeam(name, columns, mesh, model.frame, points)
 
 
-def _mesh(deck: Deck, spec: BeamSpec) -> BeamMesh:
-    material, section = deck.materials[spec.material], deck.sections[spec.section]
-    rotary = material.density * section.second_moment if spec.rotary_inertia else 0.0
-    inertia = Inertia(material.density * section.area, rotary, section.height)
+def _mesh(deck: Deck, name: str, spec: BeamSpec) -> BeamMesh:
+    beam = deck.properties(name)
+    rotary = beam.rotary_inertia if spec.rotary_inertia else 0.0
+    inertia = Inertia(beam.mass_per_length, rotary, beam.height)
     length = spec.length / spec.elements
     element = Cable(length, spec.degree) if spec.element == "cable" else ELEMENTS[spec.element](length)
     return BeamMesh(element, spec.elements, inertia)
 
 
-def _stiffness(deck: Deck, spec: BeamSpec) -> Stiffness:
-    material, section = deck.materials[spec.material], deck.sections[spec.section]
+def _stiffness(beam: BeamProperties) -> Stiffness:
     return Stiffness(
-        axial=material.youngs_modulus * section.area,
-        bending=material.youngs_modulus * section.second_moment,
-        lame_lambda=material.lame_lambda,
-        lame_mu=material.lame_mu,
-        height=section.height,
-        width=section.width,
+        axial=beam.axial_stiffness,
+        bending=beam.bending_stiffness,
+        lame_lambda=beam.lame_lambda,
+        lame_mu=beam.lame_mu,
+        height=beam.height,
+        width=beam.width,
     )
 
 
@@ -299,15 +299,15 @@ def _measures(spec: BeamSpec) -> Measures:
 def _low_order_beam(deck: Deck, name: str, mesh: BeamMesh, columns: slice) -> LowOrderBeam:
     spec = deck.bodies[name]
     assert isinstance(spec, BeamSpec)
-    material, stiffness = deck.materials[spec.material], _stiffness(deck, spec)
+    beam = deck.properties(name)
     return LowOrderBeam(
         name=name,
         mesh=mesh,
         columns=columns,
-        axial=stiffness.axial,
-        bending=stiffness.bending,
-        axial_damping=material.axial_damping,
-        bending_damping=material.bending_damping,
+        axial=beam.axial_stiffness,
+        bending=beam.bending_stiffness,
+        axial_damping=beam.axial_damping,
+        bending_damping=beam.bending_damping,
         gravity=(deck.gravity[0], deck.gravity[1]),
         whole=spec.truncation == "none",
         item=f"bodies.{name}",
@@ -465,7 +465,7 @@ def _law_kind(deck: Deck, body: NodalBeam) -> object:
     """Return what must be equal for two beams to share one batched law."""
     spec = _spec(deck, body)
     if spec.element == "continuum" or deck.solve.elastic_form != "gram":
-        return (spec.element, _stiffness(deck, spec), body.mesh.element.length)
+        return (spec.element, _stiffness(deck.properties(body.name)), body.mesh.element.length)
     return (spec.element, spec.degree, _measures(spec))
 
 
@@ -481,7 +481,7 @@ def _elastic_force(deck: Deck, group: list[NodalBeam], n: int) -> ElasticForce:
 def _elastic_law(deck: Deck, body: NodalBeam) -> tuple[ElasticLaw, Array]:
     """Return the law of a beam in the form asked for, and the matrix to an element's vectors."""
     spec, element, form = _spec(deck, body), body.mesh.element, deck.solve.elastic_form
-    stiffness = _stiffness(deck, spec)
+    stiffness = _stiffness(deck.properties(body.name))
     if form == "gram":
         return element.law(stiffness, spec.elements, _measures(spec)), element.differences()
     from hfsim.studies.separation_forms import nodal_law
@@ -504,8 +504,8 @@ def _element_columns(body: NodalBeam) -> IntArray:
 
 def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
     """Linearise the element's own energy about the undeformed state."""
-    spec, mesh = _spec(deck, body), body.mesh
-    material = deck.materials[spec.material]
+    spec, mesh, beam = _spec(deck, body), body.mesh, deck.properties(body.name)
+    stiffness = _stiffness(beam)
     local = np.kron(mesh.differences, np.eye(2))
     straight = (mesh.differences @ mesh.undeformed).reshape(1, spec.elements, -1, 2)
 
@@ -518,26 +518,25 @@ def _linear_force(deck: Deck, body: NodalBeam) -> LinearElasticForce:
             np.zeros((local.shape[1], local.shape[1])),
         )
 
-    K = matrix(_stiffness(deck, spec), spec.curvature)
+    K = matrix(stiffness, spec.curvature)
     damping = np.zeros_like(K)
-    if material.axial_damping or material.bending_damping:
+    if beam.damped:
         # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
-        axial = matrix(_stiffness(deck, spec).without_bending(), "exact")
-        both = matrix(_stiffness(deck, spec), "exact")
-        damping = material.axial_damping * axial + material.bending_damping * (both - axial)
+        axial = matrix(stiffness.without_bending(), "exact")
+        both = matrix(stiffness, "exact")
+        damping = beam.axial_damping * axial + beam.bending_damping * (both - axial)
     return LinearElasticForce(
         body.name, body.columns, K, damping, mesh.undeformed, mesh.positions, item=f"bodies.{body.name}"
     )
 
 
 def _kelvin_voigt(deck: Deck, body: NodalBeam, n: int) -> KelvinVoigtForce:
-    spec = _spec(deck, body)
-    material, stiffness = deck.materials[spec.material], _stiffness(deck, spec)
+    beam = deck.properties(body.name)
     return KelvinVoigtForce.of(
         elements=_connectivity(body, n, body.mesh.element.differences()),
-        degree=spec.degree,
-        axial=stiffness.axial * body.mesh.element.length * material.axial_damping,
-        bending=stiffness.bending / body.mesh.element.length * material.bending_damping,
+        degree=_spec(deck, body).degree,
+        axial=beam.axial_stiffness * body.mesh.element.length * beam.axial_damping,
+        bending=beam.bending_stiffness / body.mesh.element.length * beam.bending_damping,
     )
 
 

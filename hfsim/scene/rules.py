@@ -126,14 +126,9 @@ def _is_zero(load: Any) -> bool:
 
 def _damping(deck: Deck, models: Models) -> Items:
     # in other models it is of one piece with the elastic force
-    nodal = ((name, spec) for name, spec in _beams(deck) if models[name].strain == "exact")
-    idle = (name for name, spec in nodal if not _is_damped(deck, spec))
+    nodal = (name for name, _ in _beams(deck) if models[name].strain == "exact")
+    idle = (name for name in nodal if not deck.properties(name).damped)
     return tuple(f"damping of bodies.{name}" for name in idle)
-
-
-def _is_damped(deck: Deck, spec: Any) -> bool:
-    material = deck.materials[spec.material]
-    return bool(material.axial_damping or material.bending_damping)
 
 
 def _beams(deck: Deck) -> Iterator[tuple[str, Any]]:
@@ -218,12 +213,12 @@ def _varying(models: Models) -> bool:
 def _rates(deck: Deck, models: Models) -> Items:
     if _varying(models) or any(s.damping for s in deck.springs.values()):
         return ()
-    return () if any(_is_damped(deck, spec) for _, spec in _beams(deck)) else ("rates of all points",)
+    return () if any(deck.properties(name).damped for name, _ in _beams(deck)) else ("rates of all points",)
 
 
 def _work(deck: Deck, models: Models) -> Items:
     damped = any(s.damping for s in deck.springs.values())
-    damped = damped or any(_is_damped(deck, spec) for _, spec in _beams(deck))
+    damped = damped or any(deck.properties(name).damped for name, _ in _beams(deck))
     acting = any(not _is_zero(load) for load in deck.loads.values())
     driven = any(j.type == "driver" and not _stands(j) for j in deck.joints.values())
     return () if damped or acting or driven else ("work put in",)

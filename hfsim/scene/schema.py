@@ -25,7 +25,7 @@ from hfsim.deck.fields import (
     read_text,
     whole,
 )
-from hfsim.deck.materials import MaterialSpec, SectionSpec
+from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionSpec
 from hfsim.deck.spec import Complaint, ReadBy, Spec, refusal, shown
 from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.forces import AnyLoad, AnySpring
@@ -227,6 +227,12 @@ class Deck(Spec):
     def channels(self) -> tuple[str, ...]:
         """Columns of the output."""
         return typing.cast(tuple[str, ...], self.output.channels)
+
+    def properties(self, beam: str) -> BeamProperties:
+        """Return what follows from the material and the section of a beam."""
+        spec = self.bodies[beam]
+        assert isinstance(spec, BeamSpec)
+        return BeamProperties.of(self.materials[spec.material], self.sections[spec.section])
 
     def models(self, model: str) -> dict[str, str]:
         """Return the model of each beam: its own, or else the one given."""

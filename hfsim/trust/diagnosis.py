@@ -168,8 +168,7 @@ def _mass(scene: Scene, name: str) -> float:
     spec = scene.deck.bodies[name]
     if spec.type == "rigid":
         return float(spec.mass)
-    density, area = scene.deck.materials[spec.material].density, scene.deck.sections[spec.section].area
-    return float(density * area * spec.length)
+    return float(scene.deck.properties(name).mass_per_length * spec.length)
 
 
 def _stays(stop: SolverFailure, trial: Experiments) -> SolverFailure:

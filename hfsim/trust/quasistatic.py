@@ -16,7 +16,6 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import rotate
 from hfsim.mechanics.markers import RigidMarker
-from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.bodies.rigid_beam import RigidBeam
 from hfsim.scene.build import Scene
 from hfsim.trust.validity import Deformation
@@ -41,9 +40,7 @@ def quasistatic(scene: Scene, body: RigidBeam, t: Array, q: Array, v: Array) -> 
     numpy.linalg.LinAlgError
         If the reactions are not determined.
     """
-    spec, system = scene.deck.bodies[body.name], scene.system
-    assert isinstance(spec, BeamSpec)
-    material, section = scene.deck.materials[spec.material], scene.deck.sections[spec.section]
+    properties, system = scene.deck.properties(body.name), scene.system
     x, u = system.absolute(q), system.absolute_velocity(q, v)
     force = system.force(t, x, u)
     ax = system.reduction.expand_rates(system.equations.accelerations(t, x, u, force))
@@ -69,10 +66,10 @@ def quasistatic(scene: Scene, body: RigidBeam, t: Array, q: Array, v: Array) -> 
         M += (moment[:, None] + local[:, 1:] * (at - places)) * beyond
     weights = np.full(POINTS, body.length / (POINTS - 1))
     weights[[0, -1]] *= 0.5
-    curvature = M / (material.youngs_modulus * section.second_moment)
+    curvature = M / properties.bending_stiffness
     step = 0.5 * np.diff(places) * (curvature[:, 1:] + curvature[:, :-1])
     slope = np.concatenate([np.zeros((len(t), 1)), np.cumsum(step, axis=1)], axis=1)
-    axial = N / (material.youngs_modulus * section.area)
+    axial = N / properties.axial_stiffness
     return Deformation(axial, slope, curvature, slope @ weights, omega, weights)
 
 

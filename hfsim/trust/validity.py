@@ -188,10 +188,9 @@ def tip_error(scene: Scene, name: str, model: str, seen: Deformation, t: Array) 
 
 def _stiffening_of(scene: Scene, name: str, seen: Deformation, t: Array) -> tuple[float, Array]:
     """Return the first bending frequency of a beam [rad/s] and the stiffening left out, (n_batch,)."""
-    spec = _beam(scene, name)
-    material, section = scene.deck.materials[spec.material], scene.deck.sections[spec.section]
-    EA, EI = material.youngs_modulus * section.area, material.youngs_modulus * section.second_moment
-    first = _first_frequency(scene, name, spec.length, np.sqrt(EI / (material.density * section.area)))
+    beam = scene.deck.properties(name)
+    EA, EI = beam.axial_stiffness, beam.bending_stiffness
+    first = _first_frequency(scene, name, _beam(scene, name).length, np.sqrt(EI / beam.mass_per_length))
     return first, _stiffening(seen, EA, EI, t, 1.0 / first)
 
 
