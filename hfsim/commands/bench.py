@@ -12,24 +12,19 @@ from typing import TYPE_CHECKING, TypeVar
 
 import click
 
-from hfsim.commands import (
-    Talk,
-    as_table,
-    assemble,
-    bench_separation,
-    brief,
-    claim_study,
-    deck_options,
-    find_deck,
-    load_decks,
+from hfsim.commands import bench_separation
+from hfsim.commands.decks import assemble, find_deck, load_decks, with_numbers
+from hfsim.commands.options import (
     names,
     output_options,
-    print_error,
     refuse_unknown,
+    setting_options,
     talk_options,
     time_option,
-    with_numbers,
 )
+from hfsim.output.study import claim_study
+from hfsim.output.talk import Destination, Talk, print_error
+from hfsim.output.text import as_table, brief
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
@@ -121,7 +116,7 @@ def _listed(kind: Callable[[str], _Number], what: str) -> Callable[..., tuple[_N
     help="Time short points so often and take the median.",
 )
 @output_options
-@deck_options
+@setting_options()
 @talk_options
 def bench(
     deck: str | None,
@@ -136,13 +131,9 @@ def bench(
     degrees: tuple[int, ...],
     budget: float,
     repeats: int,
-    output: Path | None,
-    force: bool,
-    no_plots: bool,
+    to: Destination,
     overrides: tuple[str, ...],
-    quiet: bool,
-    verbose: bool,
-    as_json: bool,
+    talk: Talk,
 ) -> None:
     """Measure error against run time for the scene DECK and recommend a method and a tolerance.
 
@@ -155,7 +146,6 @@ def bench(
     each evaluation and a whole run; results go to 'separation.bench'. Exit code 4: the forms disagree.
     """  # fmt: skip
     started = time.perf_counter()
-    talk = Talk(quiet, verbose, as_json)
     if separation:
         unfit = {"DECK": deck, "--methods": methods, "--tolerances": tolerances, "--steps": steps,
                  "--models": models, "--set": overrides}  # fmt: skip
@@ -164,8 +154,8 @@ def bench(
             elements=elements or bench_separation.ELEMENTS,
             states=states or bench_separation.STATES,
             kinds=bench_separation.known_kinds(names(element)),
-            repeats=repeats, seconds=budget, started=started, plots=not no_plots, talk=talk,
-            folder=claim_study(output, "separation", ".bench", MARKER, force),
+            repeats=repeats, seconds=budget, started=started, plots=to.plots, talk=talk,
+            folder=claim_study("bench", to, "separation"),
         )  # fmt: skip
         raise click.exceptions.Exit(bench_separation.do_separation(plan))
     _refuse_given({"--element": element, "--states": states}, "goes with --separation only")
@@ -178,7 +168,7 @@ def bench(
     sweep = make_sweep(loaded, names(methods), levels, names(models), (elements, degrees), repeats)
     scene_plan = Plan(
         argument=deck, deck=loaded, sweep=sweep, seconds=budget, started=started, overrides=overrides,
-        talk=talk, folder=claim_study(output, loaded.deck.name, ".bench", MARKER, force), plots=not no_plots,
+        talk=talk, folder=claim_study("bench", to, loaded.deck.name), plots=to.plots,
     )  # fmt: skip
     raise click.exceptions.Exit(do_bench(scene_plan))
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hfsim.commands import Talk, as_table, print_error
+from hfsim.output.talk import Talk, print_error
+from hfsim.output.text import as_table
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder

@@ -7,19 +7,12 @@ from typing import Any
 
 import click
 
-from hfsim.commands import (
-    Talk,
-    deck_options,
-    find_deck,
-    model_option,
-    plural,
-    report_error,
-    talk_options,
-    with_numbers,
-    with_settings,
-    worst,
-)
+from hfsim.commands import report_error, worst
+from hfsim.commands.decks import load_numbered
+from hfsim.commands.options import setting_options, talk_options
 from hfsim.errors import HfsimError
+from hfsim.output.talk import Talk
+from hfsim.output.text import plural
 
 _NOUNS = {
     "joints": "joint",
@@ -37,29 +30,18 @@ _ALWAYS = ("unknowns", "multipliers")
 
 @click.command()
 @click.argument("decks", nargs=-1, required=True, metavar="DECK...")
-@deck_options
-@model_option
+@setting_options("model")
 @talk_options
-def check(
-    decks: tuple[str, ...],
-    overrides: tuple[str, ...],
-    model: str | None,
-    quiet: bool,
-    verbose: bool,
-    as_json: bool,
-) -> None:
+def check(decks: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> None:
     """Validate and assemble each DECK; every one is looked at, exit code 2 if any is bad."""
-    talk = Talk(quiet, verbose, as_json)
-    settings = with_settings(overrides, model)
-    raise click.exceptions.Exit(worst([_check_one(argument, settings, talk) for argument in decks]))
+    raise click.exceptions.Exit(worst([_check_one(argument, overrides, talk) for argument in decks]))
 
 
 def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
-    from hfsim.scene.loading import load_deck
     from hfsim.simulate import check as assemble
 
     try:
-        facts = assemble(with_numbers(load_deck(find_deck(argument, talk), overrides), talk))
+        facts = assemble(load_numbered(argument, overrides, talk))
     except HfsimError as error:
         code = report_error(error)
         talk.facts({"deck": argument, "ok": False, "error": str(error)})

@@ -11,23 +11,11 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hfsim.commands import (
-    STARTED,
-    Talk,
-    as_table,
-    assemble,
-    command_line,
-    deck_options,
-    find_deck,
-    keep_all_option,
-    load_decks,
-    output_options,
-    print_error,
-    provenance_of,
-    talk_options,
-    with_numbers,
-    with_settings,
-)
+from hfsim.commands import STARTED
+from hfsim.commands.decks import assemble, command_line, find_deck, load_decks, provenance_of, with_numbers
+from hfsim.commands.options import output_options, setting_options, talk_options, with_settings
+from hfsim.output.talk import Destination, Talk, print_error
+from hfsim.output.text import as_table
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
@@ -84,8 +72,7 @@ class Plan:
     help="Time short solves so often and take the median.",
 )
 @output_options
-@deck_options
-@keep_all_option
+@setting_options("keep_all")
 @click.option(
     "--error-estimate", is_flag=True, help="Let each model estimate its own time integration error too."
 )
@@ -97,15 +84,10 @@ def compare(
     max_error: float,
     require: tuple[str, ...],
     repeats: int,
-    output: Path | None,
-    force: bool,
-    no_plots: bool,
+    to: Destination,
     overrides: tuple[str, ...],
-    keep_all: bool,
     error_estimate: bool,
-    quiet: bool,
-    verbose: bool,
-    as_json: bool,
+    talk: Talk,
 ) -> None:
     """Run one scene with each MODEL (default: linear lowOrder exact) and say which one is good enough.
 
@@ -113,11 +95,10 @@ def compare(
     a run folder for each model. A model that breaks down is a result (exit code 0); exit code 3 means
     that the reference failed, 4 that a model under --require missed the bound.
     """
-    talk = Talk(quiet, verbose, as_json)
     chosen = choose_models(models, reference, require)
     plan = make_plan(
-        case or default_case(), reference, chosen, with_settings(overrides, None, keep_all), output, force,
-        plots=not no_plots, error_estimate=error_estimate, repeats=repeats, talk=talk,
+        case or default_case(), reference, chosen, overrides, to,
+        error_estimate=error_estimate, repeats=repeats, talk=talk,
     )  # fmt: skip
     raise click.exceptions.Exit(do_comparison(plan, max_error, require))
 
@@ -150,10 +131,8 @@ def make_plan(
     reference: str,
     models: tuple[str, ...],
     overrides: Sequence[str],
-    output: Path | None,
-    force: bool,
+    to: Destination,
     *,
-    plots: bool,
     error_estimate: bool,
     repeats: int,
     talk: Talk,
@@ -176,16 +155,16 @@ def make_plan(
     own = own_models(decks[reference].deck)
     if own:
         talk.note(f"{own} in every run: a body's own model is not replaced")
-    path = output or Path(folder_name(decks[reference].deck.name, ".compare"))
+    path = to.output or Path(folder_name(decks[reference].deck.name, ".compare"))
     return Plan(
         argument=argument,
         reference=reference,
         models=models,
         decks=decks,
-        folder=claim(path, force, marker="compare.json"),
-        folders={model: claim(path / folder_name(model, ""), force) for model in models},
+        folder=claim(path, to.force, marker="compare.json"),
+        folders={model: claim(path / folder_name(model, ""), to.force) for model in models},
         overrides=tuple(overrides),
-        plots=plots,
+        plots=to.plots,
         error_estimate=error_estimate,
         repeats=repeats,
         talk=talk,

@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 import sys
-import textwrap
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands import (
-    CASES,
-    Talk,
-    as_table,
-    brief,
-    claim_study,
-    jobs_option,
-    plural,
-    print_error,
-    refuse_unknown,
-    talk_options,
-    time_option,
-)
+from hfsim.commands.decks import CASES
+from hfsim.commands.options import jobs_option, refuse_unknown, talk_options, time_option
+from hfsim.output.study import Study
+from hfsim.output.talk import Destination, Talk, print_error
+from hfsim.output.text import Column, brief, hanging, plural, table
 
 if TYPE_CHECKING:
-    from hfsim.output.runfolder import RunFolder
-    from hfsim.studies.extreme import Extreme
+    from hfsim.studies.extreme import Case, Extreme
 
 FOLDER = CASES / "extreme"
 """Decks of the set shipped with hfsim."""
-MARKER = "extreme.json"
-"""File whose presence means that the results in a folder are whole."""
-
 
 @click.command()
 @click.argument("names", metavar="[NAME...]", nargs=-1)
@@ -56,9 +44,7 @@ def extreme(
     jobs: int,
     output: Path | None,
     force: bool,
-    quiet: bool,
-    verbose: bool,
-    as_json: bool,
+    talk: Talk,
 ) -> None:
     """Run the decks at the edge of what can be solved, or those NAMEd, and print what came of them.
 
@@ -69,15 +55,13 @@ def extreme(
     from hfsim.output.progress import Progress
     from hfsim.studies.extreme import extreme_set, read_expectations
 
-    talk = Talk(quiet, verbose, as_json)
     expectations = read_expectations(decks)
     refuse_unknown("deck", names, [one.name for one in expectations])
     chosen = [one for one in expectations if not names or one.name in names]
-    folder = claim_study(output, "extreme", "", MARKER, force) if output else None
+    study = Study.claim("extreme", Destination(output, force), "", talk) if output else Study("extreme", talk)
     with Progress("extreme set", sys.stderr, talk.quiet) as progress:
         result = extreme_set(decks, chosen, budget, limit, jobs, progress)
-    talk.facts(_facts(result, folder))
-    talk.result(as_text(result))
+    study.publish(as_facts(result), {"extreme": (_CSV, result.cases)}, as_text(result))
     raise click.exceptions.Exit(_exit_code(result))
 
 
@@ -88,51 +72,67 @@ def _exit_code(result: Extreme) -> int:
     return 0 if result.held == len(result.cases) else 4
 
 
-def _facts(result: Extreme, folder: RunFolder | None) -> dict[str, Any]:
-    """Return the study as facts; write them with a table if there is a folder."""
-    from hfsim.output.runfolder import disk
-    from hfsim.output.writers import json_ready, versions, write_json, write_table
-    from hfsim.studies.extreme import CSV_COLUMNS, as_facts, as_rows
+_CSV = (
+    Column("name"),
+    Column("expected", "expectation.outcome"),
+    Column("class", "verdict.outcome"),
+    Column("cause", "verdict.cause"),
+    Column("item", "verdict.item"),
+    Column("holds", lambda case: not case.misses),
+    *map(Column, ("status", "end", "steps", "cpu")),
+    *(Column(key, f"verdict.{key}") for key in ("time_error", "energy_drift", "growth")),
+    Column("misses", lambda case: "; ".join(case.misses)),
+    Column("reason", "verdict.reason"),
+)
+"""Columns of ``extreme.csv``."""
+_TEXT = (
+    Column("deck", "name"),
+    Column("expected", "expectation.outcome"),
+    Column("class", "verdict.outcome"),
+    Column("blamed", lambda case: case.verdict.item or None),
+    Column("error", "verdict.time_error", brief),
+    Column("drift", "verdict.energy_drift", brief),
+    Column("values", lambda case: _share_that_holds(case)),
+    Column("steps", lambda case: case.steps or None),
+    Column("CPU [s]", "cpu", ".2g"),
+    Column("", lambda case: "MISSED" if case.misses else "ok"),
+)
 
-    files = ["extreme.csv", MARKER]
-    facts, _ = json_ready({**as_facts(result), "versions": versions(), "files": files})
-    if folder is not None:
-        folder.prepare()
-        with disk(folder.path):
-            write_table(folder.path / files[0], as_rows(result), CSV_COLUMNS)
-            write_json(folder.path / MARKER, facts)
-    return dict(facts)
+
+def _share_that_holds(case: Case) -> str | None:
+    wanted = case.expectation.values
+    return f"{sum(found.holds for found in case.found)}/{len(wanted)}" if wanted else None
+
+
+def as_facts(result: Extreme) -> dict[str, Any]:
+    """Return the study as JSON-ready facts (``extreme.json``)."""
+    completed, sound = result.sound
+    cases = [
+        {column.name: column.value(case) for column in _CSV}
+        | {
+            "misses": case.misses,
+            "sound": case.expectation.sound,
+            "values": [asdict(found) for found in case.found],
+        }
+        for case in result.cases
+    ]
+    return {
+        "status": "interrupted" if result.interrupted else "done",
+        "seconds": result.seconds,
+        "used": result.used,
+        "cases": cases,
+        "held": result.held,
+        "sound": sound,
+        "sound_completed": completed,
+    }
 
 
 def as_text(result: Extreme) -> str:
     """Return the table of all decks and what is not as expected."""
-    rows = [["deck", "expected", "class", "blamed", "error", "drift", "values", "steps", "CPU [s]", ""]]
-    for c in result.cases:
-        v = c.verdict
-        values = (
-            f"{sum(f.holds for f in c.found)}/{len(c.expectation.values)}" if c.expectation.values else "-"
-        )
-        numbers = [brief(v.time_error), brief(v.energy_drift), values, str(c.steps or "-"), f"{c.cpu:.2g}"]
-        rows.append(
-            [
-                c.name,
-                c.expectation.outcome,
-                v.outcome,
-                v.item or "-",
-                *numbers,
-                "MISSED" if c.misses else "ok",
-            ]
-        )
+    misses = [hanging(f"{case.name}: {miss}") for case in result.cases for miss in case.misses]
     completed, sound = result.sound
-    blocks = [as_table(rows)]
-    misses = [
-        textwrap.fill(f"{c.name}: {miss}", 110, initial_indent="  ", subsequent_indent="    ")
-        for c in result.cases
-        for miss in c.misses
-    ]
-    blocks += ["\n".join(misses)] if misses else []
-    blocks.append(
+    last = (
         f"{result.held} of {plural(len(result.cases), 'deck')} as expected; {completed} of {sound} "
         f"physically sound ones completed; {result.used:.3g} s used"
     )
-    return "\n\n".join(blocks)
+    return "\n\n".join(filter(None, [table(_TEXT, result.cases), "\n".join(misses), last]))

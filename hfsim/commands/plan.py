@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands import (
-    CASES,
-    Talk,
-    as_table,
-    deck_options,
-    find_deck,
-    keep_all_option,
-    model_option,
-    shipped_cases,
-    talk_options,
-    with_numbers,
-    with_settings,
-)
+from hfsim.commands.decks import CASES, load_numbered, shipped_cases
+from hfsim.commands.options import setting_options, talk_options
+from hfsim.output.talk import Talk
+from hfsim.output.text import Column, table
 
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
@@ -32,9 +23,7 @@ _PROOF_SHARE = 0.1
 
 @click.command()
 @click.argument("decks", nargs=-1, metavar="[DECK]...")
-@deck_options
-@model_option
-@keep_all_option
+@setting_options("model", "keep_all")
 @click.option("--measure", is_flag=True, help="Run with and without each rule, in turns, and tell the times.")
 @click.option(
     "--proof", is_flag=True, help="Only the table of all rules: sizes, times, differences; all shipped cases."
@@ -50,32 +39,20 @@ _PROOF_SHARE = 0.1
 def plan(
     decks: tuple[str, ...],
     overrides: tuple[str, ...],
-    model: str | None,
-    keep_all: bool,
     measure: bool,
     proof: bool,
     repeats: int,
-    quiet: bool,
-    verbose: bool,
-    as_json: bool,
+    talk: Talk,
 ) -> None:
     """Tell what is built of each DECK and what is left out, with reasons and savings; nothing is written."""
-    talk = Talk(quiet, verbose, as_json)
     if not decks and not proof:
         raise click.UsageError("name a deck, or --proof for all shipped cases")
-    settings = with_settings(overrides, model, keep_all)
     if proof:
         names = decks or (*shipped_cases(), *(str(path) for path in sorted((CASES / "rules").glob("*.yaml"))))
-        _prove([_load(name, settings, talk) for name in names], repeats, talk)
+        _prove([load_numbered(name, overrides, talk) for name in names], repeats, talk)
         return
     for name in decks:
-        _tell(_load(name, settings, talk), measure, repeats, talk)
-
-
-def _load(argument: str, settings: tuple[str, ...], talk: Talk) -> LoadedDeck:
-    from hfsim.scene.loading import load_deck
-
-    return with_numbers(load_deck(find_deck(argument, talk), settings), talk)
+        _tell(load_numbered(name, overrides, talk), measure, repeats, talk)
 
 
 def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
@@ -101,7 +78,7 @@ def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
     talk.facts({"name": loaded.deck.name, **facts})
     talk.result(as_text(loaded.deck.name, facts))
     if costs:
-        talk.result(f"\nmeasured, CPU, medians of {repeats}:\n{cost_table(costs)}")
+        talk.result(f"\nmeasured, CPU, medians of {repeats}:\n{table(_COSTS, costs)}")
 
 
 def as_text(name: str, facts: Mapping[str, Any]) -> str:
@@ -145,31 +122,23 @@ def _counts(counts: Mapping[str, Any]) -> str:
     return f" [{', '.join(parts)}]" if parts else ""
 
 
-def cost_table(costs: Sequence[RuleCost]) -> str:
-    """Return the table of rules: sizes, times and differences; pairs are without / with the rule."""
-    head = ["rule", "scene", "unknowns", "multipliers", "call, predicted [us]", "call [us]", "run [s]"]
-    head += ["ratio", "m, rad", "other"]
-    rows = [head]
-    for one in costs:
-        rows.append(
-            [
-                one.rule,
-                one.scene,
-                _pair(one.unknowns, "d"),
-                _pair(one.multipliers, "d"),
-                _pair(one.predicted_call_us, ".0f"),
-                _pair(one.call_us, ".0f"),
-                _pair(one.run_s, ".3f"),
-                f"{one.run_s[0] / one.run_s[1]:.2f}",
-                f"{one.difference:.0e}",
-                f"{one.difference_of_rest:.0e}",
-            ]
-        )
-    return as_table(rows)
+def _pair(form: str) -> Callable[[tuple[float, float]], str]:
+    return lambda values: " / ".join(format(value, form) for value in values)
 
 
-def _pair(values: tuple[float, float], form: str) -> str:
-    return " / ".join(format(value, form) for value in values)
+_COSTS = (
+    Column("rule"),
+    Column("scene"),
+    Column("unknowns", form=_pair("d")),
+    Column("multipliers", form=_pair("d")),
+    Column("call, predicted [us]", "predicted_call_us", _pair(".0f")),
+    Column("call [us]", "call_us", _pair(".0f")),
+    Column("run [s]", "run_s", _pair(".3f")),
+    Column("ratio", lambda cost: cost.run_s[0] / cost.run_s[1], ".2f"),
+    Column("m, rad", "difference", ".0e"),
+    Column("other", "difference_of_rest", ".0e"),
+)
+"""The table of rules: sizes, times and differences; pairs are without / with the rule."""
 
 
 def _prove(decks: Sequence[LoadedDeck], repeats: int, talk: Talk) -> None:
@@ -188,7 +157,7 @@ def _prove(decks: Sequence[LoadedDeck], repeats: int, talk: Talk) -> None:
     whole = {cost.scene: cost.run_s[0] / cost.run_s[1] for cost in costs if cost.rule == ALL}
     silent = [name for name in RULES if name not in {cost.rule for cost in costs}]
     talk.facts({"proof": [cost.facts() for cost in costs], "ratios": whole, "never_fired": silent})
-    talk.result(f"without / with each rule, CPU, medians of {repeats} taken in turns\n{cost_table(costs)}")
+    talk.result(f"without / with each rule, CPU, medians of {repeats} taken in turns\n{table(_COSTS, costs)}")
     talk.result(
         f"all rules together: {median(whole.values()):.2f} times less CPU, median of {len(whole)} scenes"
     )

@@ -12,23 +12,19 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands import (
-    Talk,
-    as_table,
-    brief,
-    claim_study,
-    deck_options,
-    find_deck,
+from hfsim.commands.decks import find_deck, load_decks, with_numbers
+from hfsim.commands.options import (
     jobs_option,
-    load_decks,
     names,
     output_options,
-    print_error,
     refuse_unknown,
+    setting_options,
     talk_options,
     time_option,
-    with_numbers,
 )
+from hfsim.output.study import claim_study
+from hfsim.output.talk import Destination, Talk, print_error
+from hfsim.output.text import as_table, brief
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
@@ -118,7 +114,7 @@ def _named_axis(name: str, words: str) -> Callable[[Any], Any]:
 @time_option("limit", "Time one point may take; references three times as much.", "20s")
 @jobs_option
 @output_options
-@deck_options
+@setting_options()
 @talk_options
 def stability(
     deck: str,
@@ -133,13 +129,9 @@ def stability(
     budget: float,
     limit: float,
     jobs: int,
-    output: Path | None,
-    force: bool,
-    no_plots: bool,
+    to: Destination,
     overrides: tuple[str, ...],
-    quiet: bool,
-    verbose: bool,
-    as_json: bool,
+    talk: Talk,
     **named: str | None,
 ) -> None:
     """Map where methods and models hold for the scene DECK, over one or two axes.
@@ -151,10 +143,9 @@ def stability(
     point is a result (exit code 0). Results go to '<deck name>.stability' or to -o DIR.
     """  # fmt: skip
     started = time.perf_counter()
-    talk = Talk(quiet, verbose, as_json)
     loaded = with_numbers(load_decks([str(find_deck(deck, talk))], overrides, talk, lambda _: None)[0], talk)
     axes = read_axes(vary, named)
-    drawing = 0.0 if no_plots else min(_DRAWING[0], _DRAWING[1] * budget)
+    drawing = 0.0 if not to.plots else min(_DRAWING[0], _DRAWING[1] * budget)
     spent = time.perf_counter() - started
     plan = make_plan(
         axes, names(methods), names(models), (max_error, max_drift), budget - drawing - spent, limit, jobs
@@ -162,8 +153,8 @@ def stability(
     refuse_bisection(bisect, axes)
     if measure and axes:
         raise click.UsageError("--limits takes no axis; change the deck with --set")
-    folder = claim_study(output, loaded.deck.name, ".stability", MARKER, force)
-    order = Order(deck, loaded, plan, bisect, ending, folder, overrides, not no_plots, talk)
+    folder = claim_study("stability", to, loaded.deck.name)
+    order = Order(deck, loaded, plan, bisect, ending, folder, overrides, to.plots, talk)
     raise click.exceptions.Exit(do_limits(order, names(models)) if measure else do_map(order))
 
 

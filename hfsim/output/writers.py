@@ -20,6 +20,7 @@ import numpy as np
 
 from hfsim import __version__
 from hfsim.errors import SolverFailure
+from hfsim.output.text import Column
 from hfsim.run.solution import Channel, Run
 
 _BLOCK = 4096
@@ -61,6 +62,10 @@ class Provenance(NamedTuple):
     deck_sha256: str
     overrides: tuple[str, ...]
     resolved: dict[str, Any]
+
+    def facts(self) -> dict[str, Any]:
+        """Return what files of results say of it."""
+        return {"deck": self.source, "deck_sha256": self.deck_sha256, "overrides": list(self.overrides)}
 
 
 def finite_part(run: Run) -> Run:
@@ -148,10 +153,14 @@ def _rows_as_text(rows: Iterable[Sequence[float]]) -> Iterable[str]:
     return (",".join(map(repr, row)) + "\n" for row in rows)
 
 
-def write_table(path: Path, rows: Sequence[Mapping[str, object]], columns: Sequence[str]) -> None:
-    """Write dictionaries as CSV with the given columns; None and non-finite numbers become empty cells."""
-    lines = [",".join(columns)]
-    lines += [",".join(_cell(row.get(column)) for column in columns) for row in rows]
+def write_table(path: Path, rows: Iterable[Any], columns: Iterable[Column | str]) -> None:
+    """Write rows of any kind as CSV; None and non-finite numbers become empty cells.
+
+    A column given by its name alone is the attribute or key of that name.
+    """
+    known = [column if isinstance(column, Column) else Column(column) for column in columns]
+    lines = [",".join(column.name for column in known)]
+    lines += [",".join(_cell(column.value(row)) for column in known) for row in rows]
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
@@ -224,9 +233,7 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
         **run.statistics,
         "channels": {channel.name: channel.unit for channel in run.channels},
         "failure": run.failure,
-        "deck": provenance.source,
-        "deck_sha256": provenance.deck_sha256,
-        "overrides": list(provenance.overrides),
+        **provenance.facts(),
         "versions": versions(),
         "files": list(files),
     }

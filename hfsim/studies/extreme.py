@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -334,40 +334,3 @@ def _case(expectation: Expectation, outcome: Outcome | None) -> Case:
         return Case(expectation, Verdict("no result", outcome.lost))
     case: Case = outcome.value
     return case
-
-
-# --- tables --------------------------------------------------------------------------------------
-
-CSV_COLUMNS = (
-    "name", "expected", "class", "cause", "item", "holds", "status", "end", "steps", "cpu", "time_error",
-    "energy_drift", "growth", "misses", "reason",
-)  # fmt: skip
-"""Columns of ``extreme.csv``."""
-
-
-def as_rows(result: Extreme) -> list[dict[str, object]]:
-    """Return one row for each deck, with the keys `CSV_COLUMNS`."""
-    return [
-        {
-            "name": c.name, "expected": c.expectation.outcome, "class": c.verdict.outcome,
-            "cause": c.verdict.cause, "item": c.verdict.item,
-            "holds": not c.misses, "status": c.status, "end": c.end, "steps": c.steps, "cpu": c.cpu,
-            "time_error": c.verdict.time_error, "energy_drift": c.verdict.energy_drift,
-            "growth": c.verdict.growth, "misses": "; ".join(c.misses), "reason": c.verdict.reason,
-        }
-        for c in result.cases
-    ]  # fmt: skip
-
-
-def as_facts(result: Extreme) -> dict[str, Any]:
-    """Return the study as JSON-ready facts (``extreme.json``)."""
-    completed, sound = result.sound
-    cases = [
-        {**row, "misses": c.misses, "sound": c.expectation.sound, "values": [asdict(f) for f in c.found]}
-        for c, row in zip(result.cases, as_rows(result), strict=True)
-    ]
-    return {
-        "status": "interrupted" if result.interrupted else "done", "seconds": result.seconds,
-        "used": result.used, "cases": cases, "held": result.held, "sound": sound,
-        "sound_completed": completed,
-    }  # fmt: skip

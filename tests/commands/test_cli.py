@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import hfsim.commands
+import hfsim.commands.decks
 
 # what commands import later needs the real deck module, for which the tests put in another
 import hfsim.output.plots
@@ -43,7 +43,7 @@ class FakeDeck:
 
 
 class FakeScene:
-    """Stands in for `hfsim.scene.schema` and `hfsim.simulate`; `behaviour` says what a deck or model does."""
+    """Stands in for `hfsim.scene.loading` and `hfsim.simulate`; `behaviour` says what a deck or model does."""
 
     def __init__(self):
         self.behaviour = {}
@@ -239,7 +239,7 @@ def test_two_decks_cannot_share_a_folder(scene):
 def test_a_shipped_case_is_found_by_its_name_and_hinted_at(scene, monkeypatch, tmp_path):
     (tmp_path / "shipped").mkdir()
     (tmp_path / "shipped/pendulum.yaml").write_text("pendulum")
-    monkeypatch.setattr(hfsim.commands, "CASES", tmp_path / "shipped")
+    monkeypatch.setattr(hfsim.commands.decks, "CASES", tmp_path / "shipped")
     result = call("run", "pendulum", "--no-plots")
     assert result.exit_code == 0
     assert "using the shipped case" in result.stderr
@@ -307,7 +307,7 @@ def test_compare_protects_its_folder_and_refuses_bad_models(scene):
 def test_compare_takes_the_shipped_scene_where_no_case_is(scene, monkeypatch, tmp_path):
     (tmp_path / "shipped").mkdir()
     (tmp_path / "shipped/two_beams.yaml").write_text("two_beams")
-    monkeypatch.setattr(hfsim.commands, "CASES", tmp_path / "shipped")
+    monkeypatch.setattr(hfsim.commands.decks, "CASES", tmp_path / "shipped")
     Path("case.yaml").unlink()
     result = call("compare", "linear", "--no-plots", "--json")
     assert json.loads(result.stdout)["name"] == "two_beams"
@@ -386,7 +386,7 @@ def test_help_imports_nothing_heavy():
 
 
 def test_a_reader_that_went_away_is_no_error():
-    script = "from hfsim.commands import print_out\nfor _ in range(9999): print_out('x' * 99)"
+    script = "from hfsim.output.talk import print_out\nfor _ in range(9999): print_out('x' * 99)"
     command = f'"{sys.executable}" -c "{script}" | head -n 1; echo ${{PIPESTATUS[0]}}'
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     result = subprocess.run(

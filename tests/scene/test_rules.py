@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands import CASES
+from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError
 from hfsim.integrators import Segment, Trajectory, joined
 from hfsim.run.integration import run_integration

@@ -10,7 +10,8 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands import CASES, parse_budget
+from hfsim.commands.decks import CASES
+from hfsim.commands.options import parse_budget
 from hfsim.scene.loading import load_deck
 from hfsim.studies.bench import (
     CSV_COLUMNS,

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from hfsim import integrators
 from hfsim.cli import app
-from hfsim.commands import CASES
+from hfsim.commands.decks import CASES
 from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS, gauss
 from hfsim.integrators.collocation import CollocationMethod

@@ -9,7 +9,7 @@ import yaml
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands import CASES
+from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck

@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands import CASES
+from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError
 from hfsim.parts.elements import ELEMENTS, Stiffness, join_laws
 from hfsim.parts.elements._base import QuadraticMap

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from zoo import DEAD_CENTRE
 
 from hfsim.cli import app
-from hfsim.commands import CASES
+from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary

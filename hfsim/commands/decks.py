@@ -1,0 +1,171 @@
+"""Decks named on the command line: finding, loading and changing them."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hfsim.commands import report_error, worst
+from hfsim.errors import HfsimError
+from hfsim.output.talk import Talk
+
+if TYPE_CHECKING:
+    from hfsim.output.writers import Provenance
+    from hfsim.scene.loading import LoadedDeck
+
+CASES = Path(__file__).resolve().parent.parent / "scene" / "cases"
+"""Decks shipped with hfsim."""
+
+
+class DeckNotFoundError(HfsimError):
+    """The deck named on the command line is neither a file nor a shipped case."""
+
+    exit_code = 2
+
+
+def shipped_cases() -> dict[str, Path]:
+    """Return the decks shipped with hfsim by name."""
+    return {path.stem: path for path in sorted(CASES.glob("*.yaml"))}
+
+
+def find_deck(argument: str, talk: Talk) -> Path:
+    """Return the deck a command-line argument means.
+
+    Parameters
+    ----------
+    argument : str
+        A file, or the bare name of a shipped case.
+    talk : Talk
+        Is told when a shipped case is taken.
+
+    Returns
+    -------
+    Path
+        An existing file.
+
+    Raises
+    ------
+    DeckNotFoundError
+        If there is neither; the message names what comes near.
+    """
+    path = Path(argument)
+    if path.is_file():
+        return path
+    cases = shipped_cases()
+    if argument in cases:
+        talk.note(f"{argument}: using the shipped case {cases[argument]}")
+        return cases[argument]
+    if path.is_dir():
+        raise DeckNotFoundError(f"{argument} is a folder; name a deck, e.g. {path / 'case.yaml'}")
+    raise DeckNotFoundError(f"there is no deck {argument}{_near(path, list(cases))}. Nothing was run.")
+
+
+def _near(path: Path, cases: list[str]) -> str:
+    if path.stem in cases:
+        return f" (a shipped case has that name: use '{path.stem}')"
+    folder = path.parent if path.parent.is_dir() else Path()
+    files = [file.name for file in folder.glob("*.y*ml")]
+    near = difflib.get_close_matches(path.name, files, 1) or difflib.get_close_matches(path.stem, cases, 1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
+
+
+def load_decks(
+    arguments: Sequence[str], overrides: Sequence[str], talk: Talk, finish: Callable[[LoadedDeck], object]
+) -> list[LoadedDeck]:
+    """Load every deck before anything is done with any, and report the problems of all.
+
+    Parameters
+    ----------
+    arguments : sequence of str
+        Files or names of shipped cases.
+    overrides : sequence of str
+        ``key=value`` settings for all of them.
+    talk : Talk
+        For notes.
+    finish : callable
+        Further checks of a loaded deck; a `HfsimError` from it counts as the deck's.
+
+    Returns
+    -------
+    list of LoadedDeck
+        One for each argument.
+
+    Raises
+    ------
+    click.exceptions.Exit
+        With code 2 if any deck is bad; its problems have been printed then.
+    """
+    from hfsim.scene.loading import load_deck
+
+    loaded, codes = [], []
+    for argument in arguments:
+        try:
+            deck = load_deck(find_deck(argument, talk), tuple(overrides))
+            finish(deck)
+            loaded.append(deck)
+        except HfsimError as error:
+            codes.append(report_error(error))
+    if codes:
+        raise click.exceptions.Exit(worst(codes))
+    return loaded
+
+
+def assemble(loaded: LoadedDeck) -> None:
+    """Build a deck's scene and throw it away, to find what only then shows.
+
+    Raises
+    ------
+    DeckError
+        If it cannot be built.
+    """
+    from hfsim.simulate import check
+
+    check(loaded)
+
+
+def with_numbers(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:
+    """Return a deck with the default elements where it says auto, and say so."""
+    if not loaded.auto_elements:
+        return loaded
+    from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
+
+    beams = ", ".join(loaded.auto_elements)
+    words = f"elements: auto of {beams} taken as {DEFAULT_ELEMENTS}"
+    talk.note(f"{loaded.deck.name}: {words}; only hfsim run chooses them")
+    return loaded.with_numbers()
+
+
+def load_numbered(argument: str, overrides: Sequence[str], talk: Talk) -> LoadedDeck:
+    """Load one deck, with the default elements where it says auto: for all commands but `run`.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+    """
+    from hfsim.scene.loading import load_deck
+
+    return with_numbers(load_deck(find_deck(argument, talk), tuple(overrides)), talk)
+
+
+def provenance_of(loaded: LoadedDeck, argument: str, overrides: Sequence[str]) -> Provenance:
+    """Return where a run of this deck comes from."""
+    from hfsim.output.writers import Provenance
+
+    return Provenance(
+        source=argument,
+        deck_sha256=loaded.deck_sha256,
+        overrides=tuple(overrides),
+        resolved=loaded.deck.resolved(),
+    )
+
+
+def command_line() -> str:
+    """Return the command line as the user typed it, near enough, for the log."""
+    import shlex
+
+    return shlex.join(["hfsim", *sys.argv[1:]])

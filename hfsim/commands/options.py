@@ -1,0 +1,160 @@
+"""Options that several sub-commands take, and how their values are read."""
+
+from __future__ import annotations
+
+import functools
+import os
+import re
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar, cast
+
+import click
+
+from hfsim.output.talk import Destination, Talk
+
+_Option: TypeAlias = Callable[[Any], Any]
+
+_SECONDS = {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0}
+
+_Function = TypeVar("_Function", bound=Callable[..., Any])
+
+
+def _gathered(name: str, make: Callable[..., object], **options: _Option) -> Callable[[_Function], _Function]:
+    """Return a decorator that adds options and hands their values, made into one, to the parameter `name`."""
+
+    def decorate(function: _Function) -> _Function:
+        @functools.wraps(function)
+        def call(**values: object) -> object:
+            made = make(**{key: values.pop(key) for key in options})
+            return function(**{name: made}, **values)
+
+        for option in reversed(options.values()):
+            call = option(call)
+        return cast(_Function, call)
+
+    return decorate
+
+
+def _note_verbose(ctx: click.Context, _: click.Parameter, value: bool) -> bool:
+    ctx.find_root().meta["verbose"] = value  # what `report_error` asks when things go wrong
+    return value
+
+
+def setting_options(*also: str) -> Callable[[_Function], _Function]:
+    """Return options that change the deck: ``--set`` and those named of ``model`` and ``keep_all``.
+
+    A command gets all of them as one parameter ``overrides``, a tuple of ``KEY=VALUE``.
+    """
+    return _gathered("overrides", with_settings, **{key: _SETTINGS[key] for key in ("overrides", *also)})
+
+
+_SETTINGS = {
+    "overrides": click.option(
+        "--set", "overrides", multiple=True, metavar="KEY=VALUE",
+        help="Change an entry of the deck, e.g. bodies.b1.elements=8; may be repeated.",
+    ),
+    "model": click.option("--model", metavar="MODEL", help="Short for --set solve.model=MODEL."),
+    "keep_all": click.option(
+        "--keep-all", is_flag=True,
+        help="Leave nothing out: short for --set solve.keep_all=true; see 'hfsim plan'.",
+    ),
+}  # fmt: skip
+
+
+def with_settings(
+    overrides: Sequence[str], model: str | None = None, keep_all: bool = False
+) -> tuple[str, ...]:
+    """Return the overrides with ``--model`` and ``--keep-all`` among them; they win over ``--set``."""
+    own = [f"solve.model={model}"] if model else []
+    return (*overrides, *own, *(["solve.keep_all=true"] if keep_all else []))
+
+
+output_options = _gathered(
+    "to",
+    lambda output, force, no_plots: Destination(output, force, not no_plots),
+    output=click.option(
+        "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Where results go."
+    ),
+    force=click.option("--force", is_flag=True, help="Replace the results of a finished run."),
+    no_plots=click.option("--no-plots", is_flag=True, help="Draw no pictures."),
+)
+"""A command gets these as one parameter ``to``, a `Destination`."""
+
+talk_options = _gathered(
+    "talk",
+    Talk,
+    quiet=click.option("-q", "--quiet", is_flag=True, help="Print errors only (and the JSON, with --json)."),
+    verbose=click.option(
+        "-v", "--verbose", is_flag=True, callback=_note_verbose, help="Tell more; show tracebacks."
+    ),
+    as_json=click.option(
+        "--json", "as_json", is_flag=True, help="Print JSON, one object on a line, not text."
+    ),
+)
+"""A command gets these as one parameter ``talk``, a `Talk`."""
+
+
+def parse_budget(text: str) -> float:
+    """Return a time in seconds.
+
+    Examples
+    --------
+    >>> parse_budget("60s"), parse_budget("2 min"), parse_budget("90")
+    (60.0, 120.0, 90.0)
+
+    Raises
+    ------
+    click.BadParameter
+        If it is none.
+    """
+    found = re.fullmatch(r"\s*(\d+\.?\d*|\.\d+)\s*(ms|s|min|h)?\s*", text)
+    value = float(found[1]) * _SECONDS[found[2] or "s"] if found else 0.0
+    if value <= 0.0:
+        raise click.BadParameter(f"'{text}' is no time; write e.g. 60s or 2min")
+    return value
+
+
+def time_option(name: str, words: str, default: str | None = None) -> _Option:
+    """Return an option that takes a time: seconds, or None where none is given and there is no default."""
+    return click.option(
+        f"--{name}",
+        default=default,
+        show_default=default is not None,
+        metavar="TIME",
+        callback=lambda _, __, text: None if text is None else parse_budget(text),
+        help=words,
+    )
+
+
+jobs_option = click.option(
+    "--jobs",
+    type=click.IntRange(min=1),
+    default=min(2, os.cpu_count() or 1),
+    show_default=True,
+    help="Processes at a time.",
+)
+
+
+def names(text: str | None) -> tuple[str, ...]:
+    """Return the parts of a text between commas, each once.
+
+    Examples
+    --------
+    >>> names("gauss, radau,gauss"), names(None)
+    (('gauss', 'radau'), ())
+    """
+    return tuple(dict.fromkeys(part.strip() for part in (text or "").split(",") if part.strip()))
+
+
+def refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str]) -> None:
+    """Refuse names that are not known.
+
+    Raises
+    ------
+    click.UsageError
+        Naming the first unknown one, and those there are.
+    """
+    for name in given:
+        if name not in known:
+            raise click.UsageError(f"there is no {kind} '{name}'; there are {', '.join(known)}")

@@ -1,0 +1,197 @@
+"""What people read of one run: its table of results, what is doubtful, how it was refined."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hfsim.output.talk import Talk, print_error
+from hfsim.output.text import Column, as_table, brief, number, table
+
+if TYPE_CHECKING:
+    from hfsim.run.solution import Run
+
+
+def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk) -> None:
+    """Print the results of one run, and what the user should be warned of."""
+    for warning in summary["warnings"]:
+        talk.note(f"{run.name}: warning: {warning}")
+    if run.status != "done":
+        print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
+        if run.failure:
+            print_error(findings(run.failure))
+    elif run.exit_code:
+        print_error(f"{run.name}: {run.reason}")
+    if run.status == "done" and summary.get("suspicion"):
+        doubt = summary["suspicion"]
+        talk.note(f"{run.name}: suspicious: {doubt['reason']}\n{findings(doubt)}")
+    talk.facts(summary)
+    talk.result(f"{run.name}: {headline(run)}\n{as_text(run, summary, folder)}")
+
+
+def headline(run: Run) -> str:
+    """Return the status in a few words."""
+    if run.status == "done":
+        return f"done, {run.end_time:.6g} s simulated"
+    return f"{run.status} at t = {run.stop_time:.6g} s: {run.reason}"
+
+
+def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
+    """Return the table of results that people read."""
+    facts = {
+        "model, method": f"{run.model}, {run.method}",
+        **_models(summary),
+        "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
+        "steps": _steps(summary),
+        "CPU time": _times(summary["cpu_s"]),
+        "error estimate": number(summary["error_estimate"]),
+        "energy drift": number(summary["energy_drift"]),
+        "constraint drift": _drift(summary),
+        "results": f"{folder}/",
+    }
+    width = max(map(len, facts))
+    lines = [f"  {name.ljust(width)}  {text}" for name, text in facts.items()]
+    levels = level_table(summary["refinement"]) if summary.get("refinement") else []
+    return "\n".join([*lines, *levels, *_last_values(run)])
+
+
+_LEVELS = (
+    Column("refined"),
+    Column("method"),
+    Column("tolerance", form=".1e"),
+    Column("unknowns", form=number),
+    Column("steps", form=number),
+    Column("CPU [s]", "cpu_s", ".3f"),
+    Column("change", lambda level: brief(level["change"]) if level["status"] == "done" else level["status"]),
+    Column("error", "estimate", brief),
+    Column("mesh", lambda level: _mesh(level["bodies"])),
+)
+
+
+def level_table(found: Mapping[str, Any]) -> list[str]:
+    """Return the levels of a refinement, a row each, and which was chosen and why."""
+    chosen = found["chosen"]
+    level = Column("level", lambda one: f"{one['number']}{'*' * (one['number'] == chosen['number'])}")
+    where = f" in {chosen['channel']}" if chosen["channel"] else ""
+    return [
+        f"  target error {found['target']:g}: {found['status']}, estimate {brief(found['estimate'])}{where}; "
+        f"{found['cpu_s']:.2f} s CPU in {len(found['levels'])} levels",
+        table([level, *_LEVELS], found["levels"], "    "),
+        "    mesh: elements x degree; change: of the level refined, relative to the channel's range",
+        f"    * {chosen['why']}",
+        *method_lines(found),
+        *_fixed_meshes(found["fixed_meshes"]),
+    ]
+
+
+def _mesh(bodies: Mapping[str, Mapping[str, int]]) -> str:
+    mesh = ", ".join(f"{body} {n['elements']} x {n['degree']}" for body, n in bodies.items())
+    return mesh if len(mesh) <= _WIDEST else f"{mesh[:_WIDEST]}..."
+
+
+_RACES = (
+    Column("race", "method"),
+    Column("tolerance", form=".1e"),
+    Column("unknowns", form=number),
+    Column("CPU [s]", "cpu_s", ".3f"),
+    Column("against"),
+    Column("CPU [s]", "to_beat_s", ".3f"),
+    Column("done", "share", ".0%"),
+    Column("error in time", "error", brief),
+    Column("outcome", lambda race: ": ".join(filter(None, (race["outcome"], race["reason"])))),
+)
+
+
+def method_lines(found: Mapping[str, Any] | None) -> list[str]:
+    """Return how the method of a refinement was chosen, and the races that this rests on."""
+    if not found:
+        return []
+    lines = [f"    method {found['method_choice']}"]
+    if not found["probes"]:
+        return lines
+    lines += table(_RACES, found["probes"], "    ").split("\n")
+    share = found["probing_cpu_s"] / max(found["cpu_s"], 1e-9)
+    return [*lines, f"    races took {found['probing_cpu_s']:.2f} s of CPU, {share:.0%} of the whole"]
+
+
+def _fixed_meshes(beams: Sequence[str]) -> list[str]:
+    return (
+        [f"    not counted: mesh errors of {', '.join(beams)}, whose elements the deck fixes"]
+        if beams
+        else []
+    )
+
+
+_WIDEST = 60
+"""Characters of a mesh in a table."""
+
+
+def _models(summary: Mapping[str, Any]) -> dict[str, str]:
+    """Return the rows that say which beams spent how much of the time in which model, and the changes."""
+    auto = summary.get("auto")
+    if not auto:
+        models = summary.get("models") or {}
+        mixed = len(set(models.values())) > 1
+        return {"models": ", ".join(f"{body} {model}" for body, model in models.items())} if mixed else {}
+    spent = [
+        f"{body} " + ", ".join(f"{model} {share:.0%}" for model, share in shares.items())
+        for body, shares in auto["shares"].items()
+    ]
+    rows = {"share of time": "; ".join(spent)}
+    for n, one in enumerate(auto["switches"], 1):
+        rows[f"change {n}"] = (
+            f"{one['time']:.4g} s: {one['body']} from {one['model']} to {one['next_model']}: "
+            f"{one['reason']}; energy {one['energy_gained']:+.2g} J"
+        )
+    return rows
+
+
+_CLASSES = {
+    "numerical": "numerical: the method makes it, not the model or the mechanism",
+    "model": "model: terms that it leaves out make it",
+    "physical": "physical: the mechanism itself makes it",
+    "deck": "deck: its numbers or joints make it",
+}
+
+
+def findings(facts: Mapping[str, Any]) -> str:
+    """Return class, item, deck line, evidence and next command of a failure or suspicion, a line each."""
+    line = f", line {facts['line']} of the deck" if facts.get("line") else ""
+    evidence = facts.get("evidence") or {}
+    kind = _CLASSES.get(str(facts.get("class")), str(facts.get("class")))
+    rows = {
+        "class": "undecided, taken as numerical" if "undecided" in evidence else kind,
+        "item": f"{facts['item']}{line}" if facts.get("item") else "",
+        "evidence": "\n            ".join(
+            f"{key.replace('_', ' ')}: {number(value)}" for key, value in evidence.items()
+        ),
+        "try": str(facts.get("try") or ""),
+    }
+    return "\n".join(f"  {name.ljust(8)}  {text}" for name, text in rows.items() if text)
+
+
+def _steps(summary: Mapping[str, Any]) -> str:
+    keys = {"rejected": "rejected", "newton_iterations": "Newton iterations", "evaluations": "evaluations"}
+    parts = [f"{number(summary[key])} {words}" for key, words in keys.items() if summary[key] is not None]
+    return ", ".join([number(summary["steps"]), *parts])
+
+
+def _times(times: Mapping[str, float]) -> str:
+    order = [phase for phase in times if phase != "total"]
+    parts = [f"{phase.replace('_', ' ')} {times[phase]:.3f}" for phase in order]
+    return f"{times.get('total', 0.0):.3f} s ({', '.join(parts)})"
+
+
+def _drift(summary: Mapping[str, Any]) -> str:
+    position, velocity = (number(summary[f"constraint_{what}"]) for what in ("position", "velocity"))
+    return f"position {position}, velocity {velocity}"
+
+
+def _last_values(run: Run) -> list[str]:
+    if not len(run.t):
+        return ["  no output time was reached"]
+    rows = [[f"  {channel.name}", f"{channel.values[-1]:.9g}", channel.unit] for channel in run.channels]
+    if not rows:
+        return []
+    return [f"  at t = {run.end_time:.9g} s", as_table(rows)]

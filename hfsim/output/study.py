@@ -1,0 +1,144 @@
+"""The results of a study on their way out: tables and facts to files, facts and text to the user.
+
+A command claims its folder before anything is computed and publishes what came of it:
+
+>>> from hfsim.output.text import Column
+>>> study = Study("race", Talk())  # with a folder: Study.claim("race", to, deck.name, talk)
+>>> columns = [Column("method"), Column("cpu", "cost.cpu"), Column("fast", lambda row: row["fast"] > 1)]
+>>> rows = [{"method": "gauss", "cost": {"cpu": 0.5}, "fast": 2}]
+>>> facts = study.publish({"status": "done"}, {"race": (columns, rows)}, "one method")
+one method
+>>> facts["files"]
+['race.csv', 'race.json']
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from hfsim.output.talk import Destination, Talk
+
+if TYPE_CHECKING:
+    from hfsim.output.runfolder import RunFolder
+    from hfsim.output.text import Column
+
+Table: TypeAlias = "tuple[Iterable[Column | str], Iterable[Any]]"
+"""Columns and rows of a CSV file: rows are whatever the columns know to read."""
+
+
+def claim_study(kind: str, to: Destination, name: str) -> RunFolder:
+    """Ask for the folder of a study, ``<name>.<kind>`` where none is named; nothing is written yet.
+
+    Raises
+    ------
+    FolderError
+        If a finished study stands there, or the folder cannot be written to.
+    """
+    from hfsim.output.runfolder import FolderError, claim, folder_name
+
+    path, marker = to.output or Path(folder_name(name, f".{kind}")), f"{kind}.json"
+    if (path / marker).exists() and not to.force:
+        raise FolderError(f"{path} already holds a study; use --force to replace it, or -o DIR")
+    return claim(path, to.force, marker)
+
+
+@dataclass(frozen=True)
+class Study:
+    """Where the results of one study go.
+
+    Attributes
+    ----------
+    kind : str
+        Name of the study; ``<kind>.json``, written last, tells that what is in the folder is whole.
+    talk : Talk
+    folder : RunFolder or None
+        Folder granted; None: nothing is written.
+    plots : bool
+        Whether pictures are drawn.
+    about : mapping
+        Facts on where the study comes from; see `hfsim.output.writers.Provenance.facts`.
+    """
+
+    kind: str
+    talk: Talk
+    folder: RunFolder | None = None
+    plots: bool = True
+    about: Mapping[str, object] = field(default_factory=dict)
+
+    @classmethod
+    def claim(
+        cls, kind: str, to: Destination, name: str, talk: Talk, about: Mapping[str, object] | None = None
+    ) -> Study:
+        """Return a study with its folder granted; see `claim_study`."""
+        return cls(kind, talk, claim_study(kind, to, name), to.plots, about or {})
+
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        assert self.folder
+        return self.folder.path
+
+    def begin(self) -> None:
+        """Make the folder and remove what is older, before much is computed: nothing old looks new then."""
+        if self.folder:
+            self.folder.prepare()
+
+    def publish(
+        self,
+        facts: Mapping[str, Any],
+        tables: Mapping[str, Table],
+        text: str,
+        draw: Callable[[Path], Iterable[str]] | None = None,
+    ) -> dict[str, Any]:
+        """Write the study and tell it: as JSON on one line or as text, as the user wishes.
+
+        Parameters
+        ----------
+        facts : mapping
+            What goes into ``<kind>.json``; numbers that are not finite become null.
+        tables : mapping of str to (columns, rows)
+            CSV files by their names without ``.csv``.
+        text : str
+            The study as people read it.
+        draw : callable, optional
+            Draws the pictures into a folder and returns their names; not called if none are wanted.
+
+        Returns
+        -------
+        dict
+            The facts with where they come from, ``versions`` and ``files``.
+
+        Raises
+        ------
+        WriteError
+            If the disk refuses; there is no ``<kind>.json`` then.
+        """
+        plain = self._save(facts, tables, draw)
+        self.talk.facts(plain)
+        self.talk.result(text)
+        return plain
+
+    def _save(
+        self,
+        facts: Mapping[str, Any],
+        tables: Mapping[str, Table],
+        draw: Callable[[Path], Iterable[str]] | None,
+    ) -> dict[str, Any]:
+        from hfsim.output.runfolder import disk
+        from hfsim.output.writers import json_ready, versions, write_json, write_table
+
+        files = [*(f"{stem}.csv" for stem in tables), f"{self.kind}.json"]
+        if self.folder is None:
+            return dict(json_ready({**facts, **self.about, "versions": versions(), "files": files})[0])
+        self.begin()
+        with disk(self.path):
+            for stem, (columns, rows) in tables.items():
+                write_table(self.path / f"{stem}.csv", rows, columns)
+            if draw and self.plots:
+                files += [f"plots/{name}" for name in draw(self.path / "plots")]
+            plain, _ = json_ready({**facts, **self.about, "versions": versions(), "files": files})
+            write_json(self.path / f"{self.kind}.json", plain)
+        return dict(plain)

@@ -1,0 +1,90 @@
+"""What a command says, and where: results to standard output, all else to standard error.
+
+Beside it, what the command line says about the folder of results.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import click
+
+
+@dataclass(frozen=True)
+class Destination:
+    """Where results go, as the command line says it.
+
+    Attributes
+    ----------
+    output : Path or None
+        Folder named; without it a command has a default of its own.
+    force : bool
+        Whether the results of a finished run or study may be replaced.
+    plots : bool
+        Whether pictures are drawn.
+    """
+
+    output: Path | None
+    force: bool = False
+    plots: bool = True
+
+
+@dataclass(frozen=True)
+class Talk:
+    """Results to standard output, everything else to standard error.
+
+    Attributes
+    ----------
+    quiet, verbose, as_json : bool
+        The options of these names.
+    """
+
+    quiet: bool = False
+    verbose: bool = False
+    as_json: bool = False
+
+    def result(self, text: str) -> None:
+        """Print a result for people; silent under ``-q`` and ``--json``."""
+        if not (self.quiet or self.as_json):
+            print_out(text)
+
+    def facts(self, facts: object) -> None:
+        """Print a result for programs on one line; only under ``--json``."""
+        if self.as_json:
+            print_out(json.dumps(facts, allow_nan=False, ensure_ascii=False))
+
+    def note(self, text: str) -> None:
+        """Tell something useful to know; silent under ``-q``."""
+        if not self.quiet:
+            print_error(text)
+
+    def detail(self, text: str) -> None:
+        """Tell something only ``-v`` asks for."""
+        if self.verbose and not self.quiet:
+            print_error(text)
+
+
+def print_out(text: str) -> None:
+    """Print to standard output; a reader that went away (``| head``) is no error."""
+    try:
+        click.echo(text)
+    except BrokenPipeError:
+        _redirect_to_nowhere(1)
+
+
+def print_error(text: str) -> None:
+    """Print to standard error."""
+    try:
+        click.echo(text, err=True)
+    except BrokenPipeError:
+        _redirect_to_nowhere(2)
+
+
+def _redirect_to_nowhere(descriptor: int) -> None:
+    # the file descriptor itself, or Python would complain when it flushes at exit
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, descriptor)
+    os.close(nowhere)

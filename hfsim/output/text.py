@@ -1,0 +1,112 @@
+"""Tables and numbers as people read them."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+
+class Column(NamedTuple):
+    """One column of a table, in a file or as text.
+
+    Attributes
+    ----------
+    name : str
+        Heading.
+    of : str or callable
+        How a row gives its value: a path of attributes or keys such as ``verdict.outcome``, or a function of
+        the row. Without it, the attribute or key called as the column.
+    form : str or callable
+        How text shows a value: a format such as ``.3g``, or a function from the value to text. None is
+        a dash unless a function says otherwise. Files take no notice of it.
+
+    Examples
+    --------
+    >>> columns = [Column("model"), Column("CPU [s]", "cost.cpu", ".1f")]
+    >>> print(table(columns, [{"model": "exact", "cost": {"cpu": 2}}]))
+      model  CPU [s]
+      exact      2.0
+    """
+
+    name: str
+    of: str | Callable[[Any], object] = ""
+    form: str | Callable[[Any], str] = ""
+
+    def value(self, row: Any) -> object:
+        """Return what a row has in this column."""
+        if callable(self.of):
+            return self.of(row)
+        for key in self.of.split(".") if self.of else (self.name,):
+            row = row.get(key) if isinstance(row, Mapping) else getattr(row, key)
+        return row
+
+    def text(self, row: Any) -> str:
+        """Return the same as people read it."""
+        value = self.value(row)
+        if callable(self.form):
+            return self.form(value)
+        return "-" if value is None else format(value, self.form)
+
+
+def table(columns: Sequence[Column], rows: Iterable[Any], indent: str = "  ") -> str:
+    """Return rows of any kind as lines with aligned columns; see `as_table`."""
+    cells = [[column.text(row) for column in columns] for row in rows]
+    return as_table([[column.name for column in columns], *cells], indent)
+
+
+def plural(count: int, word: str) -> str:
+    """Return a count with its noun.
+
+    Examples
+    --------
+    >>> plural(1, "body"), plural(2, "body"), plural(3, "joint")
+    ('1 body', '2 bodies', '3 joints')
+    """
+    if count == 1:
+        return f"1 {word}"
+    return f"{count} {word[:-1]}ies" if word.endswith("y") else f"{count} {word}s"
+
+
+def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
+    """Return rows of cells as lines with aligned columns; the first column is left-aligned, the others right.
+
+    Examples
+    --------
+    >>> print(as_table([["model", "cpu"], ["ancf", "0.1 s"]]))
+      model    cpu
+      ancf   0.1 s
+    """
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    lines = []
+    for first, *others in rows:
+        cells = [first.ljust(widths[0]), *(c.rjust(w) for c, w in zip(others, widths[1:], strict=True))]
+        lines.append((indent + "  ".join(cells)).rstrip())
+    return "\n".join(lines)
+
+
+def brief(value: float | None) -> str:
+    """Return a number with two digits for a table; a dash for one that is not known."""
+    return "-" if value is None else f"{value:.1e}"
+
+
+def hanging(text: str) -> str:
+    """Return a remark broken into lines, all but the first further indented."""
+    return textwrap.fill(text, 110, initial_indent="  ", subsequent_indent="    ")
+
+
+def number(value: object) -> str:
+    """Return a number, or a group of them, as short text; a dash where there is none.
+
+    Examples
+    --------
+    >>> number(None), number(40), number(1.23456e-9), number({"b1.tip.x": 1e-9})
+    ('-', '40', '1.23e-09', 'b1.tip.x 1e-09')
+    """
+    if value is None:
+        return "-"
+    if isinstance(value, Mapping):
+        return ", ".join(f"{key} {number(part)}" for key, part in value.items()) or "-"
+    if isinstance(value, float):
+        return f"{value:.3g}"
+    return str(value)
