@@ -43,7 +43,7 @@ class FakeDeck:
 
 
 class FakeScene:
-    """Stands in for `hfsim.scene.loading` and `hfsim.simulate`; `behaviour` says what a deck or model does."""
+    """In place of `hfsim.scene.loading` and `hfsim.simulate`; `behaviour` says what a deck or model does."""
 
     def __init__(self):
         self.behaviour = {}
