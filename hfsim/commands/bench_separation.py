@@ -14,7 +14,7 @@ from hfsim.output.text import as_table
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
-    from hfsim.studies.separation import Cell, FormTimes, SeparationBench, Spread
+    from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench, Spread
 
 ELEMENTS = (1, 4, 16, 64, 256)
 """Numbers of elements, where the command line names none."""
@@ -59,7 +59,7 @@ def do_separation(plan: Plan) -> int:
     """Run the study, write and tell it, and return the exit code: 4 where forms disagree."""
     from hfsim.output.progress import Progress
     from hfsim.studies.bench import Budget
-    from hfsim.studies.separation import measure
+    from hfsim.studies.separation.measure import measure
 
     plan.folder.prepare()
     (plan.folder.path / MARKER).unlink(missing_ok=True)
@@ -80,7 +80,7 @@ def _save(plan: Plan, result: SeparationBench) -> dict[str, object]:
     """Write bench.csv, the plot and, last, bench.json; return what is in the latter."""
     from hfsim.output.runfolder import disk
     from hfsim.output.writers import json_ready, versions, write_json, write_table
-    from hfsim.studies.separation import CSV_COLUMNS, as_facts, as_rows
+    from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows
 
     path = plan.folder.path
     with disk(path):
@@ -100,7 +100,7 @@ def _save(plan: Plan, result: SeparationBench) -> dict[str, object]:
 
 def as_text(result: SeparationBench, folder: Path) -> str:
     """Return the study as people read it: a table for each kind of element, then the goals."""
-    from hfsim.studies.separation import PAPER_RATIO
+    from hfsim.studies.separation.results import PAPER_RATIO
 
     head = f"ways to the elastic force: CPU times and ratios to direct, {result.used:.3g} s used"
     blocks = [head]

@@ -37,7 +37,16 @@ from hfsim.parts.bodies.natural import InteriorBeams, NaturalBeams
 from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.bodies.rigid import RigidBody
 from hfsim.parts.bodies.rigid_beam import RigidBeam
-from hfsim.parts.elements import ELEMENTS, Cable, ElasticLaw, Inertia, Measures, Stiffness, join_laws
+from hfsim.parts.elements import (
+    ELEMENTS,
+    Cable,
+    ElasticLaw,
+    Inertia,
+    Measures,
+    Stiffness,
+    elastic_law,
+    join_laws,
+)
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
@@ -480,13 +489,9 @@ def _elastic_force(deck: Deck, group: list[NodalBeam], n: int) -> ElasticForce:
 
 def _elastic_law(deck: Deck, body: NodalBeam) -> tuple[ElasticLaw, Array]:
     """Return the law of a beam in the form asked for, and the matrix to an element's vectors."""
-    spec, element, form = _spec(deck, body), body.mesh.element, deck.solve.elastic_form
-    stiffness = _stiffness(deck.properties(body.name))
-    if form == "gram":
-        return element.law(stiffness, spec.elements, _measures(spec)), element.differences()
-    from hfsim.studies.separation_forms import nodal_law
-
-    return nodal_law(form, element, stiffness, spec.elements), np.eye(element.differences().shape[1])
+    spec, stiffness = _spec(deck, body), _stiffness(deck.properties(body.name))
+    element, form = body.mesh.element, deck.solve.elastic_form
+    return elastic_law(form, element, stiffness, spec.elements, _measures(spec))
 
 
 def _connectivity(body: NodalBeam, n: int, vectors: Array) -> Connectivity:

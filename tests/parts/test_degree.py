@@ -9,7 +9,7 @@ from analytical import cable_row_xx, gauss, jacobian, quintic_row
 from hfsim.errors import DeckError
 from hfsim.maths.shapes import hierarchic, interior
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import Cable, Inertia, Measures, Stiffness
+from hfsim.parts.elements import ELASTIC_FORMS, Cable, Inertia, Measures, Stiffness, elastic_form
 from hfsim.parts.elements.cable import (
     LAST_GRAM_DEGREE,
     QuadratureLaw,
@@ -20,7 +20,6 @@ from hfsim.parts.elements.cable import (
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
-from hfsim.studies.separation_forms import STIFFNESS_FORMS
 
 LENGTH = 0.7
 STIFFNESS = Stiffness(axial=300.0, bending=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2)
@@ -153,7 +152,7 @@ def test_default_points_follow_the_degree_and_stated_ones_are_obeyed():
 @pytest.mark.parametrize("degree", [LAST_GRAM_DEGREE, 6])
 def test_the_forms_of_the_stiffness_agree(degree, rng):
     element = Cable(LENGTH, degree)
-    forms = [form.of(element, STIFFNESS) for form in STIFFNESS_FORMS.values()]
+    forms = [elastic_form(name).of(element, STIFFNESS) for name in ELASTIC_FORMS]
     p = BeamMesh(element, 1, INERTIA).undeformed.reshape(-1, 1) + 0.1 * rng.normal(size=(2 * degree + 2, 2))
     for name in ("stiffness", "force", "tangent"):
         first, *others = (getattr(form, name)(p) for form in forms)

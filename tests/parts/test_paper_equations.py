@@ -17,10 +17,11 @@ from analytical import (
 )
 
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import ELEMENTS, Cable, Inertia, Stiffness
+from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, Cable, Inertia, Stiffness, elastic_form
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
-from hfsim.studies.separation_forms import STIFFNESS_FORMS, GramStiffness, SeparatedStiffness
+from hfsim.studies.separation.gram import GramStiffness
+from hfsim.studies.separation.separated import SeparatedStiffness
 
 INERTIA = Inertia(per_length=1.7, rotary=0.0, height=0.3)
 STIFFNESS = Stiffness(axial=300.0, bending=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2)
@@ -168,14 +169,14 @@ def elastic_force(mesh, stiffness, q, form):
     return Q
 
 
-@pytest.mark.parametrize("form", list(STIFFNESS_FORMS))
+@pytest.mark.parametrize("form", list(ELASTIC_FORMS))
 @pytest.mark.parametrize("element", list(ELEMENTS))
 def test_free_beam_accelerates_as_in_the_paper(element, form, rng):
     scene, stiffness = system_of(element, "")
     mesh = scene.bodies["b1"].mesh
     q, v = hybrid_state(mesh, rng)
     Q = paper.inertia_force(mesh, q, v) + paper.body_force(mesh, q, scene.deck.gravity)
-    Q += elastic_force(mesh, stiffness, q, STIFFNESS_FORMS[form])
+    Q += elastic_force(mesh, stiffness, q, elastic_form(form))
     a = np.linalg.solve(paper.mass_matrix(mesh, q), Q[..., None])[..., 0]
     close(scene.system.acceleration(np.zeros(len(q)), q, v), a, 1e-10)
 
@@ -191,7 +192,7 @@ def test_pinned_beam_accelerates_as_in_the_paper(element, rng):
         mesh = scene.bodies["b1"].mesh
         q, v = hybrid_state(mesh, rng, count=3)
         Q = paper.inertia_force(mesh, q, v) + paper.body_force(mesh, q, scene.deck.gravity)
-        Q += elastic_force(mesh, stiffness, q, STIFFNESS_FORMS["direct"])
+        Q += elastic_force(mesh, stiffness, q, elastic_form("direct"))
         M = paper.mass_matrix(mesh, q)
         N = np.delete(np.kron(mesh.shape(point), np.eye(2)), [0, 1, 3], axis=1)
         a, forces = np.zeros_like(q), np.zeros((3, 2))
@@ -264,12 +265,12 @@ def element_state(element, rng, count=1):
     return base + 0.2 * rng.normal(size=(count, len(base)))
 
 
-@pytest.mark.parametrize("form", list(STIFFNESS_FORMS))
+@pytest.mark.parametrize("form", list(ELASTIC_FORMS))
 @pytest.mark.parametrize("name", list(ELEMENTS))
 def test_every_form_of_the_stiffness_is_equation_25(name, form, rng):
     element = ELEMENTS[name](LE)
     p = element_state(element, rng)
-    stiffness = STIFFNESS_FORMS[form].of(element, STIFFNESS)
+    stiffness = elastic_form(form).of(element, STIFFNESS)
     K = literal_stiffness(element, p[0])
     close(stiffness.stiffness(p.T)[0], K, 1e-12)
     close(stiffness.force(p.T)[:, 0], K @ p[0], 1e-12)
@@ -309,7 +310,7 @@ def test_separated_matrices_are_equations_40_and_41(name):
 def test_forms_agree_on_batches_of_states_and_elements(name, rng):
     element = ELEMENTS[name](LE)
     p = element_state(element, rng, 15).T
-    direct, *others = (form.of(element, STIFFNESS) for form in STIFFNESS_FORMS.values())
+    direct, *others = (elastic_form(name).of(element, STIFFNESS) for name in ELASTIC_FORMS)
     for other in others:
         for what in ("stiffness", "force", "tangent"):
             close(getattr(other, what)(p), getattr(direct, what)(p), 1e-12)

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError
-from hfsim.parts.elements import ELEMENTS, Stiffness, join_laws
+from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, Stiffness, join_laws
 from hfsim.parts.elements._base import QuadraticMap
 from hfsim.parts.elements.forces import ElasticForce
 from hfsim.run.integration import run_integration
@@ -19,17 +19,10 @@ from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.schema import SolveSpec
 from hfsim.studies.bench import Budget
-from hfsim.studies.separation import (
-    CSV_COLUMNS,
-    STEPS,
-    PinnedBeam,
-    as_facts,
-    as_rows,
-    held_bytes,
-    measure,
-    soft_beam,
-)
-from hfsim.studies.separation_forms import STIFFNESS_FORMS, DirectStiffness, GramStiffness, SeparatedStiffness
+from hfsim.studies.separation.beams import STEPS, Beams
+from hfsim.studies.separation.measure import held_bytes, measure
+from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows
+from hfsim.studies.separation.separated import SeparatedStiffness
 
 STIFFNESS = Stiffness(1260.0, 8.5e-3, 1.0e5, 3.5e5, 0.009, 0.2)
 
@@ -98,7 +91,7 @@ solve: {duration: 0.02, step: 0.002, method: gauss, stages: 4}
 @pytest.mark.parametrize("element", list(ELEMENTS))
 def test_a_scene_runs_alike_with_every_form(element):
     ends, energies, slopes = [], [], []
-    for form in STIFFNESS_FORMS:
+    for form in ELASTIC_FORMS:
         scene = build(parse_deck(DECK.replace("ELEMENT", element), "d.yaml", [f"solve.elastic_form={form}"]))
         done = run_integration(scene, scene.deck.solve)
         assert done.stop is None
@@ -115,7 +108,7 @@ def test_a_scene_runs_alike_with_every_form(element):
 def test_gram_is_the_default_and_shares_one_law():
     scene = build(parse_deck(DECK.replace("ELEMENT", "cable")))
     assert scene.deck.solve.elastic_form == "gram"
-    assert get_args(SolveSpec.model_fields["elastic_form"].annotation) == tuple(STIFFNESS_FORMS)
+    assert get_args(SolveSpec.model_fields["elastic_form"].annotation) == tuple(ELASTIC_FORMS)
     assert sum(isinstance(f, ElasticForce) for f in scene.system.forces) == 1
 
 
@@ -129,53 +122,48 @@ def test_other_forms_need_a_polynomial_energy():
 
 
 @pytest.mark.parametrize("element", list(ELEMENTS))
-def test_the_pinned_beam_is_the_pendulum_of_the_paper(element):
+def test_the_beam_of_the_study_is_the_pendulum_of_the_paper(element):
     overrides = ["solve.model=ancf", f"bodies.b1.element={element}"]
-    system = build(load_deck(CASES / "pendulum.yaml", overrides)).system
-    mesh, stiffness = soft_beam(element, 4)
-    beam = PinnedBeam(mesh, GramStiffness.of(mesh.element, stiffness))
-    x = by_node(beam.start())
-    rest = np.zeros_like(x)
-    q, v = system.state(x, rest, rest)
-    expected = system.reduction.expand_rates(system.acceleration(np.zeros(1), q, v))
-    close(by_node(beam.acceleration(beam.start())), expected, 1e-8)
+    pendulum = build(load_deck(CASES / "pendulum.yaml", overrides)).system
+    scene = Beams(element, 4).scene("gram")
+    state = np.zeros(1), scene.q[None], scene.v[None]
+    close(scene.system.acceleration(*state), pendulum.acceleration(*state), 1e-12)
 
 
-def by_node(x):
-    """States of a pinned beam as rows of coordinates."""
-    return x.transpose(3, 2, 1, 0).reshape(x.shape[-1], -1)
+@pytest.mark.parametrize("element", list(ELEMENTS))
+def test_the_forms_are_measured_on_the_elements_of_the_scene(element):
+    beams = Beams(element, 3, 2)
+    scene = beams.scene("direct")
+    forces = [force for force in scene.system.forces if isinstance(force, ElasticForce)]
+    assert len(forces) == 1
+    x = scene.system.absolute(scene.q[None])
+    p = forces[0].elements.rows(x)
+    assert beams.components == pytest.approx(p.reshape(-1, p.shape[-1]), abs=1e-15)
 
 
 @pytest.mark.parametrize("count", [2, 24])
 def test_beams_of_a_batch_move_one_by_one(count):
-    """In small meshes one matrix leads from forces to a step's change, in large ones a banded factor."""
-    mesh, stiffness = soft_beam("continuum", count)
-    form = GramStiffness.of(mesh.element, stiffness)
-    batch, one = PinnedBeam(mesh, form, 3), PinnedBeam(mesh, form)
-    run = batch.run()
-    x = one.start()
-    close(batch.start()[..., :1], x, 1e-15)
-    close(run[..., :1], one.run(), 1e-10)
-    change = run[1:] - run[:-1]
-    close(
-        change[1:] - change[:-1], one.step() ** 2 * np.array([batch.acceleration(x) for x in run[1:-1]]), 1e-5
-    )
+    batch, one = Beams("continuum", count, 3).scene("gram"), Beams("continuum", count).scene("gram")
+    done = [run_integration(scene, scene.deck.solve).trajectory for scene in (batch, one)]
+    ends = [
+        scene.system.absolute(run.at(run.step_ends())[0])
+        for scene, run in zip((batch, one), done, strict=True)
+    ]
+    assert len(ends[1]) == STEPS + 1
+    close(ends[0][:, : ends[1].shape[1]], ends[1], 1e-10)
+    first, second = np.split(ends[0], 3, axis=1)[:2]
+    assert np.abs(second - first).max() > 0.1
 
 
 def test_a_whole_run_keeps_the_energy():
-    mesh, stiffness = soft_beam("cable", 4)
-    beam = PinnedBeam(mesh, GramStiffness.of(mesh.element, stiffness))
-    states = beam.run()
-    states = np.concatenate([by_node(x) for x in states])
-    assert states.shape == (STEPS + 1, 2 * mesh.n_vectors)
-    x, v = states[1:-1], (states[2:] - states[:-2]) / (2.0 * beam.step())
-    law = mesh.element.law(stiffness, mesh.count)
-    strain = law.energy((mesh.differences @ x.reshape(len(x), -1, 2)).reshape(len(x), mesh.count, -1, 2))
-    rates = v.reshape(len(v), -1, 2)
-    kinetic = 0.5 * np.einsum("tia,ij,tja->t", rates, mesh.mass, rates)
-    weight = 9.81 * (x.reshape(len(x), -1, 2)[..., 1] @ mesh.mass @ mesh.positions)
-    total = kinetic + strain.sum(axis=-1) + weight
-    assert np.ptp(total) < 1e-3 * np.ptp(kinetic)
+    scene = Beams("cable", 4).scene("gram")
+    run = run_integration(scene, scene.deck.solve).trajectory
+    q, v = run.at(run.step_ends())
+    system = scene.system
+    x, u = system.absolute(q), system.absolute_velocity(q, v)
+    kinetic = system.kinetic_energy(x, u)
+    total = kinetic + system.strain_energy(x) + system.potential_energy(run.step_ends(), x)
+    assert np.ptp(total) < 1e-6 * np.ptp(kinetic)
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +177,7 @@ def test_all_forms_are_measured_and_agree(result):
         (kind, count) for kind in ELEMENTS for count in (1, 3)
     ]
     for cell in result.cells:
-        assert [form.form for form in cell.forms] == list(STIFFNESS_FORMS)
+        assert [form.form for form in cell.forms] == list(ELASTIC_FORMS)
         assert cell.repeats == 2
         assert 0.0 < cell.share <= 1.0
         direct = cell.forms[0]
@@ -203,7 +191,7 @@ def test_all_forms_are_measured_and_agree(result):
 
 def test_rows_and_facts_hold_what_was_measured(result):
     rows, facts = as_rows(result), as_facts(result)
-    assert len(rows) == 4 * len(STIFFNESS_FORMS)
+    assert len(rows) == 4 * len(ELASTIC_FORMS)
     assert all(set(row) == set(CSV_COLUMNS) for row in rows)
     assert len(facts["verdicts"]) == 2
     json.dumps(facts, allow_nan=False)
@@ -236,10 +224,11 @@ class Broken(SeparatedStiffness):
         return super().force(p) * (1.0 + 1e-6)
 
 
-def test_a_broken_form_is_found_out():
-    result = measure((2,), ("cable",), 1, Budget(60.0), {"direct": DirectStiffness, "broken": Broken})
+def test_a_broken_form_is_found_out(monkeypatch):
+    monkeypatch.setitem(ELASTIC_FORMS, "separated", Broken)
+    result = measure((2,), ("cable",), 1, Budget(60.0))
     assert result.status == "wrong"
-    assert "broken differs from direct by" in result.disagreements[0]
+    assert "separated differs from direct by" in result.disagreements[0]
 
 
 # the command ------------------------------------------------------------------------------------------
@@ -276,7 +265,7 @@ def test_the_command_prints_json_and_nothing_else(tmp_path):
 
 
 def test_forms_that_disagree_give_exit_code_4(tmp_path, monkeypatch):
-    monkeypatch.setitem(STIFFNESS_FORMS, "separated", Broken)
+    monkeypatch.setitem(ELASTIC_FORMS, "separated", Broken)
     done = call("--separation", "--elements", 1, "--element", "cable", "--repeats", 1, "--no-plots", "-o",
                 tmp_path / "o")  # fmt: skip
     assert done.exit_code == 4
@@ -291,7 +280,7 @@ def test_an_interruption_keeps_what_was_measured(tmp_path, monkeypatch):
                 raise KeyboardInterrupt
             return super().force(p)
 
-    monkeypatch.setitem(STIFFNESS_FORMS, "separated", Interrupting)
+    monkeypatch.setitem(ELASTIC_FORMS, "separated", Interrupting)
     done = call(
         *("--separation", "--elements", "1,2", "--states", 1, "--element", "cable", "--repeats", 1),
         *("-o", tmp_path / "o"),

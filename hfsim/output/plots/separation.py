@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogFormatter
 
 from hfsim.output.plots.style import new_figure, outside_legend, save, set_title
-from hfsim.studies.separation import PAPER_RATIO, STEPS, SeparationBench
+from hfsim.studies.separation.beams import STEPS
+from hfsim.studies.separation.results import PAPER_RATIO, SeparationBench
 
 _FORM_STYLES = {
     "direct": ("#D55E00", "s"),
@@ -29,7 +30,7 @@ def draw_separation(result: SeparationBench, folder: Path) -> list[str]:
     Parameters
     ----------
     result : SeparationBench
-        What `hfsim.studies.separation.measure` found.
+        What `hfsim.studies.separation.measure.measure` found.
     folder : Path
         Where the PNG files go.
 

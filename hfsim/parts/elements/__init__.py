@@ -1,12 +1,49 @@
 """Beam elements: a table of shape functions, a mass matrix and an elastic energy each."""
 
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
 from hfsim.parts.elements._base import ElasticLaw, Element, Inertia, Measures, Stiffness, join_laws
 from hfsim.parts.elements.cable import Cable
 from hfsim.parts.elements.continuum import Continuum
 
 ELEMENTS: dict[str, type[Element]] = {"cable": Cable, "continuum": Continuum}
 
+_FORMS = "hfsim.studies.separation"
+ELASTIC_FORMS: dict[str, Any] = {
+    "direct": f"{_FORMS}.quadrature.DirectStiffness",
+    "tabulated": f"{_FORMS}.quadrature.TabulatedStiffness",
+    "separated": f"{_FORMS}.separated.SeparatedStiffness",
+    "gram": f"{_FORMS}.gram.GramStiffness",
+}
+"""Ways to the same elastic force by the names that decks know, with the class of each or where it stands: the
+study that measures them alone needs more than ``gram``, which is every element's own."""
+
+
+def elastic_form(name: str) -> Any:
+    """Return one of the classes that `ELASTIC_FORMS` names."""
+    from pkgutil import resolve_name
+
+    form = ELASTIC_FORMS[name]
+    return resolve_name(form) if isinstance(form, str) else form
+
+
+def elastic_law(
+    form: str, element: Element, stiffness: Stiffness, count: int, measures: Measures
+) -> tuple[ElasticLaw, Array]:
+    """Return the law of equal elements in one of the forms, and the matrix to its vectors from nodal ones."""
+    if form == "gram":
+        return element.law(stiffness, count, measures), element.differences()
+    law: ElasticLaw = elastic_form(form).law_of(element, stiffness, count)
+    return law, np.eye(element.differences().shape[1])
+
+
 __all__ = [
+    "ELASTIC_FORMS",
     "ELEMENTS",
     "Cable",
     "Continuum",
@@ -15,5 +52,7 @@ __all__ = [
     "Inertia",
     "Measures",
     "Stiffness",
+    "elastic_form",
+    "elastic_law",
     "join_laws",
 ]

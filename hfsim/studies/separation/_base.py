@@ -1,0 +1,180 @@
+r"""Ways to the stiffness K(p) of eq. (25): direct, separated (39)-(41), and by products of vectors.
+
+Strain enters as :math:`\varepsilon_{ij} = \frac12 (p^T S_{ij} p - \delta_{ij})` with
+:math:`S_{ij} = N_{,i}^T N_{,j}` (eq. 18, 26).  In the plane i and j run over 1, 2, and of the three
+shear terms the one with i = 1, k(i) = 2 is left.  A centre line has i = j = 1 only, EA in the place
+of E_11, and a constant bending stiffness.  All forms give the same numbers to round-off; they
+differ in cost.
+
+Everywhere p holds the nodal components of elements as columns, shape (n, n_columns) with n = 2 * n_vectors:
+all elements in all states side by side, so that operations run along whole rows of memory.  Force means
+K p, the derivative of the strain energy (eq. 24), and tangent its derivative by p.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.shapes import gauss_legendre
+from hfsim.parts.elements import ElasticLaw, Element, Stiffness, join_laws
+from hfsim.parts.elements._base import RowLaw
+
+
+class StiffnessForm:
+    """One way to the stiffness of an element; p has shape (n, n_columns)."""
+
+    @classmethod
+    def of(cls, element: Element, stiffness: Stiffness) -> Self:
+        """Return the form of an element."""
+        raise NotImplementedError
+
+    @classmethod
+    def law_of(cls, element: Element, stiffness: Stiffness, count: int) -> NodalLaw:
+        """Return the elastic law of ``count`` equal elements over their nodal vectors."""
+        return NodalLaw(cls.of(element, stiffness), element.law(stiffness, count), element.differences())
+
+    def stiffness(self, p: Array) -> Array:
+        """Return K, shape (n_columns, n, n)."""
+        raise NotImplementedError
+
+    def force(self, p: Array) -> Array:
+        """Return K p, shape (n, n_columns)."""
+        raise NotImplementedError
+
+    def tangent(self, p: Array) -> Array:
+        """Return d(K p)/dp, shape (n_columns, n, n)."""
+        return self.force_and_tangent(p)[1]
+
+    def force_and_tangent(self, p: Array) -> tuple[Array, Array]:
+        """Return force and tangent; what they have in common is computed once."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class NodalLaw(RowLaw):
+    """The elastic law of equal elements, over their nodal vectors, by one of the forms.
+
+    Attributes
+    ----------
+    form : StiffnessForm
+    energies : GramLaw
+        For the energy, which no form of the stiffness gives.
+    differences : ndarray, shape (n_differences, n_vectors)
+    """
+
+    form: StiffnessForm
+    energies: ElasticLaw
+    differences: Array
+
+    @property
+    def quartic(self) -> bool:
+        """Return what the energy says."""
+        return self.energies.quartic
+
+    def energy(self, V: Array) -> Array:
+        """Return the stored energy of each element [J], shape (..., n_elements)."""
+        return self.energies.energy(self.differences @ V)
+
+    def pull(self, v: Array) -> Array:
+        """Return the force on the nodal vectors, in rows."""
+        return self.form.force(v.reshape(-1, v.shape[-1])).reshape(v.shape)
+
+    def hessian(self, V: Array) -> Array:
+        """Return its derivative, shape (..., n_elements, n, n)."""
+        flat = V.reshape(*V.shape[:-2], -1)
+        columns = np.ascontiguousarray(flat.reshape(-1, flat.shape[-1]).T)
+        return self.form.tangent(columns).reshape(*flat.shape, flat.shape[-1])
+
+    def joined(self, other: NodalLaw) -> NodalLaw:
+        """Return the law of this one's elements followed by the other's, which are equal to them."""
+        return replace(self, energies=join_laws([self.energies, other.energies]))
+
+
+def both_components(K: Array) -> Array:
+    """Return the matrix over all components from that of one component."""
+    full = K[..., :, None, :, None] * np.eye(2)[:, None, :]
+    n = 2 * K.shape[-1]
+    return np.asarray(full.reshape(*K.shape[:-2], n, n))
+
+
+def times(K: Array, p: Array) -> Array:
+    """Return K p, shape (n_columns, n), for p of that shape."""
+    return np.asarray((K @ p[..., None])[..., 0])
+
+
+@dataclass(frozen=True)
+class StrainTable:
+    """What the integrals of eq. (25) are made of, at the quadrature points of one element.
+
+    Attributes
+    ----------
+    weights : ndarray, shape (n_points,)
+        Volume of each point [m^3]; length [m] for a centre line.
+    rows : ndarray, shape (n_directions, n_points, n_vectors)
+        Shape rows of N_,1 (and N_,2).
+    elasticity : ndarray, shape (n_strains, n_strains)
+        Coefficients E of eq. (22) in the plane [Pa]: normal strains, then shear; EA [N] for a centre line.
+    bending : ndarray, shape (n_vectors, n_vectors)
+        Constant part of the stiffness of one component; zero where the strains do it all.
+    """
+
+    weights: Array
+    rows: Array
+    elasticity: Array
+    bending: Array
+
+    @classmethod
+    def of(cls, element: Element, stiffness: Stiffness) -> StrainTable:
+        """Return the table of an element with a section (three vectors a node) or of a centre line."""
+        table = _continuum_table if element.per_node == 3 else _cable_table
+        return table(element, stiffness)
+
+    @property
+    def pairs(self) -> tuple[tuple[int, int], ...]:
+        """Directions of each strain, counted from zero."""
+        return ((0, 0), (1, 1), (0, 1))[: len(self.elasticity)]
+
+    @cached_property
+    def unit(self) -> Array:
+        """What p^T A_r p is in a rigid motion: one for normal strains, zero for shear, shape (n_strains,)."""
+        return np.array([float(i == j) for i, j in self.pairs])
+
+    @cached_property
+    def constant(self) -> Array:
+        """Constant part of the stiffness, shape (n, n)."""
+        return both_components(self.bending)
+
+    def products(self) -> Array:
+        """Return S_11, S_22, 2 S_12 of eq. (26) at each point, shape (n_strains, n_points, n, n)."""
+        rows = [(self.rows[i], self.rows[j] if i == j else 2.0 * self.rows[j]) for i, j in self.pairs]
+        return both_components(np.stack([a[:, :, None] * b[:, None, :] for a, b in rows]))
+
+    def strains(self) -> Array:
+        """Return A_r, their symmetric parts: S_11, S_22, S_12 + S_21."""
+        products = self.products()
+        return np.asarray(0.5 * (products + products.swapaxes(-1, -2)))
+
+
+def _continuum_table(element: Element, stiffness: Stiffness) -> StrainTable:
+    x, wx = gauss_legendre(5)
+    y, wy = gauss_legendre(3)
+    places = [(float(xi), float(stiffness.height * (eta - 0.5))) for xi in x for eta in y]
+    rows = np.array([[element.shape(*place, by) for place in places] for by in ((1, 0), (0, 1))])
+    volume = element.length * stiffness.height * stiffness.width
+    elasticity = stiffness.lame_mu * np.diag([2.0, 2.0, 1.0])
+    elasticity[:2, :2] += stiffness.lame_lambda
+    flat = np.zeros((rows.shape[2], rows.shape[2]))
+    return StrainTable(np.asarray(volume * np.outer(wx, wy).ravel()), rows, elasticity, flat)
+
+
+def _cable_table(element: Element, stiffness: Stiffness) -> StrainTable:
+    x, w = gauss_legendre(2 * element.degree - 1)
+    weights = np.asarray(w * element.length)
+    rows, bend = (np.array([element.shape(float(xi), 0.0, (k, 0)) for xi in x]) for k in (1, 2))
+    bending = stiffness.bending * (bend.T * weights) @ bend
+    return StrainTable(weights, rows[None], np.array([[stiffness.axial]]), np.asarray(bending))

@@ -1,0 +1,109 @@
+"""The soft beam of the paper's section 7.1 as the study runs it: pinned at its root, let go as an arc.
+
+Batches of beams that differ in their starts are one scene, whose elements share one law: they move at once,
+as an ensemble does.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.parts.elements import ELEMENTS, Element, Stiffness
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import LoadedDeck, parse_deck
+
+LENGTH, MODULUS, DENSITY, AREA, SECOND_MOMENT = 1.2, 7.0e5, 5540.0, 1.8e-3, 1.215e-8
+"""The beam of section 7.1 [m, Pa, kg/m^3, m^2, m^4]; Poisson's ratio zero."""
+
+STEPS = 10
+"""Steps of a whole run, explicit and fixed: next to nothing but the accelerations is asked for."""
+
+_HEIGHT = math.sqrt(12.0 * SECOND_MOMENT / AREA)
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Equal beams that move at the same time, each from a start of its own.
+
+    Attributes
+    ----------
+    kind : str
+        Of `ELEMENTS`.
+    count : int
+        Elements of each beam.
+    states : int
+        Beams.
+    """
+
+    kind: str
+    count: int
+    states: int = 1
+
+    @cached_property
+    def element(self) -> Element:
+        """One of the elements, which are all equal."""
+        return ELEMENTS[self.kind](LENGTH / self.count)
+
+    @property
+    def stiffness(self) -> Stiffness:
+        """Of every element."""
+        return Stiffness(MODULUS * AREA, MODULUS * SECOND_MOMENT, 0.0, 0.5 * MODULUS, _HEIGHT, AREA / _HEIGHT)
+
+    @property
+    def step(self) -> float:
+        """A step that explicit methods bear [s]: waves along, bending, of the thickness."""
+        le, r = self.element.length, _HEIGHT / math.sqrt(12.0)
+        return 0.5 * min(0.1 * le, 0.05 * le**2 / r, 0.1 * _HEIGHT) / math.sqrt(MODULUS / DENSITY)
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Nodal vectors at the start, shape (n_states, n_nodes, n_per_node, 2).
+
+        Arcs, large deformations: the first of one radian, the others up to half as much more.
+        """
+        bend = np.linspace(1.0, 1.5, self.states)[:, None]
+        angle = bend * np.linspace(0.0, 1.0, self.count + 1)
+        c, s = np.cos(angle), np.sin(angle)
+        rows = [(LENGTH / bend * s, LENGTH / bend * (1.0 - c)), (c, s), (-s, c)]
+        return np.moveaxis(np.array(rows[: self.element.per_node]), (0, 1), (-2, -1))
+
+    @cached_property
+    def components(self) -> Array:
+        """Nodal components of all elements in columns, as the forms take them, (n, n_states * n_elements)."""
+        both = np.concatenate([self.nodes[:, :-1], self.nodes[:, 1:]], axis=2)
+        return np.ascontiguousarray(both.reshape(self.states * self.count, -1).T)
+
+    @cached_property
+    def deck(self) -> LoadedDeck:
+        """The deck of all beams."""
+        names = [f"b{k}" for k in range(1, self.states + 1)]
+        beam = {"material": "rubber", "section": "strip", "length": LENGTH, "elements": self.count}
+        deck = {
+            "hfsim": 1,
+            "gravity": [0.0, -9.81],
+            "materials": {"rubber": {"density": DENSITY, "youngs_modulus": MODULUS}},
+            "sections": {"strip": {"area": AREA, "second_moment": SECOND_MOMENT}},
+            "bodies": {name: {"type": "beam", "element": self.kind, **beam} for name in names},
+            "joints": {f"pin_{b}": {"type": "revolute", "between": ["ground", f"{b}.root"]} for b in names},
+            "solve": {
+                "model": "ancf",
+                "method": "explicit",
+                "step": self.step,
+                "duration": STEPS * self.step,
+                "keep": ["parts"],
+            },
+        }
+        return parse_deck(json.dumps(deck))
+
+    def scene(self, form: str) -> Scene:
+        """Return the beams at the start, their elastic force in one of the forms."""
+        scene = build(self.deck.with_solve({"elastic_form": form}))
+        x = self.nodes.reshape(1, -1)
+        q, v = scene.system.state(x, np.zeros_like(x), np.zeros_like(x))
+        return replace(scene, q=q[0], v=v[0])
