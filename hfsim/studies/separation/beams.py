@@ -16,7 +16,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.parts.elements import ELEMENTS, Element, Stiffness
 from hfsim.scene.build import Scene, build
-from hfsim.scene.schema import LoadedDeck, parse_deck
+from hfsim.scene.loading import LoadedDeck, parse_deck
 
 LENGTH, MODULUS, DENSITY, AREA, SECOND_MOMENT = 1.2, 7.0e5, 5540.0, 1.8e-3, 1.215e-8
 """The beam of section 7.1 [m, Pa, kg/m^3, m^2, m^4]; Poisson's ratio zero."""
