@@ -56,19 +56,11 @@ def plan(
 
 
 def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
-    from hfsim.run.plan import keeping, plan_of, predicted_call
+    from hfsim.run.plan import keeping, plan_of, sizes
     from hfsim.scene.build import build
 
-    scene = build(loaded)
-    facts = plan_of(scene)
-    everything = build(keeping(loaded, "all"))
-    facts["keep_all"] = {
-        "sizes": plan_of(everything)["sizes"],
-        "predicted_call_us": predicted_call(everything),
-    }
-    for entry in facts["left_out"]:
-        without = predicted_call(build(keeping(loaded, entry["rule"])))
-        entry["predicted_call_us_saved"] = without - facts["predicted_call_us"]
+    facts = plan_of(build(loaded))
+    facts["keep_all"] = {"sizes": sizes(build(keeping(loaded, "all")))}
     costs: list[RuleCost] = []
     if measured:
         from hfsim.studies.plan import measure
@@ -94,8 +86,6 @@ def as_text(name: str, facts: Mapping[str, Any]) -> str:
         "\nnothing to leave out",
         *(f"  {entry['rule']}: {entry['leaves_out']}: {entry['reason']}" for entry in facts["not_left_out"]),
         f"\nalgebra: {facts['algebra']}",
-        f"predicted: {facts['predicted_call_us']:.0f} us of CPU for the accelerations of 16 states "
-        f"(with --keep-all: {facts['keep_all']['predicted_call_us']:.0f} us)",
     ]
     return "\n".join(lines)
 
@@ -108,8 +98,6 @@ def _kept_line(entry: Mapping[str, Any]) -> str:
 def _left_lines(entry: Mapping[str, Any]) -> Iterable[str]:
     yield f"  {entry['rule']}: {entry['leaves_out']}{_counts(entry['saves'])}: {entry['reason']}"
     yield f"    {', '.join(entry['items'])}"
-    if entry["predicted_call_us_saved"]:
-        yield f"    predicted: {entry['predicted_call_us_saved']:.1f} us of a call"
 
 
 def _counts(counts: Mapping[str, Any]) -> str:
@@ -131,7 +119,6 @@ _COSTS = (
     Column("scene"),
     Column("unknowns", form=_pair("d")),
     Column("multipliers", form=_pair("d")),
-    Column("call, predicted [us]", "predicted_call_us", _pair(".0f")),
     Column("call [us]", "call_us", _pair(".0f")),
     Column("run [s]", "run_s", _pair(".3f")),
     Column("ratio", lambda cost: cost.run_s[0] / cost.run_s[1], ".2f"),

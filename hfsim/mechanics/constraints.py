@@ -8,7 +8,7 @@ minus everything in Phi'' that does not come from the accelerations.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, ClassVar, Protocol
 
 import numpy as np
 
@@ -95,6 +95,7 @@ class Coincide:
     second: Marker
     rows: int = 2
     item: str = ""
+    why_kept: ClassVar[str] = "not at nodes or centres of mass, or it closes a loop"
 
     @property
     def constant(self) -> bool:
@@ -142,6 +143,7 @@ class RelativeAngle:
     law: Law | None = None
     rows: int = 1
     item: str = ""
+    why_kept: ClassVar[str] = "an angle between moving bodies is not linear in the coordinates"
 
     @property
     def constant(self) -> bool:
@@ -191,6 +193,7 @@ class Along:
     law: Law | None = None
     rows: int = 1
     item: str = ""
+    why_kept: ClassVar[str] = "the direction turns: not linear in the coordinates"
 
     @property
     def constant(self) -> bool:

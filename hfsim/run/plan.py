@@ -1,8 +1,4 @@
-"""What was built of a scene and what was left out, with reasons, savings and a prediction of the cost.
-
-The prediction is a sum over what one call of the accelerations consists of (`features`), with weights
-fitted once to measured calls (`COSTS`); `hfsim.studies.plan` measures the same.
-"""
+"""What was built of a scene and what was left out, with reasons and savings."""
 
 from __future__ import annotations
 
@@ -24,45 +20,12 @@ from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import RULES
 
-COSTS = {
-    "call": 12.4,
-    "elastic kernels": 0.166,
-    "elements": 1.4,
-    "damping kernels": 32.0,
-    "damping elements": 15.8,
-    "linear beams": 24.8,
-    "springs and loads": 31.4,
-    "maps": 4.33,
-    "entries of M": 0.00236,
-    "changing joints": 17.4,
-    "multipliers": 9.74,
-    "whole matrices": 45.1,
-    "whole entries": 0.113,
-    "whole products": 0.000284,
-    "sparse factors": 69.7,
-    "sparse unknowns": 0.487,
-    "sparse unknowns of every state": 51.4,
-    "frames": 35.3,
-    "frame entries": 0.0748,
-    "lowOrder beams": 423.0,
-    "lowOrder products": 0.0396,
-}
-"""Microseconds of CPU of one call for 16 states, per unit of each feature.
-
-Fitted by non-negative least squares of relative errors to 295 measured calls (seven decks, all models, 2 to
-40 elements a beam, with and without rules; 2-core AMD EPYC). Half of them are met within 8 %, nine of ten
-within 27 %, that of 64 beams in a chain to a factor of 5.
-"""
-
-_WHY_KEPT = {
-    "Coincide": "not at nodes or centres of mass, or it closes a loop",
-    "RelativeAngle": "an angle between moving bodies is not linear in the coordinates",
-    "Along": "the direction turns: not linear in the coordinates",
-}
+NOT_LINEAR = "not linear in the coordinates"
+"""Why a constraint that does not say it needs multipliers."""
 
 
 def plan_of(scene: Scene) -> dict[str, Any]:
-    """Return the plan of a scene, JSON-ready: what is kept, what is left out, and the predicted cost.
+    """Return the plan of a scene, JSON-ready: what is kept and what is left out.
 
     Parameters
     ----------
@@ -73,8 +36,7 @@ def plan_of(scene: Scene) -> dict[str, Any]:
     -------
     dict
         ``sizes``; ``kept``, a list of what with counts; ``left_out`` and ``not_left_out``, lists of rules
-        with items, reasons and savings; ``algebra``; ``predicted_call_us``, microseconds of CPU of one call
-        of the accelerations for 16 states.
+        with items, reasons and savings; ``algebra``.
     """
     left, not_left = [], []
     for name, rule in RULES.items():
@@ -98,7 +60,6 @@ def plan_of(scene: Scene) -> dict[str, Any]:
         "left_out": left,
         "not_left_out": not_left,
         "algebra": algebra(scene),
-        "predicted_call_us": predicted_call(scene),
     }
 
 
@@ -188,7 +149,7 @@ def _kept_joints(scene: Scene) -> Iterator[dict[str, Any]]:
     for name, members in scene.joints.items():
         left = [scene.system.constraints[k] for k in members if k not in gone]
         if left:
-            reasons = [_WHY_KEPT[type(one).__name__] for one in left]
+            reasons = [getattr(one, "why_kept", NOT_LINEAR) for one in left]
             if not scene.left_out["tree_joints"]:
                 reasons = [_why_not(scene, "tree_joints")]
             yield {
@@ -244,48 +205,6 @@ def _needs(channel: str) -> str:
     if channel.startswith("energy."):
         return "asked for; needs the energies at output times"
     return "asked for; read at output times"
-
-
-# --- prediction ----------------------------------------------------------------------------------
-
-
-def features(scene: Scene) -> dict[str, float]:
-    """Return counts of what one call of the accelerations for 16 states consists of."""
-    system, equations = scene.system, scene.system.equations
-    sparse = is_sparse(equations.constant_mass)
-    whole = (bool(system.variable_mass) or not equations.once) and not sparse
-    each_state = sparse and bool(equations.changing or not equations.once)
-    elastic = [part for part in system.forces if isinstance(part, ElasticForce)]
-    low = [body.beam for body in scene.bodies.values() if isinstance(body, LowOrderBody)]
-    size = system.n + system.n_rows
-    return {
-        "call": 1.0,
-        "elastic kernels": len(elastic),
-        "elements": sum(len(part.elements.columns) for part in elastic),
-        "damping kernels": sum(isinstance(part, KelvinVoigtForce) for part in system.forces),
-        "damping elements": sum(len(p.axial) for p in system.forces if isinstance(p, KelvinVoigtForce)),
-        "linear beams": sum(isinstance(part, LinearElasticForce) for part in system.forces),
-        "springs and loads": sum(part.item.startswith(("springs.", "loads.")) for part in system.forces),
-        "maps": float(not system.reduction.identity) * (1 + system.uses_rates),
-        "entries of M": 0.0 if sparse or whole else system.n_x * system.n,
-        "changing joints": len(equations.changing),
-        "multipliers": float(not whole) * system.n_rows * bool(equations.changing),
-        "whole matrices": float(whole),
-        "whole entries": float(whole) * size**2,
-        "whole products": float(whole) * size**3,
-        "sparse factors": float(sparse),
-        "sparse unknowns": float(sparse) * size,
-        "sparse unknowns of every state": float(each_state) * size,
-        "frames": len(system.charts),
-        "frame entries": len(system.charts) * system.n,
-        "lowOrder beams": len(low),
-        "lowOrder products": sum(beam.n_v**2 * beam.mesh.element.degree * beam.mesh.count for beam in low),
-    }
-
-
-def predicted_call(scene: Scene) -> float:
-    """Return the predicted CPU of one call of the accelerations for 16 states [us]."""
-    return float(sum(COSTS.get(name, 0.0) * value for name, value in features(scene).items()))
 
 
 def keeping(loaded: LoadedDeck, rule: str) -> LoadedDeck:

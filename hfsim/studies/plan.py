@@ -12,7 +12,7 @@ import numpy as np
 
 from hfsim.integrators import choose
 from hfsim.run.integration import problem_of
-from hfsim.run.plan import keeping, plan_of, predicted_call
+from hfsim.run.plan import keeping, plan_of
 from hfsim.run.solution import Run
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
@@ -42,7 +42,7 @@ class RuleCost:
     ----------
     rule, scene : str
     unknowns, multipliers : (before, after)
-    predicted_call_us, call_us : (before, after)
+    call_us : (before, after)
         CPU time of one call of the accelerations for `STATES` states [us].
     run_s : (before, after)
         CPU time of a run [s]: integration, sampling, energy balance.
@@ -56,7 +56,6 @@ class RuleCost:
     scene: str
     unknowns: tuple[int, int]
     multipliers: tuple[int, int]
-    predicted_call_us: tuple[float, float]
     call_us: tuple[float, float]
     run_s: tuple[float, float]
     difference: float
@@ -98,7 +97,6 @@ def measure(
             scene=loaded.deck.name,
             unknowns=(scenes[0].system.n, scenes[1].system.n),
             multipliers=(scenes[0].system.n_rows, scenes[1].system.n_rows),
-            predicted_call_us=(predicted_call(scenes[0]), predicted_call(scenes[1])),
             call_us=_in_turns([_calls(scene) for scene in scenes], repeats),
             run_s=_in_turns(runs, repeats),
             difference=difference,
