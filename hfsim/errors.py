@@ -126,7 +126,7 @@ class LimitReached(HfsimError):  # noqa: N818
 
     exit_code = 5
 
-    def __init__(self, reason: str, time: float) -> None:
+    def __init__(self, reason: str, time: float | None = None) -> None:
         self.reason = reason
         self.time = time
         super().__init__(reason)

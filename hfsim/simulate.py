@@ -16,9 +16,10 @@ from hfsim.maths.arrays import Array
 from hfsim.parts.channels import CHANNELS, Samples
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.clock import PhaseClock
-from hfsim.run.integration import Integration, Progress, run_integration
+from hfsim.run.integration import Integration, run_integration
 from hfsim.run.plan import plan_of
 from hfsim.run.solution import Channel, Run
+from hfsim.run.stop import Progress
 from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck

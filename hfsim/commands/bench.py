@@ -224,7 +224,7 @@ def make_sweep(
 def do_bench(plan: Plan) -> int:
     """Run the study, write and tell it, and return the exit code."""
     from hfsim.output.progress import Progress
-    from hfsim.studies.bench import Budget
+    from hfsim.run.stop import Budget
     from hfsim.studies.bench import bench as measure
 
     plan.folder.prepare()

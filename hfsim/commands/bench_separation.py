@@ -58,7 +58,7 @@ def known_kinds(given: tuple[str, ...]) -> tuple[str, ...]:
 def do_separation(plan: Plan) -> int:
     """Run the study, write and tell it, and return the exit code: 4 where forms disagree."""
     from hfsim.output.progress import Progress
-    from hfsim.studies.bench import Budget
+    from hfsim.run.stop import Budget
     from hfsim.studies.separation.measure import measure
 
     plan.folder.prepare()

@@ -12,10 +12,10 @@ from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choo
 from hfsim.maths.arrays import Array
 from hfsim.run.culprit import non_finite
 from hfsim.run.runaway import DisplacementWatch, EnergyWatch
+from hfsim.run.stop import Progress, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 
-Progress = Callable[[float], None]
 Watch = Callable[[float, Array, Array], None]
 
 
@@ -26,6 +26,18 @@ class Integration(NamedTuple):
     problem: Problem
     method: str
     stop: HfsimError | KeyboardInterrupt | None
+
+    def in_time(self) -> Integration:
+        """Return itself.
+
+        Raises
+        ------
+        TimeUp, KeyboardInterrupt
+            If one of them ended it.
+        """
+        if isinstance(self.stop, TimeUp | KeyboardInterrupt):
+            raise self.stop
+        return self
 
 
 def run_integration(

@@ -11,7 +11,7 @@ Nothing is printed or written here.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 from typing import Any
@@ -25,6 +25,7 @@ from hfsim.parts.channels import Samples
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.solution import Channel, Run
+from hfsim.run.stop import Budget, Progress, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
@@ -63,64 +64,6 @@ _FIRST_GROWTH = 2.0
 """Growth of the cost from one level to the next before it has been seen."""
 _LADDER_GROWTH = 2.5
 """Growth of the cost of a reference from one rung of `LADDER` to the next."""
-
-Report = Callable[[float], None]
-
-
-class OutOfBudgetError(Exception):
-    """Ends an integration that has used up its time; knows which share of its span it had done by then."""
-
-    def __init__(self, share: float) -> None:
-        self.share = share
-        super().__init__(f"cut off at {100 * share:.2g} % of the duration")
-
-
-@dataclass
-class Budget:
-    """Wall time that a study may take [s].
-
-    Attributes
-    ----------
-    seconds : float
-    clock : callable
-        Returns a time [s]; a test may put its own here.
-    start : float
-        Reading of `clock` from which the budget counts.
-    report : callable
-        Told the used share, 0 to 1, at every step.
-    """
-
-    seconds: float
-    clock: Callable[[], float] = time.perf_counter
-    start: float = -1.0
-    report: Report = lambda share: None
-
-    def __post_init__(self) -> None:
-        if self.start < 0.0:
-            self.start = self.clock()
-
-    @property
-    def used(self) -> float:
-        """Time used so far [s]."""
-        return self.clock() - self.start
-
-    @property
-    def left(self) -> float:
-        """Time left [s]; negative when overdrawn."""
-        return self.seconds - self.used
-
-    def guard(self, allowed: float) -> Report:
-        """Return a progress callback that ends an integration after `allowed` seconds from now."""
-        end = self.clock() + allowed
-
-        def check(share: float) -> None:
-            now = self.clock()
-            self.report(min(1.0, (now - self.start) / self.seconds))
-            if now > end:
-                raise OutOfBudgetError(share)
-
-        return check
-
 
 @dataclass(frozen=True)
 class Sweep:
@@ -489,13 +432,11 @@ def _solve_of(scene: Scene, method: str, level: float, fixed: bool, stages: int 
     return scene.deck.solve.model_copy(update={"method": method, **asked, **options})
 
 
-def _timed(scene: Scene, solve: SolveSpec, guard: Report) -> tuple[Integration, float]:
+def _timed(scene: Scene, solve: SolveSpec, guard: Progress) -> tuple[Integration, float]:
     start = time.process_time()
     done = run_integration(scene, solve, guard)
     cpu = time.process_time() - start
-    if isinstance(done.stop, KeyboardInterrupt):
-        raise done.stop
-    return done, cpu
+    return done.in_time(), cpu
 
 
 # --- references ----------------------------------------------------------------------------------
@@ -518,7 +459,7 @@ def _cell_work(loaded: LoadedDeck, model: str, budget: Budget, allowed: float, m
         first = level == LADDER[0]
         try:
             found, cpu = _agreement(scene, level, budget.guard(np.inf if must and first else end - start))
-        except OutOfBudgetError:
+        except TimeUp:
             break
         better = _note_reference(work, found, cpu)
         expected = _LADDER_GROWTH * (budget.used - start)
@@ -543,7 +484,7 @@ def _note_reference(work: _Work, found: _Truth | HfsimError, cpu: float) -> bool
     return old is None or found.floor < old.floor / 3.0
 
 
-def _agreement(scene: Scene, tolerance: float, guard: Report) -> tuple[_Truth | HfsimError, float]:
+def _agreement(scene: Scene, tolerance: float, guard: Progress) -> tuple[_Truth | HfsimError, float]:
     """Solve by two methods; return the first with its distance to the second, and the CPU time [s]."""
     runs, spent = [], 0.0
     for method, stages, factor in REFERENCES:
@@ -723,7 +664,7 @@ def _warm_up(works: Sequence[_Work], sweep: Sweep, budget: Budget) -> None:
         solve = _solve_of(scene, method, max(sweep.tolerances), fixed=False)
         try:
             _timed(scene, solve.model_copy(update=short), budget.guard(0.1 * budget.left))
-        except OutOfBudgetError:
+        except TimeUp:
             continue
 
 
@@ -770,7 +711,7 @@ def _next_point(series: _Series, sweep: Sweep, budget: Budget) -> list[Point]:
     try:
         allowed = min(_TRIAL_SHARE * budget.seconds, budget.left) if unknown else budget.left
         done, cpu = _timed(work.scene, solve, budget.guard(allowed))
-    except OutOfBudgetError as stop:
+    except TimeUp as stop:
         spent = budget.used - start
         series.trial = f"{stop} after {spent:.2g} s"
         series.forecast = max(spent / max(stop.share, 1e-6), 1.5 * spent)
@@ -791,7 +732,7 @@ def _repeated(scene: Scene, solve: SolveSpec, sweep: Sweep, budget: Budget, cpu:
     while len(times) < sweep.repeats - 1 and (len(times) + 1) * cpu < _REPEAT_SHARE * budget.seconds:
         try:
             times.append(_timed(scene, solve, budget.guard(budget.left))[1])
-        except OutOfBudgetError:
+        except TimeUp:
             break
     return times
 

@@ -25,11 +25,12 @@ from hfsim.parts.channels import Samples
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.solution import Channel
+from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import parse_deck
 from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import compute_channels, sample, validity
-from hfsim.studies.bench import Budget, OutOfBudgetError, channel_error, judged_scales
+from hfsim.studies.bench import channel_error, judged_scales
 from hfsim.studies.compare import ChannelScale
 from hfsim.trust.diagnosis import diagnose
 from hfsim.trust.experiments import time_for
@@ -222,11 +223,11 @@ def solve_reference(job: Job) -> Truth:
     first: Integration | None = None
     try:
         for solve in _ways(scene, min(job.tolerance, 0.1 * scene.deck.solve.tolerance)):
-            done = run_integration(scene, solve, budget.guard(budget.left))
+            done = run_integration(scene, solve, budget.guard()).in_time()
             first = first or done
             if done.stop is None:
                 break
-    except OutOfBudgetError as stop:
+    except TimeUp as stop:
         if first is None:
             return Truth("lost", reason=f"the reference was {stop} after {job.limit:.3g} s")
         done = first
@@ -268,11 +269,7 @@ def _why(scene: Scene, done: Integration, seconds: float) -> tuple[str, str, str
 
 def _growth(scene: Scene, done: Integration, solve: SolveSpec, budget: Budget) -> Growth | None:
     """Return how a disturbance of the start grows; None without time for it."""
-    guard = budget.guard(max(budget.left, 0.0))
-    try:
-        return disturbed_growth(scene, done, solve, lambda t, q, v: guard(t / solve.duration))
-    except OutOfBudgetError:
-        return None
+    return disturbed_growth(scene, done, solve, budget.guard())
 
 
 def solve_point(job: Job) -> Trial:
@@ -289,8 +286,8 @@ def solve_point(job: Job) -> Trial:
         scene = replace(scene, loaded=scene.loaded.with_solve(solve.model_dump()))
     start, budget = time.process_time(), Budget(job.limit)
     try:
-        done = run_integration(scene, solve, budget.guard(job.limit))
-    except OutOfBudgetError as stop:
+        done = run_integration(scene, solve, budget.guard()).in_time()
+    except TimeUp as stop:
         return Trial("lost", reason=f"{stop} after {job.limit:.3g} s", cpu=time.process_time() - start)
     cpu, steps = time.process_time() - start, done.problem.counts.steps
     judge = _tried if done.stop is None else _stopped

@@ -24,9 +24,9 @@ from hfsim.integrators.energy import EnergyMethod
 from hfsim.maths.arrays import Array
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import run_integration
+from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
-from hfsim.studies.bench import Budget, OutOfBudgetError
 from hfsim.studies.farm import Farm, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
 
@@ -231,7 +231,7 @@ def measure(job: LimitJob) -> Limit:
         while (step := found.next()) is not None:
             found.note(step, trial(disturbed, job, step * period, budget))
         reason = found.reason
-    except OutOfBudgetError:
+    except TimeUp:
         where = f"{found.reason}; not located any closer" if found.reason else "no end found"
         reason = f"{where} within {budget.seconds:.3g} s"
     return Limit(job.method, job.order, stages, found.low, found.high, reason, said.longest, said.words)
@@ -287,7 +287,8 @@ def trial(scene: Scene, job: LimitJob, step: float, budget: Budget) -> str:
     update = {"method": job.method, "step": step, "duration": STEPS * step, "order": job.order}
     update |= {"stages": None, "max_steps": None}
     solve = scene.deck.solve.model_copy(update=update)
-    done = run_integration(scene, solve, budget.guard(max(budget.left, 0.0)))
+    # a start of its own: parts of the scene would begin undisturbed
+    done = run_integration(scene, solve, budget.guard(), (0.0, scene.q, scene.v)).in_time()
     if done.stop is not None:
         return str(done.stop)
     with np.errstate(all="ignore"):

@@ -21,7 +21,8 @@ import numpy as np
 
 from hfsim.errors import DeckError, LimitReached, SolverFailure
 from hfsim.integrators import METHODS
-from hfsim.run.integration import Integration, Progress, run_integration
+from hfsim.run.integration import Integration, run_integration
+from hfsim.run.stop import Halted, Progress
 from hfsim.scene.build import Scene
 
 MARGIN = 1.5
@@ -147,11 +148,11 @@ class Turn:
     needs: float = 0.0
 
 
-class _LostError(LimitReached):
+class _LostError(Halted):
     """Ends a race that is lost, or that there is no time for."""
 
-    def __init__(self, reason: str, time: float, outcome: str = "outrun") -> None:
-        super().__init__(reason, time)
+    def __init__(self, reason: str, share: float, outcome: str) -> None:
+        super().__init__(reason, share)
         self.outcome = outcome
 
 

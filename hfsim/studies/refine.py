@@ -26,17 +26,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS
 from hfsim.parts.bodies import BeamSpec
 from hfsim.run.clock import PhaseClock
-from hfsim.run.integration import Integration, Progress, run_integration
+from hfsim.run.integration import Integration, run_integration
 from hfsim.run.solution import Channel, Run
+from hfsim.run.stop import Budget, Progress, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import is_judged
 from hfsim.simulate import assess, channel_errors, compute_channels, sample
-from hfsim.studies.bench import Budget, mesh_words, tidy
+from hfsim.studies.bench import mesh_words, tidy
 from hfsim.studies.methods import MARGIN, Contest, Entry, Probe, Turn, candidates
 from hfsim.trust.adaptive import Leg
 
@@ -83,10 +83,6 @@ PROBING = 0.2
 """Part of the CPU time of a search, at any moment, that races between methods may have taken."""
 _ANEW = 0.3
 """Fall of the error in time that can be measured from which methods are compared again."""
-
-
-class _BudgetUsedError(LimitReached):
-    """The budget of a refinement ended it."""
 
 
 @dataclass(frozen=True)
@@ -450,7 +446,7 @@ class _Search:
 
         Raises
         ------
-        KeyboardInterrupt, _BudgetUsedError
+        KeyboardInterrupt, TimeUp
             The level is noted then too.
         """
         level = Level(len(self.levels), words, setting)
@@ -476,7 +472,7 @@ class _Search:
             level.status, level.reason = "failed", str(stop) or "interrupted"
             if isinstance(stop, KeyboardInterrupt):
                 raise stop
-            if isinstance(stop, _BudgetUsedError):
+            if isinstance(stop, TimeUp):
                 level.status = "over budget"
                 raise stop
             return
@@ -490,7 +486,7 @@ class _Search:
             # a start that is no step yet cannot be kept
             if share > 0.0 and self.budget.left < 0.0:
                 reason = f"the budget of {self.budget.seconds:g} s is used up"
-                raise _BudgetUsedError(reason, share * duration)
+                raise TimeUp(reason, share)
 
         return check
 
@@ -562,7 +558,7 @@ class _Search:
 
         Raises
         ------
-        _BudgetUsedError
+        TimeUp
             If it would take, or has taken, more time than there is.
         """
         base = self.current
@@ -611,7 +607,7 @@ class _Search:
         left = max(self.budget.left, 0.0)
         if growth * base.wall > left:
             words = f"the next level would take about {growth * base.wall:.2g} s"
-            raise _BudgetUsedError(f"{words}, of {self.budget.seconds:g} s are left {left:.2g}", 0.0)
+            raise TimeUp(f"{words}, of {self.budget.seconds:g} s are left {left:.2g}")
 
 
 class _Races:
@@ -818,7 +814,7 @@ def _search(search: _Search) -> tuple[str, str]:
             answer = search.answer()
             if answer is not None and not search.stale(answer):
                 return "reached", ""
-    except _BudgetUsedError as stop:
+    except TimeUp as stop:
         return "limit", str(stop)
     except KeyboardInterrupt:
         return "interrupted", "interrupted from the keyboard"

@@ -23,8 +23,8 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_point
 from hfsim.mechanics.linearized import Linearized
 from hfsim.run.integration import run_integration
+from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
-from hfsim.studies.bench import Budget, OutOfBudgetError
 
 MOST_UNKNOWNS = 400
 """Unknowns up to which a scene is linearised by differences, and all eigenvalues are computed."""
@@ -297,8 +297,8 @@ def along(scene: Scene, count: int = 9, seconds: float = 20.0) -> tuple[Spectrum
     """
     budget, found = Budget(seconds), [spectrum(scene, 0.0, scene.q, scene.v)]
     try:
-        done = run_integration(scene, scene.deck.solve, budget.guard(max(budget.left, 0.0)))
-    except OutOfBudgetError:
+        done = run_integration(scene, scene.deck.solve, budget.guard()).in_time()
+    except TimeUp:
         return tuple(found)
     k = np.arange(1, count)
     times = done.trajectory.t_end * (k - (_GOLDEN * k) % 1.0) / (count - 1)

@@ -24,7 +24,8 @@ from hfsim.errors import DeckError, LimitReached, SolverFailure
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
 from hfsim.parts.bodies.rigid_beam import RigidBeam
-from hfsim.run.integration import Integration, Progress, run_integration
+from hfsim.run.integration import Integration, run_integration
+from hfsim.run.stop import Halted, Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.trust.handover import hand_over
@@ -47,7 +48,7 @@ INNER = 8
 """Places in each step at which estimates are made when a part of the run has ended."""
 
 
-class OutOfRange(LimitReached):
+class OutOfRange(Halted):
     """An estimate passed its bound: this part of the run ends."""
 
 
@@ -320,7 +321,7 @@ class _Watch:
         for name in self._names:
             relative = self.run.estimate(self.scene, name, times, states, rates)[0]
             if not relative.max() <= self.run.bound:
-                raise OutOfRange(f"'{name}' left the range of {self.scene.models[name]}", t)
+                raise OutOfRange(f"'{name}' left the range of {self.scene.models[name]}")
 
 
 def _states(scene: Scene, path: Trajectory) -> tuple[Array, Array, Array]:

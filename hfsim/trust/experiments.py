@@ -13,7 +13,8 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.rank import Dependence, dependence
 from hfsim.parts.bodies import BeamSpec
 from hfsim.run.balance import balance, step_samples
-from hfsim.run.integration import Integration, Watch, run_integration
+from hfsim.run.integration import Integration, run_integration
+from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
@@ -61,7 +62,7 @@ class Experiments:
     outcomes: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._end = time.process_time() + self.seconds
+        self._budget = Budget(self.seconds, time.process_time)
 
     @property
     def solve(self) -> SolveSpec:
@@ -92,14 +93,14 @@ class Experiments:
 
     def passes(self, what: str, update: Update, scene: Scene | None = None) -> bool:
         """Try the stretch around the failure with other settings, or another scene from its start."""
-        left = self._end - time.process_time()
+        left = self._budget.left
         if left <= 0.0:
             self.outcomes[what] = "not tried, the time for experiments was used up"
             return False
         solve = self.solve.model_copy(update={"max_steps": None, **update, "duration": self.target})
         start = self.shortly_before() if scene is None else None
-        watch = until(time.process_time() + max(SHARE * self.seconds, 0.5 * left))
-        tried = run_integration(scene or self.scene, solve, start=start, extra=watch)
+        guard = self._budget.guard(max(SHARE * self.seconds, 0.5 * left))
+        tried = run_integration(scene or self.scene, solve, guard, start)
         self.outcomes[what], good = self._outcome(scene or self.scene, tried)
         return good
 
@@ -150,16 +151,6 @@ class Experiments:
         own = isinstance(spec, BeamSpec) and spec.model is not None
         key = f"bodies.{name}.model" if own else "solve.model"
         return command(self.scene.loaded, {key: "exact"}, force)
-
-
-def until(deadline: float) -> Watch:
-    """Return what ends a run when the CPU time passes a reading of its clock [s]."""
-
-    def watch(t: float, q: Array, v: Array) -> None:
-        if time.process_time() > deadline:
-            raise LimitReached("the time for experiments was used up", t)
-
-    return watch
 
 
 def joint_dependence(scene: Scene, q: Array) -> Dependence:

@@ -7,14 +7,14 @@ near one another or part slowly, in an unstable one their distance grows exponen
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import factorised, is_sparse
-from hfsim.run.integration import Integration, Watch, run_integration
+from hfsim.run.integration import Integration, run_integration
+from hfsim.run.stop import Progress
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 
@@ -71,7 +71,7 @@ def amplitude_of(scene: Scene, item: str) -> tuple[str, float] | None:
     return None
 
 
-def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, watch: Watch) -> Growth | None:
+def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: Progress) -> Growth | None:
     """Run a scene again from beside its start and return how the two motions part.
 
     Parameters
@@ -81,8 +81,8 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, watch: W
         The undisturbed run.
     solve : SolveSpec
         How that was solved.
-    watch : callable
-        May end the second run.
+    guard : callable
+        May end the second run; told the share of the duration that is done.
 
     Returns
     -------
@@ -95,8 +95,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, watch: W
     speed = float(np.abs(system.absolute_velocity(q, v)).max(initial=0.0)) or 1.0
     kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
     start, rates = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
-    other = replace(scene, q=start[0], v=rates[0])
-    again = run_integration(other, solve, extra=watch).trajectory
+    again = run_integration(scene, solve, guard, (0.0, start[0], rates[0])).trajectory
     end = min(again.t_end, path.t_end)
     if not end > _WHOLE * path.t_end:
         return None

@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.run.integration import Integration
+from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene
 from hfsim.trust.experiments import (
     GOOD_BALANCE,
@@ -17,7 +18,6 @@ from hfsim.trust.experiments import (
     command,
     joint_dependence,
     listed,
-    until,
 )
 from hfsim.trust.growth import Growth, amplitude_of, disturbed_growth, loaded_items
 
@@ -111,8 +111,8 @@ def _unstable(trial: Experiments) -> SolverFailure | None:
     scene = trial.scene
     if not loaded_items(scene):
         return None
-    watch = until(time.process_time() + trial.seconds)
-    growth = disturbed_growth(scene, trial.done, trial.solve, watch)
+    budget = Budget(trial.seconds, time.process_time)
+    growth = disturbed_growth(scene, trial.done, trial.solve, budget.guard())
     return instability(scene, growth) if growth is not None and growth.unstable else None
 
 

@@ -15,10 +15,10 @@ from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, Stiffness, join_laws
 from hfsim.parts.elements._base import QuadraticMap
 from hfsim.parts.elements.forces import ElasticForce
 from hfsim.run.integration import run_integration
+from hfsim.run.stop import Budget
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.schema import SolveSpec
-from hfsim.studies.bench import Budget
 from hfsim.studies.separation.beams import STEPS, Beams
 from hfsim.studies.separation.measure import held_bytes, measure
 from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows

@@ -21,8 +21,8 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.parts.elements import ELASTIC_FORMS, elastic_form
 from hfsim.run.integration import Integration, run_integration
+from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene
-from hfsim.studies.bench import Budget
 from hfsim.studies.separation._base import StiffnessForm
 from hfsim.studies.separation.beams import STEPS, Beams
 from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench, Spread
