@@ -64,3 +64,8 @@ def wrap(angle: Array) -> Array:
     0.716815
     """
     return np.asarray(angle - 2.0 * np.pi * np.round(np.asarray(angle) / (2.0 * np.pi)))
+
+
+def freedoms(n_dim: int) -> int:
+    """Return how many rigid motions there are: one shift along each axis, one turn in each pair of axes."""
+    return n_dim * (n_dim + 1) // 2

@@ -2,36 +2,84 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Self, TypeVar
 
 from hfsim.maths.arrays import Array
 
 
-class Chart(Protocol):
+@dataclass(frozen=True)
+class AlikeBodies:
+    """Base of what serves alike bodies together that stand side by side.
+
+    Attributes
+    ----------
+    columns : slice
+        Where the coordinates of these bodies stand.
+    bodies : int
+        How many there are.
+    """
+
+    columns: slice
+    bodies: int
+
+    def at(self, columns: slice) -> Self:
+        """Return the same for coordinates that stand elsewhere."""
+        return replace(self, columns=columns)
+
+    def joined(self, other: AlikeBodies) -> Self | None:
+        """Return one for these bodies and those of another; None unless they are alike and side by side."""
+        sizes = {(one.columns.stop - one.columns.start) / one.bodies for one in (self, other)}
+        alike = replace(self, columns=other.columns, bodies=other.bodies) == other and len(sizes) == 1
+        if not alike or self.columns.stop != other.columns.start:
+            return None
+        columns = slice(self.columns.start, other.columns.stop)
+        return replace(self, columns=columns, bodies=self.bodies + other.bodies)
+
+
+class Chart(AlikeBodies):
     """A map between coordinates of the state and free coordinates that stand in the same columns.
 
     Frames are whatever the maps need of a batch of states (n_batch, n); blocks have shape
     (n_batch, n_columns).
     """
 
-    @property
-    def columns(self) -> slice:
-        """Where its coordinates stand, in the state and among the free coordinates alike."""
-
     def frames(self, q: Array) -> Any:
         """Return what the maps below need of a batch of states."""
+        raise NotImplementedError
 
     def absolute(self, frames: Any) -> Array:
         """Return the block of free coordinates."""
+        raise NotImplementedError
 
     def absolute_velocity(self, frames: Any, v: Array) -> Array:
         """Return the block of their rates."""
+        raise NotImplementedError
 
     def relative_acceleration(self, frames: Any, v: Array, ax: Array) -> Array:
         """Return the block of q'' from accelerations of the free coordinates."""
+        raise NotImplementedError
 
     def hybrid(self, x: Array, near: Array) -> Array:
         """Return the block of the state; of all full turns, angles near those of ``near`` are taken."""
+        raise NotImplementedError
 
     def hybrid_velocity(self, frames: Any, u: Array) -> Array:
         """Return the block of the state's rates from those of the free coordinates."""
+        raise NotImplementedError
+
+
+_Alike = TypeVar("_Alike", bound=AlikeBodies)
+
+
+def side_by_side(parts: Iterable[_Alike | None]) -> tuple[_Alike, ...]:
+    """Return the parts there are, each joined with the one before where that can be."""
+    found: list[_Alike] = []
+    for part in parts:
+        both = found[-1].joined(part) if found and part is not None else None
+        if both is not None:
+            found[-1] = both
+        elif part is not None:
+            found.append(part)
+    return tuple(found)

@@ -8,8 +8,9 @@ asked.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Iterable
+from dataclasses import dataclass, field
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -40,7 +41,7 @@ def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -
     return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ForcePart:
     """A source of generalised force together with the energy it stores and the power it puts in.
 
@@ -49,15 +50,31 @@ class ForcePart:
     Attributes
     ----------
     item : str
-        Deck path of its origin, such as ``springs.coil``; empty where several bodies share it.
+        Deck path of what exerts it, such as ``springs.coil``; empty where that is several.
     """
 
-    item: str = ""
+    item: str = field(default="", kw_only=True)
+    rule: ClassVar[str] = ""
+    """The rule that may leave it out where it is `idle`."""
+
+    @property
+    def idle(self) -> bool:
+        """Whether it is zero in every state."""
+        return False
+
+    @property
+    def shared(self) -> Hashable:
+        """What must be equal for two parts to be `joined`; None where it stands by itself."""
+        return None
 
     @property
     def markers(self) -> tuple[Marker, ...]:
         """Points that it acts on; none where it acts all along a body."""
         return ()
+
+    def joined(self, other: Self) -> Self:
+        """Return one part that does what this one and another do."""
+        raise NotImplementedError
 
     @property
     def uses_rates(self) -> bool:
@@ -131,6 +148,21 @@ class ConstantForce(ForcePart):
 
     force: Array
     energy: float = 0.0
+    rule: ClassVar[str] = "weight"
+
+    @property
+    def idle(self) -> bool:
+        """Whether there is no weight."""
+        return not self.force.any() and not self.energy
+
+    @property
+    def shared(self) -> Hashable:
+        """Weights add up."""
+        return ConstantForce
+
+    def joined(self, other: ConstantForce) -> ConstantForce:
+        """Return the sum."""
+        return ConstantForce(self.force + other.force, self.energy + other.energy)
 
     @property
     def quartic(self) -> bool:
@@ -148,3 +180,12 @@ class ConstantForce(ForcePart):
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return minus the work of the force from the origin."""
         return np.asarray(self.energy - x @ self.force)
+
+
+def merged(parts: Iterable[ForcePart]) -> tuple[ForcePart, ...]:
+    """Return the parts with those joined that can be: one call then serves them all."""
+    found: dict[Hashable, ForcePart] = {}
+    for part in parts:
+        key = len(found) if part.shared is None else (type(part), part.shared)
+        found[key] = found[key].joined(part) if key in found else part
+    return tuple(found.values())

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray, IntArray, Places, run_of
 from hfsim.maths.rotations import as_complex, as_vectors
+from hfsim.mechanics.chart import AlikeBodies
 from hfsim.mechanics.reduction import Reduction
 
 
-class BodyIncrements(Protocol):
+class BodyIncrements(AlikeBodies):
     """Natural increments of some bodies, written in the places of the coordinates they replace.
 
     A geometry is whatever the maps need of a batch of states; changes and increments have shape
@@ -22,21 +23,27 @@ class BodyIncrements(Protocol):
 
     def geometry(self, x: Array) -> Any:
         """Return what the maps below need of a batch of states."""
+        raise NotImplementedError
 
     def to_natural(self, at: Any, dx: Array, out: Array) -> None:
         """Write the natural increments of small changes into ``out``."""
+        raise NotImplementedError
 
     def from_natural(self, at: Any, y: Array, out: Array) -> None:
         """Write the changes that belong to small natural increments into ``out``."""
+        raise NotImplementedError
 
     def advance(self, at: Any, y: Array, out: Array) -> None:
         """Write the changes that add finite natural increments into ``out``."""
+        raise NotImplementedError
 
     def to_natural_forces(self, at: Any, f: Array, out: Array) -> None:
         """Write forces on natural increments into ``out``: the transpose of `from_natural`."""
+        raise NotImplementedError
 
     def convective(self, at: Any, u: Array, y1: Array, out: Array) -> None:
         """Write what velocities alone make of the second derivatives of the natural coordinates."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ import numpy as np
 
 from hfsim.maths.matrices import DENSE_UP_TO, is_sparse
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.parts.bodies.folded import FoldedBody
 from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.parts.bodies.low_order import LowOrderBeam
 from hfsim.parts.bodies.low_order_body import LowOrderBody
 from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.parts.bodies.rigid import FoldedBody
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck

@@ -1,12 +1,16 @@
 """Beams: slender flexible bodies."""
 
 from collections.abc import Iterator
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field
 
 from hfsim.deck.fields import Flag, Points, PositiveLength, whole
 from hfsim.deck.spec import Complaint, Spec, refusal, shown
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.body import Body
+    from hfsim.parts.bodies.models import Model
 
 END_POINTS = ("root", "tip")
 """Points that every beam has."""
@@ -75,6 +79,13 @@ class BeamSpec(Spec):
 
     points: Points = Field(default_factory=dict)
     """Named points in the undeformed body frame [m]."""
+
+    def assemble(self, name: str, start: int, deck: Any, model: "Model | None") -> "Body":
+        """Return the body of a model whose coordinates begin at a column."""
+        from hfsim.parts.bodies.blueprint import blueprint
+
+        assert model is not None
+        return model.assemble(blueprint(self, name, start, deck))
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield options that exclude one another, and points outside the beam."""

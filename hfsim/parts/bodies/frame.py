@@ -18,6 +18,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.rotations import as_complex, wrap
+from hfsim.mechanics.chart import Chart
 
 
 class Frames(NamedTuple):
@@ -39,15 +40,11 @@ class Frames(NamedTuple):
 
 
 @dataclass(frozen=True)
-class FrameChart:
+class FrameChart(Chart):
     """Map between hybrid coordinates and absolute nodal coordinates of alike beams.
 
     Attributes
     ----------
-    columns : slice
-        Where the coordinates of these beams stand, in the state and among the free coordinates alike.
-    bodies : int
-        Number of beams.
     stride : int
         Vectors from one nodal position to the next.
 
@@ -57,8 +54,6 @@ class FrameChart:
     nodal vectors: as many as in absolute coordinates.
     """
 
-    columns: slice
-    bodies: int
     stride: int
 
     def _complex(self, q: Array) -> ComplexArray:

@@ -1,7 +1,8 @@
-"""The elastic force of the model linear."""
+"""Beams of the model linear."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,43 @@ import numpy as np
 from hfsim.maths.arrays import Array, ComplexArray, IntArray
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.force import ForcePart
+from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.frame import relative_nodes
+from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.parts.elements import Stiffness
+
+
+@dataclass(frozen=True)
+class LinearBeam(NodalBeam):
+    """A beam whose elastic force is linearised about the undeformed state in the body frame."""
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield the weight, and elastic force and damping as one."""
+        yield self.beam.weight(n)
+        yield linearised(self.beam)
+
+    def increments(self) -> None:
+        """Return None: in the body frame the stiffness is constant."""
+
+
+def linearised(beam: Blueprint) -> LinearElasticForce:
+    """Linearise the element's own energy about the undeformed state."""
+    mesh, count = beam.mesh, beam.mesh.count
+    local = np.kron(mesh.differences, np.eye(beam.n_dim)).reshape(count, -1, beam.n_dim * mesh.n_vectors)
+    straight = (mesh.differences @ mesh.undeformed).reshape(1, count, -1, beam.n_dim)
+
+    def matrix(stiffness: Stiffness, curvature: str) -> Array:
+        H = beam.law(stiffness, beam.measures._replace(curvature=curvature)).hessian(straight)[0]
+        return np.asarray(sum(part.T @ own @ part for part, own in zip(local, H, strict=True)))
+
+    K, (axial_time, bending_time) = matrix(beam.stiffness, beam.measures.curvature), beam.damping
+    damping = np.zeros_like(K)
+    if axial_time or bending_time:
+        # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
+        axial = matrix(beam.stiffness.without_bending(), "exact")
+        damping = axial_time * axial + bending_time * (matrix(beam.stiffness, "exact") - axial)
+    columns = beam.nodal_columns
+    return LinearElasticForce(beam.name, columns, K, damping, mesh.undeformed, mesh.positions, item=beam.item)
 
 
 @dataclass(frozen=True)

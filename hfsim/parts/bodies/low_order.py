@@ -14,9 +14,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.rotations import normal, rotate
+from hfsim.maths.rotations import freedoms, normal, rotate
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.force import ForcePart
+from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.mesh import BeamMesh
 
 
@@ -52,9 +53,26 @@ class LowOrderBeam(ForcePart):
     bending: float
     axial_damping: float
     bending_damping: float
-    gravity: tuple[float, float]
+    gravity: tuple[float, ...]
     whole: bool = False
     model: str = "lowOrder"
+
+    @classmethod
+    def of(cls, beam: Blueprint) -> LowOrderBeam:
+        """Return the beam of a deck."""
+        axial_damping, bending_damping = beam.damping
+        return cls(
+            name=beam.name,
+            mesh=beam.mesh,
+            columns=beam.columns(freedoms(beam.n_dim) + 2 * beam.mesh.n_vectors - 3),
+            axial=beam.stiffness.axial,
+            bending=beam.stiffness.bending,
+            axial_damping=axial_damping,
+            bending_damping=bending_damping,
+            gravity=tuple(beam.gravity),
+            whole=beam.whole,
+            item=beam.item,
+        )
 
     @property
     def truncated(self) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,9 +11,11 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import normal, rotate
-from hfsim.mechanics.body import Place
+from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
+from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.low_order import LowOrderBeam
 
 
@@ -125,27 +128,26 @@ class LowOrderMarker:
 
 
 @dataclass(frozen=True)
-class LowOrderBody:
+class LowOrderBody(Body):
     """A beam of the model lowOrder."""
 
-    name: str
     beam: LowOrderBeam
-    points: dict[str, Place]
+
+    @classmethod
+    def of(cls, beam: Blueprint, framed: bool) -> LowOrderBody:
+        """Return the body of a beam; it has a body frame whatever is asked for."""
+        own = LowOrderBeam.of(beam)
+        return cls(beam.name, own.columns, beam.points, own)
 
     @property
-    def columns(self) -> slice:
-        """Coordinates of the beam."""
-        return self.beam.columns
+    def banded(self) -> bool:
+        """Return False: in a body frame all coordinates are coupled."""
+        return False
 
     @property
     def angle_column(self) -> int | None:
-        """The third coordinate."""
-        return int(self.columns.start) + 2
-
-    @property
-    def position_columns(self) -> IntArray:
-        """None: its coordinates are relative to a frame."""
-        return np.zeros((0, 2), dtype=np.intp)
+        """The one after the origin."""
+        return int(self.columns.start) + len(self.beam.gravity)
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a point of the centre line."""
@@ -162,4 +164,13 @@ class LowOrderBody:
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
         places = self.beam.mesh.outline_places
-        return np.stack([LowOrderMarker(self.beam, float(a)).position(x) for a in places], axis=1)
+        return np.stack([self.marker((float(a), 0.0)).position(x) for a in places], axis=1)
+
+    @property
+    def variable_mass(self) -> LowOrderBeam:
+        """That of the beam."""
+        return self.beam
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield inertia, elastic force, damping and weight as one."""
+        yield self.beam

@@ -83,6 +83,17 @@ class BeamMesh:
         return M
 
     @cached_property
+    def vector_masses(self) -> Array:
+        """What a uniform acceleration is multiplied by at each nodal vector, shape (n_vectors,) [kg]."""
+        element = self.element
+        places = np.zeros(element.stride + element.per_node)
+        places[:: element.stride] = 1.0
+        own = element.mass(self.inertia) @ places
+        vectors = element.stride * np.arange(self.count)[:, None] + np.arange(len(own))
+        masses = np.bincount(vectors.ravel(), weights=np.tile(own, self.count), minlength=self.n_vectors)
+        return np.asarray(masses, dtype=float)
+
+    @cached_property
     def differences(self) -> Array:
         """Matrix from nodal vectors to the difference vectors of all elements, (count * n, n_vectors)."""
         local = self.element.differences()

@@ -1,8 +1,16 @@
-"""The models: which coordinates the state has, and which strain measure."""
+"""The models of beams: which body each makes, and which coordinates its state has.
+
+The page to read before adding a model: a file with its body, and an entry in `MODELS`.
+"""
 
 from __future__ import annotations
 
-from typing import Literal, NamedTuple
+from pkgutil import resolve_name
+from typing import TYPE_CHECKING, Literal, NamedTuple, cast
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.body import Body
+    from hfsim.parts.bodies.blueprint import Blueprint
 
 
 class Model(NamedTuple):
@@ -10,6 +18,8 @@ class Model(NamedTuple):
 
     Attributes
     ----------
+    body : str
+        Where its class of bodies stands; it is imported when a scene has one.
     frame : bool
         Whether the state has a body frame and coordinates relative to it.
     strain : str
@@ -17,8 +27,13 @@ class Model(NamedTuple):
         the body frame; ``low_order`` in the axial variable w with the foreshortening in the kinematics.
     """
 
+    body: str
     frame: bool
     strain: Literal["none", "exact", "linear", "low_order"]
+
+    def assemble(self, beam: Blueprint) -> Body:
+        """Return the body of a beam in this model."""
+        return cast("Body", resolve_name(f"hfsim.parts.bodies.{self.body}").of(beam, self.frame))
 
     def stepping_in(self, coordinates: Literal["auto", "frame", "absolute"]) -> Model:
         """Return the model with its state in the coordinates asked for, where it has them.
@@ -33,9 +48,9 @@ class Model(NamedTuple):
 
 
 MODELS: dict[str, Model] = {
-    "rigid": Model(frame=False, strain="none"),
-    "linear": Model(frame=True, strain="linear"),
-    "lowOrder": Model(frame=True, strain="low_order"),
-    "exact": Model(frame=True, strain="exact"),
-    "ancf": Model(frame=False, strain="exact"),
+    "rigid": Model("rigid_beam:RigidBeam", frame=False, strain="none"),
+    "linear": Model("linear:LinearBeam", frame=True, strain="linear"),
+    "lowOrder": Model("low_order_body:LowOrderBody", frame=True, strain="low_order"),
+    "exact": Model("nodal:NodalBeam", frame=True, strain="exact"),
+    "ancf": Model("nodal:NodalBeam", frame=False, strain="exact"),
 }

@@ -25,6 +25,7 @@ from functools import cached_property
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.mechanics.increments import BodyIncrements
 from hfsim.parts.elements.cable import mean_square_slope, strain_moments
 
 _MOST_CORRECTIONS = 8
@@ -52,13 +53,11 @@ class Geometry:
 
 
 @dataclass(frozen=True)
-class NaturalBeams:
+class NaturalBeams(BodyIncrements):
     """Natural increments of alike beams, without interior vectors, that stand side by side in the state.
 
     Attributes
     ----------
-    columns : slice
-    bodies : int
     stride : int
         Vectors from one nodal position to the next.
     length : float
@@ -67,8 +66,6 @@ class NaturalBeams:
         Whether the state has a body frame.
     """
 
-    columns: slice
-    bodies: int
     stride: int
     length: float
     framed: bool

@@ -1,40 +1,66 @@
-"""Beams in absolute nodal coordinates: models exact, linear and ancf."""
+"""Beams in absolute nodal coordinates: models exact and ancf, and what linear shares with them."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.mechanics.body import Place
+from hfsim.maths.matrices import Entries
+from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
+from hfsim.parts.bodies.blueprint import Blueprint
+from hfsim.parts.bodies.frame import FrameChart
 from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.bodies.natural import InteriorBeams, NaturalBeams
 
 
 @dataclass(frozen=True)
-class NodalBeam:
-    """A beam in absolute nodal coordinates: models exact, linear and ancf."""
+class NodalBeam(Body):
+    """A beam in absolute nodal coordinates.
 
-    name: str
-    columns: slice
-    mesh: BeamMesh
+    Attributes
+    ----------
+    beam : Blueprint
+    framed : bool
+        Whether it is stepped in a body frame and coordinates relative to that.
+    """
+
+    beam: Blueprint
     framed: bool
-    points: dict[str, Place]
+
+    @classmethod
+    def of(cls, beam: Blueprint, framed: bool) -> Self:
+        """Return the body of a beam."""
+        return cls(beam.name, beam.nodal_columns, beam.points, beam, framed)
+
+    @property
+    def mesh(self) -> BeamMesh:
+        """Its elements."""
+        return self.beam.mesh
+
+    @property
+    def banded(self) -> bool:
+        """Whether it has no body frame, with which all its coordinates are coupled."""
+        return not self.framed
 
     @property
     def angle_column(self) -> int | None:
-        """The third coordinate, if the state has a body frame."""
-        return int(self.columns.start) + 2 if self.framed else None
+        """The one after the origin, if the state has a body frame."""
+        return int(self.columns.start) + self.beam.n_dim if self.framed else None
 
     @property
     def position_columns(self) -> IntArray:
         """Those of the nodes, unless they are relative to a frame."""
         if self.framed:
-            return np.zeros((0, 2), dtype=np.intp)
-        vectors = np.flatnonzero(self.mesh.positions)
-        return np.asarray(self.columns.start + 2 * vectors[:, None] + np.arange(2))
+            return super().position_columns
+        vectors, n_dim = np.flatnonzero(self.mesh.positions), self.beam.n_dim
+        return np.asarray(self.columns.start + n_dim * vectors[:, None] + np.arange(n_dim))
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point; its direction is that of the beam's axis there."""
@@ -53,4 +79,26 @@ class NodalBeam:
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
         rows = np.array([self.mesh.shape(float(a)) for a in self.mesh.outline_places])
-        return np.asarray(rows @ x[:, self.columns].reshape(len(x), -1, 2))
+        return np.asarray(rows @ x[:, self.columns].reshape(len(x), -1, self.beam.n_dim))
+
+    def mass_entries(self) -> Entries:
+        """Return those of its elements."""
+        block = np.kron(self.mesh.element.mass(self.mesh.inertia), np.eye(self.beam.n_dim))
+        columns = self.beam.element_columns
+        return Entries.of_block(columns, columns, np.broadcast_to(block, (len(columns), *block.shape)))
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield weight, elastic force and damping."""
+        yield self.beam.weight(n)
+        yield self.beam.elastic_force(n)
+        yield self.beam.kelvin_voigt(n)
+
+    def chart(self) -> FrameChart | None:
+        """Return the map to the body frame, if it is stepped in that."""
+        return FrameChart(self.columns, 1, self.mesh.element.stride) if self.framed else None
+
+    def increments(self) -> NaturalBeams | None:
+        """Return the natural increments of the Green strain."""
+        element = self.mesh.element
+        kind = InteriorBeams if element.stride > element.per_node else NaturalBeams
+        return kind(self.columns, 1, element.stride, element.length, self.framed)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Literal
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -11,8 +12,11 @@ from pydantic import Field
 from hfsim.deck.fields import Points, PositiveInertia, PositiveMass
 from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.mechanics.body import Place, polyline
-from hfsim.mechanics.markers import Marker, RigidMarker
+from hfsim.maths.matrices import Entries
+from hfsim.maths.rotations import freedoms
+from hfsim.mechanics.body import Body, Place, places
+from hfsim.mechanics.force import ConstantForce, ForcePart
+from hfsim.mechanics.markers import GroundMarker, Marker, RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
 
 
@@ -31,35 +35,38 @@ class RigidSpec(Spec):
     points: Points = Field(default_factory=dict)
     """Named points in the body frame [m]."""
 
+    def assemble(self, name: str, start: int, deck: Any, model: Any) -> RigidBody:
+        """Return the body whose coordinates begin at a column; rigid bodies have no models."""
+        gravity = np.array(deck.gravity)
+        columns = slice(start, start + freedoms(len(gravity)))
+        return RigidBody(name, columns, places(self.points), self.mass, self.inertia, gravity)
+
 
 @dataclass(frozen=True)
-class RigidBody:
+class RigidBody(Body):
     """A rigid body with coordinates (x, y, angle); its origin is its centre of mass.
 
     Attributes
     ----------
-    name : str
-    columns : slice
     mass, inertia : float
         Mass [kg] and moment of inertia about the centre of mass [kg m^2].
-    points : dict of str to Place
+    gravity : ndarray, shape (n_dim,)
+        [m/s^2].
     """
 
-    name: str
-    columns: slice
     mass: float
     inertia: float
-    points: dict[str, Place] = field(default_factory=dict)
+    gravity: Array
 
     @property
     def angle_column(self) -> int | None:
-        """The third coordinate."""
-        return int(self.columns.start) + 2
+        """The last coordinate."""
+        return int(self.columns.stop) - 1
 
     @property
     def position_columns(self) -> IntArray:
         """The centre of mass."""
-        return np.asarray(self.columns.start + np.arange(2)[None])
+        return np.asarray(self.columns.start + np.arange(len(self.gravity))[None])
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a point of the body."""
@@ -73,6 +80,51 @@ class RigidBody:
         """Return (vx, vy, omega)."""
         return np.concatenate(twist)
 
-    def outline(self, x: Array) -> Array:
-        """Return the polyline from the centre of mass through the named points."""
-        return polyline(self, x)
+    def mass_entries(self) -> Entries:
+        """Return the mass and the moment of inertia on the diagonal."""
+        columns = np.arange(self.columns.start, self.columns.stop)
+        values = np.full(len(columns), self.mass)
+        values[len(self.gravity) :] = self.inertia
+        return Entries(columns, columns, values)
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield the weight."""
+        force = np.zeros(n)
+        force[self.position_columns[0]] = self.mass * self.gravity
+        yield ConstantForce(force, item=self.item)
+
+    def folded(self, pose: Pose) -> FoldedBody:
+        """Return the same body held for ever at a pose."""
+        return FoldedBody(self.name, slice(0, 0), self.points, pose, self.mass * self.gravity)
+
+
+@dataclass(frozen=True)
+class FoldedBody(Body):
+    """A body that cannot move: it has no coordinates, and its points are points of the ground.
+
+    Attributes
+    ----------
+    pose : Pose
+    weight : ndarray, shape (n_dim,)
+        [N].
+    """
+
+    pose: Pose
+    weight: Array
+
+    def marker(self, place: Place) -> Marker:
+        """Return a point of the ground."""
+        x, y = self.pose.placed(np.array(place))
+        return GroundMarker((float(x), float(y)), self.pose.angle)
+
+    def placed(self, pose: Pose) -> Array:
+        """Return no coordinates."""
+        return np.zeros(0)
+
+    def moving(self, pose: Pose, twist: Twist) -> Array:
+        """Return no rates."""
+        return np.zeros(0)
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield the weight, which does no work: only its energy counts."""
+        yield ConstantForce(np.zeros(n), -float(self.weight @ self.pose.origin), item=self.item)

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.markers import Marker, RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
-from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.rigid import RigidBody
 
 
@@ -18,19 +19,23 @@ from hfsim.parts.bodies.rigid import RigidBody
 class RigidBeam(RigidBody):
     """A beam of the model rigid: its frame is at the root, its coordinates are those of its mid-point."""
 
-    length: float = 0.0
+    length: float
 
     @classmethod
-    def of(cls, name: str, columns: slice, mesh: BeamMesh, points: dict[str, Place]) -> RigidBeam:
+    def of(cls, beam: Blueprint, framed: bool) -> RigidBeam:
         """Return the rigid body with the mass and the inertia that a mesh has in rigid motion."""
+        mesh = beam.mesh
         mass = float(mesh.positions @ mesh.mass @ mesh.positions)
         about_root = float(np.sum(mesh.undeformed * (mesh.mass @ mesh.undeformed)))
         inertia = about_root - mass * (0.5 * mesh.length) ** 2
-        return cls(name, columns, mass, inertia, points, mesh.length)
+        columns = beam.columns(freedoms(beam.n_dim))
+        return cls(beam.name, columns, beam.points, mass, inertia, beam.gravity, mesh.length)
 
     @property
     def _centre(self) -> Array:
-        return np.array([0.5 * self.length, 0.0])
+        centre = np.zeros(len(self.gravity))
+        centre[0] = 0.5 * self.length
+        return centre
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point."""
@@ -47,4 +52,4 @@ class RigidBeam(RigidBody):
 
     def outline(self, x: Array) -> Array:
         """Return root and tip."""
-        return np.stack([self.marker((a, 0.0)).position(x) for a in (0.0, self.length)], axis=1)
+        return np.stack([self.marker(self.points[name]).position(x) for name in ("root", "tip")], axis=1)

@@ -9,6 +9,7 @@ G = V V^T (design, section 3).
 from __future__ import annotations
 
 import math
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 from typing import Any, NamedTuple, Protocol, Self
@@ -88,6 +89,10 @@ class ElasticLaw(Protocol):
     def quartic(self) -> bool:
         """Whether the energy is a polynomial of degree four in V."""
 
+    @property
+    def shared(self) -> Hashable:
+        """What must be equal for two laws to be `joined`."""
+
     def energy(self, V: Array) -> Array:
         """Return the stored energy of each element, shape (..., n_elements)."""
 
@@ -124,7 +129,9 @@ class Element(Protocol):
     ``stride + per_node`` together.
     """
 
-    def __init__(self, length: float) -> None: ...
+    @classmethod
+    def of(cls, length: float, degree: int) -> Self:
+        """Return the element of a length [m] and a degree."""
 
     @property
     def per_node(self) -> int:
@@ -234,6 +241,11 @@ class GramLaw(RowLaw):
     def quartic(self) -> bool:
         """Return True."""
         return True
+
+    @property
+    def shared(self) -> Hashable:
+        """The form itself; elements differ in linear term and scale only."""
+        return self.dimension, self.quadratic.tobytes(), self.reference.tobytes()
 
     def joined(self, other: GramLaw) -> GramLaw:
         """Return the law of this one's elements followed by the other's."""

@@ -6,6 +6,7 @@ with their slopes at both ends.  Energy per length EA/2 strain^2 + EI/2 curvatur
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -117,6 +118,11 @@ class QuadratureLaw(RowLaw):
     def quartic(self) -> bool:
         """Whether the strain is Green's and the curvature linear."""
         return not self.engineering and not self.exact_curvature
+
+    @property
+    def shared(self) -> Hashable:
+        """Measures, points and degree; elements differ in their stiffness only."""
+        return self.engineering, self.exact_curvature, self.axial_points, self.bending_points, self.degree
 
     def joined(self, other: QuadratureLaw) -> QuadratureLaw:
         """Return the law of this one's elements followed by the other's."""
@@ -325,6 +331,11 @@ class Cable:
     length: float
     degree: int = 3
     per_node: int = 2
+
+    @classmethod
+    def of(cls, length: float, degree: int) -> Cable:
+        """Return the element of a length [m] and degree."""
+        return cls(length, degree)
 
     @property
     def stride(self) -> int:

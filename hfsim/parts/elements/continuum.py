@@ -29,6 +29,11 @@ class Continuum:
     per_node: int = 3
     degree: int = 3
 
+    @classmethod
+    def of(cls, length: float, degree: int) -> Continuum:
+        """Return the element of a length [m] and degree, which is always 3."""
+        return cls(length)
+
     @property
     def stride(self) -> int:
         """As many as at each node: there are no interior vectors."""

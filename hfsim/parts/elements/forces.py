@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import DIFFERENCE, ForcePart
-from hfsim.parts.elements._base import ElasticLaw
+from hfsim.parts.elements._base import ElasticLaw, join_laws
 from hfsim.parts.elements.cable import exact_points, gauss_rows
 
 AT_ONCE = 1024
@@ -29,6 +31,15 @@ class ElasticForce(ForcePart):
 
     elements: Connectivity
     law: ElasticLaw
+
+    @property
+    def shared(self) -> Hashable:
+        """What the law of all elements has in common."""
+        return self.law.shared
+
+    def joined(self, other: ElasticForce) -> ElasticForce:
+        """Return the force of these elements followed by the other's."""
+        return ElasticForce(self.elements.joined(other.elements), join_laws([self.law, other.law]))
 
     @property
     def quartic(self) -> bool:
@@ -75,6 +86,12 @@ class KelvinVoigtForce(ForcePart):
     bend: Array
     axial: Array
     bending: Array
+    rule: ClassVar[str] = "damping"
+
+    @property
+    def idle(self) -> bool:
+        """Whether there is no damping."""
+        return not self.dissipates
 
     @property
     def uses_rates(self) -> bool:
@@ -87,7 +104,9 @@ class KelvinVoigtForce(ForcePart):
         return bool(self.axial.any() or self.bending.any())
 
     @classmethod
-    def of(cls, elements: Connectivity, degree: int, axial: float, bending: float) -> KelvinVoigtForce:
+    def of(
+        cls, elements: Connectivity, degree: int, axial: float, bending: float, item: str = ""
+    ) -> KelvinVoigtForce:
         """Return the force of equal elements from EA le tau_a and EI / le tau_b [J s]."""
         w, slope, bend = gauss_rows(exact_points(degree), degree)
         count = len(elements.columns)
@@ -97,6 +116,7 @@ class KelvinVoigtForce(ForcePart):
             bend=bend,
             axial=np.tile(axial * w, (count, 1)),
             bending=np.tile(bending * w, (count, 1)),
+            item=item,
         )
 
     def _measures(self, V: Array, dV: Array) -> tuple[Array, Array, Array, Array, Array, Array]:

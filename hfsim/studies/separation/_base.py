@@ -13,9 +13,10 @@ K p, the derivative of the strain energy (eq. 24), and tangent its derivative by
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Self
+from functools import cached_property, lru_cache
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -36,7 +37,8 @@ class StiffnessForm:
     @classmethod
     def law_of(cls, element: Element, stiffness: Stiffness, count: int) -> NodalLaw:
         """Return the elastic law of ``count`` equal elements over their nodal vectors."""
-        return NodalLaw(cls.of(element, stiffness), element.law(stiffness, count), element.differences())
+        form = _made_once(cast(Any, cls), cast(Any, element), stiffness)
+        return NodalLaw(form, element.law(stiffness, count), element.differences())
 
     def stiffness(self, p: Array) -> Array:
         """Return K, shape (n_columns, n, n)."""
@@ -90,9 +92,20 @@ class NodalLaw(RowLaw):
         columns = np.ascontiguousarray(flat.reshape(-1, flat.shape[-1]).T)
         return self.form.tangent(columns).reshape(*flat.shape, flat.shape[-1])
 
+    @property
+    def shared(self) -> Hashable:
+        """The form, which equal elements have in common."""
+        return id(self.form)
+
     def joined(self, other: NodalLaw) -> NodalLaw:
         """Return the law of this one's elements followed by the other's, which are equal to them."""
         return replace(self, energies=join_laws([self.energies, other.energies]))
+
+
+@lru_cache(maxsize=16)
+def _made_once(kind: Any, element: Any, stiffness: Stiffness) -> StiffnessForm:
+    form: StiffnessForm = kind.of(element, stiffness)
+    return form
 
 
 def both_components(K: Array) -> Array:

@@ -48,7 +48,7 @@ class Beams:
     @cached_property
     def element(self) -> Element:
         """One of the elements, which are all equal."""
-        return ELEMENTS[self.kind](LENGTH / self.count)
+        return ELEMENTS[self.kind].of(LENGTH / self.count, 3)
 
     @property
     def stiffness(self) -> Stiffness:

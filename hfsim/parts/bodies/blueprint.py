@@ -1,0 +1,142 @@
+"""What a beam of a deck is made of: the numbers from which each model makes its body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfsim.deck.materials import BeamProperties
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.mechanics.body import Place, places
+from hfsim.mechanics.connectivity import Connectivity
+from hfsim.mechanics.force import ConstantForce
+from hfsim.parts.bodies.beam import BeamSpec
+from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.elements import ELEMENTS, ElasticLaw, Inertia, Measures, Stiffness, elastic_law
+from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
+
+
+@dataclass(frozen=True)
+class Blueprint:
+    """A beam before it has a model.
+
+    Attributes
+    ----------
+    name : str
+        Of the body.
+    start : int
+        Column of x where its coordinates begin.
+    mesh : BeamMesh
+    stiffness : Stiffness
+    measures : Measures
+    damping : tuple of float
+        Retardation times of axial strain and curvature [s].
+    gravity : ndarray, shape (n_dim,)
+        [m/s^2].
+    points : dict of str to Place
+        Named points, root and tip among them.
+    whole : bool
+        Whether inertia terms are kept through all orders where a model would truncate them.
+    form : str
+        Way to the elastic force.
+    """
+
+    name: str
+    start: int
+    mesh: BeamMesh
+    stiffness: Stiffness
+    measures: Measures
+    damping: tuple[float, float]
+    gravity: Array
+    points: dict[str, Place]
+    whole: bool
+    form: str
+
+    @property
+    def item(self) -> str:
+        """Deck path of the body."""
+        return f"bodies.{self.name}"
+
+    @property
+    def n_dim(self) -> int:
+        """Number of components of a vector."""
+        return len(self.gravity)
+
+    def columns(self, count: int) -> slice:
+        """Return the run of so many coordinates."""
+        return slice(self.start, self.start + count)
+
+    @property
+    def nodal_columns(self) -> slice:
+        """The run of all components of its nodal vectors."""
+        return self.columns(self.n_dim * self.mesh.n_vectors)
+
+    @property
+    def element_columns(self) -> IntArray:
+        """The nodal coordinates of each element, shape (n_elements, k)."""
+        element = self.mesh.element
+        first = self.start + self.n_dim * element.stride * np.arange(self.mesh.count)
+        return np.asarray(first[:, None] + np.arange(self.n_dim * (element.stride + element.per_node)))
+
+    def connectivity(self, n: int, vectors: Array) -> Connectivity:
+        """Return how vectors of each element follow from its nodal ones, by a matrix, among n coordinates."""
+        local = np.kron(vectors, np.eye(self.n_dim))
+        return Connectivity(n, self.element_columns, np.tile(local, (self.mesh.count, 1, 1)))
+
+    def law(self, stiffness: Stiffness, measures: Measures) -> ElasticLaw:
+        """Return the elastic law of its elements on their difference vectors."""
+        return self.mesh.element.law(stiffness, self.mesh.count, measures)
+
+    def elastic_force(self, n: int) -> ElasticForce:
+        """Return the elastic force on its nodal vectors in the form asked for."""
+        mesh = self.mesh
+        law, vectors = elastic_law(self.form, mesh.element, self.stiffness, mesh.count, self.measures)
+        return ElasticForce(self.connectivity(n, vectors), law, item=self.item)
+
+    def kelvin_voigt(self, n: int) -> KelvinVoigtForce:
+        """Return the damping force on its nodal vectors."""
+        element, (axial, bending) = self.mesh.element, self.damping
+        return KelvinVoigtForce.of(
+            elements=self.connectivity(n, element.differences()),
+            degree=element.degree,
+            axial=self.stiffness.axial * element.length * axial,
+            bending=self.stiffness.bending / element.length * bending,
+            item=self.item,
+        )
+
+    def weight(self, n: int) -> ConstantForce:
+        """Return the weight on its nodal vectors: masses of vectors times gravity (eq. 31)."""
+        force = np.zeros(n)
+        force[self.nodal_columns] = np.kron(self.mesh.vector_masses, self.gravity)
+        return ConstantForce(force, item=self.item)
+
+
+def blueprint(spec: BeamSpec, name: str, start: int, deck: Any) -> Blueprint:
+    """Return what a beam of a deck is made of; its coordinates begin at a column."""
+    numbers: BeamProperties = deck.properties(name)
+    inertia = Inertia(
+        numbers.mass_per_length, numbers.rotary_inertia if spec.rotary_inertia else 0.0, numbers.height
+    )
+    element = ELEMENTS[spec.element].of(spec.length / spec.elements, spec.degree)
+    quadrature = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
+    return Blueprint(
+        name=name,
+        start=start,
+        mesh=BeamMesh(element, spec.elements, inertia),
+        stiffness=Stiffness(
+            axial=numbers.axial_stiffness,
+            bending=numbers.bending_stiffness,
+            lame_lambda=numbers.lame_lambda,
+            lame_mu=numbers.lame_mu,
+            height=numbers.height,
+            width=numbers.width,
+        ),
+        measures=Measures(spec.strain, spec.curvature, *quadrature),
+        damping=(numbers.axial_damping, numbers.bending_damping),
+        gravity=np.array(deck.gravity),
+        points={**places(spec.points), "root": (0.0, 0.0), "tip": (spec.length, 0.0)},
+        whole=spec.truncation == "none",
+        form=deck.solve.elastic_form,
+    )
