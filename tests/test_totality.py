@@ -1,0 +1,182 @@
+"""Everything that is registered goes all the way: check, plan, run, pictures, diagnosis, limits.
+
+What is newly registered needs one example in `EXAMPLES`; nothing else here knows any name.
+"""
+
+import json
+from copy import deepcopy
+
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from hfsim.cli import COMMANDS, app
+from hfsim.deck.laws import LAWS
+from hfsim.errors import SolverFailure
+from hfsim.integrators import METHODS
+from hfsim.parts.bodies.models import MODELS
+from hfsim.parts.channels import CHANNELS
+from hfsim.parts.elements import ELEMENTS
+from hfsim.parts.forces import LOADS, SPRINGS
+from hfsim.parts.joints import JOINTS
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.scene.rules import RULES
+from hfsim.trust.diagnosis import diagnose
+
+SCENE = {
+    "hfsim": 1,
+    "name": "example",
+    "gravity": [0.0, -9.81],
+    "materials": {"rubber": {"density": 1100.0, "youngs_modulus": 5.0e6}},
+    "sections": {"bar": {"shape": "rectangle", "width": 0.02, "height": 0.02}},
+    "bodies": {
+        "hub": {"type": "rigid", "mass": 1.0, "inertia": 0.1, "points": {"rim": [0.5, 0.0]}},
+        "arm": {"type": "beam", "material": "rubber", "section": "bar", "length": 1.0, "elements": 1},
+    },
+    "joints": {
+        "pin": {"type": "revolute", "between": ["ground", "hub"]},
+        "elbow": {"type": "revolute", "between": ["hub.rim", "arm.root"]},
+    },
+    "solve": {"duration": 0.01, "tolerance": 1.0e-3},
+    "output": {"interval": 0.005, "channels": ["arm.tip.x"]},
+}
+"""A rigid hub that turns about the ground, and an arm on it; each example changes a little of it."""
+
+ELBOW, TO_ARM, AT_TIP = ["hub.rim", "arm.root"], ["ground", "arm.tip"], {"at": "arm.tip"}
+EXAMPLES = {
+    "joint": {
+        "revolute": {"elbow": {"between": ELBOW}},
+        "fixed": {"elbow": {"between": ELBOW, "angle": 0.1}},
+        "prismatic": {"elbow": {"between": ELBOW, "axis": [1.0, 0.5]}},
+        "driver": {"motor": {"between": ELBOW, "angle": {"type": "constant_rate", "rate": 1.0}}},
+    },
+    "spring": {
+        "rotational": {"between": ["ground", "hub"], "stiffness": 3.0, "damping": 0.1},
+        "two_point": {"between": TO_ARM, "stiffness": 3.0, "damping": 0.1},
+    },
+    "load": {
+        "force": AT_TIP | {"force": [0.1, 0.2]},
+        "moment": AT_TIP | {"moment": 0.1},
+    },
+    "law": {
+        "constant": {"value": 0.5},
+        "constant_rate": {"rate": 0.5},
+        "table": {"times": [0.0, 0.004, 0.02], "values": [0.0, 0.1, 0.1]},
+        "smooth_step": {"from": 0.0, "to": 0.1, "start": 0.0, "end": 0.005},
+        "spin_up": {"rate": 1.0, "time": 0.005},
+        "sine": {"amplitude": 0.1, "frequency": 5.0},
+    },
+    "element": {"cable": {"degree": 4, "strain": "engineering", "curvature": "exact"}, "continuum": {}},
+    "integrator": {
+        "gauss": {"stages": 3},
+        "radau": {"stages": 2},
+        "energy": {"stages": 1},
+        "gear": {"order": 2},
+        "generalized_alpha": {"rho_inf": 0.5},
+        "explicit": {},
+    },
+    "channel": {
+        **{name: f"arm.tip.{name}" for name in ("x", "y", "vx", "vy", "speed", "deflection", "elongation")},
+        **{name: f"hub.{name}" for name in ("angle", "angular_velocity")},
+        **{name: f"energy.{name}" for name in ("kinetic", "strain", "potential", "total")},
+        **{name: f"constraint.{name}" for name in ("position", "velocity")},
+        **{name: f"pin.{name}" for name in ("force_x", "force_y", "moment")},
+    },
+}
+"""For each kind and name, what a deck says besides the name; of models and rules it says no more."""
+
+REGISTERED = {
+    "joint": JOINTS,
+    "spring": SPRINGS,
+    "load": LOADS,
+    "law": LAWS,
+    "element": ELEMENTS,
+    "model": MODELS,
+    "integrator": METHODS,
+    "channel": CHANNELS,
+    "rule": RULES,
+}
+NEVER_DRAWN = ("law", "integrator", "rule")
+
+
+def scene_with(kind, name, example):
+    """Return the deck that shows one thing."""
+    deck = deepcopy(SCENE)
+    if kind == "joint":
+        deck["joints"] |= {label: {"type": name, **entry} for label, entry in example.items()}
+        deck["output"]["channels"] += [f"{label}.moment" for label in example]
+    elif kind in ("spring", "load"):
+        deck[f"{kind}s"] = {"shown": {"type": name, **example}}
+    elif kind == "law":
+        law = {"type": name, **example}
+        deck["joints"]["motor"] = {"type": "driver", "between": ELBOW, "angle": law}
+        deck["loads"] = {"shown": {"type": "moment", "at": "hub", "moment": 0.1, "law": law}}
+    elif kind == "element":
+        deck["bodies"]["arm"] |= {"element": name, **example}
+    elif kind == "model":
+        deck["bodies"]["arm"]["model"] = name
+    elif kind == "integrator":
+        deck["solve"] |= {"method": name, **example}
+    elif kind == "channel":
+        deck["output"]["channels"] = [example]
+    elif kind == "rule":
+        deck["solve"]["keep"] = [name]
+    return yaml.safe_dump(deck)
+
+
+def hfsim(*arguments):
+    done = CliRunner().invoke(app, [str(one) for one in arguments])
+    assert done.exit_code == 0, f"hfsim {' '.join(map(str, arguments))}\n{done.output}"
+    return done.output
+
+
+def goes_all_the_way(text, folder, pictures=True):
+    """Take a deck through check, plan, run and diagnosis; return the folder of its results."""
+    deck, results = folder / "example.yaml", folder / "out"
+    deck.write_text(text)
+    hfsim("check", deck)
+    hfsim("plan", deck)
+    hfsim("run", deck, "-o", results, *(() if pictures else ("--no-plots",)))
+    summary = json.loads(next(results.rglob("summary.json")).read_text())
+    assert summary["status"] == "done"
+    assert not pictures or list(results.rglob("*.png"))
+    scene = build(parse_deck(text))
+    done = run_integration(scene, scene.deck.solve)
+    failed = done._replace(stop=SolverFailure("made to fail", done.trajectory.t_end))
+    assert diagnose(scene, failed, seconds=0.02).remedy
+    return results
+
+
+CASES = [(kind, name) for kind, names in REGISTERED.items() for name in names]
+
+
+@pytest.mark.parametrize(("kind", "name"), CASES, ids=[f"{kind} {name}" for kind, name in CASES])
+def test_all_that_is_registered_goes_all_the_way(kind, name, tmp_path):
+    examples = EXAMPLES.get(kind, {name: {}})
+    assert name in examples, f"say in EXAMPLES of {__file__} how a deck names the {kind} '{name}'"
+    goes_all_the_way(scene_with(kind, name, examples[name]), tmp_path, kind not in NEVER_DRAWN)
+
+
+@pytest.mark.parametrize("kind", EXAMPLES)
+def test_examples_are_of_what_is_registered(kind):
+    assert set(EXAMPLES[kind]) <= set(REGISTERED[kind])
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_every_command_says_how_it_is_used(command):
+    assert f" {command} [OPTIONS]" in hfsim(command, "--help")
+
+
+def test_the_limits_of_every_integrator_are_measured(tmp_path):
+    deck = tmp_path / "example.yaml"
+    deck.write_text(yaml.safe_dump(SCENE))
+    methods = ",".join(METHODS)
+    told = hfsim(
+        *("stability", deck, "--limits", "--models", "linear", "--methods", methods, "--budget", "4s"),
+        *("--limit", "0.3s", "--no-plots", "-o", tmp_path / "out"),
+    )
+    for name in METHODS:
+        assert name in told
+    assert "crash" not in told and "Error" not in told
