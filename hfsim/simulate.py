@@ -16,6 +16,7 @@ from hfsim.maths.arrays import Array
 from hfsim.parts.channels import CHANNELS, Samples
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.clock import PhaseClock
+from hfsim.run.distance import channel_errors
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.plan import plan_of
 from hfsim.run.solution import Channel, Run
@@ -23,7 +24,6 @@ from hfsim.run.stop import Progress
 from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
-from hfsim.scene.schema import is_judged
 from hfsim.trust.adaptive import Course, Leg, chooses, run_adaptive
 from hfsim.trust.diagnosis import diagnose
 from hfsim.trust.experiments import time_for
@@ -327,50 +327,6 @@ def _measured_error(
         "error_by_channel": absolute,
         "error_estimate_by": f"difference to a second run, gauss at tolerance {tighter:g}",
     }
-
-
-def channel_errors(
-    channels: tuple[Channel, ...], reference: tuple[Channel, ...]
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the largest distance of each channel to that of a reference, which may end earlier.
-
-    Parameters
-    ----------
-    channels, reference : tuple of Channel
-        The same ones, at the same times.
-
-    Returns
-    -------
-    absolute : dict of str to float
-        In the unit of the channel; without residuals of the joints.
-    relative : dict of str to float
-        Over the channel's range in the reference, at least a thousandth of the largest range among those of
-        its unit [-]; without ``energy.total``, which has no range to be measured by where it is conserved.
-    """
-    spans = _spans(reference)
-    absolute: dict[str, float] = {}
-    relative: dict[str, float] = {}
-    for channel, better in zip(channels, reference, strict=True):
-        n, name = len(better.values), channel.name
-        if not n or name.startswith("constraint."):
-            continue
-        absolute[name] = float(np.abs(channel.values[:n] - better.values).max())
-        if is_judged(name) and spans[name] > 0.0:
-            relative[name] = absolute[name] / spans[name]
-    return absolute, relative
-
-
-def _spans(channels: tuple[Channel, ...]) -> dict[str, float]:
-    """Return the range of each channel, at least a thousandth of the largest among those of its unit.
-
-    What does not change but for round-off has a millionth of its size as its range.
-    """
-    ranges = {c.name: float(np.ptp(c.values)) if len(c.values) else 0.0 for c in channels}
-    largest: dict[str, float] = {}
-    for c in channels:
-        size = 1e-3 * float(np.abs(c.values).max(initial=0.0))
-        largest[c.unit] = max(largest.get(c.unit, 0.0), ranges[c.name], size)
-    return {c.name: max(ranges[c.name], 1e-3 * largest[c.unit]) for c in channels}
 
 
 def _outcome(

@@ -19,10 +19,11 @@ from hfsim.output.text import as_table
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
+    from hfsim.run.distance import ChannelScale
     from hfsim.run.solution import Run
     from hfsim.scene.loading import LoadedDeck
     from hfsim.scene.schema import Deck
-    from hfsim.studies.compare import ChannelScale, Comparison, ModelResult
+    from hfsim.studies.compare import Comparison, ModelResult
 
 _REPEAT_BELOW = 1.0
 """Solves longer than this [s of CPU] are timed once: their scatter is small and waiting is long."""

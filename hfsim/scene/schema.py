@@ -255,9 +255,9 @@ def sha256_of(resolved: dict[str, Any]) -> str:
     return hashlib.sha256(canonical.encode()).hexdigest()
 
 
-def is_judged(channel: str) -> bool:
-    """Return whether errors of a channel count: not those of residuals, nor of the conserved energy."""
-    return channel != "energy.total" and not channel.startswith("constraint.")
+def is_judged(channel: str, conserved: bool = True) -> bool:
+    """Return whether errors of a channel count: not those of residuals, nor of a conserved energy."""
+    return not channel.startswith("constraint.") and not (conserved and channel == "energy.total")
 
 
 def default_channels(bodies: dict[str, Any]) -> tuple[str, ...]:

@@ -23,14 +23,14 @@ from hfsim.maths.arrays import Array
 from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.channels import Samples
 from hfsim.run.balance import balance, step_samples
+from hfsim.run.distance import ChannelScale, channel_scales, farthest, gap
 from hfsim.run.integration import Integration, run_integration
-from hfsim.run.solution import Channel, Run
+from hfsim.run.solution import Channel
 from hfsim.run.stop import Budget, Progress, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import compute_channels, sample
-from hfsim.studies.compare import ChannelScale, channel_scales
 
 TARGETS = {"1 %": 1e-2, "0.01 %": 1e-4, "1e-6": 1e-6}
 """Errors, relative to the range of the channel, for which a method is recommended."""
@@ -498,7 +498,7 @@ def _agreement(scene: Scene, tolerance: float, guard: Progress) -> tuple[_Truth 
     (samples, channels), (_, others) = runs
     scales = judged_scales(samples, channels)
     floors = {
-        scale.channel: max(ROUND_OFF, _largest(one.values, two.values) / scale.scale)
+        scale.channel: max(ROUND_OFF, gap(one.values, two.values).largest / scale.scale)
         for scale, one, two in zip(scales, channels, others, strict=True)
     }
     how = (f"{m} ({stages} stages, tolerance {tidy(factor * tolerance)})" for m, stages, factor in REFERENCES)
@@ -508,12 +508,9 @@ def _agreement(scene: Scene, tolerance: float, guard: Progress) -> tuple[_Truth 
 def judged_scales(samples: Samples, channels: tuple[Channel, ...]) -> tuple[ChannelScale, ...]:
     """Return what errors in each channel of a reference are divided by, and which of them count."""
     scene = samples.scene
-    as_run = Run(
-        name=scene.deck.name, model=scene.model, method="reference", status="done", reason="",
-        t=samples.t, channels=channels, statistics={}, failure=None, exit_code=0,
-        outlines={name: body.outline(samples.x) for name, body in scene.bodies.items()},
-    )  # fmt: skip
-    return tuple(_judging(scale, scene) for scale in channel_scales(as_run))
+    outlines = {name: body.outline(samples.x) for name, body in scene.bodies.items()}
+    # a conserved energy has no range to be measured by; the energy drift tells of it
+    return channel_scales(channels, outlines, conserved=not scene.system.exchanges_power)
 
 
 def tidy(number: float) -> str:
@@ -525,16 +522,6 @@ def tidy(number: float) -> str:
     ('1e-7', '3e-11')
     """
     return f"{number:.0e}".replace("e-0", "e-").replace("e+0", "e+")
-
-
-def _judging(scale: ChannelScale, scene: Scene) -> ChannelScale:
-    # a conserved energy has no range to be measured by; the energy drift tells of it
-    conserved = scale.channel == "energy.total" and not scene.system.exchanges_power
-    return replace(scale, judged=scale.judged and not conserved)
-
-
-def _largest(a: Array, b: Array) -> float:
-    return float(np.abs(a - b).max(initial=0.0))
 
 
 def _finer_truths(
@@ -563,9 +550,9 @@ def _split(works: Sequence[_Work], fine: _Work) -> None:
         work.fine = fine.truth
         found = _channel_errors(work.truth.channels, fine.truth)
         errors = {e.channel: e.max_relative for e in found if e.judged}
-        worst = max(errors, key=lambda name: errors[name], default="")
+        worst, largest = farthest(errors)
         work.cell = replace(
-            work.cell, mesh_error=errors.get(worst), mesh_channel=worst, mesh_errors=errors,
+            work.cell, mesh_error=largest, mesh_channel=worst, mesh_errors=errors,
             mesh_reference=fine.cell.elements, mesh_reference_degree=fine.cell.degree,
         )  # fmt: skip
     for coarse, finer in pairwise(works):
@@ -590,10 +577,9 @@ def _compare_models(works: Sequence[_Work]) -> None:
         work.exact = yardstick.fine or yardstick.truth
         if work is yardstick or work.truth is None:
             continue
-        errors = [e for e in _channel_errors(work.truth.channels, yardstick.truth) if e.judged]
-        worst = max(errors, key=lambda e: e.max_relative, default=None)
-        if worst is not None:
-            work.cell = replace(work.cell, model_error=worst.max_relative, model_channel=worst.channel)
+        found = _channel_errors(work.truth.channels, yardstick.truth)
+        worst, largest = farthest({e.channel: e.max_relative for e in found if e.judged})
+        work.cell = replace(work.cell, model_error=largest, model_channel=worst)
 
 
 def observed_order(coarse: Cell, fine: Cell, channel: str | None = None) -> float | None:
@@ -800,9 +786,8 @@ def channel_error(values: Array, truth: Array, scale: ChannelScale, floor: float
     floor : float
         Error of `truth` over the scale [-].
     """
-    error = np.abs(values - truth) / scale.scale
-    largest = float(error.max(initial=0.0))
-    rms = float(np.sqrt(np.mean((error / largest) ** 2))) * largest if largest > 0.0 else 0.0
+    found = gap(values, truth)
+    largest, rms = found.largest / scale.scale, found.rms / scale.scale
     return ChannelError(
         channel=scale.channel,
         unit=scale.unit,

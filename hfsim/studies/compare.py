@@ -1,10 +1,7 @@
 """Several models of one scene held against a reference model: differences and the verdict.
 
-Pure functions from runs to numbers; nothing is computed, printed or written here.
-
-A difference is judged relative to the reference channel's own range. A range that is tiny against the
-scene (a deflection of micrometres on a beam of metres) would make round-off look like an error, so the
-scale of a channel never falls below `SMALL` times the scale of all channels with its unit.
+Pure functions from runs to numbers; nothing is computed, printed or written here.  What differences are
+divided by, and which of them count, is said in `hfsim.run.distance`.
 """
 
 from __future__ import annotations
@@ -15,45 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.run.solution import Channel, Run
-
-SMALL = 1e-3
-"""Range of a channel, relative to the scale of its unit, below which it is too small to be judged by."""
-
-_TINY = 1e-12
-"""Smallest scale of any channel, in its unit: nothing is divided by zero."""
-
-_NATURAL = {"rad": 1.0}
-"""Units with a scale of their own, whatever the scene."""
-
-_NOT_JUDGED = "constraint."
-"""Channels that tell of a solver's quality, not of the motion."""
-
-
-@dataclass(frozen=True)
-class ChannelScale:
-    """What differences in one channel are divided by.
-
-    Attributes
-    ----------
-    channel, unit : str
-        Name and SI unit.
-    reference_range : float
-        Largest minus smallest value of the reference over its whole span, in `unit`.
-    scale : float
-        Divisor, in `unit`: the range, or more where that is too small to judge by.
-    small : bool
-        Whether the range was too small to judge by.
-    judged : bool
-        Whether the channel counts for the verdict.
-    """
-
-    channel: str
-    unit: str
-    reference_range: float
-    scale: float
-    small: bool
-    judged: bool
+from hfsim.run.distance import ChannelScale, channel_scales, gap
+from hfsim.run.solution import Run
 
 
 @dataclass(frozen=True)
@@ -241,43 +201,6 @@ def percent(fraction: float) -> str:
     return f"{value:.0e} %"
 
 
-def channel_scales(reference: Run) -> tuple[ChannelScale, ...]:
-    """Return what differences in each channel of the reference are judged against.
-
-    Parameters
-    ----------
-    reference : Run
-        A run with at least one output time.
-
-    Returns
-    -------
-    tuple of ChannelScale
-        The scale of a unit is the largest magnitude in any channel with it; for lengths, the largest
-        range of any channel or extent of the bodies (where the origin lies must not matter); for
-        angles at least one radian.
-    """
-    units = {channel.unit for channel in reference.channels}
-    common = {unit: _unit_scale(reference, unit) for unit in units}
-    return tuple(_scale_of(channel, common[channel.unit]) for channel in reference.channels)
-
-
-def _unit_scale(run: Run, unit: str) -> float:
-    values = [c.values for c in run.channels if c.unit == unit and not c.name.startswith(_NOT_JUDGED)]
-    if unit == "m":
-        sizes = [float(np.ptp(v)) for v in values]
-        sizes += [float(np.ptp(points[0], axis=0).max()) for points in run.outlines.values() if points.size]
-    else:
-        sizes = [float(np.abs(v).max()) for v in values]
-    return max([_NATURAL.get(unit, 0.0), *sizes])
-
-
-def _scale_of(channel: Channel, common: float) -> ChannelScale:
-    span = float(np.ptp(channel.values))
-    floor = max(SMALL * common, _TINY)
-    judged = not channel.name.startswith(_NOT_JUDGED)
-    return ChannelScale(channel.name, channel.unit, span, max(span, floor), span < floor, judged)
-
-
 def difference(run: Run, reference: Run, scale: ChannelScale, max_error: float) -> Difference | None:
     """Return how far one channel of `run` is from the reference.
 
@@ -301,25 +224,18 @@ def difference(run: Run, reference: Run, scale: ChannelScale, max_error: float) 
     if own is None or not len(times):
         return None
     other = {channel.name: channel.values for channel in reference.channels}[scale.channel]
-    error = np.abs(np.interp(times, run.t, own) - other[: len(times)])
-    worst = int(error.argmax())
-    passed = (error > max_error * scale.scale) & scale.judged
+    mine, other = np.interp(times, run.t, own), other[: len(times)]
+    found = gap(mine, other)
+    passed = (np.abs(mine - other) > max_error * scale.scale) & scale.judged
     return Difference(
         channel=scale.channel,
         unit=scale.unit,
-        max_abs=float(error[worst]),
-        max_relative=float(error[worst]) / scale.scale,
-        rms=_rms(error),
-        time_of_max=float(times[worst]),
+        max_abs=found.largest,
+        max_relative=found.largest / scale.scale,
+        rms=found.rms,
+        time_of_max=float(times[found.at]),
         first_exceeded=float(times[passed.argmax()]) if passed.any() else None,
     )
-
-
-def _rms(error: np.ndarray) -> float:
-    largest = float(error.max())
-    if largest == 0.0:
-        return 0.0
-    return largest * float(np.sqrt(np.mean((error / largest) ** 2)))  # a diverged model must not overflow
 
 
 def common_times(run: Run, reference: Run) -> np.ndarray:
@@ -364,7 +280,7 @@ def compare(
     if reference not in by_model:
         raise ValueError(f"the reference {reference} was not run")
     truth = by_model[reference]
-    scales = channel_scales(truth) if len(truth.t) else ()
+    scales = channel_scales(truth.channels, truth.outlines) if len(truth.t) else ()
     repeats = solve_cpu or {}
     models = tuple(_judge(run, truth, scales, max_error, repeats.get(run.model, ())) for run in runs)
     return Comparison(
@@ -432,7 +348,7 @@ CSV_COLUMNS = (
 
 def as_rows(comparison: Comparison) -> list[dict[str, object]]:
     """Return one row for each model and channel, with the keys `CSV_COLUMNS`."""
-    scales = {scale.channel: asdict(scale) for scale in comparison.scales}
+    scales = {scale.channel: scale._asdict() for scale in comparison.scales}
     rows: list[dict[str, object]] = []
     for model in comparison.models:
         facts = {
@@ -448,5 +364,6 @@ def as_facts(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as JSON-ready facts (``compare.json``)."""
     facts = asdict(comparison)
     facts["models"] = {model.pop("model"): model for model in facts["models"]}
-    facts["scales"] = {scale.pop("channel"): scale for scale in facts["scales"]}
+    scales = [scale._asdict() for scale in comparison.scales]
+    facts["scales"] = {scale.pop("channel"): scale for scale in scales}
     return {"status": comparison.status, **facts, "sentence": comparison.sentence}

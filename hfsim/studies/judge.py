@@ -23,6 +23,7 @@ from hfsim.errors import DeckError, SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import Samples
 from hfsim.run.balance import balance, step_samples
+from hfsim.run.distance import ChannelScale, farthest, gap
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.solution import Channel
 from hfsim.run.stop import Budget, TimeUp
@@ -30,8 +31,7 @@ from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import parse_deck
 from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import compute_channels, sample, validity
-from hfsim.studies.bench import channel_error, judged_scales
-from hfsim.studies.compare import ChannelScale
+from hfsim.studies.bench import judged_scales
 from hfsim.trust.diagnosis import diagnose
 from hfsim.trust.experiments import time_for
 from hfsim.trust.growth import Growth, disturbed_growth
@@ -331,16 +331,14 @@ def distance(
 ) -> tuple[float | None, str]:
     """Return the largest relative difference of all judged channels, and in which; None without any."""
     true = {channel.name: channel.values for channel in truth}
-    scale = {one.channel: one for one in scales if one.judged}
+    scale = {one.channel: one.scale for one in scales if one.judged}
     errors = {
-        c.name: channel_error(c.values, true[c.name], scale[c.name], 0.0).max_relative
+        c.name: gap(c.values, true[c.name]).largest / scale[c.name]
         for c in channels
         if c.name in scale and len(true[c.name]) == len(c.values)
     }
-    if not errors:
-        return None, ""
-    worst = max(errors, key=lambda name: errors[name])
-    return errors[worst], worst
+    worst, error = farthest(errors)
+    return error, worst
 
 
 # --- classes -------------------------------------------------------------------------------------

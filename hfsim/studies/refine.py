@@ -29,13 +29,14 @@ from typing import Any
 from hfsim.integrators import METHODS
 from hfsim.parts.bodies import BeamSpec
 from hfsim.run.clock import PhaseClock
+from hfsim.run.distance import channel_errors, farthest
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.solution import Channel, Run
 from hfsim.run.stop import Budget, Progress, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import is_judged
-from hfsim.simulate import assess, channel_errors, compute_channels, sample
+from hfsim.simulate import assess, compute_channels, sample
 from hfsim.studies.bench import mesh_words, tidy
 from hfsim.studies.methods import MARGIN, Contest, Entry, Probe, Turn, candidates
 from hfsim.trust.adaptive import Leg
@@ -496,8 +497,8 @@ class _Search:
         mine = {name: relative[name] for name in self.counted if name in relative}
         if any(math.isnan(value) for value in mine.values()):
             return math.inf, ""
-        worst = max(mine, key=lambda name: mine[name], default="")
-        return mine.get(worst, 0.0), worst
+        worst, error = farthest(mine)
+        return error or 0.0, worst
 
     # Errors -------------------------------------------------------------------------------------------
 

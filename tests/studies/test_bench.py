@@ -12,6 +12,7 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.commands.options import parse_budget
+from hfsim.run.distance import ChannelScale
 from hfsim.scene.loading import load_deck
 from hfsim.studies.bench import (
     CSV_COLUMNS,
@@ -29,7 +30,6 @@ from hfsim.studies.bench import (
     pareto,
     recommend,
 )
-from hfsim.studies.compare import ChannelScale
 
 
 def pendulum(*overrides):

@@ -14,10 +14,11 @@ from hfsim.commands.decks import CASES
 from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS, gauss
 from hfsim.integrators.collocation import CollocationMethod
+from hfsim.run.distance import channel_errors
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
-from hfsim.simulate import channel_errors, simulate
+from hfsim.simulate import simulate
 from hfsim.studies import methods
 from hfsim.studies import refine as module
 from hfsim.studies.methods import Contest, Entry, Turn, candidates

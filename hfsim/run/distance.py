@@ -1,0 +1,189 @@
+"""How far apart the channels of two runs are, and which of them count.
+
+A distance is judged relative to the reference channel's own range.  A range that is tiny against the scene
+(a deflection of micrometres on a beam of metres) would make round-off look like an error, so what distances
+are divided by never falls below `SMALL` times the size of all channels with its unit.
+
+Pure functions on channels; nothing is computed of a scene here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.run.solution import Channel
+from hfsim.scene.schema import is_judged
+
+SMALL = 1e-3
+"""Range of a channel, relative to the size of its unit, below which it is too small to be judged by."""
+
+_TINY = 1e-12
+"""Smallest scale of any channel, in its unit: nothing is divided by zero."""
+
+_NATURAL = {"rad": 1.0}
+"""Units with a size of their own, whatever the scene."""
+
+
+# --- sizes ---------------------------------------------------------------------------------------
+
+
+def span(values: Array) -> float:
+    """Return the largest minus the smallest value; 0 where there is none."""
+    return float(np.ptp(values)) if len(values) else 0.0
+
+
+def magnitude(values: Array) -> float:
+    """Return the largest absolute value; 0 where there is none."""
+    return float(np.abs(values).max(initial=0.0))
+
+
+def unit_sizes(channels: Iterable[Channel], size: Callable[[Array], float]) -> dict[str, float]:
+    """Return by unit the largest size of any channel with it.
+
+    Examples
+    --------
+    >>> x, y = Channel("x", "m", np.array([1.0, 2.0])), Channel("y", "m", np.array([-3.0, -3.0]))
+    >>> unit_sizes((x, y), span), unit_sizes((x, y), magnitude)
+    ({'m': 1.0}, {'m': 3.0})
+    """
+    largest: dict[str, float] = {}
+    for channel in channels:
+        largest[channel.unit] = max(largest.get(channel.unit, 0.0), size(channel.values))
+    return largest
+
+
+class ChannelScale(NamedTuple):
+    """What distances in one channel are divided by.
+
+    Attributes
+    ----------
+    channel, unit : str
+        Name and SI unit.
+    reference_range : float
+        Largest minus smallest value of the reference over its whole span, in `unit`.
+    scale : float
+        Divisor, in `unit`: the range, or more where that is too small to judge by.
+    small : bool
+        Whether the range was too small to judge by.
+    judged : bool
+        Whether the channel counts for a verdict.
+    """
+
+    channel: str
+    unit: str
+    reference_range: float
+    scale: float
+    small: bool
+    judged: bool
+
+
+def channel_scales(
+    channels: Sequence[Channel], outlines: Mapping[str, Array], conserved: bool = False
+) -> tuple[ChannelScale, ...]:
+    """Return what distances from each channel of a reference are judged against.
+
+    Parameters
+    ----------
+    channels : sequence of Channel
+        Of the reference, with at least one value.
+    outlines : mapping of str to ndarray, shape (n_times, n_points, n_dim)
+        Of its bodies [m]; may be empty.
+    conserved : bool
+        Whether the total energy is conserved: it has no range to be judged by then.
+
+    Returns
+    -------
+    tuple of ChannelScale
+        The size of a unit is the largest magnitude in any channel with it; for lengths, the largest
+        range of any channel or extent of the bodies (where the origin lies must not matter); for
+        angles at least one radian.
+    """
+    moving = [c for c in channels if is_judged(c.name, conserved=False)]
+    sizes = {**unit_sizes(moving, magnitude), "m": unit_sizes(moving, span).get("m", 0.0)}
+    extents = (float(np.ptp(points[0], axis=0).max()) for points in outlines.values() if points.size)
+    sizes["m"] = max([sizes["m"], *extents])
+
+    def scale_of(channel: Channel) -> ChannelScale:
+        unit, own = channel.unit, span(channel.values)
+        floor = max(SMALL * max(sizes.get(unit, 0.0), _NATURAL.get(unit, 0.0)), _TINY)
+        judged = is_judged(channel.name, conserved)
+        return ChannelScale(channel.name, unit, own, max(own, floor), own < floor, judged)
+
+    return tuple(map(scale_of, channels))
+
+
+# --- distances -----------------------------------------------------------------------------------
+
+
+class Gap(NamedTuple):
+    """Distance of one channel from another over time: largest and root mean square, in its unit; where."""
+
+    largest: float
+    rms: float
+    at: int
+
+
+def gap(values: Array, truth: Array) -> Gap:
+    """Return how far values are from others at the same times, shape (n_times,); zeros where there are none.
+
+    Examples
+    --------
+    >>> gap(np.array([1.0, 3.0]), np.array([1.0, 1.0]))
+    Gap(largest=2.0, rms=1.4142135623730951, at=1)
+    """
+    distance = np.abs(values - truth)
+    largest = float(distance.max(initial=0.0))
+    if largest == 0.0:
+        return Gap(0.0, 0.0, 0)
+    # a diverged run must not overflow
+    rms = largest * float(np.sqrt(np.mean((distance / largest) ** 2)))
+    return Gap(largest, rms, int(distance.argmax()))
+
+
+def channel_errors(
+    channels: Sequence[Channel], reference: Sequence[Channel]
+) -> tuple[dict[str, float], dict[str, float]]:
+    """Return the largest distance of each channel from that of a reference, which may end earlier.
+
+    Parameters
+    ----------
+    channels, reference : sequence of Channel
+        The same ones, at the same times.
+
+    Returns
+    -------
+    absolute : dict of str to float
+        In the unit of the channel; without residuals of the joints.
+    relative : dict of str to float
+        Over the channel's range in the reference, at least a thousandth of the largest range among those of
+        its unit [-]; without ``energy.total``, which has no range to be measured by where it is conserved.
+        What does not change but for round-off has a millionth of its size as its range.
+    """
+    sizes = unit_sizes(reference, lambda values: max(span(values), SMALL * magnitude(values)))
+    absolute: dict[str, float] = {}
+    relative: dict[str, float] = {}
+    for channel, better in zip(channels, reference, strict=True):
+        n, name = len(better.values), channel.name
+        if not n or not is_judged(name, conserved=False):
+            continue
+        absolute[name] = gap(channel.values[:n], better.values).largest
+        scale = max(span(better.values), SMALL * sizes[better.unit])
+        if is_judged(name) and scale > 0.0:
+            relative[name] = absolute[name] / scale
+    return absolute, relative
+
+
+def farthest(errors: Mapping[str, float]) -> tuple[str, float | None]:
+    """Return the channel with the largest error, and that; no channel and None without any.
+
+    Examples
+    --------
+    >>> farthest({"x": 0.1, "y": 0.3}), farthest({})
+    (('y', 0.3), ('', None))
+    """
+    worst = max(errors, key=lambda name: errors[name], default="")
+    return worst, errors.get(worst)

@@ -1,0 +1,78 @@
+"""What distances between channels are divided by, and which channels count."""
+
+import numpy as np
+import pytest
+
+from hfsim.run.distance import channel_errors, channel_scales, gap
+from hfsim.run.solution import Channel
+from hfsim.scene.schema import is_judged
+
+T = np.linspace(0.0, 1.0, 101)
+
+
+def channel(name, unit="m", size=1.0, offset=0.0):
+    return Channel(name, unit, offset + size * np.cos(np.pi * T))
+
+
+def scale_of(*channels, outlines=None, conserved=False):
+    return channel_scales(channels, outlines or {}, conserved)[0]
+
+
+def test_a_channel_is_judged_by_its_range():
+    found = scale_of(channel("tip.x", size=0.5))
+    assert (found.channel, found.unit, found.small, found.judged) == ("tip.x", "m", False, True)
+    assert found.scale == found.reference_range == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("others", [(channel("tip.x"),), ()])
+def test_a_tiny_range_is_judged_by_the_largest_of_its_unit(others):
+    outlines = {} if others else {"b1": np.array([[[0.0, 0.0], [0.0, 2.0]]])}
+    found = scale_of(channel("tip.deflection", size=1e-6), *others, outlines=outlines)
+    assert found.small and found.scale == pytest.approx(2e-3)
+
+
+def test_angles_are_judged_by_a_radian_at_least():
+    assert scale_of(channel("b1.angle", "rad", 1e-6)).scale == pytest.approx(1e-3)
+
+
+def test_where_the_origin_lies_does_not_matter():
+    near, far = (scale_of(channel("tip.x", offset=offset)).scale for offset in (0.0, 1e6))
+    assert far == pytest.approx(near)
+
+
+def test_nothing_is_divided_by_zero():
+    assert scale_of(channel("tip.x", size=0.0)).scale > 0.0
+
+
+def test_residuals_and_conserved_energies_do_not_count():
+    assert not is_judged("constraint.position") and not scale_of(channel("constraint.position")).judged
+    energy = channel("energy.total", "J")
+    assert scale_of(energy).judged and not scale_of(energy, conserved=True).judged
+    huge = channel("constraint.position", size=1e9)
+    assert scale_of(channel("tip.x", size=1e-3), huge).scale == pytest.approx(2e-3)
+
+
+def test_a_gap_is_the_largest_distance_and_its_root_mean_square():
+    truth = channel("tip.x").values
+    found = gap(truth + 0.1 * (T >= 0.5), truth)
+    assert found.largest == pytest.approx(0.1) and T[found.at] >= 0.5
+    assert found.rms == pytest.approx(0.1 * np.sqrt(51 / 101))
+    assert np.isfinite(gap(truth + 1e200, truth)).all()
+    assert gap(T[:0], T[:0]) == gap(truth, truth) == (0.0, 0.0, 0)
+
+
+def test_errors_last_as_long_as_the_reference():
+    off = np.where(T < 0.8, 1e-3, 1.0)
+    mine = [channel("tip.x")._replace(values=channel("tip.x").values + off), channel("energy.total", "J")]
+    truth = [
+        one._replace(values=one.values[T < 0.8]) for one in (channel("tip.x"), channel("energy.total", "J"))
+    ]
+    absolute, relative = channel_errors(mine, truth)
+    assert absolute == {"tip.x": pytest.approx(1e-3), "energy.total": 0.0}
+    assert relative == {"tip.x": pytest.approx(1e-3 / np.ptp(truth[0].values))}
+
+
+def test_what_moves_by_round_off_has_no_error_to_speak_of():
+    still = channel("tip.x", size=1e-16, offset=1.0)
+    noise = still._replace(values=still.values + 1e-15)
+    assert channel_errors([noise], [still])[1]["tip.x"] < 1e-8
