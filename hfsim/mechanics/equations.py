@@ -16,6 +16,7 @@ from typing import Protocol
 
 import numpy as np
 
+from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray, Places, run_of
 from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
 from hfsim.mechanics.constraints import Constraint
@@ -47,6 +48,12 @@ class VariableMass(Protocol):
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix, shape (n_batch, n_columns, n_columns)."""
+
+    def straightened(self, q: Array) -> Array:
+        """Return its coordinates (n_columns,) without deformation."""
+
+    def breakdown(self, t: float, inertia: float, straight: float) -> SolverFailure | None:
+        """Return why no step leads on, where the smallest inertia is too far below that when straight."""
 
 
 @dataclass(frozen=True)

@@ -29,10 +29,6 @@ CLOSED = 1e-9
 """Violation of joints, relative to the largest coordinate (or 1), that projection may leave."""
 ROUNDING = 1e-13
 """Violation, relative to the largest coordinate or rate (or 1), at which projection ends."""
-NEARLY_SINGULAR = 0.2
-"""Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a failure is put
-down to it."""
-
 
 @dataclass(frozen=True)
 class System:
@@ -287,29 +283,19 @@ class System:
         return not self.variable_mass or self._smallest_inertia(q)[0] > 0.0
 
     def breakdown(self, t: float, q: Array) -> SolverFailure | None:
-        """Return why no step leads on from a state (n,), if the mass matrix has become nearly singular."""
+        """Return why no step leads on from a state (n,), if a body says that its model has broken down."""
         if not self.variable_mass:
             return None
         size, motion = self._smallest_inertia(q)
-        if size > NEARLY_SINGULAR * self._smallest_inertia(self._undeformed(q))[0]:
-            return None
         body = max(self.variable_mass, key=lambda one: float(np.sum(motion[one.columns] ** 2)))
-        return SolverFailure(
-            reason=f"the mass matrix of body '{body.name}' in model {body.model} stops being positive "
-            f"definite at t = {t:.4g} s",
-            cause="the terms the model leaves out are no longer small",
-            time=t,
-            item=f"bodies.{body.name}",
-            kind="model",
-            evidence={"smallest_eigenvalue": size},
-        )
+        return body.breakdown(t, size, self._smallest_inertia(self._straightened(q))[0])
 
-    def _undeformed(self, q: Array) -> Array:
+    def _straightened(self, q: Array) -> Array:
         """Return the state with no deformation of the bodies whose mass matrix depends on it."""
         straight = q.copy()
         for body in self.variable_mass:
             own = self.reduction.free_columns(body.columns)
-            straight[own.start + 3 : own.stop] = 0.0
+            straight[own] = body.straightened(q[own])
         return straight
 
     def _smallest_inertia(self, q: Array) -> tuple[float, Array]:

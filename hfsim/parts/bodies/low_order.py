@@ -13,12 +13,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.rotations import freedoms, normal, rotate
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.force import ForcePart
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.mesh import BeamMesh
+
+NEARLY_SINGULAR = 0.2
+"""Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a failure is put
+down to it."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +83,26 @@ class LowOrderBeam(ForcePart):
     def truncated(self) -> bool:
         """Whether terms of the inertia force are left out, so that it may feed energy."""
         return not self.whole
+
+    def straightened(self, q: Array) -> Array:
+        """Return coordinates with no deformation."""
+        straight = q.copy()
+        straight[len(q) - self.n_w - self.n_v :] = 0.0
+        return straight
+
+    def breakdown(self, t: float, inertia: float, straight: float) -> SolverFailure | None:
+        """Return the failure of a mass matrix that has become nearly singular."""
+        if inertia > NEARLY_SINGULAR * straight:
+            return None
+        return SolverFailure(
+            reason=f"the mass matrix of body '{self.name}' in model {self.model} stops being positive "
+            f"definite at t = {t:.4g} s",
+            cause="the terms the model leaves out are no longer small",
+            time=t,
+            item=self.item,
+            kind="model",
+            evidence={"smallest_eigenvalue": inertia},
+        )
 
     @property
     def uses_rates(self) -> bool:
