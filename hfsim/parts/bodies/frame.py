@@ -6,7 +6,9 @@ the root tangent, so the root position and the transverse root slope are not in 
 nodal vectors follow as r = r0 + A(theta) s', a square map that is inverted at sight; in them the
 mass matrix is constant.
 
-Planar vectors are complex numbers here; everything takes a leading batch axis.
+Planar vectors are complex numbers here; everything takes a leading batch axis.  The root slope has no
+direction of its own in the frame, only a length: its place holds the angle of the frame as real part and
+that length as imaginary part (`ROOT`, `angle_of`, `with_root`).
 """
 
 from __future__ import annotations
@@ -19,6 +21,29 @@ import numpy as np
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.rotations import as_complex, wrap
 from hfsim.mechanics.chart import Chart
+
+ROOT = 1
+"""Place of the root slope among the vectors of a beam."""
+
+
+def angle_of(c: ComplexArray) -> Array:
+    """Return the angle of the frame, or its rate or change, from the coordinates of a beam, (..., 1)."""
+    return c.real[..., ROOT : ROOT + 1]
+
+
+def relative(c: ComplexArray) -> ComplexArray:
+    """Return the nodal vectors in the body frame, or their rates, from the coordinates of a beam."""
+    p = c.copy()
+    p[..., 0] = 0.0
+    p[..., ROOT] = c.imag[..., ROOT]
+    return p
+
+
+def with_root(c: ComplexArray, angle: Array, length: Array) -> ComplexArray:
+    """Put the angle of the frame and the length of the root slope in their place, in ``c`` itself."""
+    c.imag[..., ROOT] = length
+    c.real[..., ROOT] = angle
+    return c
 
 
 class Frames(NamedTuple):
@@ -63,17 +88,10 @@ class FrameChart(Chart):
     def _flat(self, z: ComplexArray) -> Array:
         return z.reshape(len(z), -1).view(np.float64)
 
-    def _relative(self, c: ComplexArray) -> ComplexArray:
-        """Return nodal vectors in the body frame, or their rates."""
-        p = c.copy()
-        p[..., 0] = 0.0
-        p[..., 1] = c.imag[..., 1]
-        return p
-
     def frames(self, q: Array) -> Frames:
         """Return the frames and relative nodal vectors of a batch of states."""
         c = self._complex(q)
-        return Frames(turn=np.exp(1j * c.real[..., 1:2]), p=self._relative(c), origin=c[..., :1])
+        return Frames(turn=np.exp(1j * angle_of(c)), p=relative(c), origin=c[..., :1])
 
     def absolute(self, frames: Frames) -> Array:
         """Return absolute nodal coordinates, eq. (2), shape (n_batch, n_columns)."""
@@ -84,7 +102,7 @@ class FrameChart(Chart):
     def absolute_velocity(self, frames: Frames, v: Array) -> Array:
         """Return the rates of the absolute nodal coordinates, eq. (4)."""
         w = self._complex(v)
-        z = (self._relative(w) + (1j * w.real[..., 1:2]) * frames.p) * frames.turn
+        z = (relative(w) + (1j * angle_of(w)) * frames.p) * frames.turn
         z[..., :: self.stride] += w[..., :1]
         return self._flat(z)
 
@@ -92,9 +110,9 @@ class FrameChart(Chart):
         """Return q'' from the absolute accelerations ``ax``: eq. (5) solved for q''."""
         w = self._complex(v)
         z = self._complex(ax)
-        omega = w.real[..., 1:2]
+        omega = angle_of(w)
         g = self._in_frame(frames, z)
-        g -= self._relative(w) * (2j * omega)
+        g -= relative(w) * (2j * omega)
         spin = g.imag[..., 1:2] / frames.p.real[..., 1:2]
         g += frames.p * (omega * omega - 1j * spin)
         return self._joined(g, z, spin)
@@ -108,15 +126,12 @@ class FrameChart(Chart):
     def _joined(self, g: ComplexArray, z: ComplexArray, angle: Array) -> Array:
         """Return (r0, theta, p), or rates of them, with ``g`` holding p for all nodal vectors."""
         g[..., 0] = z[..., 0]
-        flat = g.view(np.float64)
-        flat[..., 3] = flat[..., 2]
-        flat[..., 2] = angle[..., 0]
-        return flat.reshape(len(flat), -1)
+        return self._flat(with_root(g, angle[..., 0], g.real[..., ROOT]))
 
     def hybrid(self, x: Array, near: Array) -> Array:
         """Return hybrid coordinates; of all full turns the angle nearest to that of ``near`` is taken."""
         z = self._complex(x)
-        guess = self._complex(near).real[..., 1:2]
+        guess = angle_of(self._complex(near))
         angle = guess + wrap(np.angle(z[..., 1:2]) - guess)
         frames = Frames(turn=np.exp(1j * angle), p=z, origin=z[..., :1])
         return self._joined(self._in_frame(frames, z), z, angle)

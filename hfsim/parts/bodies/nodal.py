@@ -16,8 +16,9 @@ from hfsim.mechanics.markers import Marker, NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.frame import FrameChart
+from hfsim.parts.bodies.interior import InteriorBeams
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.bodies.natural import InteriorBeams, NaturalBeams
+from hfsim.parts.bodies.natural import BeamIncrements, NaturalBeams
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,7 @@ class NodalBeam(Body):
         """Return the map to the body frame, if it is stepped in that."""
         return FrameChart(self.columns, 1, self.mesh.element.stride) if self.framed else None
 
-    def increments(self) -> NaturalBeams | None:
+    def increments(self) -> BeamIncrements | None:
         """Return the natural increments of the Green strain."""
         element = self.mesh.element
         kind = InteriorBeams if element.stride > element.per_node else NaturalBeams
