@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from hfsim.maths.arrays import Array, component_rows
+from hfsim.maths.arrays import Array, component_rows, from_component_rows
 
 
 @dataclass(frozen=True)
@@ -118,8 +118,7 @@ class RowLaw:
 
     def gradient(self, V: Array) -> Array:
         """Return dU/dV [J], same shape as V."""
-        rows = self.pull(component_rows(V))
-        return rows.reshape(*V.shape[:-3:-1][::-1], *V.shape[-3::-1]).swapaxes(0, 1).T
+        return from_component_rows(self.pull(component_rows(V)), V.shape)
 
 
 class Element(Protocol):
@@ -227,6 +226,13 @@ class GramLaw(RowLaw):
     dimension : int
         Of the vectors.
 
+    Notes
+    -----
+    With h = C g + c - C g0 and its entries written as a matrix over pairs of vectors,
+
+        dU/dV_a = 2 scale sum_b h_ab V_b   and
+        d2U/dV_ai dV_cj = 2 scale (h_ac delta_ij + 2 sum_bd C_abcd V_bi V_dj) .
+
     The Hessian is one product of components and one matrix product: it is asked for in one state, where
     calls cost, not operations.
     """
@@ -304,13 +310,13 @@ class GramLaw(RowLaw):
 
     @cached_property
     def second_derivative(self) -> QuadraticMap:
-        """d2U/dV2 [J] by the components of V: the products' own change and that of what they multiply."""
-        n, d = self._n_vectors, self.dimension
-        C, unit = self.quadratic.reshape(n, n, n, n), np.eye(d)
-        own = 2.0 * np.einsum("abcd,ik,jl->bkdlaicj", C, unit, unit)
+        """d2U/dV2 [J] as a map of products V_bk V_dl to its entries (ai, cj)."""
+        n, unit = self._n_vectors, np.eye(self.dimension)
+        C = self.quadratic.reshape(n, n, n, n)
+        material = 2.0 * np.einsum("abcd,ik,jl->bkdlaicj", C, unit, unit)
         geometric = np.einsum("bdac,kl,ij->bkdlaicj", C, unit, unit)
-        at_zero = np.einsum("eac,ij->eaicj", self.linear_at_zero.reshape(-1, n, n), unit)
-        return self._map(own + geometric, at_zero)
+        constant = np.einsum("eac,ij->eaicj", self.linear_at_zero.reshape(-1, n, n), unit)
+        return self._map(material + geometric, constant)
 
     @property
     def _n_vectors(self) -> int:
@@ -333,11 +339,14 @@ class GramLaw(RowLaw):
         return np.asarray(self.scale * np.sum((0.5 * (d @ self.quadratic) + self.linear) * d, axis=-1))
 
     def pull(self, v: Array) -> Array:
-        """Return dU/dV [J] for `component_rows`, same shape; copied rows make long, plain products."""
+        """Return dU/dV [J] for `component_rows`, same shape."""
         return np.asarray(np.add.reduce(self.shares(v).reshape(len(v), *v.shape), axis=0))
 
     def shares(self, v: Array) -> Array:
-        """Return what `pull` sums over b, H_ab V_b, in rows (b, a, component)."""
+        """Return what `pull` sums over b, 2 scale h_ab V_b, in rows (b, a, component).
+
+        Rows that occur in several products are copied first: the products are then long and plain.
+        """
         rows, size, pairs = self._factors
         factors = v.reshape(-1, v.shape[-1]).take(rows, axis=0)
         shares = factors[2 * size :]

@@ -248,31 +248,16 @@ class QuadratureLaw(RowLaw):
         """
         rows, columns = self._planar_rows
         axial, bending = self._planar_weights
-        z = rows.dot(v.reshape(len(v), -1))
-        by_element = z.reshape(len(z), 2, len(self.axial), -1)
-        n, m = self.axial_points, self.axial_points + self.bending_points
-        a, s, c = by_element[:n], by_element[n:m], by_element[m:]
-        square = s[:, 0] * s[:, 0]
-        square += s[:, 1] * s[:, 1]
-        kappa = s[:, 0] * c[:, 1]
-        kappa -= s[:, 1] * c[:, 0]
-        kappa /= square
-        moment = bending * kappa
-        moment /= square
-        kappa *= 2.0
-        turned = moment * s[:, 1], moment * s[:, 0]
-        s *= kappa[:, None]
-        s[:, 0] -= c[:, 1]
-        s[:, 1] += c[:, 0]
-        s *= -moment[:, None]
-        np.negative(turned[0], out=c[:, 0])
-        c[:, 1] = turned[1]
-        square = a[:, 0] * a[:, 0]
-        square += a[:, 1] * a[:, 1]
-        strain = 2.0 - 2.0 / np.sqrt(square) if self.engineering else square - 1.0
-        strain *= axial
-        a *= strain[:, None]
-        return np.asarray(columns.dot(z)).reshape(v.shape)
+        z = rows.dot(v.reshape(len(v), -1)).reshape(len(rows), 2, len(self.axial), -1)
+        a, s, c = np.split(z, (self.axial_points, self.axial_points + self.bending_points))
+        turned, square = _quarter_turn(s), np.add.reduce(s * s, axis=1)
+        kappa = np.add.reduce(turned * c, axis=1) / square
+        moment = (bending * kappa / square)[:, None]
+        stretch2 = np.add.reduce(a * a, axis=1)
+        strain = 2.0 - 2.0 / np.sqrt(stretch2) if self.engineering else stretch2 - 1.0
+        by_s = -moment * (_quarter_turn(c) + (2.0 * kappa)[:, None] * s)
+        derivatives = np.concatenate([(axial * strain)[:, None] * a, by_s, moment * turned])
+        return np.asarray(columns.dot(derivatives.reshape(len(rows), -1))).reshape(v.shape)
 
     def _bending_hessian(self, V: Array) -> Array:
         w, slope, bend = gauss_rows(self.bending_points, self.degree)
@@ -299,6 +284,11 @@ class QuadratureLaw(RowLaw):
             + mixed
             + mixed.swapaxes(-1, -2)
         )
+
+
+def _quarter_turn(vectors: Array) -> Array:
+    """Return planar vectors (n, 2, ...) turned by a quarter."""
+    return np.stack([-vectors[:, 1], vectors[:, 0]], axis=1)
 
 
 def _congruence(left: Array, right: Array, point: Array) -> Array:
