@@ -131,6 +131,11 @@ class LawSpec(Spec):
     rate_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that measure its rate."""
 
+    @property
+    def constant(self) -> float | None:
+        """Its value where that never changes."""
+        return None
+
     def build(self) -> Law:
         """Return the law."""
         raise NotImplementedError
@@ -146,6 +151,11 @@ class ConstantSpec(LawSpec):
 
     value: Number
     """Value [SI of what the law drives]."""
+
+    @property
+    def constant(self) -> float:
+        """The value."""
+        return self.value
 
     def build(self) -> Law:
         """Return the law."""
@@ -166,6 +176,11 @@ class ConstantRateSpec(LawSpec):
 
     start: Number = 0.0
     """Value at t = 0 [SI of what the law drives]."""
+
+    @property
+    def constant(self) -> float | None:
+        """The start, if the rate is zero."""
+        return None if self.rate else self.start
 
     def build(self) -> Law:
         """Return the law."""
@@ -194,6 +209,13 @@ class TableSpec(LawSpec):
         for index, (before, after) in enumerate(zip(self.times, self.times[1:], strict=False), start=1):
             if after <= before:
                 yield Complaint(("times", index), f"times must increase, {after:g} follows {before:g}")
+
+    def complaints_until(self, duration: float) -> Iterator[Complaint]:
+        """Yield a table that does not cover the run."""
+        first, last = self.times[0], self.times[-1]
+        if first > 0 or last < duration:
+            covers = f"covers {first:g} s to {last:g} s, the run goes from 0 to {duration:g} s"
+            yield Complaint(("times",), covers)
 
     def build(self) -> Law:
         """Return the law."""

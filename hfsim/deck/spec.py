@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
@@ -43,6 +43,9 @@ class Spec(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
+    vectors: ClassVar[tuple[str, ...]] = ()
+    """Fields whose numbers are as many as the scene has dimensions, or maps of such."""
+
     @classmethod
     def keys(cls) -> list[str]:
         """Return the keys that an entry may have, as decks spell them."""
@@ -50,6 +53,10 @@ class Spec(BaseModel):
 
     def complaints(self) -> Iterable[Complaint]:
         """Yield what is wrong with this entry where each key by itself is right."""
+        return ()
+
+    def complaints_until(self, duration: float) -> Iterable[Complaint]:
+        """Yield what does not fit a run that long [s]."""
         return ()
 
     def model_post_init(self, context: Any, /) -> None:

@@ -38,38 +38,15 @@ def plan_of(scene: Scene) -> dict[str, Any]:
         ``sizes``; ``kept``, a list of what with counts; ``left_out`` and ``not_left_out``, lists of rules
         with items, reasons and savings; ``algebra``.
     """
-    left, not_left = [], []
-    for name, rule in RULES.items():
-        items, saves = rule.saved(scene, scene.left_out[name])
-        if items:
-            left.append(
-                {
-                    "rule": name,
-                    "leaves_out": rule.leaves_out,
-                    "reason": f"{rule.when}; {rule.because}",
-                    "items": list(items),
-                    "saves": saves,
-                }
-            )
-        else:
-            not_left.append({"rule": name, "leaves_out": rule.leaves_out, "reason": _why_not(scene, name)})
+    told = [rule.told(scene) for rule in RULES.values()]
     return {
         "model": scene.model,
         "sizes": sizes(scene),
         "kept": [*_kept(scene)],
-        "left_out": left,
-        "not_left_out": not_left,
+        "left_out": [one for one in told if "items" in one],
+        "not_left_out": [one for one in told if "items" not in one],
         "algebra": algebra(scene),
     }
-
-
-def _why_not(scene: Scene, rule: str) -> str:
-    solve = scene.deck.solve
-    if solve.keep_all:
-        return "solve.keep_all"
-    if rule in solve.keep:
-        return "named in solve.keep"
-    return f"only when {RULES[rule].when}"
 
 
 def sizes(scene: Scene) -> dict[str, int]:
@@ -151,7 +128,7 @@ def _kept_joints(scene: Scene) -> Iterator[dict[str, Any]]:
         if left:
             reasons = [getattr(one, "why_kept", NOT_LINEAR) for one in left]
             if not scene.left_out["tree_joints"]:
-                reasons = [_why_not(scene, "tree_joints")]
+                reasons = [RULES["tree_joints"].kept_because(scene.deck.solve)]
             yield {
                 "item": f"joints.{name}",
                 "what": "multipliers",

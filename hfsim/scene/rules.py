@@ -8,14 +8,18 @@ without it agree to round-off.  ``solve.keep: [RULE, ...]`` switches rules off, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
+
+from hfsim.deck.fields import split_point
 
 if TYPE_CHECKING:
     from hfsim.mechanics.system import System
     from hfsim.parts.bodies.models import Model
-    from hfsim.scene.schema import Deck
+    from hfsim.parts.specs import JointSpec, SpringSpec
+    from hfsim.scene.schema import Deck, SolveSpec
 
 Models: TypeAlias = "Mapping[str, Model]"
 """Model of each beam, as it is stepped."""
@@ -26,15 +30,19 @@ Sizes = dict[str, int]
 
 
 class Assembled(Protocol):
-    """What savings are read from."""
+    """What is asked of an assembled scene."""
+
+    @property
+    def deck(self) -> Deck:
+        """The deck."""
 
     @property
     def system(self) -> System:
         """The system."""
 
     @property
-    def joints(self) -> Mapping[str, tuple[int, ...]]:
-        """Which constraints of the system each joint is made of."""
+    def left_out(self) -> LeftOut:
+        """What the rules found."""
 
 
 PARTS_FROM = 64
@@ -59,8 +67,11 @@ class Rule(NamedTuple):
         Why results do not change.
     find : callable
         (deck, models of the beams) -> what can be left out.
-    saved : callable
-        (assembled scene, what was found) -> what really was left out, and the counts it saves.
+    spares : mapping of str to int
+        Counts that each item found saves.
+    settled : callable
+        (assembled scene, what was found) -> what really was left out, and the counts it saves; if it is not
+        what was found.
     """
 
     name: str
@@ -68,7 +79,25 @@ class Rule(NamedTuple):
     when: str
     because: str
     find: Callable[[Deck, Models], Items]
-    saved: Callable[[Assembled, Items], tuple[Items, Sizes]]
+    spares: Mapping[str, int] = MappingProxyType({})
+    settled: Callable[[Assembled, Items], tuple[Items, Sizes]] | None = None
+
+    def kept_because(self, solve: SolveSpec) -> str:
+        """Return why it leaves nothing out."""
+        if solve.keep_all:
+            return "solve.keep_all"
+        return "named in solve.keep" if self.name in solve.keep else f"only when {self.when}"
+
+    def told(self, scene: Assembled) -> dict[str, Any]:
+        """Return what was left out of a scene, why, and what that saves; without ``items`` if nothing was."""
+        items = scene.left_out[self.name]
+        saves = {size: count * len(items) for size, count in self.spares.items()}
+        if self.settled is not None:
+            items, saves = self.settled(scene, items)
+        facts: dict[str, Any] = {"rule": self.name, "leaves_out": self.leaves_out}
+        if not items:
+            return facts | {"reason": self.kept_because(scene.deck.solve)}
+        return facts | {"reason": f"{self.when}; {self.because}", "items": list(items), "saves": saves}
 
 
 @dataclass(frozen=True)
@@ -106,48 +135,31 @@ def apply_rule(name: str, deck: Deck, models: Models) -> Items:
 # --- conditions ----------------------------------------------------------------------------------
 
 
+def _always(what: str) -> Callable[[Deck, Models], Items]:
+    """Return the condition of a rule that the assembled scene settles."""
+    return lambda deck, models: (what,)
+
+
 def _weight(deck: Deck, models: Models) -> Items:
     return () if any(deck.gravity) else tuple(f"weight of bodies.{name}" for name in deck.bodies)
 
 
 def _springs(deck: Deck, models: Models) -> Items:
-    idle = (name for name, spring in deck.springs.items() if not spring.stiffness and not spring.damping)
-    return tuple(f"springs.{name}" for name in idle)
+    return tuple(f"springs.{name}" for name, spring in deck.springs.items() if not spring.acts)
 
 
 def _loads(deck: Deck, models: Models) -> Items:
-    return tuple(f"loads.{name}" for name, load in deck.loads.items() if _is_zero(load))
-
-
-def _is_zero(load: Any) -> bool:
-    size = load.force if load.type == "force" else (load.moment,)
-    return not any(size) or (load.law is not None and load.law.type == "constant" and not load.law.value)
+    return tuple(f"loads.{name}" for name, load in deck.loads.items() if not load.acts)
 
 
 def _damping(deck: Deck, models: Models) -> Items:
     # in other models it is of one piece with the elastic force
-    nodal = (name for name, _ in _beams(deck) if models[name].strain == "exact")
-    idle = (name for name in nodal if not deck.properties(name).damped)
-    return tuple(f"damping of bodies.{name}" for name in idle)
-
-
-def _beams(deck: Deck) -> Iterator[tuple[str, Any]]:
-    return ((name, spec) for name, spec in deck.bodies.items() if spec.type == "beam")
+    nodal = (name for name, model in models.items() if model.strain == "exact")
+    return tuple(f"damping of bodies.{name}" for name in nodal if not deck.properties(name).damped)
 
 
 def _standing_drivers(deck: Deck, models: Models) -> Items:
-    return tuple(f"joints.{name}" for name, joint in deck.joints.items() if _stands(joint))
-
-
-def _stands(joint: Any) -> bool:
-    if joint.type != "driver":
-        return False
-    law = joint.angle or joint.position
-    if law.type == "constant_rate":
-        still, value = law.rate == 0.0, law.start
-    else:
-        still, value = law.type == "constant", getattr(law, "value", 0.0)
-    return still and (joint.position is None or value == 0.0)
+    return tuple(f"joints.{name}" for name, joint in deck.joints.items() if joint.stands)
 
 
 def _fixed_bodies(deck: Deck, models: Models) -> Items:
@@ -155,31 +167,34 @@ def _fixed_bodies(deck: Deck, models: Models) -> Items:
     standing = {"ground"}
     for _ in deck.joints:
         for name, joint in deck.joints.items():
-            sides = [point.split(".")[0] for point in joint.between]
-            fresh = [side for side in sides if side not in standing]
-            if joint.type == "fixed" and len(fresh) == 1 and _may_stand(deck, name, fresh[0]):
-                standing.add(fresh[0])
+            fresh = _owners(joint) - standing
+            if joint.welds and len(fresh) == 1 and _may_stand(deck, name, *fresh):
+                standing |= fresh
     folded = tuple(name for name in deck.bodies if name in standing)
     return tuple(f"bodies.{name}" for name in folded) if len(folded) < len(deck.bodies) else ()
 
 
+def _owners(tie: JointSpec | SpringSpec) -> set[str]:
+    """Return the bodies, or the ground, that a joint or a spring connects."""
+    return {split_point(point)[0] for point in tie.between}
+
+
 def _may_stand(deck: Deck, joint: str, body: str) -> bool:
     """Whether a body is rigid and nobody asks for what holds it."""
-    return deck.bodies[body].type == "rigid" and not any(
-        channel.rpartition(".")[0] == joint for channel in deck.channels
-    )
+    asked = (channel.rpartition(".")[0] for channel in deck.channels)
+    return deck.bodies[body].rigid and joint not in asked
 
 
 def welds(deck: Deck, bodies: Iterable[str]) -> frozenset[str]:
     """Return the joints that hold folded bodies, one for each: the first that fixes it to what stands."""
     left, found = set(bodies), set()
+    still = {"ground", *left}
     while left:
         for name, joint in deck.joints.items():
-            moving = {point.split(".")[0] for point in joint.between} & left
-            others = {point.split(".")[0] for point in joint.between} - left
-            if joint.type == "fixed" and len(moving) == 1 and others <= {"ground", *bodies}:
+            owners = _owners(joint)
+            if joint.welds and len(owners & left) == 1 and owners - left <= still:
                 found.add(name)
-                left -= moving
+                left -= owners
                 break
     return frozenset(found)
 
@@ -188,54 +203,30 @@ def _tree_joints(deck: Deck, models: Models) -> Items:
     linear = (
         name
         for name, joint in deck.joints.items()
-        if joint.type in ("revolute", "fixed") and all(_is_linear(deck, models, p) for p in joint.between)
+        if joint.meets and all(_is_linear(models, point) for point in joint.between)
     )
     return tuple(f"joints.{name}" for name in linear)
 
 
-def _is_linear(deck: Deck, models: Models, point: str) -> bool:
+def _is_linear(models: Models, point: str) -> bool:
     """Whether the position of a point is linear: not in body frames, nor off the centre of a rigid body."""
-    owner, _, place = point.partition(".")
+    owner, place = split_point(point)
     if owner in models:
         return not models[owner].frame and models[owner].strain == "exact"
     return owner == "ground" or not place
 
 
 def _constant_mass(deck: Deck, models: Models) -> Items:
-    return () if _varying(models) else ("factors of the mass matrix",)
-
-
-def _varying(models: Models) -> bool:
-    """Whether a mass matrix changes with the motion."""
-    return any(model.strain == "low_order" for model in models.values())
-
-
-def _rates(deck: Deck, models: Models) -> Items:
-    if _varying(models) or any(s.damping for s in deck.springs.values()):
-        return ()
-    return () if any(deck.properties(name).damped for name, _ in _beams(deck)) else ("rates of all points",)
-
-
-def _work(deck: Deck, models: Models) -> Items:
-    damped = any(s.damping for s in deck.springs.values())
-    damped = damped or any(deck.properties(name).damped for name, _ in _beams(deck))
-    acting = any(not _is_zero(load) for load in deck.loads.values())
-    driven = any(j.type == "driver" and not _stands(j) for j in deck.joints.values())
-    return () if damped or acting or driven else ("work put in",)
+    varying = any(model.strain == "low_order" for model in models.values())
+    return () if varying else ("factors of the mass matrix",)
 
 
 def _parts(deck: Deck, models: Models) -> Items:
     """Return groups of bodies that no joint or spring connects, the ground apart; none if all are one."""
-    if deck.solve.step is not None or _coordinates(deck) < PARTS_FROM:
+    if deck.solve.step is not None or sum(body.size for body in deck.bodies.values()) < PARTS_FROM:
         return ()
     groups = connected(deck, still_bodies(deck, models))
     return tuple(", ".join(group) for group in groups) if len(groups) > 1 else ()
-
-
-def _coordinates(deck: Deck) -> int:
-    """Return the number of absolute coordinates of all bodies, near enough."""
-    beams = (4 * (spec.elements + 1) + 2 * (spec.degree - 3) * spec.elements for _, spec in _beams(deck))
-    return int(sum(beams)) + 3 * sum(spec.type == "rigid" for spec in deck.bodies.values())
 
 
 def still_bodies(deck: Deck, models: Models) -> tuple[str, ...]:
@@ -252,7 +243,7 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     fixed = {"ground", *still}
     part = {name: {name} for name in deck.bodies if name not in fixed}
     for tie in (*deck.joints.values(), *deck.springs.values()):
-        ends = {point.split(".")[0] for point in tie.between} - fixed
+        ends = _owners(tie) - fixed
         merged = set().union(*(part[end] for end in ends))
         part.update({name: merged for name in merged})
     return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))
@@ -276,43 +267,30 @@ def _plots(deck: Deck, models: Models) -> Items:
 # --- savings -------------------------------------------------------------------------------------
 
 
-def _each(size: str) -> Callable[[Assembled, Items], tuple[Items, Sizes]]:
-    """Return the saving of a rule that spares one of something for each item."""
-    return lambda scene, items: (items, {size: len(items)} if items else {})
+def _settled_weight(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
+    return items, {"terms of Q": 1, "body-force integrals": len(items)}
 
 
-def _saved_weight(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
-    return items, {"terms of Q": 1, "body-force integrals": len(items)} if items else {}
-
-
-def _saved_joints(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
+def _settled_joints(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
     system = scene.system
-    gone = {k: name for name, members in scene.joints.items() for k in members}
-    joints = dict.fromkeys(f"joints.{gone[k]}" for k in sorted(system.reduction.eliminated))
-    counts = {"unknowns": system.n_x - system.n, "multipliers": system.unreduced.n_rows - system.n_rows}
-    return tuple(joints), counts if joints else {}
+    joints = dict.fromkeys(system.constraints[k].item for k in sorted(system.reduction.eliminated))
+    multipliers = system.unreduced.n_rows - system.n_rows
+    return tuple(joints), {"unknowns": system.n_x - system.n, "multipliers": multipliers}
 
 
-def _saved_bodies(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
-    return items, {"coordinates": 3 * len(items), "joint equations": 3 * len(items)} if items else {}
+def _unless(fact: str, size: str) -> Callable[[Assembled, Items], tuple[Items, Sizes]]:
+    """Return what settles a rule that drops what the system does not need."""
+    return lambda scene, items: (() if getattr(scene.system, fact) else items, {size: 1})
 
 
-def _saved_rates(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
-    return (items, {"maps of rates": 1}) if items and not scene.system.uses_rates else ((), {})
-
-
-def _saved_parts(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
-    return items, {"common steps": 1} if items else {}
-
-
-_RULES = (
+_ALL = (
     Rule(
         "weight",
         "body-force integrals",
         "gravity is zero",
         "their force is zero",
         _weight,
-        _saved_weight,
+        settled=_settled_weight,
     ),
     Rule(
         "springs",
@@ -320,7 +298,7 @@ _RULES = (
         "stiffness and damping are zero",
         "their force and energy are zero",
         _springs,
-        _each("terms of Q"),
+        {"terms of Q": 1},
     ),
     Rule(
         "loads",
@@ -328,7 +306,7 @@ _RULES = (
         "their size, or a constant law, is zero",
         "they do nothing",
         _loads,
-        _each("terms of Q"),
+        {"terms of Q": 1},
     ),
     Rule(
         "damping",
@@ -336,7 +314,7 @@ _RULES = (
         "both retardation times of the material are zero",
         "its force is zero",
         _damping,
-        _each("terms of Q"),
+        {"terms of Q": 1},
     ),
     Rule(
         "standing_drivers",
@@ -344,7 +322,7 @@ _RULES = (
         "the law is a constant angle, or the position zero",
         "the driver does no work and its equation is that of a joint",
         _standing_drivers,
-        _each("driven equations"),
+        {"driven equations": 1},
     ),
     Rule(
         "fixed_bodies",
@@ -352,7 +330,7 @@ _RULES = (
         "undriven fixed joints weld them to the ground, and no reaction of these joints is asked for",
         "their points are points of the ground",
         _fixed_bodies,
-        _saved_bodies,
+        {"coordinates": 3, "joint equations": 3},
     ),
     Rule(
         "tree_joints",
@@ -361,7 +339,7 @@ _RULES = (
         "what is left fulfils the joint for all values: a pinned or clamped root has no place of its own, a "
         "clamp keeps only the stretch of its slope",
         _tree_joints,
-        _saved_joints,
+        settled=_settled_joints,
     ),
     Rule(
         "constant_mass",
@@ -369,23 +347,23 @@ _RULES = (
         "no beam is of the model lowOrder: all mass matrices are constant in nodal coordinates",
         "one factorisation serves for all states",
         _constant_mass,
-        _each("factorisations a state"),
+        {"factorisations a state": 1},
     ),
     Rule(
         "rates",
         "rates of absolute coordinates in accelerations",
         "no force depends on rates and all joints that need multipliers are linear",
         "nothing would read them",
-        _rates,
-        _saved_rates,
+        _always("rates of all points"),
+        settled=_unless("uses_rates", "maps of rates"),
     ),
     Rule(
         "work",
         "the integral of the power put in",
         "no damper, no load that acts and no driver that moves",
         "the power is zero",
-        _work,
-        _each("integrals over time"),
+        _always("work put in"),
+        settled=_unless("exchanges_power", "integrals over time"),
     ),
     Rule(
         "parts",
@@ -394,7 +372,7 @@ _RULES = (
         "or more, and the step is not fixed",
         "their motions do not depend on one another; each part takes steps of its own",
         _parts,
-        _saved_parts,
+        settled=lambda scene, items: (items, {"common steps": 1}),
     ),
     Rule(
         "turns",
@@ -402,7 +380,7 @@ _RULES = (
         "no channel is measured in the body's frame",
         "nothing would read it",
         _turns,
-        _each("passes over all steps"),
+        {"passes over all steps": 1},
     ),
     Rule(
         "plots",
@@ -410,8 +388,8 @@ _RULES = (
         "output.plots is false",
         "nothing would read them",
         _plots,
-        _each("outlines"),
+        {"outlines": 1},
     ),
 )
-RULES: dict[str, Rule] = {rule.name: rule for rule in _RULES}
+RULES: dict[str, Rule] = {rule.name: rule for rule in _ALL}
 """All rules by name, in the order they are told."""

@@ -11,11 +11,11 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.deck.fields import Between
-from hfsim.deck.spec import Spec
 from hfsim.errors import DeckError
 from hfsim.integrators import Segment, Trajectory, joined
 from hfsim.mechanics.constraints import Along
 from hfsim.parts.joints import JOINTS
+from hfsim.parts.specs import JointSpec
 from hfsim.run.integration import run_integration
 from hfsim.run.plan import plan_of
 from hfsim.scene.build import build
@@ -110,7 +110,7 @@ def test_every_rule_has_both_kinds_of_scene():
 def test_a_scene_that_needs_all_keeps_all():
     scene = build(load_deck(NEEDED))
     assert firing(scene) == [ALL]
-    assert not any(scene.left_out.found.values())
+    assert plan_of(scene)["left_out"] == []
 
 
 def test_keep_all_builds_everything():
@@ -251,7 +251,7 @@ class OnLine(Along):
     """A kind of constraint that no other module knows."""
 
 
-class OnLineSpec(Spec):
+class OnLineSpec(JointSpec):
     type: Literal["on_line"]
     between: Between
 

@@ -5,7 +5,9 @@ from typing import Annotated
 from hfsim.deck.spec import OneOf
 from hfsim.parts.bodies.beam import BeamSpec, QuadratureSpec
 from hfsim.parts.bodies.rigid import RigidSpec
+from hfsim.parts.specs import BodySpec
 
-AnyBody = Annotated[BeamSpec | RigidSpec, OneOf("type", {"beam": BeamSpec, "rigid": RigidSpec})]
+BODIES: dict[str, type[BodySpec]] = {"beam": BeamSpec, "rigid": RigidSpec}
+AnyBody = Annotated[BeamSpec | RigidSpec, OneOf("type", BODIES)]
 
-__all__ = ["AnyBody", "BeamSpec", "QuadratureSpec", "RigidSpec"]
+__all__ = ["BODIES", "AnyBody", "BeamSpec", "QuadratureSpec", "RigidSpec"]

@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field
 
 from hfsim.deck.fields import Flag, Points, PositiveLength, whole
 from hfsim.deck.spec import Complaint, Spec, refusal, shown
+from hfsim.parts.specs import BodySpec
 
 if TYPE_CHECKING:
     from hfsim.mechanics.body import Body
@@ -35,8 +36,10 @@ class QuadratureSpec(Spec):
     """Points for the bending energy [-]."""
 
 
-class BeamSpec(Spec):
+class BeamSpec(BodySpec):
     """Straight beam with a constant section; its frame is at the root, first axis along the root tangent."""
+
+    own_points = END_POINTS
 
     type: Literal["beam"]
     """Kind of body."""
@@ -86,6 +89,15 @@ class BeamSpec(Spec):
 
         assert model is not None
         return model.assemble(blueprint(self, name, start, deck))
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates of the nodes and of the elements' interiors."""
+        return 4 * (self.elements + 1) + 2 * (self.degree - 3) * self.elements
+
+    def default_channels(self) -> tuple[str, ...]:
+        """Return those of the tip and of the frame."""
+        return ("tip.x", "tip.y", "tip.deflection", "angle", "angular_velocity")
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield options that exclude one another, and points outside the beam."""

@@ -10,7 +10,6 @@ import numpy as np
 from pydantic import Field
 
 from hfsim.deck.fields import Points, PositiveInertia, PositiveMass
-from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import freedoms
@@ -18,10 +17,13 @@ from hfsim.mechanics.body import Body, Place, places
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import GroundMarker, Marker, RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
+from hfsim.parts.specs import BodySpec
 
 
-class RigidSpec(Spec):
+class RigidSpec(BodySpec):
     """Rigid body; its frame is at the centre of mass."""
+
+    rigid = True
 
     type: Literal["rigid"]
     """Kind of body."""

@@ -8,15 +8,17 @@ import numpy as np
 
 from hfsim.deck.fields import Flag, ForceVector
 from hfsim.deck.laws import Law, ScaleLaw
-from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.rotations import rotate
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
+from hfsim.parts.specs import LoadSpec
 
 
-class ForceSpec(Spec):
+class ForceSpec(LoadSpec):
     """Force on a point, constant or scaled over time."""
+
+    vectors = ("force",)
 
     type: Literal["force"]
     """Kind of load."""
@@ -32,6 +34,11 @@ class ForceSpec(Spec):
 
     law: ScaleLaw | None = None
     """Factor over time [-]; 1 without it."""
+
+    @property
+    def amount(self) -> tuple[float, ...]:
+        """The force."""
+        return self.force
 
     def build(self, marker: Marker) -> "PointForce":
         """Return the force at a marker."""

@@ -8,13 +8,13 @@ import numpy as np
 
 from hfsim.deck.fields import Moment
 from hfsim.deck.laws import Law, ScaleLaw
-from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
+from hfsim.parts.specs import LoadSpec
 
 
-class MomentSpec(Spec):
+class MomentSpec(LoadSpec):
     """Moment on the frame of a point, constant or scaled over time."""
 
     type: Literal["moment"]
@@ -28,6 +28,11 @@ class MomentSpec(Spec):
 
     law: ScaleLaw | None = None
     """Factor over time [-]; 1 without it."""
+
+    @property
+    def amount(self) -> tuple[float, ...]:
+        """The moment."""
+        return (self.moment,)
 
     def build(self, marker: Marker) -> "PointMoment":
         """Return the moment at a marker."""

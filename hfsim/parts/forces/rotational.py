@@ -7,15 +7,15 @@ from typing import Literal
 import numpy as np
 
 from hfsim.deck.fields import Angle, Between, RotationalDamping, RotationalStiffness
-from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, joint_support
+from hfsim.parts.specs import SpringSpec
 
 
-class RotationalSpec(Spec):
+class RotationalSpec(SpringSpec):
     """Linear spring and damper on the angle of B relative to A."""
 
     type: Literal["rotational"]

@@ -7,13 +7,13 @@ from typing import Literal
 import numpy as np
 
 from hfsim.deck.fields import Between, Damping, NonNegativeLength, Stiffness
-from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, joint_support
+from hfsim.parts.specs import SpringSpec
 
 
-class TwoPointSpec(Spec):
+class TwoPointSpec(SpringSpec):
     """Linear spring and damper on the distance of two points."""
 
     type: Literal["two_point"]

@@ -5,13 +5,16 @@ from typing import Literal
 
 from hfsim.deck.fields import Axis, Between
 from hfsim.deck.laws import AngleLaw, PositionLaw
-from hfsim.deck.spec import Complaint, Spec
+from hfsim.deck.spec import Complaint
 from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle, unit
 from hfsim.mechanics.markers import Marker
+from hfsim.parts.specs import JointSpec
 
 
-class DriverSpec(Spec):
+class DriverSpec(JointSpec):
     """Imposes the angle of B relative to A, or the distance of B from A along an axis."""
+
+    vectors = ("axis",)
 
     type: Literal["driver"]
     """Kind of joint."""
@@ -32,6 +35,13 @@ class DriverSpec(Spec):
         """Yield a driver of nothing or of two things."""
         if (self.angle is None) == (self.position is None):
             yield Complaint((), "a driver needs an angle or a position, one of the two")
+
+    @property
+    def stands(self) -> bool:
+        """Whether the law is a constant angle, or the position zero."""
+        if self.angle is not None:
+            return self.angle.constant is not None
+        return self.position is not None and self.position.constant == 0.0
 
     def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
         """Return the one equation that imposes the law."""

@@ -3,13 +3,15 @@
 from typing import Literal
 
 from hfsim.deck.fields import Angle, Between
-from hfsim.deck.spec import Spec
 from hfsim.mechanics.constraints import Coincide, Constraint, RelativeAngle
 from hfsim.mechanics.markers import Marker
+from hfsim.parts.specs import JointSpec
 
 
-class FixedSpec(Spec):
+class FixedSpec(JointSpec):
     """Two points stay together and the frames there keep their relative angle."""
+
+    meets = welds = True
 
     type: Literal["fixed"]
     """Kind of joint."""

@@ -3,13 +3,15 @@
 from typing import Literal
 
 from hfsim.deck.fields import Angle, Axis, Between
-from hfsim.deck.spec import Spec
 from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle, unit
 from hfsim.mechanics.markers import Marker
+from hfsim.parts.specs import JointSpec
 
 
-class PrismaticSpec(Spec):
+class PrismaticSpec(JointSpec):
     """Point B slides along an axis through A; the frames there keep their relative angle."""
+
+    vectors = ("axis",)
 
     type: Literal["prismatic"]
     """Kind of joint."""

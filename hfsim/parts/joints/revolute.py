@@ -3,13 +3,15 @@
 from typing import Literal
 
 from hfsim.deck.fields import Between
-from hfsim.deck.spec import Spec
 from hfsim.mechanics.constraints import Coincide, Constraint
 from hfsim.mechanics.markers import Marker
+from hfsim.parts.specs import JointSpec
 
 
-class RevoluteSpec(Spec):
+class RevoluteSpec(JointSpec):
     """Two points stay together, the bodies may turn."""
+
+    meets = True
 
     type: Literal["revolute"]
     """Kind of joint."""

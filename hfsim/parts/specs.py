@@ -1,0 +1,88 @@
+"""What deck entries of each kind of part say of themselves: the page to read before adding one.
+
+Checks and rules ask these facts; they know no kind of body, joint, spring or load by name.
+"""
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from hfsim.deck.spec import Spec
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import LawSpec
+    from hfsim.mechanics.body import Body
+    from hfsim.parts.bodies.models import Model
+
+
+class BodySpec(Spec):
+    """Base of bodies."""
+
+    own_points: ClassVar[tuple[str, ...]] = ()
+    """Points that every body of this kind has, besides those a deck names."""
+
+    rigid: ClassVar[bool] = False
+    """Whether it cannot deform: it has no model, and can be folded into the ground."""
+
+    vectors = ("points",)
+
+    def assemble(self, name: str, start: int, deck: Any, model: "Model | None") -> "Body":
+        """Return the body, its coordinates from a column on; the model is that of a body that deforms."""
+        raise NotImplementedError
+
+    @property
+    def size(self) -> int:
+        """Number of its absolute coordinates, near enough."""
+        return 3
+
+    def default_channels(self) -> tuple[str, ...]:
+        """Return what is written of it where a deck names no channels."""
+        return ("x", "y", "angle", "angular_velocity")
+
+
+class JointSpec(Spec):
+    """Base of joints."""
+
+    if TYPE_CHECKING:
+        between: tuple[str, str]
+
+    meets: ClassVar[bool] = False
+    """Whether its two points stay together."""
+
+    welds: ClassVar[bool] = False
+    """Whether it leaves no motion between its two bodies."""
+
+    @property
+    def stands(self) -> bool:
+        """Whether what it drives stands still, where any joint without a law does."""
+        return False
+
+
+class SpringSpec(Spec):
+    """Base of springs."""
+
+    if TYPE_CHECKING:
+        between: tuple[str, str]
+        stiffness: float
+        damping: float
+
+    @property
+    def acts(self) -> bool:
+        """Whether it ever exerts a force."""
+        return bool(self.stiffness or self.damping)
+
+
+class LoadSpec(Spec):
+    """Base of loads."""
+
+    if TYPE_CHECKING:
+        law: LawSpec | None
+
+    @property
+    def amount(self) -> Iterable[float]:
+        """Its numbers where the law is 1."""
+        return (1.0,)
+
+    @property
+    def acts(self) -> bool:
+        """Whether it ever exerts a force."""
+        return any(self.amount) and (self.law is None or self.law.constant != 0.0)
