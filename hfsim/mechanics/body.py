@@ -62,6 +62,11 @@ class Body:
         """Whether it cannot move: it has no coordinates."""
         return bool(self.columns.start == self.columns.stop)
 
+    @property
+    def described(self) -> tuple[str, str]:
+        """What its coordinates are, and why there are these, in the words of plans."""
+        return "place and angle", "rigid: no elastic coordinates"
+
     def folded(self, pose: Pose) -> Body:
         """Return the same body held for ever at a pose.
 

@@ -56,11 +56,18 @@ class ForcePart:
     item: str = field(default="", kw_only=True)
     rule: ClassVar[str] = ""
     """The rule that may leave it out where it is `idle`."""
+    why: ClassVar[str] = "not zero"
+    """Why it is there where it is not idle, in the words of plans."""
 
     @property
     def idle(self) -> bool:
         """Whether it is zero in every state."""
         return False
+
+    @property
+    def counts(self) -> dict[str, int | str]:
+        """What it consists of, as plans tell it."""
+        return {}
 
     @property
     def shared(self) -> Hashable:
@@ -149,6 +156,7 @@ class ConstantForce(ForcePart):
     force: Array
     energy: float = 0.0
     rule: ClassVar[str] = "weight"
+    why: ClassVar[str] = "gravity"
 
     @property
     def idle(self) -> bool:

@@ -6,22 +6,16 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from hfsim.maths.matrices import DENSE_UP_TO, is_sparse
-from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.parts.bodies.linear import LinearElasticForce
-from hfsim.parts.bodies.low_order import LowOrderBeam
-from hfsim.parts.bodies.low_order_body import LowOrderBody
-from hfsim.parts.bodies.nodal import NodalBeam
-from hfsim.parts.bodies.rigid import FoldedBody
-from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
+from hfsim.mechanics.force import ForcePart
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import RULES
 
 NOT_LINEAR = "not linear in the coordinates"
 """Why a constraint that does not say it needs multipliers."""
+WISHED = "kept by wish, though it is zero"
+"""Why a force is there that a rule would have left out."""
 
 
 def plan_of(scene: Scene) -> dict[str, Any]:
@@ -89,11 +83,14 @@ def _kept(scene: Scene) -> Iterator[dict[str, Any]]:
     yield from _kept_bodies(scene)
     yield from _kept_joints(scene)
     for part in scene.system.forces:
+        what = (type(part).__doc__ or "").strip().partition("\n")[0].rstrip(".")
+        reason = WISHED if _idle(scene, part) else part.why
         yield {
             "item": part.item or "all bodies",
-            "what": _words(part),
-            "reason": _why_force(part),
-        } | _kernel(part)
+            "what": what,
+            "reason": reason,
+            "terms_of_Q": 1,
+        } | part.counts
     for channel in scene.deck.channels:
         yield {"item": channel, "what": "output column", "reason": _needs(channel), "columns": 1}
     yield {
@@ -104,21 +101,16 @@ def _kept(scene: Scene) -> Iterator[dict[str, Any]]:
 
 
 def _kept_bodies(scene: Scene) -> Iterator[dict[str, Any]]:
-    for name, body in scene.bodies.items():
+    for body in scene.bodies.values():
+        what, reason = body.described
         count = body.columns.stop - body.columns.start
-        fact = {"item": f"bodies.{name}", "coordinates": count, "terms_of_M": int(count > 0)}
-        if isinstance(body, FoldedBody):
-            yield fact | {"what": "points of the ground", "reason": "cannot move"}
-        elif isinstance(body, LowOrderBody):
-            yield fact | {
-                "what": "frame, axial and transverse coordinates",
-                "reason": f"beam of model {scene.model}, mass matrix anew in every state",
-            }
-        elif isinstance(body, NodalBeam):
-            elements = body.mesh.count
-            yield fact | {"what": f"positions and slopes of {elements} elements", "reason": "flexible"}
-        else:
-            yield fact | {"what": "place and angle", "reason": "rigid: no elastic coordinates"}
+        yield {
+            "item": body.item,
+            "coordinates": count,
+            "terms_of_M": int(count > 0),
+            "what": what,
+            "reason": reason,
+        }
 
 
 def _kept_joints(scene: Scene) -> Iterator[dict[str, Any]]:
@@ -137,40 +129,11 @@ def _kept_joints(scene: Scene) -> Iterator[dict[str, Any]]:
             }
 
 
-def _words(part: ForcePart) -> str:
-    doc = (type(part).__doc__ or "").strip().split("\n")[0]
-    return doc.rstrip(".")
-
-
-def _why_force(part: ForcePart) -> str:
-    """Return why a force is there; what is zero and was not left out is there by wish."""
-    wished = "kept by wish, though it is zero"
-    if isinstance(part, ConstantForce):
-        return "gravity" if part.force.any() else wished
-    if isinstance(part, KelvinVoigtForce):
-        return "damped material" if part.dissipates else wished
-    if isinstance(part, ElasticForce | LinearElasticForce | LowOrderBeam):
-        return "flexible"
-    idle = not any(np.any(getattr(part, size, 0.0)) for size in ("stiffness", "damping", "force", "moment"))
-    return wished if idle else "not zero"
-
-
-def _kernel(part: ForcePart) -> dict[str, Any]:
-    """Return the counts of a force: one kernel serves all its elements in one call."""
-    facts: dict[str, Any] = {"terms_of_Q": 1}
-    if isinstance(part, ElasticForce):
-        facts |= {"kernels": 1, "elements": len(part.elements.columns), "integrals": _integrals(part.law)}
-    elif isinstance(part, KelvinVoigtForce):
-        points = part.axial.shape[1]
-        facts |= {"kernels": 1, "elements": len(part.axial), "integrals": f"{points} Gauss points an element"}
-    return facts
-
-
-def _integrals(law: object) -> str:
-    axial, bending = getattr(law, "axial_points", 0), getattr(law, "bending_points", 0)
-    if axial:
-        return f"{axial} Gauss points an element for the axial energy, {bending} for bending"
-    return "exact, done beforehand"
+def _idle(scene: Scene, part: ForcePart) -> bool:
+    """Whether a force is zero in every state, and was not left out all the same."""
+    kind, _, name = part.item.partition(".")
+    entries: dict[str, Any] = getattr(scene.deck, kind) if kind in ("springs", "loads") else {}
+    return part.idle or (name in entries and not entries[name].acts)
 
 
 def _needs(channel: str) -> str:

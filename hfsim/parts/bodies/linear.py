@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -71,6 +72,7 @@ class LinearElasticForce(ForcePart):
     damping: Array
     undeformed: Array
     positions: Array
+    why: ClassVar[str] = "flexible"
 
     @property
     def uses_rates(self) -> bool:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -61,6 +61,7 @@ class LowOrderBeam(ForcePart):
     gravity: tuple[float, ...]
     whole: bool = False
     model: str = "lowOrder"
+    why: ClassVar[str] = "flexible"
 
     @classmethod
     def of(cls, beam: Blueprint) -> LowOrderBeam:

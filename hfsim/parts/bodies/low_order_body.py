@@ -140,6 +140,14 @@ class LowOrderBody(Body):
         return cls(beam.name, own.columns, beam.points, own)
 
     @property
+    def described(self) -> tuple[str, str]:
+        """Its coordinates relative to its frame."""
+        return (
+            "frame, axial and transverse coordinates",
+            "beam of model lowOrder, mass matrix anew in every state",
+        )
+
+    @property
     def banded(self) -> bool:
         """Return False: in a body frame all coordinates are coupled."""
         return False

@@ -46,6 +46,11 @@ class NodalBeam(Body):
         return self.beam.mesh
 
     @property
+    def described(self) -> tuple[str, str]:
+        """Its elements."""
+        return f"positions and slopes of {self.mesh.count} elements", "flexible"
+
+    @property
     def banded(self) -> bool:
         """Whether it has no body frame, with which all its coordinates are coupled."""
         return not self.framed

@@ -114,6 +114,11 @@ class FoldedBody(Body):
     pose: Pose
     weight: Array
 
+    @property
+    def described(self) -> tuple[str, str]:
+        """What is left of it."""
+        return "points of the ground", "cannot move"
+
     def marker(self, place: Place) -> Marker:
         """Return a point of the ground."""
         x, y = self.pose.placed(np.array(place))

@@ -115,6 +115,12 @@ class QuadratureLaw(RowLaw):
     degree: int = 3
 
     @property
+    def integrals(self) -> str:
+        """How the integrals are done, in the words of plans."""
+        bending = f"{self.bending_points} for bending"
+        return f"{self.axial_points} Gauss points an element for the axial energy, {bending}"
+
+    @property
     def quartic(self) -> bool:
         """Whether the strain is Green's and the curvature linear."""
         return not self.engineering and not self.exact_curvature

@@ -31,6 +31,13 @@ class ElasticForce(ForcePart):
 
     elements: Connectivity
     law: ElasticLaw
+    why: ClassVar[str] = "flexible"
+
+    @property
+    def counts(self) -> dict[str, int | str]:
+        """One kernel serves all elements in one call."""
+        integrals = getattr(self.law, "integrals", "exact, done beforehand")
+        return {"kernels": 1, "elements": len(self.elements.columns), "integrals": integrals}
 
     @property
     def shared(self) -> Hashable:
@@ -87,6 +94,13 @@ class KelvinVoigtForce(ForcePart):
     axial: Array
     bending: Array
     rule: ClassVar[str] = "damping"
+    why: ClassVar[str] = "damped material"
+
+    @property
+    def counts(self) -> dict[str, int | str]:
+        """One kernel serves all elements in one call."""
+        elements, points = self.axial.shape
+        return {"kernels": 1, "elements": elements, "integrals": f"{points} Gauss points an element"}
 
     @property
     def idle(self) -> bool:
