@@ -113,7 +113,7 @@ class FrameChart(Chart):
         omega = angle_of(w)
         g = self._in_frame(frames, z)
         g -= relative(w) * (2j * omega)
-        spin = g.imag[..., 1:2] / frames.p.real[..., 1:2]
+        spin = g.imag[..., ROOT : ROOT + 1] / frames.p.real[..., ROOT : ROOT + 1]
         g += frames.p * (omega * omega - 1j * spin)
         return self._joined(g, z, spin)
 
@@ -132,7 +132,7 @@ class FrameChart(Chart):
         """Return hybrid coordinates; of all full turns the angle nearest to that of ``near`` is taken."""
         z = self._complex(x)
         guess = angle_of(self._complex(near))
-        angle = guess + wrap(np.angle(z[..., 1:2]) - guess)
+        angle = guess + wrap(np.angle(z[..., ROOT : ROOT + 1]) - guess)
         frames = Frames(turn=np.exp(1j * angle), p=z, origin=z[..., :1])
         return self._joined(self._in_frame(frames, z), z, angle)
 
@@ -140,7 +140,7 @@ class FrameChart(Chart):
         """Return the rates of the hybrid coordinates from those of the absolute ones."""
         z = self._complex(u)
         g = self._in_frame(frames, z)
-        omega = g.imag[..., 1:2] / frames.p.real[..., 1:2]
+        omega = g.imag[..., ROOT : ROOT + 1] / frames.p.real[..., ROOT : ROOT + 1]
         return self._joined(g - (1j * omega) * frames.p, z, omega)
 
 
@@ -155,5 +155,5 @@ def relative_nodes(x: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
         The nodal vectors as complex numbers, inertial axes.
     """
     z = as_complex(x)
-    slope = z[..., 1:2]
+    slope = z[..., ROOT : ROOT + 1]
     return z[..., :1], slope / np.abs(slope), z

@@ -59,9 +59,9 @@ class LinearElasticForce(ForcePart):
     name : str
         Of the beam.
     columns : slice
-    stiffness, damping : ndarray, shape (n_vectors * 2, n_vectors * 2)
+    stiffness, damping : ndarray, shape (n_vectors * n_dim, n_vectors * n_dim)
         Over all relative nodal coordinates [N/m and the like]; damping multiplies their rates.
-    undeformed : ndarray, shape (n_vectors, 2)
+    undeformed : ndarray, shape (n_vectors, n_dim)
     positions : ndarray, shape (n_vectors,)
         One for nodal positions, zero for gradients.
     """
@@ -85,7 +85,7 @@ class LinearElasticForce(ForcePart):
         return np.arange(self.columns.start, self.columns.stop)
 
     def _nodes(self, x: Array) -> Array:
-        return x[:, self.columns].reshape(len(x), -1, 2)
+        return x[:, self.columns].reshape(len(x), *self.undeformed.shape)
 
     def _deformation(self, x: Array) -> tuple[Array, ComplexArray, ComplexArray]:
         """Return p - p0 flattened, the relative vectors and the frame's first axis as complex."""
@@ -102,8 +102,8 @@ class LinearElasticForce(ForcePart):
 
     def displacement(self, x: Array) -> float:
         """Return the largest nodal displacement in the body frame over the length of the beam."""
-        moved = np.abs(self._deformation(x)[0].reshape(-1, 2)) * np.tile(self.positions, len(x))[:, None]
-        return float(moved.max() / self.undeformed[:, 0].max())
+        moved = np.abs(self._deformation(x)[0]).reshape(len(x), *self.undeformed.shape)
+        return float((moved * self.positions[:, None]).max() / self.undeformed[:, 0].max())
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add -K (p - p0) - D p', with no force on the frame coordinates."""
@@ -111,7 +111,7 @@ class LinearElasticForce(ForcePart):
         local = flat @ -self.stiffness
         if self.uses_rates:
             local -= self._rates(x, u, p, tangent) @ self.damping
-        force = as_complex(local.reshape(len(x), -1, 2)).copy()
+        force = as_complex(local.reshape(len(x), *self.undeformed.shape)).copy()
         # what the frame coordinates do not feel is balanced at the root vectors
         force[:, 0] = 0.0
         force[:, 1] = force[:, 1].real

@@ -15,12 +15,14 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.rotations import freedoms, normal, rotate
+from hfsim.maths.rotations import normal, rotate
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.force import ForcePart
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.mesh import BeamMesh
 
+PLACE, TURN, RIGID = slice(0, 2), 2, 3
+"""Where place and angle of a beam's frame stand among its coordinates, and where its deformation begins."""
 NEARLY_SINGULAR = 0.2
 """Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a failure is put
 down to it."""
@@ -70,7 +72,7 @@ class LowOrderBeam(ForcePart):
         return cls(
             name=beam.name,
             mesh=beam.mesh,
-            columns=beam.columns(freedoms(beam.n_dim) + 2 * beam.mesh.n_vectors - 3),
+            columns=beam.columns(RIGID + 2 * beam.mesh.n_vectors - 3),
             axial=beam.stiffness.axial,
             bending=beam.stiffness.bending,
             axial_damping=axial_damping,
@@ -88,7 +90,7 @@ class LowOrderBeam(ForcePart):
     def straightened(self, q: Array) -> Array:
         """Return coordinates with no deformation."""
         straight = q.copy()
-        straight[len(q) - self.n_w - self.n_v :] = 0.0
+        straight[RIGID:] = 0.0
         return straight
 
     def breakdown(self, t: float, inertia: float, straight: float) -> SolverFailure | None:
@@ -129,6 +131,26 @@ class LowOrderBeam(ForcePart):
     def n_v(self) -> int:
         """Number of transverse coordinates."""
         return self.mesh.n_vectors - 2
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return RIGID + self.n_w + self.n_v
+
+    @property
+    def of_w(self) -> slice:
+        """Where the axial coordinates stand among its own."""
+        return slice(RIGID, RIGID + self.n_w)
+
+    @property
+    def of_v(self) -> slice:
+        """Where the transverse coordinates stand among its own."""
+        return slice(RIGID + self.n_w, self.n)
+
+    @property
+    def _elastic(self) -> slice:
+        """Where the coordinates of the deformation stand in x."""
+        return slice(self.columns.start + RIGID, self.columns.stop)
 
     @cached_property
     def _points(self) -> tuple[Array, Array, Array, Array, Array]:
@@ -188,7 +210,7 @@ class LowOrderBeam(ForcePart):
     def split(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """Return r0, theta, w and v coordinates of a batch."""
         b = x[:, self.columns]
-        return b[:, :2], b[:, 2], b[:, 3 : 3 + self.n_w], b[:, 3 + self.n_w :]
+        return b[:, PLACE], b[:, TURN], b[:, self.of_w], b[:, self.of_v]
 
     def _fields(self, x: Array, u: Array) -> _Fields:
         _, _, N_w, N_v, H = self._points
@@ -212,20 +234,20 @@ class LowOrderBeam(ForcePart):
         place, m, N_w, N_v, _ = self._points
         f = self._fields(x, np.zeros_like(x))
         theta = self.split(x)[1]
-        n, nw = 3 + self.n_w + self.n_v, self.n_w
-        M = np.zeros((len(x), n, n))
+        W, V, nw = self.of_w, self.of_v, self.n_w
+        M = np.zeros((len(x), self.n, self.n))
         axial = place + f.w - f.short
         M[:, 0, 0] = M[:, 1, 1] = m.sum()
-        M[:, :2, 2] = rotate(theta, np.stack([-(f.v @ m), axial @ m], axis=-1))
+        M[:, PLACE, TURN] = rotate(theta, np.stack([-(f.v @ m), axial @ m], axis=-1))
         along = np.concatenate([np.broadcast_to(m @ N_w, (len(x), nw)), -(m @ f.Hv)], axis=1)
         across = np.tile(np.concatenate([np.zeros(nw), m @ N_v]), (len(x), 1))
-        M[:, :2, 3:] = rotate(theta[:, None], np.stack([along, across], axis=-1)).swapaxes(1, 2)
-        M[:, 2, 2] = self._rotary(f) @ m
-        M[:, 2, 3 : 3 + nw] = -(f.v * m) @ N_w
-        M[:, 2, 3 + nw :] = (axial * m) @ N_v + _weighted(f.v * m, f.Hv)
-        M[:, 3 : 3 + nw, 3 : 3 + nw] = (N_w.T * m) @ N_w
-        M[:, 3 : 3 + nw, 3 + nw :] = -((N_w.T * m) @ f.Hv)
-        M[:, 3 + nw :, 3 + nw :] = (N_v.T * m) @ N_v + (f.Hv.swapaxes(1, 2) * m) @ f.Hv
+        M[:, PLACE, RIGID:] = rotate(theta[:, None], np.stack([along, across], axis=-1)).swapaxes(1, 2)
+        M[:, TURN, TURN] = self._rotary(f) @ m
+        M[:, TURN, W] = -(f.v * m) @ N_w
+        M[:, TURN, V] = (axial * m) @ N_v + _weighted(f.v * m, f.Hv)
+        M[:, W, W] = (N_w.T * m) @ N_w
+        M[:, W, V] = -((N_w.T * m) @ f.Hv)
+        M[:, V, V] = (N_v.T * m) @ N_v + (f.Hv.swapaxes(1, 2) * m) @ f.Hv
         upper = np.triu(M)
         return np.asarray(upper + np.triu(M, 1).swapaxes(1, 2))
 
@@ -249,12 +271,12 @@ class LowOrderBeam(ForcePart):
         out[:, self.columns] += self._inertia_force(x, u)
         elastic = self._elastic_coordinates(x) @ (-sum(self.stiffness))
         elastic -= self._elastic_coordinates(u) @ self._damping()
-        out[:, self.columns.start + 3 : self.columns.stop] += elastic
+        out[:, self._elastic] += elastic
         if any(self.gravity):
             out[:, self.columns] += self._gravity_force(x)
 
     def _elastic_coordinates(self, x: Array) -> Array:
-        return x[:, self.columns.start + 3 : self.columns.stop]
+        return x[:, self._elastic]
 
     def _damping(self) -> Array:
         K_axial, K_bending = self.stiffness
@@ -264,13 +286,13 @@ class LowOrderBeam(ForcePart):
         place, m, N_w, N_v, _ = self._points
         f = self._fields(x, u)
         theta = self.split(x)[1]
-        omega = u[:, self.columns.start + 2][:, None]
+        omega = self.split(u)[1][:, None]
         axial = place + f.w - f.short
         along = -(omega**2) * axial - 2.0 * omega * f.dv - f.ddshort
         across = -(omega**2) * f.v + 2.0 * omega * (f.dw - f.dshort)
         accel = np.stack([along, across], axis=-1)
-        Q = np.zeros((len(x), 3 + self.n_w + self.n_v))
-        Q[:, :2] = -rotate(theta, m @ accel)
+        Q = np.zeros((len(x), self.n))
+        Q[:, PLACE] = -rotate(theta, m @ accel)
         rotary = 2.0 * omega * (place * (f.dw - f.dshort) + f.w * f.dw + f.v * f.dv)
         # multiplies H v, itself of first order: kept through first order
         lever = omega**2 * (place + f.w) + 2.0 * omega * f.dv
@@ -278,22 +300,22 @@ class LowOrderBeam(ForcePart):
             rotary = rotary + f.v * f.ddshort
             rotary -= 2.0 * omega * (f.short * f.dw + f.w * f.dshort - f.short * f.dshort)
             lever = lever - omega**2 * f.short + f.ddshort
-        Q[:, 2] = -rotary @ m
-        Q[:, 3 : 3 + self.n_w] = -(accel[..., 0] * m) @ N_w
-        Q[:, 3 + self.n_w :] = -(accel[..., 1] * m) @ N_v - _weighted(lever * m, f.Hv)
+        Q[:, TURN] = -rotary @ m
+        Q[:, self.of_w] = -(accel[..., 0] * m) @ N_w
+        Q[:, self.of_v] = -(accel[..., 1] * m) @ N_v - _weighted(lever * m, f.Hv)
         return Q
 
     def _gravity_force(self, x: Array) -> Array:
         place, m, N_w, N_v, _ = self._points
         f = self._fields(x, np.zeros_like(x))
         theta = self.split(x)[1]
-        g = rotate(-theta, np.broadcast_to(np.array(self.gravity), (len(x), 2)))
-        Q = np.zeros((len(x), 3 + self.n_w + self.n_v))
-        Q[:, :2] = m.sum() * np.array(self.gravity)
+        g = rotate(-theta, np.broadcast_to(np.array(self.gravity), self.split(x)[0].shape))
+        Q = np.zeros((len(x), self.n))
+        Q[:, PLACE] = m.sum() * np.array(self.gravity)
         arm = np.stack([(place + f.w - f.short) @ m, f.v @ m], axis=-1)
-        Q[:, 2] = np.sum(normal(arm) * g, axis=-1)
-        Q[:, 3 : 3 + self.n_w] = g[:, :1] * (m @ N_w)
-        Q[:, 3 + self.n_w :] = g[:, 1:] * (m @ N_v) - g[:, :1] * (m @ f.Hv)
+        Q[:, TURN] = np.sum(normal(arm) * g, axis=-1)
+        Q[:, self.of_w] = g[:, :1] * (m @ N_w)
+        Q[:, self.of_v] = g[:, 1:] * (m @ N_v) - g[:, :1] * (m @ f.Hv)
         return Q
 
     def kinetic_energy(self, x: Array, u: Array) -> Array:

@@ -16,7 +16,7 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.low_order import LowOrderBeam
+from hfsim.parts.bodies.low_order import PLACE, RIGID, TURN, LowOrderBeam
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,10 @@ class LowOrderMarker:
         """Return (1, A s' turned by a quarter, A ds'/dp)."""
         _, theta, _, _ = self.beam.split(x)
         s, S_p = self._arm(x)
-        J = np.zeros((len(x), 2, 3 + S_p.shape[2]))
-        J[:, 0, 0] = J[:, 1, 1] = 1.0
-        J[:, :, 2] = rotate(theta, normal(s))
-        J[:, :, 3:] = rotate(theta[:, None], S_p.swapaxes(1, 2)).swapaxes(1, 2)
+        J = np.zeros((*s.shape, self.beam.n))
+        J[:, :, PLACE] = np.eye(s.shape[1])
+        J[:, :, TURN] = rotate(theta, normal(s))
+        J[:, :, RIGID:] = rotate(theta[:, None], S_p.swapaxes(1, 2)).swapaxes(1, 2)
         return J
 
     def position_bias(self, x: Array, u: Array) -> Array:
@@ -98,15 +98,16 @@ class LowOrderMarker:
     def angle(self, x: Array) -> Array:
         """Return theta plus the angle of ds'/dx."""
         t, _ = self._slope(x)
-        return np.asarray(x[:, self.columns.start + 2] + np.arctan2(t[:, 1], t[:, 0]))
+        return np.asarray(self.beam.split(x)[1] + np.arctan2(t[:, 1], t[:, 0]))
 
     def angle_jacobian(self, x: Array) -> Array:
         """Return (0, 0, 1, (t x t_p)/|t|^2)."""
         t, t_p = self._slope(x)
         turn = normal(t) / np.sum(t * t, -1, keepdims=True)
-        head = np.zeros((len(x), 3))
-        head[:, 2] = 1.0
-        return np.concatenate([head, (turn[:, None, :] @ t_p)[:, 0]], axis=1)
+        row = np.zeros((len(x), self.beam.n))
+        row[:, TURN] = 1.0
+        row[:, RIGID:] = (turn[:, None, :] @ t_p)[:, 0]
+        return row
 
     def angle_bias(self, x: Array, u: Array) -> Array:
         """Return (t x t_b)/|t|^2 - 2 (t.t')(t x t')/|t|^4 with t_b = (-v'_t^2, 0)."""
