@@ -69,3 +69,15 @@ def from_component_rows(rows: Array, shape: tuple[int, ...]) -> Array:
     """
     *elements, vectors, components = shape
     return rows.reshape(vectors, components, *reversed(elements)).swapaxes(0, 1).T
+
+
+def cumulative(values: Array, places: Array) -> Array:
+    """Return the integral from the first place up to each, by the trapezoidal rule along the first axis.
+
+    Examples
+    --------
+    >>> cumulative(np.array([0.0, 1.0, 2.0]), np.array([0.0, 1.0, 3.0]))
+    array([0. , 0.5, 3.5])
+    """
+    steps = 0.5 * (np.diff(places) * (values[1:] + values[:-1]).T).T
+    return np.concatenate([np.zeros_like(values[:1]), np.cumsum(steps, axis=0)])

@@ -6,7 +6,7 @@ its forces and its markers are written.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.chart import Chart
+from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.equations import VariableMass
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import BodyIncrements
@@ -22,6 +23,8 @@ from hfsim.mechanics.pose import Pose, Twist
 
 Place = tuple[float, float]
 """A point in the undeformed body frame [m]."""
+Load = tuple[Marker, Array]
+"""A point of a body, and the force of something else there on the body's coordinates."""
 
 
 def places(points: Mapping[str, Sequence[float]]) -> dict[str, Place]:
@@ -105,6 +108,61 @@ class Body:
         """Return points along the body for pictures, shape (n_batch, n_points, n_dim): its named points."""
         places = [(0.0, 0.0), *self.points.values()]
         return np.stack([self.marker(place).position(x) for place in places], axis=1)
+
+    # ------------------------------------------------------------------ how it deforms
+
+    @property
+    def coordinates(self) -> str:
+        """What its coordinates are, in a word: with the same word, bodies go on from each other's state."""
+        return type(self).__name__
+
+    def deformation(self, x: Array, u: Array) -> Deformation | None:
+        """Return how it is deformed in states (n_batch, n); None where its coordinates do not say."""
+        return None
+
+    def statics(self, x: Array, u: Array, ax: Array, loads: Iterable[Load]) -> Deformation:
+        """Return how it would be deformed, at rest, by all that acts on it.
+
+        Parameters
+        ----------
+        x, u, ax : ndarray, shape (n_batch, n)
+            Coordinates, rates and accelerations.
+        loads : iterable of (Marker, ndarray)
+            Points at which others act on it, and their forces on its coordinates, (n_batch, n_columns).
+
+        Raises
+        ------
+        NotImplementedError
+            If no deformation is left out of its coordinates.
+        """
+        raise NotImplementedError
+
+    def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
+        """Return coordinates and rates, (n_columns,), in rigid motion, deformed as in the one state seen.
+
+        Raises
+        ------
+        NotImplementedError
+            If its state has no counterpart of that.
+        """
+        raise NotImplementedError
+
+    def freedoms(self, x: Array, pose: Pose) -> Array:
+        """Return the rates, (n_freedoms, n_columns), of each rigid motion from coordinates (n,) on."""
+        return np.array([self.moving(pose, twist) for twist in Twist.units(len(pose.origin))])
+
+    def third_order_inertia(self, x: Array) -> float:
+        """Return the largest size of inertia terms of third order, left out or not, over those kept."""
+        return 0.0
+
+    @property
+    def gives_way_at(self) -> float | None:
+        """Stretch below which its force gives way to more compression; None where it never does."""
+        return None
+
+    def smallest_stretch(self, x: Array) -> Array:
+        """Return the smallest stretch along its axis in states (n_batch, n), shape (n_batch,)."""
+        return np.ones(len(x))
 
     # ------------------------------------------------------------------ its share in the equations
 

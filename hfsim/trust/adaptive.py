@@ -23,14 +23,15 @@ import numpy as np
 from hfsim.errors import DeckError, LimitReached, SolverFailure
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
-from hfsim.parts.bodies.rigid_beam import RigidBeam
+from hfsim.mechanics.deformation import Deformation
+from hfsim.parts.bodies.models import LADDER, MODELS
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.stop import Halted, Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.trust.handover import hand_over
-from hfsim.trust.quasistatic import quasistatic
-from hfsim.trust.validity import TRUNCATED, Deformation, deformation, error_reason, tip_error, tip_range
+from hfsim.trust.quasistatic import deformation_of
+from hfsim.trust.validity import error_reason, tip_error, tip_range
 
 SAFETY = 0.5
 """Estimate at which a model is left, over the error stated: estimates are of order of magnitude."""
@@ -155,10 +156,10 @@ class _Adaptive:
         self.loaded, self.model, self.progress = loaded, model, progress
         deck = loaded.deck
         named = deck.models(model or deck.solve.model)
-        self.chosen = {name: "rigid" for name, one in named.items() if one == "auto"}
+        self.chosen = {name: LADDER[0] for name, one in named.items() if one == "auto"}
         self.bound = SAFETY * deck.solve.model_error
         self.reach: dict[str, float] = {}
-        self.forecast: dict[str, tuple[Array, Array]] = {}
+        self.forecast: dict[str, dict[str, tuple[Array, Array]]] = {}
         self.course = Course()
 
     def run(self) -> Course:
@@ -189,7 +190,7 @@ class _Adaptive:
         try:
             return build(self.loaded, self.model, self.chosen)
         except DeckError:
-            self.chosen = dict.fromkeys(self.chosen, "exact")
+            self.chosen = dict.fromkeys(self.chosen, LADDER[-1])
             return build(self.loaded, self.model, self.chosen)
 
     def _moved_up(self, scene: Scene, path: Trajectory, leaving: Mapping[str, _Exit]) -> Scene:
@@ -197,9 +198,9 @@ class _Adaptive:
         before = dict(self.chosen)
         for name in leaving:
             self.chosen[name] = self._next_model(name, path.t_end)
-        models = [one for one in {**scene.models, **self.chosen}.values() if one != "rigid"]
-        if "linear" in self.chosen.values() and len(models) > 1:
-            self.chosen = {k: "exact" if m == "linear" else m for k, m in self.chosen.items()}
+        models = {**scene.models, **self.chosen}.values()
+        if sum(MODELS[one].flexible for one in models) > 1:
+            self.chosen = {k: LADDER[-1] if MODELS[m].alone else m for k, m in self.chosen.items()}
         new, gained = build(self.loaded, self.model, self.chosen), 0.0
         if self.course.legs:
             new, gained = hand_over(scene, new, path)
@@ -215,20 +216,20 @@ class _Adaptive:
         return new
 
     def _next_model(self, name: str, now: float) -> str:
-        """Return the model to go over to: linear where the forecast certifies it for long, else exact."""
-        if self.chosen[name] != "rigid" or name not in self.forecast:
-            return "exact"
-        times, errors = self.forecast[name]
-        later = times >= now
-        over = times[later][errors[later] > self.bound]
+        """Return the model to go over to: one that the forecast certifies for long, else the highest."""
         rest = self.loaded.deck.solve.duration - now
-        return "exact" if len(over) and over[0] - now < WORTH_IT * rest else "linear"
+        forecast = self.forecast.get(name, {}) if self.chosen[name] == LADDER[0] else {}
+        for model, (times, errors) in forecast.items():
+            over = times[(times >= now) & (errors > self.bound)]
+            if not len(over) or over[0] - now >= WORTH_IT * rest:
+                return model
+        return LADDER[-1]
 
     # ------------------------------------------------------------------ estimates
 
     def watched(self, scene: Scene) -> list[str]:
         """Return the beams whose model may have to be left."""
-        return [name for name in self.chosen if scene.models[name] != "exact"]
+        return [name for name in self.chosen if scene.models[name] != LADDER[-1]]
 
     def _exits(self, scene: Scene, done: Integration) -> dict[str, _Exit]:
         """Return where beams have to leave their models; nothing if the leg can stand as it is."""
@@ -263,29 +264,23 @@ class _Adaptive:
         self, scene: Scene, name: str, times: Array, q: Array, v: Array, forecast: bool = False
     ) -> tuple[Array, dict[str, Array], Deformation]:
         """Return the error estimated over the range of the tip, its terms [m] and the deformation."""
-        x = scene.system.absolute(q)
-        seen = self._deformation(scene, name, times, q, v, x)
-        reach = max(tip_range(scene, name, x), float(np.ptp(seen.tip)))
-        if forecast and name not in self.reach and scene.models[name] == "rigid":
-            self.reach[name] = reach
+        model, seen = scene.models[name], deformation_of(scene, scene.bodies[name], times, q, v)
+        reach = max(tip_range(scene, name, scene.system.absolute(q)), float(np.ptp(seen.tip, axis=0).max()))
+        first = forecast and model == LADDER[0]
+        if first:
+            self.reach.setdefault(name, reach)
         scale = max(reach, self.reach.get(name, 0.0), 1e-300)
-        terms = tip_error(scene, name, scene.models[name], seen, times)
-        if forecast and scene.models[name] == "rigid":
-            ringing = seen._replace(
-                slope=2.0 * seen.slope, tip=2.0 * seen.tip, curvature=2.0 * seen.curvature
-            )
-            later = sum(tip_error(scene, name, "linear", ringing, times).values(), np.zeros(len(times)))
-            self.forecast[name] = times, later / scale
-        return sum(terms.values(), np.zeros(len(times))) / scale, terms, seen
 
-    def _deformation(
-        self, scene: Scene, name: str, times: Array, q: Array, v: Array, x: Array
-    ) -> Deformation:
-        body = scene.bodies[name]
-        if isinstance(body, RigidBeam):
-            return quasistatic(scene, body, times, q, v)
-        assert scene.models[name] in TRUNCATED
-        return deformation(body, x, scene.system.absolute_velocity(q, v))  # type: ignore[arg-type]
+        def error(terms: dict[str, Array]) -> Array:
+            return np.asarray(sum(terms.values(), np.zeros(len(times))) / scale)
+
+        if first:
+            ringing = seen.bent(2.0)
+            self.forecast[name] = {
+                later: (times, error(tip_error(scene, name, later, ringing, times))) for later in LADDER[1:-1]
+            }
+        terms = tip_error(scene, name, model, seen, times)
+        return error(terms), terms, seen
 
 
 @dataclass
@@ -299,7 +294,9 @@ class _Watch:
         self._names = [name for name in self.run.watched(self.scene)]
         self._states: list[tuple[float, Array, Array]] = []
         # an all-rigid run is short, and its end is what forecasts are made from
-        self._idle = not self._names or all(model == "rigid" for model in self.scene.models.values())
+        self._idle = not self._names or not any(
+            MODELS[model].flexible for model in self.scene.models.values()
+        )
         self._next = EVERY
 
     def __call__(self, t: float, q: Array, v: Array) -> None:

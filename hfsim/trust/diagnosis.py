@@ -16,8 +16,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
-from hfsim.parts.bodies import BeamSpec
-from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.culprit import body_of
 from hfsim.run.integration import Integration
@@ -29,8 +28,6 @@ DEAD = 1e-3
 """Smallest singular value of the joint equations, over that at the start, that means a dead centre."""
 MASSLESS = 1e-8
 """Mass over the scene's total from which a body without inertia is to blame for motions too fast."""
-CRUSHED = 3.0**-0.5
-"""Stretch below which the force of the Green strain gives way to more compression: d/ds (s^3 - s) = 0."""
 
 
 def diagnose(scene: Scene, done: Integration, seconds: float) -> SolverFailure:
@@ -122,7 +119,7 @@ def _largest_term(stop: SolverFailure, trial: Experiments) -> tuple[str, str, di
         sizes["left_range_at"] = validity[name]["left_at"]
     if "smallest_eigenvalue" in stop.evidence:
         return name, "inertia of third order: the mass matrix becomes indefinite", sizes
-    if trial.scene.models[name] == "lowOrder":
+    if largest["inertia"]:
         return name, "inertia forces of third order", {**sizes, "inertia": largest["inertia"]}
     if largest["stiffening"] > 1.0:
         return name, "stiffening by axial force", {**sizes, "stiffening": largest["stiffening"]}
@@ -146,7 +143,7 @@ def _method(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
 def _without_mass(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     """A body next to without mass whose motions are too fast for any step."""
     scene = trial.scene
-    masses = {name: _mass(scene, name) for name in scene.bodies}
+    masses = _masses(scene)
     name = min(masses, key=lambda one: masses[one])
     if len(masses) < 2 or masses[name] > MASSLESS * sum(masses.values()):
         return None
@@ -159,16 +156,22 @@ def _without_mass(stop: SolverFailure, trial: Experiments) -> SolverFailure | No
     reason = f"{item} has next to no mass ({masses[name]:.3g} of {sum(masses.values()):.3g} kg) and moves at "
     reason += f"{rate:.2g} rad/s: no step can follow it"
     evidence = {"fastest_rate": rate, "mass": masses[name], **trial.outcomes}
-    key = "mass" if scene.deck.bodies[name].type == "rigid" else "length"
+    key = "mass" if hasattr(scene.deck.bodies[name], "mass") else "length"
     remedy = f"give {item}.{key} a realistic value or leave the body out"
     return replace(_classed(stop, "deck", item, evidence, remedy), reason=reason)
 
 
-def _mass(scene: Scene, name: str) -> float:
-    spec = scene.deck.bodies[name]
-    if spec.type == "rigid":
-        return float(spec.mass)
-    return float(scene.deck.properties(name).mass_per_length * spec.length)
+def _masses(scene: Scene) -> dict[str, float]:
+    """Return the masses [kg] of bodies that can move: their kinetic energy at unit speed, twice."""
+    x, n_dim = scene.system.absolute(scene.q[None]), len(scene.deck.gravity)
+    pose, shift = Pose(np.zeros(n_dim), np.zeros(1)), next(Twist.units(n_dim))
+    masses = {}
+    for name, body in scene.bodies.items():
+        if not body.still:
+            u = np.zeros_like(x)
+            u[:, body.columns] = body.moving(pose, shift)
+            masses[name] = 2.0 * float(scene.system.kinetic_energy(x, u)[0])
+    return masses
 
 
 def _stays(stop: SolverFailure, trial: Experiments) -> SolverFailure:
@@ -192,48 +195,31 @@ def _stays(stop: SolverFailure, trial: Experiments) -> SolverFailure:
 def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
     """A beam pressed together beyond what Green strain can bear, while the energy was still kept."""
     scene, path = trial.scene, trial.done.trajectory
-    beams = [
-        one
-        for one in scene.bodies.values()
-        if isinstance(one, NodalBeam) and scene.models[one.name] != "linear" and _is_green(scene, one)
-    ]
-    if not beams or not path.segments:
+    limits = {one.name: limit for one in scene.bodies.values() if (limit := one.gives_way_at) is not None}
+    if not limits or not path.segments:
         return None
     ends = step_samples(path)
     x = scene.system.absolute(ends.q)
-    stretches = np.stack([_smallest_stretch(body, x) for body in beams])
-    below = np.flatnonzero(stretches.min(axis=0) < CRUSHED)
+    stretches = np.stack([scene.bodies[name].smallest_stretch(x) / limits[name] for name in limits])
+    below = np.flatnonzero(stretches.min(axis=0) < 1.0)
     if not len(below) or not below[0]:
         return None
-    k, body = int(below[0]), beams[int(np.argmin(stretches[:, below[0]]))]
+    k = int(below[0])
+    name = list(limits)[int(np.argmin(stretches[:, k]))]
     until = Trajectory(path.t_start, float(ends.t[k]), ends.q[k], ends.v[k], path.segments[:k])
     drift = balance(scene.system, step_samples(until))["energy_drift"]
     if drift > GOOD_BALANCE:
         return None
-    time, stretch = float(ends.t[k]), float(stretches[:, k].min())
+    time, stretch = float(ends.t[k]), limits[name] * float(stretches[:, k].min())
     reason = (
-        f"body '{body.name}' is pressed together to {stretch:.2g} of its length at t = {time:.4g} s: below "
-    )
-    reason += (
-        f"{CRUSHED:.3f} the force of Green strain gives way, and the beam collapses; {stop.reason} after that"
+        f"body '{name}' is pressed together to {stretch:.2g} of its length at t = {time:.4g} s: below "
+        f"{limits[name]:.3f} the force of Green strain gives way, and the beam collapses; "
+        f"{stop.reason} after that"
     )
     evidence = {"collapse_at": time, "smallest_stretch": stretch, "energy_drift_until_then": drift}
-    entry = {f"bodies.{body.name}.strain": "engineering", f"bodies.{body.name}.curvature": "exact"}
-    found = _classed(stop, "physical", f"bodies.{body.name}", evidence, command(scene.loaded, entry))
+    entry = {f"bodies.{name}.strain": "engineering", f"bodies.{name}.curvature": "exact"}
+    found = _classed(stop, "physical", f"bodies.{name}", evidence, command(scene.loaded, entry))
     return replace(found, reason=reason)
-
-
-def _is_green(scene: Scene, body: NodalBeam) -> bool:
-    spec = scene.deck.bodies[body.name]
-    return isinstance(spec, BeamSpec) and spec.strain == "green"
-
-
-def _smallest_stretch(body: NodalBeam, x: Array) -> Array:
-    """Return the smallest length of the slope vector along a beam, shape (n_batch,)."""
-    places = np.linspace(0.0, body.mesh.length, 4 * body.mesh.count + 1)
-    rows = np.array([body.mesh.shape(float(a), 0.0, (1, 0)) for a in places])
-    slopes = rows @ x[:, body.columns].reshape(len(x), -1, 2)
-    return np.asarray(np.linalg.norm(slopes, axis=2).min(axis=1))
 
 
 def linearised(done: Integration, t: float) -> tuple[Array, Array]:

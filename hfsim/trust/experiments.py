@@ -12,6 +12,7 @@ from hfsim.errors import LimitReached
 from hfsim.maths.arrays import Array
 from hfsim.maths.rank import Dependence, dependence
 from hfsim.parts.bodies import BeamSpec
+from hfsim.parts.bodies.models import LADDER, MODELS
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.stop import Budget
@@ -117,7 +118,7 @@ class Experiments:
 
     def passes_exact(self) -> bool:
         """Try the scene with every beam in the model exact, from its start."""
-        exact = build(self.scene.loaded, models=dict.fromkeys(self.scene.models, "exact"))
+        exact = build(self.scene.loaded, models=dict.fromkeys(self.scene.models, LADDER[-1]))
         return self.passes("model exact", {}, exact)
 
     def other_settings(self) -> Iterator[tuple[str, Update]]:
@@ -133,7 +134,8 @@ class Experiments:
         for method in STIFF_METHODS:
             if method != self.done.method:
                 yield f"method {method}", {"method": method, "stages": None, "order": None}
-        if {"linear", "exact"} & set(self.scene.models.values()) and solve.coordinates == "frame":
+        models = (MODELS[one] for one in self.scene.models.values())
+        if solve.coordinates == "frame" and any(one.stepping_in("absolute") != one for one in models):
             yield "absolute coordinates", {"coordinates": "absolute"}
 
     def tighter(self) -> Update:
@@ -150,7 +152,7 @@ class Experiments:
         spec = self.scene.deck.bodies[name]
         own = isinstance(spec, BeamSpec) and spec.model is not None
         key = f"bodies.{name}.model" if own else "solve.model"
-        return command(self.scene.loaded, {key: "exact"}, force)
+        return command(self.scene.loaded, {key: LADDER[-1]}, force)
 
 
 def joint_dependence(scene: Scene, q: Array) -> Dependence:

@@ -18,19 +18,16 @@ magnitude: the error of a phase that grows over many periods is not in it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, distinct
-from hfsim.maths.rotations import as_complex
-from hfsim.maths.shapes import gauss_legendre
+from hfsim.maths.arrays import Array, cumulative, distinct
+from hfsim.mechanics.body import Body
+from hfsim.mechanics.deformation import Deformation, size
 from hfsim.parts.bodies import BeamSpec
-from hfsim.parts.bodies.frame import relative_nodes
-from hfsim.parts.bodies.low_order_body import LowOrderBody
-from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import Scene
 
 LEFT = 5e-3
@@ -39,8 +36,6 @@ CURVATURE = 1.9
 """Relative error of a deflection by `lowOrder` over the largest slope squared, measured on a cantilever."""
 RINGING = 2.0
 """Largest deformation under a load that sets in suddenly over that of the same load at rest."""
-TRUNCATED = ("linear", "lowOrder")
-"""Models of flexible beams that leave terms out."""
 STEEP = 0.3
 """Slope [rad] from which small angles are no longer small."""
 MAX_STATES = 2000
@@ -57,32 +52,35 @@ _WAVE_NUMBERS = {
 """First wave number times length of a beam by its ends, the stiffer end first."""
 
 
-class Deformation(NamedTuple):
-    """One beam of a truncated model in its body frame, in a batch of states.
+class Beam(NamedTuple):
+    """What estimates need of a beam besides its deformation.
 
     Attributes
     ----------
-    axial, slope, curvature : ndarray, shape (n_batch, n_points)
-        u1', u2' [-] and u2'' [1/m] at Gauss points; for lowOrder those of w and v.
-    tip : ndarray, shape (n_batch,)
-        Deflection of the tip [m].
-    spin : ndarray, shape (n_batch,)
-        Angular velocity of the body frame [rad/s].
-    weights : ndarray, shape (n_points,)
-        Of the Gauss points [m].
+    axial, bending : float
+        EA [N] and EI [N m^2].
+    frequency : float
+        First bending frequency with its ends as the joints hold them [rad/s].
     """
 
-    axial: Array
-    slope: Array
-    curvature: Array
-    tip: Array
-    spin: Array
-    weights: Array
+    axial: float
+    bending: float
+    frequency: float
 
-    @property
-    def shortening(self) -> Array:
-        """1/2 int u2'^2 dx [m], shape (n_batch,)."""
-        return np.asarray(0.5 * self.slope**2 @ self.weights)
+
+class Term(NamedTuple):
+    """Something that a model may leave out.
+
+    Attributes
+    ----------
+    words : str
+        That this is no longer small.
+    error : callable
+        (beam, deformation, times) -> estimated error of the tip [m], shape (n_batch,).
+    """
+
+    words: str
+    error: Callable[[Beam, Deformation, Array], Array]
 
 
 def watch_validity(scene: Scene, times: Array, q: Array, v: Array) -> dict[str, Any]:
@@ -110,11 +108,11 @@ def watch_validity(scene: Scene, times: Array, q: Array, v: Array) -> dict[str, 
     return {body.name: _judge(scene, body, t, x, u) for body in truncated_beams(scene)}
 
 
-def truncated_beams(scene: Scene) -> Iterator[NodalBeam | LowOrderBody]:
-    """Yield the beams whose model leaves terms out."""
-    for body in scene.bodies.values():
-        if isinstance(body, NodalBeam | LowOrderBody) and scene.models[body.name] in TRUNCATED:
-            yield body
+def truncated_beams(scene: Scene) -> Iterator[Body]:
+    """Yield the flexible beams whose model leaves terms out."""
+    for name, model in scene.models.items():
+        if MODELS[model].flexible and MODELS[model].leaves_out:
+            yield scene.bodies[name]
 
 
 def validity_warnings(models: Mapping[str, str], validity: dict[str, Any]) -> list[str]:
@@ -127,21 +125,21 @@ def validity_warnings(models: Mapping[str, str], validity: dict[str, Any]) -> li
     ]
 
 
-def _judge(scene: Scene, body: NodalBeam | LowOrderBody, t: Array, x: Array, u: Array) -> dict[str, Any]:
-    spec = _beam(scene, body.name)
-    seen = deformation(body, x, u)
-    scale = max(tip_range(scene, body.name, x), 1e-9 * spec.length)
-    first, stiffening = _stiffening_of(scene, body.name, seen, t)
-    terms = _error_terms(seen, scene.models[body.name], stiffening)
+def _judge(scene: Scene, body: Body, t: Array, x: Array, u: Array) -> dict[str, Any]:
+    seen = body.deformation(x, u)
+    assert seen is not None
+    beam, length = _beam(scene, body.name), _length(scene, body.name)
+    scale = max(tip_range(scene, body.name, x), 1e-9 * length)
+    terms = tip_error(scene, body.name, scene.models[body.name], seen, t)
     error = sum(terms.values(), np.zeros(len(t))) / scale
     largest = {
         "estimated_error": float(error.max()),
-        "slope": float(np.abs(seen.slope).max()),
-        "foreshortening": float(seen.shortening.max() / spec.length),
-        "axial_strain": float(_over(0.5 * (seen.slope**2).max(), np.abs(seen.axial).max())),
-        "stiffening": float(np.abs(stiffening).max()),
-        "inertia": _third_order(body, x),
-        "spin": float(np.abs(seen.spin).max() / first),
+        "slope": float(seen.steepness.max()),
+        "foreshortening": float(seen.shortening.max() / length),
+        "axial_strain": _over(0.5 * float((seen.steepness**2).max()), float(np.abs(seen.axial).max())),
+        "stiffening": float(_stiffening(beam, seen, t).max()),
+        "inertia": body.third_order_inertia(x),
+        "spin": float(size(seen.spin).max() / beam.frequency),
     }
     left = np.flatnonzero(error > LEFT)
     if not len(left):
@@ -150,10 +148,21 @@ def _judge(scene: Scene, body: NodalBeam | LowOrderBody, t: Array, x: Array, u: 
     return {"left_at": float(t[at]), "reason": error_reason(terms, at, seen, error), "largest": largest}
 
 
-def _beam(scene: Scene, name: str) -> BeamSpec:
+def _over(a: float, b: float) -> float:
+    return a / b if b > 0.0 else 0.0
+
+
+def _length(scene: Scene, name: str) -> float:
     spec = scene.deck.bodies[name]
     assert isinstance(spec, BeamSpec)
-    return spec
+    return spec.length
+
+
+def _beam(scene: Scene, name: str) -> Beam:
+    beam = scene.deck.properties(name)
+    speed = np.sqrt(beam.bending_stiffness / beam.mass_per_length)
+    wave_number = _WAVE_NUMBERS[_ends(scene, name)] / _length(scene, name)
+    return Beam(beam.axial_stiffness, beam.bending_stiffness, float(wave_number**2 * speed))
 
 
 def tip_range(scene: Scene, name: str, x: Array) -> float:
@@ -162,12 +171,11 @@ def tip_range(scene: Scene, name: str, x: Array) -> float:
     At most twice the length of all beams: a model that runs away must not be judged by how far it has run.
     """
     reach = float(np.ptp(scene.marker(f"{name}.tip").position(x), axis=0).max())
-    lengths = sum(one.length for one in scene.deck.bodies.values() if isinstance(one, BeamSpec))
-    return min(reach, 2.0 * lengths)
+    return min(reach, 2.0 * sum(_length(scene, one) for one in scene.models))
 
 
 def tip_error(scene: Scene, name: str, model: str, seen: Deformation, t: Array) -> dict[str, Array]:
-    """Return what a model leaves out at the tip of a beam that deforms so [m], by cause, (n_batch,) each.
+    """Return what a model leaves out at the tip of a beam that deforms so [m], by term, (n_batch,) each.
 
     Parameters
     ----------
@@ -175,104 +183,109 @@ def tip_error(scene: Scene, name: str, model: str, seen: Deformation, t: Array) 
     name : str
         Of the beam.
     model : str
-        ``rigid``, ``linear`` or ``lowOrder``; need not be that of the scene.
+        Need not be that of the scene.
     seen : Deformation
     t : ndarray, shape (n_batch,)
         In order.
     """
-    stiffening = _stiffening_of(scene, name, seen, t)[1] if model == "linear" else np.zeros(len(t))
-    if model == "rigid":
-        return {"bending": _bending_left_out(seen), "stretch": _stretch_left_out(seen, t)}
-    return _error_terms(seen, model, stiffening)
-
-
-def _stiffening_of(scene: Scene, name: str, seen: Deformation, t: Array) -> tuple[float, Array]:
-    """Return the first bending frequency of a beam [rad/s] and the stiffening left out, (n_batch,)."""
-    beam = scene.deck.properties(name)
-    EA, EI = beam.axial_stiffness, beam.bending_stiffness
-    first = _first_frequency(scene, name, _beam(scene, name).length, np.sqrt(EI / beam.mass_per_length))
-    return first, _stiffening(seen, EA, EI, t, 1.0 / first)
-
-
-def _error_terms(seen: Deformation, model: str, stiffening: Array) -> dict[str, Array]:
-    """Return estimates of the error of the tip [m] by what causes it, each of shape (n_batch,)."""
-    steepest = np.abs(seen.slope).max(axis=1)
-    if model == "lowOrder":
-        return {"curvature": CURVATURE * steepest**2 * np.abs(seen.tip)}
-    deflection = np.maximum.accumulate(np.abs(seen.tip))
-    return {"foreshortening": seen.shortening, "stiffening": stiffening * deflection}
-
-
-def _stretch_left_out(seen: Deformation, t: Array) -> Array:
-    """Return the elongation left out [m], shape (n_batch,): the largest so far, and the angle it costs.
-
-    A free spin slows down by twice the share by which the body gets longer.
-    """
-    spin = np.abs(seen.spin)
-    turned = np.concatenate([[0.0], np.cumsum(0.5 * (spin[1:] + spin[:-1]) * np.diff(t))])
-    largest = RINGING * np.maximum.accumulate(np.abs(seen.axial @ seen.weights))
-    return np.asarray(largest * (1.0 + 2.0 * turned))
-
-
-def _bending_left_out(seen: Deformation) -> Array:
-    """Return the deflection left out [m], shape (n_batch,): the largest so far, and the phase it costs.
-
-    What bends by a share e of its swing swings slower by e / 2 at most: by pi / 2 of e each half period.
-    """
-    largest = RINGING * np.maximum.accumulate(np.abs(seen.tip))
-    side = np.sign(np.where(np.abs(seen.tip) > 0.1 * np.abs(seen.tip).max(initial=0.0), seen.tip, 0.0))
-    sides = side[side != 0.0]
-    turned = np.zeros(len(side))
-    turned[np.flatnonzero(side)[1:]] = sides[1:] != sides[:-1]
-    return np.asarray(largest * (1.0 + 0.5 * np.pi * np.cumsum(turned)))
+    beam = _beam(scene, name)
+    return {term: TERMS[term].error(beam, seen, t) for term in MODELS[model].leaves_out}
 
 
 def error_reason(terms: dict[str, Array], at: int, seen: Deformation, error: Array) -> str:
     """Return in words which term (see `tip_error`) prevails at index ``at``, and how large all are."""
     name = max(terms, key=lambda one: float(terms[one][at]))
-    words = {
-        "foreshortening": "the foreshortening it leaves out is no longer small",
-        "stiffening": "the stiffening by axial force that it leaves out is no longer small against bending",
-        "bending": "the bending it leaves out is no longer small",
-        "stretch": "the stretch it leaves out is no longer small",
-        "curvature": "the terms of third order in the deflection that it leaves out are no longer small",
-    }[name]
-    slope = float(np.abs(seen.slope[at]).max())
-    return f"{words} (slope {slope:.2g} rad, estimated error {100.0 * error[at]:.2g} % of the tip's range)"
+    size = f"slope {seen.steepness[at].max():.2g} rad, estimated error {100.0 * error[at]:.2g} %"
+    return f"{TERMS[name].words} ({size} of the tip's range)"
 
 
-def _stiffening(seen: Deformation, EA: float, EI: float, t: Array, window: float) -> Array:
+# --- terms ---------------------------------------------------------------------------------------
+
+
+def _stretch(beam: Beam, seen: Deformation, t: Array) -> Array:
+    """Return the elongation left out, the largest so far, and the angle it costs.
+
+    A free spin slows down by twice the share by which the body gets longer.
+    """
+    turned = cumulative(size(seen.spin), t)
+    largest = RINGING * np.maximum.accumulate(np.abs(seen.elongation))
+    return np.asarray(largest * (1.0 + 2.0 * turned))
+
+
+def _bending(beam: Beam, seen: Deformation, t: Array) -> Array:
+    """Return the deflection left out, the largest so far, and the phase it costs.
+
+    What bends by a share e of its swing swings slower by e / 2 at most: by pi / 2 of e each half period.
+    """
+    largest = RINGING * np.maximum.accumulate(size(seen.tip))
+    swings = np.max([_half_swings(deflection) for deflection in seen.tip.T], axis=0)
+    return np.asarray(largest * (1.0 + 0.5 * np.pi * swings))
+
+
+def _half_swings(deflection: Array) -> Array:
+    """Return how often a deflection has changed sides so far, shape (n_batch,); near zero it has none."""
+    reach = np.abs(deflection)
+    side = np.sign(np.where(reach > 0.1 * reach.max(initial=0.0), deflection, 0.0))
+    there = np.flatnonzero(side)
+    turned = np.zeros(len(side))
+    turned[there[1:]] = side[there[1:]] != side[there[:-1]]
+    return np.cumsum(turned)
+
+
+def _stiffening(beam: Beam, seen: Deformation, t: Array) -> Array:
     """Return |N v'^2| over the largest EI v''^2 so far, integrals over the beam, shape (n_batch,).
 
     N v'^2 is its mean over the time that bending takes to answer: waves along the beam do not bend it.
     """
-    left_out = np.abs(_mean_before(t, (EA * seen.axial * seen.slope**2) @ seen.weights, window))
-    kept = np.maximum.accumulate((EI * seen.curvature**2) @ seen.weights)
+    tension = beam.axial * (seen.axial * seen.steepness**2) @ seen.weights
+    left_out = np.abs(_mean_before(t, tension, 1.0 / beam.frequency))
+    kept = np.maximum.accumulate(beam.bending * size(seen.curvature) ** 2 @ seen.weights)
     floor = 1e-12 * kept[-1]
     return np.where(kept > floor, left_out / np.where(kept > floor, kept, 1.0), 0.0)
 
 
 def _mean_before(t: Array, values: Array, window: float) -> Array:
     """Return the mean of a function of time over the window that ends at each time, shape of ``t``."""
-    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(t))])
+    area = cumulative(values, t)
     begin = np.maximum(t - window, t[0])
     length = t - begin
     mean = (area - np.interp(begin, t, area)) / np.where(length > 0.0, length, 1.0)
     return np.where(length > 0.0, mean, values)
 
 
-def _over(a: float, b: float) -> float:
-    return a / b if b > 0.0 else 0.0
+def _out_of_line(beam: Beam, seen: Deformation, t: Array) -> Array:
+    return np.asarray(_stiffening(beam, seen, t) * np.maximum.accumulate(size(seen.tip)))
 
 
-def _third_order(body: NodalBeam | LowOrderBody, x: Array) -> float:
-    return body.beam.third_order_inertia(x) if isinstance(body, LowOrderBody) else 0.0
+def _third_order(beam: Beam, seen: Deformation, t: Array) -> Array:
+    return np.asarray(CURVATURE * seen.steepness.max(axis=1) ** 2 * size(seen.tip))
 
 
-def _first_frequency(scene: Scene, name: str, length: float, wave_speed: float) -> float:
-    """Return the first bending frequency [rad/s] of the beam with its ends as the joints hold them."""
-    ends = sorted((_end(scene, f"{name}.root"), _end(scene, f"{name}.tip")), key="clamped pinned free".find)
-    return float((_WAVE_NUMBERS[ends[0], ends[1]] / length) ** 2 * wave_speed)
+TERMS = {
+    "foreshortening": Term(
+        "the foreshortening it leaves out is no longer small", lambda beam, seen, t: seen.shortening
+    ),
+    "stiffening": Term(
+        "the stiffening by axial force that it leaves out is no longer small against bending", _out_of_line
+    ),
+    "bending": Term("the bending it leaves out is no longer small", _bending),
+    "stretch": Term("the stretch it leaves out is no longer small", _stretch),
+    "curvature": Term(
+        "the terms of third order in the deflection that it leaves out are no longer small", _third_order
+    ),
+}
+"""What models leave out, by the names that `MODELS` states."""
+
+
+# --- how joints hold the ends --------------------------------------------------------------------
+
+
+def _ends(scene: Scene, name: str) -> tuple[str, str]:
+    """Return how joints hold both ends of a beam, the stiffer one first."""
+    root, tip = sorted(
+        (_end(scene, f"{name}.{end}") for end in ("root", "tip")), key="clamped pinned free".find
+    )
+    return root, tip
 
 
 def _end(scene: Scene, point: str) -> str:
@@ -288,38 +301,3 @@ def _end(scene: Scene, point: str) -> str:
     if kinds & {"fixed", "prismatic", "driver"}:
         return "clamped"
     return "pinned" if kinds else "free"
-
-
-def deformation(body: NodalBeam | LowOrderBody, x: Array, u: Array) -> Deformation:
-    """Return the deformation of a beam in its body frame.
-
-    Parameters
-    ----------
-    body : NodalBeam or LowOrderBody
-    x, u : ndarray, shape (n_batch, n)
-        Absolute coordinates and their rates.
-    """
-    mesh = body.beam.mesh if isinstance(body, LowOrderBody) else body.mesh
-    weights, D1, D2 = _rows(mesh)
-    tip = mesh.shape(mesh.length)
-    if isinstance(body, LowOrderBody):
-        _, _, w, v = body.beam.split(x)
-        axial, across, tip_row = w @ D1[:, 1:].T, v, tip[2:]
-        D1, D2 = D1[:, 2:], D2[:, 2:]
-        spin = body.beam.split(u)[1]
-    else:
-        origin, tangent, z = relative_nodes(x[:, body.columns].reshape(len(x), -1, 2))
-        p = (z - mesh.positions * origin) * tangent.conj()
-        axial, across, tip_row = p.real @ D1.T - 1.0, p.imag, tip
-        rate = as_complex(u[:, body.columns].reshape(len(u), -1, 2))[:, 1] * tangent[:, 0].conj()
-        spin = rate.imag / np.abs(z[:, 1])
-    return Deformation(axial, across @ D1.T, across @ D2.T, across @ tip_row, np.asarray(spin), weights)
-
-
-def _rows(mesh: BeamMesh) -> tuple[Array, Array, Array]:
-    """Return weights [m] and the rows of the first and second derivatives at four Gauss points an element."""
-    places, w = gauss_legendre(4)
-    at = (np.arange(mesh.count)[:, None] + places).ravel() * mesh.element.length
-    D1 = np.array([mesh.shape(float(a), 0.0, (1, 0)) for a in at])
-    D2 = np.array([mesh.shape(float(a), 0.0, (2, 0)) for a in at])
-    return np.tile(w, mesh.count) * mesh.element.length, D1, D2

@@ -10,6 +10,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray, IntArray
 from hfsim.maths.rotations import as_complex, as_vectors
+from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ForcePart
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.frame import relative_nodes
@@ -25,6 +26,13 @@ class LinearBeam(NodalBeam):
         """Yield the weight, and elastic force and damping as one."""
         yield self.beam.weight(n)
         yield linearised(self.beam)
+
+    def _stretch(self, seen: Deformation) -> Array:
+        return np.asarray(seen.axial[0])
+
+    @property
+    def gives_way_at(self) -> None:
+        """None: the force is linear."""
 
     def increments(self) -> None:
         """Return None: in the body frame the stiffness is constant."""

@@ -12,6 +12,7 @@ from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import normal, rotate
 from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
@@ -174,6 +175,26 @@ class LowOrderBody(Body):
         """Return points of the centre line."""
         places = self.beam.mesh.outline_places
         return np.stack([self.marker((float(a), 0.0)).position(x) for a in places], axis=1)
+
+    def deformation(self, x: Array, u: Array) -> Deformation:
+        """Return that of w and v."""
+        _, _, w, v = self.beam.split(x)
+        axis, spin = self.beam.mesh.axis, self.beam.split(u)[1]
+        slope, curvature, tip = (v @ rows[..., 2:].T for rows in (axis.slope, axis.curvature, axis.tip))
+        axial = w @ axis.slope[:, 1:].T
+        return Deformation(
+            axis.places,
+            axis.weights,
+            axial,
+            slope[..., None],
+            curvature[..., None],
+            tip[:, None],
+            spin[:, None],
+        )
+
+    def third_order_inertia(self, x: Array) -> float:
+        """Return that of the beam."""
+        return self.beam.third_order_inertia(x)
 
     @property
     def variable_mass(self) -> LowOrderBeam:

@@ -4,12 +4,32 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.elements import Element
 from hfsim.parts.elements._base import Inertia
+
+
+class AxisRows(NamedTuple):
+    """Places along an axis with weights for integrals [m], and shape rows there and at the tip.
+
+    Attributes
+    ----------
+    places, weights : ndarray, shape (n_points,)
+    slope, curvature : ndarray, shape (n_points, n_vectors)
+        First and second derivatives.
+    tip : ndarray, shape (n_vectors,)
+    """
+
+    places: Array
+    weights: Array
+    slope: Array
+    curvature: Array
+    tip: Array
 
 
 @dataclass(frozen=True)
@@ -72,6 +92,15 @@ class BeamMesh:
         places = np.zeros(self.n_vectors)
         places[:: self.element.stride] = 1.0
         return places
+
+    @cached_property
+    def axis(self) -> AxisRows:
+        """Places along the axis, four Gauss points an element, and what is needed there."""
+        xi, w = gauss_legendre(4)
+        places = (np.arange(self.count)[:, None] + xi).ravel() * self.element.length
+        slope, curvature = (np.array([self.shape(float(a), 0.0, (k, 0)) for a in places]) for k in (1, 2))
+        weights = np.tile(w, self.count) * self.element.length
+        return AxisRows(places, weights, slope, curvature, self.shape(self.length))
 
     @cached_property
     def mass(self) -> Array:

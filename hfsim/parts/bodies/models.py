@@ -25,11 +25,25 @@ class Model(NamedTuple):
     strain : str
         ``none`` in a rigid body; ``exact`` as the element says; ``linear`` about the undeformed state in
         the body frame; ``low_order`` in the axial variable w with the foreshortening in the kinematics.
+    leaves_out : tuple of str
+        Terms by which its error is estimated, of `hfsim.trust.validity`; none where it is the truth.
+    rung : int or None
+        Place on the ladder of models that are chosen in a run, from the cheapest to the truth.
+    alone : bool
+        Whether it is worth that only for the one flexible beam of a scene.
     """
 
     body: str
     frame: bool
     strain: Literal["none", "exact", "linear", "low_order"]
+    leaves_out: tuple[str, ...] = ()
+    rung: int | None = None
+    alone: bool = False
+
+    @property
+    def flexible(self) -> bool:
+        """Whether its body deforms."""
+        return self.strain != "none"
 
     def assemble(self, beam: Blueprint) -> Body:
         """Return the body of a beam in this model."""
@@ -48,9 +62,25 @@ class Model(NamedTuple):
 
 
 MODELS: dict[str, Model] = {
-    "rigid": Model("rigid_beam:RigidBeam", frame=False, strain="none"),
-    "linear": Model("linear:LinearBeam", frame=True, strain="linear"),
-    "lowOrder": Model("low_order_body:LowOrderBody", frame=True, strain="low_order"),
-    "exact": Model("nodal:NodalBeam", frame=True, strain="exact"),
+    "rigid": Model(
+        "rigid_beam:RigidBeam", frame=False, strain="none", leaves_out=("bending", "stretch"), rung=0
+    ),
+    "linear": Model(
+        "linear:LinearBeam",
+        frame=True,
+        strain="linear",
+        leaves_out=("foreshortening", "stiffening"),
+        rung=1,
+        alone=True,
+    ),
+    "lowOrder": Model(
+        "low_order_body:LowOrderBody", frame=True, strain="low_order", leaves_out=("curvature",)
+    ),
+    "exact": Model("nodal:NodalBeam", frame=True, strain="exact", rung=2),
     "ancf": Model("nodal:NodalBeam", frame=False, strain="exact"),
 }
+
+LADDER = tuple(
+    sorted((n for n, m in MODELS.items() if m.rung is not None), key=lambda n: MODELS[n].rung or 0)
+)
+"""Models that are chosen in a run: from the cheapest, which is rigid, to the one that leaves nothing out."""

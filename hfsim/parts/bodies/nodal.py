@@ -8,14 +8,16 @@ from typing import Self
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, IntArray, cumulative
 from hfsim.maths.matrices import Entries
+from hfsim.maths.rotations import as_complex
 from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.deformation import Deformation, size
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.frame import FrameChart
+from hfsim.parts.bodies.frame import FrameChart, relative_nodes
 from hfsim.parts.bodies.interior import InteriorBeams
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.natural import BeamIncrements, NaturalBeams
@@ -85,7 +87,68 @@ class NodalBeam(Body):
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
         rows = np.array([self.mesh.shape(float(a)) for a in self.mesh.outline_places])
-        return np.asarray(rows @ x[:, self.columns].reshape(len(x), -1, self.beam.n_dim))
+        return np.asarray(rows @ self._vectors(x))
+
+    @property
+    def coordinates(self) -> str:
+        """Nodal vectors, whatever its elastic force."""
+        return "nodal vectors"
+
+    def deformation(self, x: Array, u: Array) -> Deformation:
+        """Return that of the nodal vectors in the frame at the root."""
+        axis, positions = self.mesh.axis, self.mesh.positions
+        origin, tangent, z = relative_nodes(self._vectors(x))
+        p = (z - positions * origin) * tangent.conj()
+        spin = (as_complex(self._vectors(u)[:, 1:2]) * tangent.conj()).imag / np.abs(z[:, 1:2])
+        slope, curvature, tip = (p.imag @ rows.T for rows in (axis.slope, axis.curvature, axis.tip))
+        axial = p.real @ axis.slope.T - 1.0
+        return Deformation(
+            axis.places, axis.weights, axial, slope[..., None], curvature[..., None], tip[:, None], spin
+        )
+
+    def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
+        """Return nodal vectors and rates of the bent and stretched beam; sections stay normal to the axis."""
+        mesh, stride = self.mesh, self.mesh.element.stride
+        nodes = mesh.undeformed[::stride, 0]
+
+        def at_nodes(values: Array) -> Array:
+            return np.stack([np.interp(nodes, seen.places, one) for one in values.T], axis=-1)
+
+        gradient = np.column_stack([self._stretch(seen), seen.slope[0]])
+        bent, slopes = mesh.undeformed.copy(), at_nodes(gradient)
+        bent[::stride] += at_nodes(cumulative(gradient, seen.places))
+        bent[1::stride] += slopes
+        if mesh.element.per_node > 2:
+            bent[2::stride, 0] -= slopes[:, 1]
+        turned, shifts = pose.turned(bent), mesh.positions[:, None]
+        rates = twist.turning(turned) + shifts * twist.velocity
+        return (turned + shifts * pose.origin).ravel(), rates.ravel()
+
+    def _stretch(self, seen: Deformation) -> Array:
+        """Return what the axial coordinates must be for a stretch: bending alone stretches nothing."""
+        return np.asarray(seen.axial[0] - 0.5 * seen.steepness[0] ** 2)
+
+    def freedoms(self, x: Array, pose: Pose) -> Array:
+        """Return the rates of the deformed beam, turning about its root."""
+        vectors, shifts = self._vectors(x), self.mesh.positions[:, None]
+        arms = vectors - shifts * vectors[0]
+        units = Twist.units(self.beam.n_dim)
+        return np.array([(unit.turning(arms) + shifts * unit.velocity).ravel() for unit in units])
+
+    @property
+    def gives_way_at(self) -> float | None:
+        """That of the Green strain, whose force in a stretch s goes with s^3 - s."""
+        return 3.0**-0.5 if self.beam.measures.strain == "green" else None
+
+    def smallest_stretch(self, x: Array) -> Array:
+        """Return the smallest length of the slope vector."""
+        places = np.linspace(0.0, self.mesh.length, 4 * self.mesh.count + 1)
+        rows = np.array([self.mesh.shape(float(a), 0.0, (1, 0)) for a in places])
+        return np.asarray(size(rows @ self._vectors(x)).min(axis=1))
+
+    def _vectors(self, x: Array) -> Array:
+        """Return the nodal vectors, shape (..., n_vectors, n_dim)."""
+        return x[..., self.columns].reshape(*x.shape[:-1], -1, self.beam.n_dim)
 
     def mass_entries(self) -> Entries:
         """Return those of its elements."""

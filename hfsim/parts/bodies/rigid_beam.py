@@ -2,24 +2,39 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import freedoms
-from hfsim.mechanics.body import Place
+from hfsim.maths.arrays import Array, cumulative
+from hfsim.maths.rotations import freedoms, rotate
+from hfsim.mechanics.body import Load, Place
+from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.markers import Marker, RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.rigid import RigidBody
+from hfsim.parts.elements import Stiffness
+
+POINTS = 33
+"""Equidistant places along the beam at which it would be bent."""
 
 
 @dataclass(frozen=True)
 class RigidBeam(RigidBody):
-    """A beam of the model rigid: its frame is at the root, its coordinates are those of its mid-point."""
+    """A beam of the model rigid: its frame is at the root, its coordinates are those of its mid-point.
+
+    Attributes
+    ----------
+    length : float
+        [m].
+    stiffness : Stiffness
+        By which it would stretch and bend.
+    """
 
     length: float
+    stiffness: Stiffness
 
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> RigidBeam:
@@ -29,7 +44,7 @@ class RigidBeam(RigidBody):
         about_root = float(np.sum(mesh.undeformed * (mesh.mass @ mesh.undeformed)))
         inertia = about_root - mass * (0.5 * mesh.length) ** 2
         columns = beam.columns(freedoms(beam.n_dim))
-        return cls(beam.name, columns, beam.points, mass, inertia, beam.gravity, mesh.length)
+        return cls(beam.name, columns, beam.points, mass, inertia, beam.gravity, mesh.length, beam.stiffness)
 
     @property
     def _centre(self) -> Array:
@@ -53,3 +68,42 @@ class RigidBeam(RigidBody):
     def outline(self, x: Array) -> Array:
         """Return root and tip."""
         return np.stack([self.marker(self.points[name]).position(x) for name in ("root", "tip")], axis=1)
+
+    def statics(self, x: Array, u: Array, ax: Array, loads: Iterable[Load]) -> Deformation:
+        """Return stretch and bending by inertia, weight and loads: N / EA and M / EI.
+
+        N and M are resultants of everything beyond a place, with a, alpha and omega the motion of the
+        mid-point c:
+
+            M(x) = sum m_p + (x_p - x) F_p,y + int_x^L f_y(s) (s - x) ds        f = rho A (g - a - ...)
+        """
+        angle, omega, own = x[:, self.angle_column], u[:, self.angle_column], ax[:, self.columns]
+        per_length, half = self.mass / self.length, 0.5 * self.length
+        # f(s) = f0 + f1 (s - c), in body axes
+        f0 = -per_length * rotate(-angle, own[:, :-1] - self.gravity)
+        f1 = per_length * np.stack([omega**2, -own[:, -1]], axis=-1)
+        places = np.linspace(0.0, self.length, POINTS)
+        rest, arm = self.length - places, places - half
+        N = np.outer(f0[:, 0], rest) + np.outer(f1[:, 0], arm * rest + 0.5 * rest**2)
+        M = np.outer(f0[:, 1], 0.5 * rest**2) + np.outer(f1[:, 1], 0.5 * arm * rest**2 + rest**3 / 3.0)
+        for marker, force in loads:
+            assert isinstance(marker, RigidMarker)
+            at, aside = marker.offset
+            local = rotate(-angle, force[:, :-1])
+            moment = force[:, -1] - at * local[:, 1] + aside * local[:, 0]
+            beyond = at + half > places
+            N += local[:, :1] * beyond
+            M += (moment[:, None] + local[:, 1:] * (at + half - places)) * beyond
+        weights = np.full(POINTS, self.length / (POINTS - 1))
+        weights[[0, -1]] *= 0.5
+        curvature = M / self.stiffness.bending
+        slope = cumulative(curvature.T, places).T
+        return Deformation(
+            places=places,
+            weights=weights,
+            axial=N / self.stiffness.axial,
+            slope=slope[..., None],
+            curvature=curvature[..., None],
+            tip=slope @ weights[:, None],
+            spin=omega[:, None],
+        )
