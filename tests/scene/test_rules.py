@@ -242,6 +242,7 @@ def test_the_saving_is_what_building_without_the_rule_costs():
             assert without["sizes"][size] - planned["sizes"][size] == saves[size], (rule, size)
 
 
+@pytest.mark.timed
 def test_the_measured_call_is_shorter_with_all_rules():
     for cost in measure(load_deck(CASES / "pendulum.yaml", ["solve.duration=0.02"]), repeats=3, rules=[ALL]):
         assert cost.call_us[0] > cost.call_us[1] > 0.0
