@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from hfsim.deck.fields import split_point
@@ -27,6 +26,8 @@ Items = tuple[str, ...]
 """Deck paths (``springs.coil``) or plain words for what is left out; empty if the rule does not fire."""
 Sizes = dict[str, int]
 """Counts of what a scene consists of, or of what a rule saves of it."""
+Finding: TypeAlias = "Callable[[Deck, Models], Items]"
+Settling: TypeAlias = "Callable[[Assembled, Items], tuple[Items, Sizes]]"
 
 
 class Assembled(Protocol):
@@ -78,9 +79,9 @@ class Rule(NamedTuple):
     leaves_out: str
     when: str
     because: str
-    find: Callable[[Deck, Models], Items]
-    spares: Mapping[str, int] = MappingProxyType({})
-    settled: Callable[[Assembled, Items], tuple[Items, Sizes]] | None = None
+    find: Finding
+    spares: Sizes
+    settled: Settling | None
 
     def kept_because(self, solve: SolveSpec) -> str:
         """Return why it leaves nothing out."""
@@ -132,36 +133,90 @@ def apply_rule(name: str, deck: Deck, models: Models) -> Items:
     return () if kept else RULES[name].find(deck, models)
 
 
-# --- conditions ----------------------------------------------------------------------------------
+RULES: dict[str, Rule] = {}
+"""All rules by name, in the order they are told."""
 
 
-def _always(what: str) -> Callable[[Deck, Models], Items]:
-    """Return the condition of a rule that the assembled scene settles."""
-    return lambda deck, models: (what,)
+def _rule(
+    leaves_out: str, when: str, because: str, settled: Settling | None = None, **spares: int
+) -> Callable[[Finding], Finding]:
+    """Make a rule of the function that finds what can be left out; see `Rule`."""
+
+    def register(find: Finding) -> Finding:
+        name = find.__name__.strip("_")
+        counts = {size.replace("_", " "): count for size, count in spares.items()}
+        RULES[name] = Rule(name, leaves_out, when, because, find, counts, settled)
+        return find
+
+    return register
 
 
+def _unless(fact: str, size: str) -> Settling:
+    """Return what settles a rule that drops what the system does not need."""
+    return lambda scene, items: (() if getattr(scene.system, fact) else items, {size: 1})
+
+
+def _settled_joints(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
+    system = scene.system
+    joints = dict.fromkeys(system.constraints[k].item for k in sorted(system.reduction.eliminated))
+    multipliers = system.unreduced.n_rows - system.n_rows
+    return tuple(joints), {"unknowns": system.n_x - system.n, "multipliers": multipliers}
+
+
+# --- the rules -----------------------------------------------------------------------------------
+
+
+@_rule(
+    "body-force integrals",
+    "gravity is zero",
+    "their force is zero",
+    lambda scene, items: (items, {"terms of Q": 1, "body-force integrals": len(items)}),
+)
 def _weight(deck: Deck, models: Models) -> Items:
     return () if any(deck.gravity) else tuple(f"weight of bodies.{name}" for name in deck.bodies)
 
 
+@_rule(
+    "springs and dampers", "stiffness and damping are zero", "their force and energy are zero", terms_of_Q=1
+)
 def _springs(deck: Deck, models: Models) -> Items:
     return tuple(f"springs.{name}" for name, spring in deck.springs.items() if not spring.acts)
 
 
+@_rule("forces and moments", "their size, or a constant law, is zero", "they do nothing", terms_of_Q=1)
 def _loads(deck: Deck, models: Models) -> Items:
     return tuple(f"loads.{name}" for name, load in deck.loads.items() if not load.acts)
 
 
+@_rule(
+    "Kelvin-Voigt damping of beams",
+    "both retardation times of the material are zero",
+    "its force is zero",
+    terms_of_Q=1,
+)
 def _damping(deck: Deck, models: Models) -> Items:
     # in other models it is of one piece with the elastic force
     nodal = (name for name, model in models.items() if model.strain == "exact")
     return tuple(f"damping of bodies.{name}" for name in nodal if not deck.properties(name).damped)
 
 
+@_rule(
+    "time in drivers",
+    "the law is a constant angle, or the position zero",
+    "the driver does no work and its equation is that of a joint",
+    driven_equations=1,
+)
 def _standing_drivers(deck: Deck, models: Models) -> Items:
     return tuple(f"joints.{name}" for name, joint in deck.joints.items() if joint.stands)
 
 
+@_rule(
+    "rigid bodies that cannot move",
+    "undriven fixed joints weld them to the ground, and no reaction of these joints is asked for",
+    "their points are points of the ground",
+    coordinates=3,
+    joint_equations=3,
+)
 def _fixed_bodies(deck: Deck, models: Models) -> Items:
     """Return the rigid bodies that undriven fixed joints weld to the ground, unless none would be left."""
     standing = {"ground"}
@@ -199,6 +254,13 @@ def welds(deck: Deck, bodies: Iterable[str]) -> frozenset[str]:
     return frozenset(found)
 
 
+@_rule(
+    "multipliers and dependent coordinates of open chains",
+    "a joint is linear in nodal coordinates (at nodes or centres of mass) and closes no loop",
+    "what is left fulfils the joint for all values: a pinned or clamped root has no place of its own, a "
+    "clamp keeps only the stretch of its slope",
+    _settled_joints,
+)
 def _tree_joints(deck: Deck, models: Models) -> Items:
     linear = (
         name
@@ -216,11 +278,44 @@ def _is_linear(models: Models, point: str) -> bool:
     return owner == "ground" or not place
 
 
+@_rule(
+    "the factorisation of the mass matrix in every state",
+    "no beam is of the model lowOrder: all mass matrices are constant in nodal coordinates",
+    "one factorisation serves for all states",
+    factorisations_a_state=1,
+)
 def _constant_mass(deck: Deck, models: Models) -> Items:
     varying = any(model.strain == "low_order" for model in models.values())
     return () if varying else ("factors of the mass matrix",)
 
 
+@_rule(
+    "rates of absolute coordinates in accelerations",
+    "no force depends on rates and all joints that need multipliers are linear",
+    "nothing would read them",
+    _unless("uses_rates", "maps of rates"),
+)
+def _rates(deck: Deck, models: Models) -> Items:
+    return ("rates of all points",)
+
+
+@_rule(
+    "the integral of the power put in",
+    "no damper, no load that acts and no driver that moves",
+    "the power is zero",
+    _unless("exchanges_power", "integrals over time"),
+)
+def _work(deck: Deck, models: Models) -> Items:
+    return ("work put in",)
+
+
+@_rule(
+    "common steps of parts that nothing connects",
+    f"no joint or spring connects them, save through the ground, the scene has {PARTS_FROM} coordinates "
+    "or more, and the step is not fixed",
+    "their motions do not depend on one another; each part takes steps of its own",
+    lambda scene, items: (items, {"common steps": 1}),
+)
 def _parts(deck: Deck, models: Models) -> Items:
     """Return groups of bodies that no joint or spring connects, the ground apart; none if all are one."""
     if deck.solve.step is not None or sum(body.size for body in deck.bodies.values()) < PARTS_FROM:
@@ -249,6 +344,12 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))
 
 
+@_rule(
+    "counting of full turns along all steps",
+    "no channel is measured in the body's frame",
+    "nothing would read it",
+    passes_over_all_steps=1,
+)
 def _turns(deck: Deck, models: Models) -> Items:
     asked = {channel.split(".")[0] for channel in deck.channels if channel.rpartition(".")[2] in _NEED_ANGLE}
     # elsewhere the angle is a coordinate
@@ -260,136 +361,6 @@ _NEED_ANGLE = ("angle", "deflection", "elongation")
 """Channels that are measured in a body's frame."""
 
 
+@_rule("outlines of the bodies and pictures", "output.plots is false", "nothing would read them", outlines=1)
 def _plots(deck: Deck, models: Models) -> Items:
     return () if deck.output.plots else ("plots and outlines",)
-
-
-# --- savings -------------------------------------------------------------------------------------
-
-
-def _settled_weight(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
-    return items, {"terms of Q": 1, "body-force integrals": len(items)}
-
-
-def _settled_joints(scene: Assembled, items: Items) -> tuple[Items, Sizes]:
-    system = scene.system
-    joints = dict.fromkeys(system.constraints[k].item for k in sorted(system.reduction.eliminated))
-    multipliers = system.unreduced.n_rows - system.n_rows
-    return tuple(joints), {"unknowns": system.n_x - system.n, "multipliers": multipliers}
-
-
-def _unless(fact: str, size: str) -> Callable[[Assembled, Items], tuple[Items, Sizes]]:
-    """Return what settles a rule that drops what the system does not need."""
-    return lambda scene, items: (() if getattr(scene.system, fact) else items, {size: 1})
-
-
-_ALL = (
-    Rule(
-        "weight",
-        "body-force integrals",
-        "gravity is zero",
-        "their force is zero",
-        _weight,
-        settled=_settled_weight,
-    ),
-    Rule(
-        "springs",
-        "springs and dampers",
-        "stiffness and damping are zero",
-        "their force and energy are zero",
-        _springs,
-        {"terms of Q": 1},
-    ),
-    Rule(
-        "loads",
-        "forces and moments",
-        "their size, or a constant law, is zero",
-        "they do nothing",
-        _loads,
-        {"terms of Q": 1},
-    ),
-    Rule(
-        "damping",
-        "Kelvin-Voigt damping of beams",
-        "both retardation times of the material are zero",
-        "its force is zero",
-        _damping,
-        {"terms of Q": 1},
-    ),
-    Rule(
-        "standing_drivers",
-        "time in drivers",
-        "the law is a constant angle, or the position zero",
-        "the driver does no work and its equation is that of a joint",
-        _standing_drivers,
-        {"driven equations": 1},
-    ),
-    Rule(
-        "fixed_bodies",
-        "rigid bodies that cannot move",
-        "undriven fixed joints weld them to the ground, and no reaction of these joints is asked for",
-        "their points are points of the ground",
-        _fixed_bodies,
-        {"coordinates": 3, "joint equations": 3},
-    ),
-    Rule(
-        "tree_joints",
-        "multipliers and dependent coordinates of open chains",
-        "a joint is linear in nodal coordinates (at nodes or centres of mass) and closes no loop",
-        "what is left fulfils the joint for all values: a pinned or clamped root has no place of its own, a "
-        "clamp keeps only the stretch of its slope",
-        _tree_joints,
-        settled=_settled_joints,
-    ),
-    Rule(
-        "constant_mass",
-        "the factorisation of the mass matrix in every state",
-        "no beam is of the model lowOrder: all mass matrices are constant in nodal coordinates",
-        "one factorisation serves for all states",
-        _constant_mass,
-        {"factorisations a state": 1},
-    ),
-    Rule(
-        "rates",
-        "rates of absolute coordinates in accelerations",
-        "no force depends on rates and all joints that need multipliers are linear",
-        "nothing would read them",
-        _always("rates of all points"),
-        settled=_unless("uses_rates", "maps of rates"),
-    ),
-    Rule(
-        "work",
-        "the integral of the power put in",
-        "no damper, no load that acts and no driver that moves",
-        "the power is zero",
-        _always("work put in"),
-        settled=_unless("exchanges_power", "integrals over time"),
-    ),
-    Rule(
-        "parts",
-        "common steps of parts that nothing connects",
-        f"no joint or spring connects them, save through the ground, the scene has {PARTS_FROM} coordinates "
-        "or more, and the step is not fixed",
-        "their motions do not depend on one another; each part takes steps of its own",
-        _parts,
-        settled=lambda scene, items: (items, {"common steps": 1}),
-    ),
-    Rule(
-        "turns",
-        "counting of full turns along all steps",
-        "no channel is measured in the body's frame",
-        "nothing would read it",
-        _turns,
-        {"passes over all steps": 1},
-    ),
-    Rule(
-        "plots",
-        "outlines of the bodies and pictures",
-        "output.plots is false",
-        "nothing would read them",
-        _plots,
-        {"outlines": 1},
-    ),
-)
-RULES: dict[str, Rule] = {rule.name: rule for rule in _ALL}
-"""All rules by name, in the order they are told."""
