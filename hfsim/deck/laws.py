@@ -18,7 +18,7 @@ from pydantic import BeforeValidator, Field
 
 from hfsim.deck.fields import Angle, Number, PositiveFrequency, PositiveTime, Time
 from hfsim.deck.source import Path
-from hfsim.deck.spec import Complaint, OneOf, Spec, refuse_all
+from hfsim.deck.spec import Around, Complaint, OneOf, Spec, refuse_all
 from hfsim.deck.units import UnitError, parse_quantity
 from hfsim.maths.arrays import Array
 
@@ -210,12 +210,12 @@ class TableSpec(LawSpec):
             if after <= before:
                 yield Complaint(("times", index), f"times must increase, {after:g} follows {before:g}")
 
-    def complaints_until(self, duration: float) -> Iterator[Complaint]:
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield a table that does not cover the run."""
         first, last = self.times[0], self.times[-1]
-        if first > 0 or last < duration:
-            covers = f"covers {first:g} s to {last:g} s, the run goes from 0 to {duration:g} s"
-            yield Complaint(("times",), covers)
+        if around.duration is not None and (first > 0 or last < around.duration):
+            run = f"the run goes from 0 to {around.duration:g} s"
+            yield Complaint(("times",), f"covers {first:g} s to {last:g} s, {run}")
 
     def build(self) -> Law:
         """Return the law."""

@@ -5,9 +5,9 @@ An entry says what is wrong with it as a whole in `Spec.complaints`.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
@@ -37,6 +37,34 @@ class Complaint(NamedTuple):
     hint: str = ""
     on_key: bool = False
 
+    def inside(self, *steps: str) -> Self:
+        """Return the same, its path counted from further out."""
+        return self._replace(path=(*steps, *self.path))
+
+
+class Around(NamedTuple):
+    """The rest of a deck, as far as it could be read.
+
+    Attributes
+    ----------
+    n_dim : int or None
+        Dimensions of space.
+    duration : float or None
+        Of the run [s].
+    model, elastic_form : str or None
+        Of beams that have no model of their own; in which their elastic force is computed.
+    sections : mapping of str to section
+    channels : tuple of str or None
+        Columns of the output.
+    """
+
+    n_dim: int | None
+    duration: float | None
+    model: str | None
+    elastic_form: str | None
+    sections: Mapping[str, Any]
+    channels: tuple[str, ...] | None
+
 
 class Spec(BaseModel):
     """Base of everything a deck may say: frozen, no unknown keys, finite numbers only."""
@@ -55,9 +83,18 @@ class Spec(BaseModel):
         """Yield what is wrong with this entry where each key by itself is right."""
         return ()
 
-    def complaints_until(self, duration: float) -> Iterable[Complaint]:
-        """Yield what does not fit a run that long [s]."""
-        return ()
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield what in this entry, or in one inside it, does not fit the rest of the deck."""
+        for key in self.vectors:
+            value = getattr(self, key)
+            for name, vector in (value if isinstance(value, dict) else {"": value}).items():
+                if vector is not None and len(vector) != (around.n_dim or len(vector)):
+                    path = (key, name) if name else (key,)
+                    yield Complaint(path, f"must be a list of {around.n_dim} numbers: this scene is planar")
+        for key in type(self).model_fields:
+            entry = getattr(self, key)
+            if isinstance(entry, Spec):
+                yield from (one.inside(key) for one in entry.complaints_in(around))
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuse an entry that has complaints."""

@@ -8,8 +8,7 @@ from typing import Any
 from hfsim.deck.fields import split_point
 from hfsim.deck.source import Path, did_you_mean
 from hfsim.deck.spec import Complaint
-from hfsim.parts.bodies import BeamSpec
-from hfsim.parts.bodies.beam import END_POINTS
+from hfsim.parts.bodies import BODIES
 from hfsim.scene.schema import Deck
 
 
@@ -58,12 +57,9 @@ class Declared:
         known = self.points[owner]
         if known is None or not point or point in known:
             return
-        if point in END_POINTS:
-            yield Complaint(
-                path, f"'{owner}' has no {point}, only beams have", _points_hint(owner, point, known)
-            )
-        else:
-            yield Complaint(path, f"'{owner}' has no point '{point}'", _points_hint(owner, point, known))
+        having = [f"{kind}s" for kind, spec in BODIES.items() if point in spec.own_points]
+        what = f"{point}, only {' and '.join(having)} have" if having else f"point '{point}'"
+        yield Complaint(path, f"'{owner}' has no {what}", _points_hint(owner, point, known))
 
 
 def _names_in(data: dict[str, Any], key: str, known_keys: Iterable[str]) -> list[str] | None:
@@ -79,11 +75,9 @@ def _names_in(data: dict[str, Any], key: str, known_keys: Iterable[str]) -> list
 
 def _points_of(body: Any) -> list[str] | None:
     """Return the points that a body's plain data declare, None where they cannot be known."""
-    if not isinstance(body, dict) or body.get("type") not in ("beam", "rigid"):
-        return None
-    ends = END_POINTS if body["type"] == "beam" else ()
-    points = _names_in(body, "points", BeamSpec.keys())
-    return None if points is None else [*ends, *points]
+    spec = BODIES.get(str(body.get("type"))) if isinstance(body, dict) else None
+    points = None if spec is None else _names_in(body, "points", spec.keys())
+    return None if spec is None or points is None else [*spec.own_points, *points]
 
 
 def _points_hint(owner: str, point: str, known: list[str]) -> str:

@@ -1,9 +1,11 @@
 """From a file to a checked deck.
 
-Pydantic checks each entry; then `Checks` looks at names in the plain data, so that one bad entry hides no bad
-reference elsewhere, and at options and sizes in the entries that could be read.
+Pydantic checks each entry; then `hfsim.scene.checks` looks at names in the plain data, so that one bad
+entry hides no bad reference elsewhere, and at options and sizes in the entries that could be read.
 """
 
+import hashlib
+import json
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -15,8 +17,8 @@ from pydantic import TypeAdapter, ValidationError
 from hfsim.deck.source import DeckSource, parse_source, read_source
 from hfsim.errors import DeckError
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
-from hfsim.scene.checks import Checks
-from hfsim.scene.schema import Deck, sha256_of
+from hfsim.scene.checks import complaints_of
+from hfsim.scene.schema import Deck
 
 DEFAULT_TARGET = 1e-2
 """Target error of decks that leave elements to `run` and state no target [-]."""
@@ -45,7 +47,8 @@ class LoadedDeck:
         resolved = self.deck.resolved()
         for name in self.auto_elements:
             resolved["bodies"][name]["elements"] = "auto"
-        return sha256_of(resolved)
+        canonical = json.dumps(resolved, sort_keys=True, separators=(",", ":"))
+        return hashlib.sha256(canonical.encode()).hexdigest()
 
     def with_numbers(self) -> "LoadedDeck":
         """Return the deck with the default elements where it leaves them open, and then without target."""
@@ -114,7 +117,7 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
 
         complaints = list(explain(error, Deck, data))
         entries = _readable_entries(data)
-    complaints += Checks(data, entries).complaints()
+    complaints += complaints_of(data, entries)
     problems = source.problems + [source.problem(*complaint) for complaint in complaints]
     if problems or deck is None:
         # What follows from a problem at the very same place is left out.

@@ -1,7 +1,6 @@
 """The deck: all that a YAML file may say; `hfsim.scene.loading` reads one."""
 
-import hashlib
-import json
+import math
 import typing
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal
@@ -26,13 +25,15 @@ from hfsim.deck.fields import (
     whole,
 )
 from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionSpec
-from hfsim.deck.spec import Complaint, ReadBy, Spec, refusal, shown
+from hfsim.deck.source import did_you_mean
+from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, refusal, shown
 from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.forces import AnyLoad, AnySpring
 from hfsim.parts.joints import AnyJoint
 
 FORMAT = 1
 """The deck format this version reads."""
+_MAX_ROWS = 10_000_000
 
 
 def _read_format(value: object) -> int:
@@ -52,12 +53,16 @@ def _read_deck_name(value: object) -> str:
 class GroundSpec(Spec):
     """The scene's ground."""
 
+    vectors = ("points",)
+
     points: Points = Field(default_factory=dict)
     """Named points of the ground [m]."""
 
 
 class InitialSpec(Spec):
     """Motion of one body at the start, absolute; what is not stated follows from the joints."""
+
+    vectors = ("position", "velocity")
 
     angle: Angle | None = None
     """Angle of the body frame [rad]."""
@@ -147,6 +152,16 @@ class SolveSpec(Spec):
                 ("step",), f"a step of {self.step:g} s is longer than the run, {self.duration:g} s"
             )
 
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield target channels that the output has not, or that have no range."""
+        judged = [name for name in around.channels or () if is_judged(name)]
+        for index, name in enumerate(self.target_channels or () if around.channels else ()):
+            path = ("target_channels", index)
+            if name not in (around.channels or ()):
+                yield Complaint(path, f"'{name}' is not among output.channels", did_you_mean(name, judged))
+            elif name not in judged:
+                yield Complaint(path, f"'{name}' has no range that errors could be measured by")
+
 
 class OutputSpec(Spec):
     """What is written."""
@@ -159,6 +174,12 @@ class OutputSpec(Spec):
 
     plots: Flag = True
     """Whether pictures are drawn."""
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an interval that makes too many rows."""
+        rows = (around.duration or 0.0) / (self.interval or math.inf)
+        if rows > _MAX_ROWS:
+            yield Complaint(("interval",), f"would make {rows:.3g} rows, at most {_MAX_ROWS:.0e} fit")
 
 
 class Deck(Spec):
@@ -236,23 +257,12 @@ class Deck(Spec):
 
     def models(self, model: str) -> dict[str, str]:
         """Return the model of each beam: its own, or else the one given."""
-        beams = {name: body for name, body in self.bodies.items() if isinstance(body, BeamSpec)}
-        return {name: beam.model or model for name, beam in beams.items()}
+        beams = ((name, body) for name, body in self.bodies.items() if isinstance(body, BeamSpec))
+        return {name: beam.model or model for name, beam in beams}
 
     def resolved(self) -> dict[str, Any]:
         """Return the deck as plain data with defaults filled in and SI numbers; it loads as an equal deck."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
-
-    @property
-    def decksha256_of(self) -> str:
-        """Hash of the resolved deck; equal decks have equal hashes."""
-        return sha256_of(self.resolved())
-
-
-def sha256_of(resolved: dict[str, Any]) -> str:
-    """Return the hash of a deck as plain data."""
-    canonical = json.dumps(resolved, sort_keys=True, separators=(",", ":"))
-    return hashlib.sha256(canonical.encode()).hexdigest()
 
 
 def is_judged(channel: str, conserved: bool = True) -> bool:
@@ -260,13 +270,7 @@ def is_judged(channel: str, conserved: bool = True) -> bool:
     return not channel.startswith("constraint.") and not (conserved and channel == "energy.total")
 
 
-def default_channels(bodies: dict[str, Any]) -> tuple[str, ...]:
+def default_channels(bodies: dict[str, AnyBody]) -> tuple[str, ...]:
     """Return the channels of a deck that names none: beams' tips, rigid bodies, total energy."""
-    channels: list[str] = []
-    for name, body in bodies.items():
-        if isinstance(body, BeamSpec):
-            channels += [f"{name}.tip.x", f"{name}.tip.y", f"{name}.tip.deflection"]
-        else:
-            channels += [f"{name}.x", f"{name}.y"]
-        channels += [f"{name}.angle", f"{name}.angular_velocity"]
-    return (*channels, "energy.total")
+    own = (f"{name}.{one}" for name, body in bodies.items() for one in body.default_channels())
+    return (*own, "energy.total")

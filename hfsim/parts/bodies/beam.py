@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from pydantic import BeforeValidator, Field
 
 from hfsim.deck.fields import Flag, Points, PositiveLength, whole
-from hfsim.deck.spec import Complaint, Spec, refusal, shown
+from hfsim.deck.materials import AnySection
+from hfsim.deck.spec import Around, Complaint, Spec, refusal, shown
+from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.specs import BodySpec
 
 if TYPE_CHECKING:
@@ -111,6 +113,30 @@ class BeamSpec(BodySpec):
             elif self.element == "cable" and any(point[1:]):
                 hint = "give y = 0, or element: continuum"
                 yield Complaint(("points", name), "a cable element has points on its centre line only", hint)
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield what does not fit the section, the model and the form of the elastic force."""
+        yield from super().complaints_in(around)
+        yield from self._section_complaints(around.sections.get(self.section))
+        model = self.model or around.model or ""
+        for key, value, words, instead in MODELS[model].lacks if model in MODELS else ():
+            if getattr(self, key) == value:
+                yield Complaint((key,), f"the model {model} has no {words}", f"{instead}, or another model")
+        if around.elastic_form not in (None, "gram") and (self.strain, self.curvature) != ("green", "linear"):
+            key = "strain" if self.strain != "green" else "curvature"
+            message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
+            yield Complaint((key,), message, "or leave elastic_form out")
+
+    def _section_complaints(self, section: AnySection | None) -> Iterator[Complaint]:
+        if section is None:
+            return
+        if section.height > self.length:
+            message = f"a section {section.height:.3g} m high is higher than the beam is long"
+            yield Complaint(("section",), message)
+        for name, place in self.points.items():
+            if self.element == "continuum" and abs(place[1]) > section.height / 2:
+                message = f"y = {place[1]:g} m is outside the section, {section.height:.3g} m high"
+                yield Complaint(("points", name), message)
 
     def _element_complaints(self) -> Iterator[Complaint]:
         continuum = self.element == "continuum"

@@ -31,6 +31,8 @@ class Model(NamedTuple):
         Place on the ladder of models that are chosen in a run, from the cheapest to the truth.
     alone : bool
         Whether it is worth that only for the one flexible beam of a scene.
+    lacks : tuple of (key, value, words, what to say instead)
+        Options of beams that it does not know.
     """
 
     body: str
@@ -39,6 +41,7 @@ class Model(NamedTuple):
     leaves_out: tuple[str, ...] = ()
     rung: int | None = None
     alone: bool = False
+    lacks: tuple[tuple[str, object, str, str], ...] = ()
 
     @property
     def flexible(self) -> bool:
@@ -74,7 +77,14 @@ MODELS: dict[str, Model] = {
         alone=True,
     ),
     "lowOrder": Model(
-        "low_order_body:LowOrderBody", frame=True, strain="low_order", leaves_out=("curvature",)
+        "low_order_body:LowOrderBody",
+        frame=True,
+        strain="low_order",
+        leaves_out=("curvature",),
+        lacks=(
+            ("element", "continuum", "continuum element", "element: cable"),
+            ("rotary_inertia", True, "rotary inertia", "false"),
+        ),
     ),
     "exact": Model("nodal:NodalBeam", frame=True, strain="exact", rung=2),
     "ancf": Model("nodal:NodalBeam", frame=False, strain="exact"),
