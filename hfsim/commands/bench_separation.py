@@ -14,7 +14,8 @@ from hfsim.output.text import as_table
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
-    from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench, Spread
+    from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench
+    from hfsim.studies.timing import Spread
 
 ELEMENTS = (1, 4, 16, 64, 256)
 """Numbers of elements, where the command line names none."""
@@ -142,8 +143,7 @@ def _row(form: FormTimes) -> list[str]:
 
 
 def _time(spread: Spread, unit: float) -> list[str]:
-    half = 50.0 * (spread.most - spread.least) / spread.median if spread.median else 0.0
-    return [f"{unit * spread.median:.3g}", f"+-{half:.0f} %"]
+    return [f"{unit * spread.median:.3g}", spread.percent]
 
 
 def _percent(ratio: float) -> str:

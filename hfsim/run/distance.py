@@ -4,19 +4,22 @@ A distance is judged relative to the reference channel's own range.  A range tha
 (a deflection of micrometres on a beam of metres) would make round-off look like an error, so what distances
 are divided by never falls below `SMALL` times the size of all channels with its unit.
 
-Pure functions on channels; nothing is computed of a scene here.
+Nothing is solved here.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.run.solution import Channel
 from hfsim.scene.schema import is_judged
+
+if TYPE_CHECKING:
+    from hfsim.parts.channels import Samples
 
 SMALL = 1e-3
 """Range of a channel, relative to the size of its unit, below which it is too small to be judged by."""
@@ -114,6 +117,14 @@ def channel_scales(
         return ChannelScale(channel.name, unit, own, max(own, floor), own < floor, judged)
 
     return tuple(map(scale_of, channels))
+
+
+def reference_scales(samples: Samples, channels: Sequence[Channel]) -> tuple[ChannelScale, ...]:
+    """Return the `channel_scales` of a reference, from the samples that its channels were computed of."""
+    scene = samples.scene
+    outlines = {name: body.outline(samples.x) for name, body in scene.bodies.items()}
+    # a conserved energy has no range to be measured by; the energy drift tells of it
+    return channel_scales(channels, outlines, conserved=not scene.system.exchanges_power)
 
 
 # --- distances -----------------------------------------------------------------------------------

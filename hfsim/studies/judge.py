@@ -23,7 +23,7 @@ from hfsim.errors import DeckError, SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import Samples
 from hfsim.run.balance import balance, step_samples
-from hfsim.run.distance import ChannelScale, farthest, gap
+from hfsim.run.distance import ChannelScale, farthest, gap, reference_scales
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.solution import Channel
 from hfsim.run.stop import Budget, TimeUp
@@ -31,7 +31,6 @@ from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import parse_deck
 from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import compute_channels, sample, validity
-from hfsim.studies.bench import judged_scales
 from hfsim.trust.diagnosis import diagnose
 from hfsim.trust.experiments import time_for
 from hfsim.trust.growth import Growth, disturbed_growth
@@ -255,7 +254,7 @@ def _truth_of(scene: Scene, done: Integration, solve: SolveSpec, disturbed: bool
         return Truth("failed", "numerical", "the reference is not finite", end, growth=factor)
     found = instability(scene, growth) if growth and growth.unstable else None
     kind, item, reason = (found.kind, found.item, found.reason) if found else ("", "", "")
-    return Truth("done", kind, reason, end, item, channels, judged_scales(samples, channels), factor)
+    return Truth("done", kind, reason, end, item, channels, reference_scales(samples, channels), factor)
 
 
 def _why(scene: Scene, done: Integration, seconds: float) -> tuple[str, str, str]:

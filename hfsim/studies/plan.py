@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
@@ -18,6 +17,7 @@ from hfsim.run.solution import Run
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.simulate import simulate
+from hfsim.studies.timing import clocked, in_turns
 
 ALL = "all"
 """Stands for all rules together, against ``solve.keep_all``."""
@@ -98,16 +98,15 @@ def measure(
             scene=loaded.deck.name,
             unknowns=(scenes[0].system.n, scenes[1].system.n),
             multipliers=(scenes[0].system.n_rows, scenes[1].system.n_rows),
-            call_us=_in_turns([_calls(scene) for scene in scenes], repeats),
-            run_s=_in_turns(runs, repeats),
+            call_us=_medians([_calls(scene) for scene in scenes], repeats),
+            run_s=_medians(runs, repeats),
             difference=difference,
             difference_of_rest=rest,
         )
 
 
-def _in_turns(tasks: Sequence[Callable[[], float]], repeats: int) -> tuple[float, float]:
-    times = [[task() for task in tasks] for _ in range(repeats)]
-    before, after = (median(each) for each in zip(*times, strict=True))
+def _medians(tasks: Sequence[Callable[[], float]], repeats: int) -> tuple[float, float]:
+    before, after = map(median, in_turns(tasks, repeats))
     return before, after
 
 
@@ -133,15 +132,12 @@ def _calls(scene: Scene) -> Callable[[], float]:
     noise = 1e-6 * np.random.default_rng(0).normal(size=(STATES, system.n))
     t, q, v = np.zeros(STATES), scene.q + noise, np.repeat(scene.v[None], STATES, axis=0)
 
-    def many(count: int) -> float:
-        begin = time.process_time()
-        for _ in range(count):
-            system.acceleration(t, q, v)
-        return (time.process_time() - begin) / count
+    def call() -> object:
+        return system.acceleration(t, q, v)
 
-    many(2)
-    count = max(3, int(CALLS / max(many(3), 1e-6)))
-    return lambda: 1e6 * many(count)
+    clocked(call, 2)
+    count = max(3, int(CALLS / max(clocked(call, 3), 1e-6)))
+    return lambda: 1e6 * clocked(call, count)
 
 
 # --- agreement -----------------------------------------------------------------------------------

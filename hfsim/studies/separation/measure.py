@@ -10,7 +10,6 @@ Nothing is printed or written here.
 from __future__ import annotations
 
 import math
-import time
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, fields, is_dataclass
@@ -25,7 +24,8 @@ from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene
 from hfsim.studies.separation._base import StiffnessForm
 from hfsim.studies.separation.beams import STEPS, Beams
-from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench, Spread
+from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench
+from hfsim.studies.timing import Spread, clocked, in_turns
 
 MOST_AT_ONCE = 1024
 """Elements of all beams of a batch together that are measured."""
@@ -66,28 +66,10 @@ def _difference(values: Array, truth: Array, scale: float | None = None) -> floa
     return gap if math.isfinite(gap) else math.inf
 
 
-def _clocked(work: Callable[[], object], calls: int = 1) -> float:
-    """Return the CPU time of one call [s]."""
-    start = time.process_time()
-    for _ in range(calls):
-        work()
-    return (time.process_time() - start) / calls
-
-
-def _in_turns(works: list[Callable[[], object]], repeats: int, budget: Budget) -> list[list[float]]:
-    """Time pieces of work in turns, so that whatever else the machine does falls on all of them.
-
-    At least one round is made; no other one that would overdraw the budget.
-    """
-    calls = [max(1, math.ceil(_SAMPLE / max(_clocked(work), 1e-7))) for work in works]
-    times: list[list[float]] = [[] for _ in works]
-    for done in range(repeats):
-        start = budget.used
-        for mine, work, count in zip(times, works, calls, strict=True):
-            mine.append(_clocked(work, count))
-        if budget.left < budget.used - start and done + 1 < repeats:
-            break
-    return times
+def _sampled(work: Callable[[], object]) -> Callable[[], float]:
+    """Return what times one call of a piece of work, as many calls together as a sample lasts."""
+    calls = max(1, math.ceil(_SAMPLE / max(clocked(work), 1e-7)))
+    return lambda: clocked(work, calls)
 
 
 def measure(
@@ -187,10 +169,8 @@ def _cell(beams: Beams, repeats: int, budget: Budget) -> Cell:
     # the force is a small sum of large terms, whose round-off no form can avoid
     terms = float((np.abs(direct.form.stiffness(p)) @ np.abs(p.T)[..., None]).max())
     scales = (terms, terms, None, None)
-    works: list[Callable[[], object]] = []
-    for way in ways.values():
-        works += [way.force, way.both, way.run]
-    samples = _in_turns(works, repeats, budget)
+    works = [work for way in ways.values() for work in (way.force, way.both, way.run)]
+    samples = in_turns([_sampled(work) for work in works], repeats, budget)
     times = [Spread.of(sample) for sample in samples]
     rows = []
     for k, (name, way) in enumerate(ways.items()):

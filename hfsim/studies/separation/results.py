@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-import numpy as np
+from hfsim.studies.timing import Spread
 
 AGREEMENT = 1e-11
 """Largest difference from the direct form that counts as round-off, for one element; n elements have n^2
@@ -16,20 +16,6 @@ PAPER_RATIO = 0.1
 
 GOALS = {"separated": 0.1, "gram": 0.03}
 """Ratios of whole runs, to the direct form, that hfsim aims at."""
-
-
-@dataclass(frozen=True)
-class Spread:
-    """CPU times: median and extremes of the repeats [s]."""
-
-    median: float
-    least: float
-    most: float
-
-    @classmethod
-    def of(cls, times: list[float]) -> Spread:
-        """Return the spread of some times."""
-        return cls(float(np.median(times)), min(times), max(times))
 
 
 @dataclass(frozen=True)

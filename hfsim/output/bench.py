@@ -1,0 +1,186 @@
+"""What people read of a bench, and the columns of its table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import NamedTuple
+
+from hfsim.output.text import Column, as_table, brief, table
+from hfsim.studies.bench import Bench, Cell, Point, mesh_words, observed_order, pareto, recommend, tidy
+from hfsim.studies.bench.points import ChannelError
+from hfsim.studies.timing import Spread
+
+_NO_ORDER = 0.5
+"""Order, from the coarsest to the finest mesh, below which a channel does not converge."""
+
+# --- bench.csv -----------------------------------------------------------------------------------
+
+
+class Row(NamedTuple):
+    """One row of ``bench.csv``: a channel of a point; none where a point has no channels."""
+
+    cell: Cell
+    point: Point
+    error: ChannelError | None
+
+
+def as_rows(result: Bench) -> Iterator[Row]:
+    """Yield the rows of ``bench.csv``, whose columns are `COLUMNS`."""
+    for cell in result.cells:
+        for point in result.points_of(cell):
+            yield from (Row(cell, point, error) for error in point.channels or (None,))
+
+
+def _of_error(name: str) -> Callable[[Row], object]:
+    return lambda row: getattr(row.error, name, None)
+
+
+def _of_channel(name: str) -> Callable[[Row], object]:
+    return lambda row: row.error and getattr(row.cell, name).get(row.error.channel)
+
+
+_OF_POINT = (
+    "model", "elements", "degree", "method", "tolerance", "step", "status", "reason", "cpu", "cpu_min",
+    "cpu_max", "repeats", "steps", "rejected", "newton_iterations", "evaluations", "factorisations",
+    "energy_drift", "error", "rms_error", "worst_channel", "below_floor", "total_error", "exact_error",
+)  # fmt: skip
+_OF_CELL = ("unknowns", "mesh_error", "model_error", "floor")
+_OF_ERROR = ("unit", "max_abs", "max_relative", "rms_relative", "below_floor", "judged")
+
+COLUMNS = (
+    *(Column(name, f"point.{name}") for name in _OF_POINT),
+    *(Column(name, f"cell.{name}") for name in _OF_CELL),
+    Column("channel", _of_error("channel")),
+    *(Column(f"channel_{name}", _of_error(name)) for name in _OF_ERROR),
+    Column("channel_floor", _of_channel("floors")),
+    Column("channel_mesh_error", _of_channel("mesh_errors")),
+)
+"""Columns of ``bench.csv``."""
+
+# --- text ----------------------------------------------------------------------------------------
+
+
+def as_text(result: Bench, folder: Path) -> str:
+    """Return the study as people read it: a table for each model and mesh, the mesh errors, the advice."""
+    blocks = [f"{result.name}: error against CPU time over {result.duration:.6g} s, {result.used:.3g} s used"]
+    blocks += [_cell_text(cell, result.points_of(cell)) for cell in result.cells]
+    blocks += [_mesh_tables(result)] if any(c.mesh_error is not None for c in result.cells) else []
+    return "\n\n".join([*blocks, "\n".join([f"  results: {folder}/", *result.recommendations])])
+
+
+def _cell_text(cell: Cell, points: Sequence[Point]) -> str:
+    head = f"{cell.model}, {cell.mesh}, {cell.unknowns} unknowns"
+    if cell.floor is None:
+        lines = [f"{head}: no reference: {cell.reason}"]
+    else:
+        cost = f"  error floor {tidy(cell.floor)}, {cell.reference_cpu:.2g} s CPU"
+        lines = [f"{head}; reference: {cell.reference},", cost]
+    return "\n".join([*lines, *_point_table(points), *_remarks(points)])
+
+
+def _spread(point: Point) -> str:
+    if point.repeats < 2 or not point.cpu:
+        return "-"
+    return Spread(point.cpu, point.cpu_min or 0.0, point.cpu_max or 0.0).percent
+
+
+_COST = (
+    Column("at"),
+    Column("CPU [s]", "cpu", ".3g"),
+    Column("spread", _spread),
+    Column("error", lambda point: ("< " if point.below_floor else "") + brief(point.error)),
+)
+_WITH_MESH = Column("with mesh", "total_error", brief)
+_DETAILS = (
+    Column("rms", lambda point: None if point.below_floor else point.rms_error, brief),
+    Column("worst channel", lambda point: point.worst_channel or point.status),
+    Column("drift", "energy_drift", brief),
+    Column("steps"),
+    Column("rejected"),
+    Column("Newton", "newton_iterations"),
+    Column("evaluations"),
+)
+
+
+def _point_table(points: Sequence[Point]) -> list[str]:
+    shown, front = [p for p in points if p.cpu is not None], pareto(points)
+    if not shown:
+        return []
+    method = Column("method", lambda point: point.method + (" *" if point in front else ""))
+    totals = [_WITH_MESH] if any(p.total_error is not None for p in shown) else []
+    return [table([method, *_COST, *totals, *_DETAILS], shown), "  * nothing cheaper comes near its error"]
+
+
+def _remarks(points: Sequence[Point]) -> list[str]:
+    """Return lines on what failed, was cut off or was never run."""
+    ended = [p for p in points if p.status in ("failed", "limit", "over budget")]
+    lines = [f"  {p.method}, {p.level}: {p.status}: {p.reason}" for p in ended]
+    for method in dict.fromkeys(p.method for p in points):
+        left = [p for p in points if p.method == method and p.status == "skipped"]
+        if left:
+            until = "" if len(left) == 1 else f" and {len(left) - 1} tighter"
+            lines.append(f"  {method}, {left[0].level}{until}: skipped: {left[0].reason}")
+    return lines
+
+
+def _mesh_tables(result: Bench) -> str:
+    """Return the mesh errors: the worst of each mesh with what suffices for it, and each channel's."""
+    columns = (
+        *map(Column, ("model", "elements", "degree", "unknowns")),
+        Column("mesh error", "mesh_error", brief),
+        Column("in", "mesh_channel"),
+        Column("order", "mesh_order", ".1f"),
+        Column("reached within a tenth by", lambda cell: _enough(cell, result)),
+    )
+    meshed = [cell for cell in result.cells if cell.mesh_error is not None]
+    finest = dict.fromkeys(f"{c.mesh_reference_words} ({c.model})" for c in meshed)
+    head = f"mesh errors, against {', '.join(finest)}; tighter tolerances than the last column's"
+    blocks = [f"{head} are wasted", table(columns, meshed)]
+    for model in dict.fromkeys(cell.model for cell in meshed):
+        for degree in result.degrees(model):
+            cells = result.meshed(model, degree)
+            blocks += ["", _channel_table(cells), *_stubborn(cells)] if cells else []
+        blocks += _degree_table(result, model)
+    return "\n".join(blocks)
+
+
+def _enough(cell: Cell, result: Bench) -> str:
+    best = recommend(result.points_of(cell), 1.1 * cell.mesh_error) if cell.mesh_error else None
+    return "-" if best is None else f"{best.method}, {best.level}: {best.cpu:.3g} s"
+
+
+def _channel_table(cells: Sequence[Cell]) -> str:
+    rows = [[f"{cells[0].model}: mesh error (order)", *(cell.mesh for cell in cells)]]
+    for name, first in cells[0].mesh_errors.items():
+        texts = [brief(first)]
+        for coarse, fine in pairwise(cells):
+            order = observed_order(coarse, fine, name)
+            texts.append(brief(fine.mesh_errors[name]) + (f" ({order:.1f})" if order is not None else ""))
+        rows.append([name, *texts])
+    return as_table(rows)
+
+
+def _stubborn(cells: Sequence[Cell]) -> list[str]:
+    """Return a remark on channels that finer meshes do not mend: they rule every recommendation out."""
+    if len(cells) < 2:
+        return []
+    orders = {name: observed_order(cells[0], cells[-1], name) for name in cells[0].mesh_errors}
+    names = [name for name, order in orders.items() if order is not None and order < _NO_ORDER]
+    what = f"the mesh error of {', '.join(names)} hardly falls from mesh to mesh"
+    return [f"  {what}; to judge by the others: --set output.channels=[...]"] if names else []
+
+
+def _degree_table(result: Bench, model: str) -> list[str]:
+    """Return the cheapest way to each total error by elements of each degree; nothing with one degree."""
+    degrees = result.degrees(model)
+    rows = [["total error", *(f"degree {degree}: CPU [s]" for degree in degrees)]]
+    for target in (10.0**-exponent for exponent in range(1, 9)) if len(degrees) > 1 else ():
+        found = [recommend(result.points_of_degree(model, degree), target) for degree in degrees]
+        if not any(found):
+            break
+        texts = [f"{p.cpu:.3g} ({mesh_words(p.elements, 3)}, {p.level})" if p else "-" for p in found]
+        rows.append([f"{target:.0e}", *texts])
+    head = f"{model}: cheapest setting of each degree for an error, that of the mesh included"
+    return ["", head, as_table(rows)] if len(rows) > 1 else []

@@ -1,0 +1,114 @@
+"""What follows from the points of a bench: the Pareto front, and which one is recommended."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hfsim.studies.bench.points import Cell, Point
+
+TARGETS = {"1 %": 1e-2, "0.01 %": 1e-4, "1e-6": 1e-6}
+"""Errors, relative to the range of the channel, for which a method is recommended."""
+
+_BETTER = 0.8
+"""Factor by which an error must fall to be worth more time."""
+
+
+def pareto(points: Sequence[Point], total: bool = False) -> list[Point]:
+    """Return the points whose error no cheaper one comes near (within a fifth), cheapest first.
+
+    The error is that in time or, if asked for, the total one.
+    """
+    judged = [(p.cpu, p.total_error if total else p.error, p) for p in points]
+    known = [(cpu, error, p) for cpu, error, p in judged if cpu is not None and error is not None]
+    front: list[Point] = []
+    least = np.inf
+    for _, error, point in sorted(known, key=lambda item: item[:2]):
+        if error < _BETTER * least:
+            front.append(point)
+            least = error
+    return front
+
+
+def recommend(points: Sequence[Point], target: float) -> Point | None:
+    """Return the cheapest point whose error is at most `target` [-]; None if there is none.
+
+    An error below the floor counts as the floor; where the error of the mesh is known, it counts too.
+    """
+    known = [(p.cpu, p.judged_error, p) for p in points if p.cpu is not None]
+    good = [(cpu, p) for cpu, error, p in known if error is not None and error <= target]
+    return min(good, key=lambda item: item[0])[1] if good else None
+
+
+def true_model(models: Collection[str]) -> str:
+    """Return the model that the others are held against; exact and ancf are the same up to coordinates."""
+    return next((name for name in ("exact", "ancf") if name in models), "")
+
+
+def recommendations(cells: Sequence[Cell], points: Sequence[Point]) -> list[str]:
+    """Return one sentence for each model and each of `TARGETS`, then those on models."""
+    models = dict.fromkeys(cell.model for cell in cells)
+    lines = []
+    for model in models:
+        mine = [p for p in points if p.model == model]
+        # where some meshes are known to be wrong by so much, one of unknown error must not win
+        mine = [p for p in mine if p.total_error is not None] or mine
+        meshes, prefix = _meshes(mine), f"{model}: " if len(models) > 1 else ""
+        lines += [prefix + advice(mine, words, target, meshes) for words, target in TARGETS.items()]
+    others = [cell for cell in cells if cell.model_error is not None]
+    off = f"off {true_model(models)} by"
+    lines += [f"{c.model}, {c.mesh}: {off} {c.model_error:.1e} in {c.model_channel}" for c in others]
+    judged = [replace(p, error=None, total_error=p.exact_error) for p in points]
+    targets = TARGETS.items() if others else ()
+    return lines + [model_advice(judged, words, target, _meshes(judged)) for words, target in targets]
+
+
+def _meshes(points: Sequence[Point]) -> bool:
+    """Whether there are several, so that words must name them."""
+    return len({p.mesh for p in points}) > 1
+
+
+def advice(points: Sequence[Point], words: str, target: float, meshes: bool = False) -> str:
+    """Return the recommendation for one target in a sentence."""
+    best = recommend(points, target)
+    if best is not None:
+        return f"for {words}: {_setting(best, meshes)}"
+    known = [(p.judged_error, p) for p in points if p.judged_error is not None]
+    if not known:
+        return f"for {words}: nothing was measured"
+    error, most = min(known, key=lambda item: item[0])
+    why = "the reference is not known better" if most.below_floor else "nothing tried reaches it"
+    return f"for {words}: {why}; best {error:.1e} with {_setting(most, meshes)}"
+
+
+def model_advice(points: Sequence[Point], words: str, target: float, meshes: bool = False) -> str:
+    """Return in a sentence the cheapest model for one target, beside the exact one.
+
+    Parameters
+    ----------
+    points : sequence of Point
+        With the error against the exact model as their total one.
+    words : str
+        The target in words.
+    target : float
+    meshes : bool
+        Whether meshes are to be named.
+    """
+    true = true_model({p.model for p in points})
+    best, plain = recommend(points, target), recommend([p for p in points if p.model == true], target)
+    head = f"for {words} of {true}:"
+    if best is None:
+        return f"{head} no model that was tried reaches it"
+    if best.model == true:
+        rest = sorted({p.model for p in points if recommend([p], target)} - {true})
+        also = f" ({', '.join(rest)} would do too)" if rest else ", no other model suffices"
+        return f"{head} {true}{also}: {_setting(best, meshes)}"
+    beside = f"; {true}: {plain.cpu:.2g} s" if plain else ""
+    return f"{head} {best.model} suffices: {_setting(best, meshes)}{beside}"
+
+
+def _setting(point: Point, meshes: bool) -> str:
+    """Return what a point is set to and costs, in words."""
+    return f"{f'{point.mesh}, ' if meshes else ''}{point.method}, {point.level}: {point.cpu:.2g} s"

@@ -1,0 +1,247 @@
+"""What a bench finds: points with their cost and error, on cells of one model and mesh with its reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.run.distance import ChannelScale, gap
+
+
+def tidy(number: float) -> str:
+    """Return a number with one digit.
+
+    Examples
+    --------
+    >>> tidy(1e-7), tidy(3.2e-11)
+    ('1e-7', '3e-11')
+    """
+    return f"{number:.0e}".replace("e-0", "e-").replace("e+0", "e+")
+
+
+def mesh_words(elements: int, degree: int) -> str:
+    """Return a mesh in words.
+
+    Examples
+    --------
+    >>> mesh_words(4, 3), mesh_words(2, 7)
+    ('4 elements', '2 elements of degree 7')
+    """
+    plain = f"{elements} element{'s' if elements > 1 else ''}"
+    return plain if degree == 3 else f"{plain} of degree {degree}"
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """Error of one channel of one point.
+
+    Attributes
+    ----------
+    channel, unit : str
+    max_abs : float
+        Largest error over time, in `unit`.
+    max_relative, rms_relative : float
+        Largest and root-mean-square error over the channel's scale [-].
+    below_floor : bool
+        Whether the error is smaller than the reference's own; the numbers are the floor then.
+    judged : bool
+        Whether the channel counts for the error of the point.
+    """
+
+    channel: str
+    unit: str
+    max_abs: float
+    max_relative: float
+    rms_relative: float
+    below_floor: bool
+    judged: bool
+
+
+def channel_error(values: Array, truth: Array, scale: ChannelScale, floor: float) -> ChannelError:
+    """Return the error of one channel; nothing below the floor is a number.
+
+    Parameters
+    ----------
+    values, truth : ndarray, shape (n_times,)
+        In the unit of the channel.
+    scale : ChannelScale
+    floor : float
+        Error of `truth` over the scale [-].
+    """
+    found = gap(values, truth)
+    own, rms = found.largest / scale.scale, max(found.rms / scale.scale, floor)
+    largest = max(own, floor)
+    return ChannelError(
+        scale.channel, scale.unit, largest * scale.scale, largest, rms, own <= floor, scale.judged
+    )
+
+
+class _OnMesh:
+    """What has a model and a mesh."""
+
+    model: str
+    elements: int
+    degree: int
+
+    @property
+    def mesh(self) -> str:
+        """Elements, and their degree unless cubic, in words."""
+        return mesh_words(self.elements, self.degree)
+
+    @property
+    def place(self) -> tuple[str, int, int]:
+        """Model, degree and elements: of what is on one cell."""
+        return self.model, self.degree, self.elements
+
+
+@dataclass(frozen=True)
+class Point(_OnMesh):
+    """One model, mesh, method and tolerance (or step).
+
+    Attributes
+    ----------
+    model : str
+    elements : int
+        Elements of all beams together.
+    degree : int
+        Highest of their degrees.
+    method : str
+    tolerance, step : float or None
+        Which of the two was prescribed.
+    status, reason : str
+        ``done``, ``failed``, ``limit``, ``over budget`` (cut off) or ``skipped``; why.
+    cpu, cpu_min, cpu_max : float or None
+        CPU time of the integration, median and extremes of `repeats` [s].
+    error, rms_error : float or None
+        Time error of the worst judged channel over its scale: largest over time, root mean square [-].
+    below_floor : bool
+        Whether `error` is the floor because the true one is smaller.
+    total_error : float or None
+        Error against the mesh-converged reference [-].
+    exact_error : float or None
+        Error against the best reference of the model exact (ancf where exact is not swept), that of the model
+        included; None where neither is there [-].
+    """
+
+    model: str
+    elements: int
+    method: str
+    tolerance: float | None
+    step: float | None
+    status: str = "skipped"
+    reason: str = ""
+    degree: int = 3
+    cpu: float | None = None
+    cpu_min: float | None = None
+    cpu_max: float | None = None
+    repeats: int = 0
+    steps: int | None = None
+    rejected: int | None = None
+    newton_iterations: int | None = None
+    evaluations: int | None = None
+    factorisations: int | None = None
+    energy_drift: float | None = None
+    error: float | None = None
+    rms_error: float | None = None
+    worst_channel: str = ""
+    below_floor: bool = False
+    total_error: float | None = None
+    exact_error: float | None = None
+    channels: tuple[ChannelError, ...] = ()
+
+    @property
+    def at(self) -> str:
+        """Tolerance or step as a number."""
+        return tidy(self.tolerance or 0.0) if self.step is None else f"{self.step:g} s"
+
+    @property
+    def level(self) -> str:
+        """Tolerance or step in words."""
+        return f"{'tolerance' if self.step is None else 'step'} {self.at}"
+
+    @property
+    def judged_error(self) -> float | None:
+        """Total error where one is known, else the time error."""
+        return self.error if self.total_error is None else self.total_error
+
+
+@dataclass(frozen=True)
+class Cell(_OnMesh):
+    """One model on one mesh, with its reference.
+
+    Attributes
+    ----------
+    model : str
+    elements : int
+        Elements of all beams together.
+    degree : int
+        Highest of their degrees.
+    unknowns : int
+    status, reason : str
+        ``done``, ``failed`` (there is no reference: the model broke down) or ``over budget``.
+    reference : str
+        How the reference was computed.
+    reference_cpu : float
+        What it cost, all attempts together [s].
+    floor : float or None
+        Largest difference of its two methods in any judged channel over its scale [-].
+    floors : dict of str to float
+        The same for each channel.
+    mesh_error, mesh_order : float or None
+        Distance to the mesh-converged reference in the worst judged channel [-]; order by which it fell
+        since the coarser mesh.
+    mesh_channel : str
+        That channel.
+    mesh_errors : dict of str to float
+        The same distance for each judged channel [-].
+    mesh_reference, mesh_reference_degree : int or None
+        Elements of that reference and their degree.
+    model_error : float or None
+        Distance to the reference of the model exact on the same mesh in the worst judged channel [-].
+    model_channel : str
+        That channel.
+    """
+
+    model: str
+    elements: int
+    unknowns: int
+    status: str
+    reason: str = ""
+    degree: int = 3
+    reference: str = ""
+    reference_cpu: float = 0.0
+    floor: float | None = None
+    floors: dict[str, float] = field(default_factory=dict)
+    mesh_error: float | None = None
+    mesh_order: float | None = None
+    mesh_channel: str = ""
+    mesh_errors: dict[str, float] = field(default_factory=dict)
+    mesh_reference: int | None = None
+    mesh_reference_degree: int = 3
+    model_error: float | None = None
+    model_channel: str = ""
+
+    @property
+    def mesh_reference_words(self) -> str:
+        """Mesh of the mesh-converged reference in words."""
+        return mesh_words(self.mesh_reference or 0, self.mesh_reference_degree)
+
+
+def observed_order(coarse: Cell, fine: Cell, channel: str | None = None) -> float | None:
+    """Return the order by which the mesh error fell from one mesh to a finer one; None if not known.
+
+    Of one channel, or of the worst one.
+
+    Examples
+    --------
+    >>> coarse, fine = (Cell("exact", n, 4 * n, "done", mesh_error=e) for n, e in ((2, 0.16), (4, 0.01)))
+    >>> observed_order(coarse, fine)
+    4.0
+    """
+    both = coarse, fine
+    before, after = (c.mesh_error if channel is None else c.mesh_errors.get(channel) for c in both)
+    if coarse.degree != fine.degree or not before or not after:
+        return None
+    return float(np.log(before / after) / np.log(fine.elements / coarse.elements))

@@ -1,0 +1,212 @@
+"""References of a bench: two methods ever tighter until they agree, finer meshes, the exact model."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from hfsim.errors import HfsimError
+from hfsim.parts.bodies import BeamSpec
+from hfsim.run.distance import ChannelScale, farthest, gap, reference_scales
+from hfsim.run.solution import Channel
+from hfsim.run.stop import Budget, Progress, TimeUp
+from hfsim.scene.build import Scene, build
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import SolveSpec
+from hfsim.simulate import compute_channels, sample
+from hfsim.studies.bench.advice import true_model
+from hfsim.studies.bench.points import Cell, ChannelError, channel_error, observed_order, tidy
+from hfsim.studies.bench.sweep import Sweep, with_mesh
+from hfsim.studies.timing import solved
+
+LADDER = (1e-7, 1e-9, 1e-11, 1e-13)
+"""Tolerances of the reference, tried in this order."""
+
+REFERENCES = (("gauss", 16, 1.0), ("radau", 16, 0.1))
+"""The two methods that must agree, each with its stages and a factor on the tolerance; the first one
+gives the reference."""
+
+ROUND_OFF = 1e-14
+"""Relative error that no reference is trusted below, however well its two methods agree."""
+
+_ENOUGH = 1e-12
+"""Agreement at which the reference is refined no more."""
+_SHARE = 0.5
+"""Part of the budget that all references may take."""
+_IN_TIME_SHARE = 0.6
+"""Part of that for the references of the meshes asked for; the rest is for the finer mesh."""
+_GROWTH = 2.5
+"""Growth of the cost of a reference from one rung of `LADDER` to the next."""
+
+
+@dataclass(frozen=True)
+class Truth:
+    """A reference: its channels, what errors are divided by, and how far its two methods differ."""
+
+    channels: tuple[Channel, ...]
+    scales: tuple[ChannelScale, ...]
+    floors: dict[str, float]
+    how: str
+
+    @property
+    def floor(self) -> float:
+        """The largest of the floors of the channels that count [-]."""
+        return max((self.floors[s.channel] for s in self.scales if s.judged), default=ROUND_OFF)
+
+    def errors(self, channels: Sequence[Channel]) -> tuple[ChannelError, ...]:
+        """Return how far channels are from these."""
+        together = zip(channels, self.channels, self.scales, strict=True)
+        return tuple(channel_error(c.values, t.values, s, self.floors[s.channel]) for c, t, s in together)
+
+    def judged_errors(self, channels: Sequence[Channel]) -> dict[str, float]:
+        """Return how far those that count are from these, over their scales [-]."""
+        return {e.channel: e.max_relative for e in self.errors(channels) if e.judged}
+
+
+@dataclass
+class Work:
+    """A cell while it is being worked on.
+
+    Attributes
+    ----------
+    truth, fine, exact : Truth or None
+        References: of the cell, on a finer mesh, of the model exact.
+    """
+
+    cell: Cell
+    scene: Scene
+    truth: Truth | None = None
+    fine: Truth | None = None
+    exact: Truth | None = None
+
+    def note(self, **facts: object) -> None:
+        """Note facts of the cell."""
+        self.cell = replace(self.cell, **facts)  # type: ignore[arg-type]
+
+    def take(self, found: Truth | HfsimError, cpu: float) -> bool:
+        """Keep what was found if it is better than what is there; return whether going on may pay."""
+        old = self.truth
+        self.note(reference_cpu=self.cell.reference_cpu + cpu)
+        if isinstance(found, HfsimError):
+            if old is None:
+                self.note(status="failed", reason=str(found))
+            return False
+        if old is None or found.floor < old.floor:
+            self.truth = found
+            self.note(status="done", reason="", reference=found.how, floor=found.floor, floors=found.floors)
+        return (old is None or found.floor < old.floor / 3.0) and found.floor >= _ENOUGH
+
+
+def references(loaded: LoadedDeck, sweep: Sweep, works: list[Work], budget: Budget) -> None:
+    """Compute the references of all cells, appended to `works`, and with several meshes finer ones."""
+    wanted = [(model, mesh) for model in sweep.models for mesh in sweep.meshes]
+    share = _SHARE * budget.left
+    in_time = (_IN_TIME_SHARE if len(sweep.meshes) > 1 else 1.0) * share
+    finer = share - in_time
+    for i, (model, mesh) in enumerate(wanted):
+        start = budget.used
+        allowed = in_time / (len(wanted) - i)
+        works.append(_cell_work(with_mesh(loaded, *mesh), model, budget, allowed, must=i == 0))
+        in_time -= budget.used - start
+    if len(sweep.meshes) > 1:
+        _finer_truths(loaded, sweep, works, budget, finer)
+    _compare_models(works)
+
+
+def _cell_work(loaded: LoadedDeck, model: str, budget: Budget, allowed: float, must: bool = False) -> Work:
+    """Build one cell and compute its reference within `allowed` seconds; if it must, one at any price."""
+    scene = build(loaded, model)
+    beams = [spec for spec in scene.deck.bodies.values() if isinstance(spec, BeamSpec)]
+    elements, degree = sum(b.elements for b in beams), max((b.degree for b in beams), default=3)
+    cell = Cell(model, elements, scene.system.n, "over budget", "no time for a reference", degree)
+    work, end = Work(cell, scene), budget.used + allowed
+    for level in LADDER:
+        start = budget.used
+        left = np.inf if must and level == LADDER[0] else end - start
+        try:
+            found, cpu = _agreement(scene, level, budget.guard(left))
+        except TimeUp:
+            break
+        if not work.take(found, cpu) or budget.used + _GROWTH * (budget.used - start) > end:
+            break
+    return work
+
+
+def solve_of(scene: Scene, method: str, level: float, fixed: bool, stages: int | None = None) -> SolveSpec:
+    """Return how to solve a scene with a method at a tolerance, or with a fixed step."""
+    asked = {"step": level} if fixed else {"tolerance": level, "step": None}
+    # stages and order of the deck are kept where a point uses the deck's own method
+    own = scene.deck.solve.method == method and stages is None
+    options = {} if own else {"stages": stages, "order": None}
+    return scene.deck.solve.model_copy(update={"method": method, **asked, **options})
+
+
+def _agreement(scene: Scene, tolerance: float, guard: Progress) -> tuple[Truth | HfsimError, float]:
+    """Solve by two methods; return the first with its distance to the second, and the CPU time [s]."""
+    runs, spent = [], 0.0
+    for method, stages, factor in REFERENCES:
+        done, cpu = solved(scene, solve_of(scene, method, factor * tolerance, False, stages), guard)
+        spent += cpu
+        if isinstance(done.in_time().stop, HfsimError):
+            return done.stop, spent  # type: ignore[return-value]
+        samples = sample(scene, done.trajectory)
+        runs.append(compute_channels(samples))
+    channels, others = runs
+    scales = reference_scales(samples, channels)
+    floors = {
+        scale.channel: max(ROUND_OFF, gap(one.values, two.values).largest / scale.scale)
+        for scale, one, two in zip(scales, channels, others, strict=True)
+    }
+    how = (f"{m} ({stages} stages, tolerance {tidy(factor * tolerance)})" for m, stages, factor in REFERENCES)
+    return Truth(channels, scales, floors, " against ".join(how)), spent
+
+
+# --- of finer meshes, and of the exact model ------------------------------------------------------
+
+
+def _finer_truths(
+    loaded: LoadedDeck, sweep: Sweep, works: Sequence[Work], budget: Budget, allowed: float
+) -> None:
+    """Give the cells of each model a mesh-converged reference, on `Sweep.fine_mesh` if time allows."""
+    for i, model in enumerate(sweep.models):
+        mine = [w for w in works if w.cell.model == model and w.truth is not None]
+        if len(mine) < 2:
+            continue
+        start = budget.used
+        share = allowed / (len(sweep.models) - i)
+        fine = _cell_work(with_mesh(loaded, *sweep.fine_mesh), model, budget, share)
+        allowed -= budget.used - start
+        fine = fine if fine.truth is not None else max(mine, key=lambda w: w.cell.unknowns)
+        _split(sorted(mine, key=lambda w: w.cell.place), fine)
+
+
+def _split(works: Sequence[Work], fine: Work) -> None:
+    """Note the mesh error of each cell and the order by which it falls."""
+    assert fine.truth is not None
+    for work in works:
+        if work is fine or work.truth is None:
+            continue
+        work.fine = fine.truth
+        errors = fine.truth.judged_errors(work.truth.channels)
+        worst, largest = farthest(errors)
+        work.note(mesh_error=largest, mesh_channel=worst, mesh_errors=errors)
+        work.note(mesh_reference=fine.cell.elements, mesh_reference_degree=fine.cell.degree)
+    for coarse, finer in pairwise(works):
+        finer.note(mesh_order=observed_order(coarse.cell, finer.cell))
+
+
+def _compare_models(works: Sequence[Work]) -> None:
+    """Note how far each model is from the exact one; nothing with a single model."""
+    models = {w.cell.model for w in works}
+    true = {w.cell.mesh: w for w in works if w.cell.model == true_model(models)}
+    for work in works if len(models) > 1 else ():
+        yardstick = true.get(work.cell.mesh)
+        if yardstick is None or yardstick.truth is None:
+            continue
+        work.exact = yardstick.fine or yardstick.truth
+        if work is not yardstick and work.truth is not None:
+            worst, largest = farthest(yardstick.truth.judged_errors(work.truth.channels))
+            work.note(model_error=largest, model_channel=worst)
