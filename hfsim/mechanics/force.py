@@ -14,6 +14,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.markers import Marker
@@ -102,6 +103,15 @@ class ForcePart:
     def quartic(self) -> bool:
         """Whether the energy it stores is a polynomial of degree four at most in x."""
         return False
+
+    @property
+    def runs_away(self) -> bool:
+        """Whether `runaway` can find anything."""
+        return False
+
+    def runaway(self, t: float, x: Array) -> SolverFailure | None:
+        """Return why a state (1, n) is out of all proportion for the model of the force, if it is."""
+        return None
 
     @property
     def support(self) -> IntArray:

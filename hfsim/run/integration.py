@@ -11,7 +11,7 @@ from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose, integrate, joined
 from hfsim.maths.arrays import Array
 from hfsim.run.culprit import non_finite
-from hfsim.run.runaway import DisplacementWatch, EnergyWatch
+from hfsim.run.runaway import EnergyWatch, PartsWatch
 from hfsim.run.stop import Progress, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
@@ -66,7 +66,7 @@ def run_integration(
     system, duration = scene.system, solve.duration
     problem = problem_of(scene)
     method = choose(solve, system.dissipates)
-    watches: list[Watch] = [EnergyWatch(system), DisplacementWatch(system)]
+    watches: list[Watch] = [EnergyWatch(system), PartsWatch(system)]
     if extra is not None:
         watches.append(extra)
 

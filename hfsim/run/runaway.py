@@ -9,15 +9,12 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.system import System
-from hfsim.parts.bodies.linear import LinearElasticForce
 
 LIMIT = 100.0
 """Energy out of nothing, relative to all that was ever there, at which a model has broken down; large enough
 for a mass matrix that turns singular to be seen first."""
 ROUNDING = 1e-12
 """Share of the energies at the start below which energy out of nothing is round-off."""
-LIMIT_LENGTHS = 10.0
-"""Displacement over length at which a beam of the model linear has broken down."""
 
 
 @dataclass
@@ -77,17 +74,13 @@ class EnergyWatch:
 
 
 @dataclass
-class DisplacementWatch:
-    """Ends a run of the model linear whose beams deflect out of all proportion.
-
-    Without the stiffening by tension a fast beam bends outwards for ever, growing exponentially: what
-    follows is neither mechanics nor worth the steps it takes.
-    """
+class PartsWatch:
+    """Ends a run in which a part has run away: what follows is neither mechanics nor worth the steps."""
 
     system: System
 
     def __post_init__(self) -> None:
-        self._linear = [part for part in self.system.forces if isinstance(part, LinearElasticForce)]
+        self._parts = [part for part in self.system.forces if part.runs_away]
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
         """Look at a kept state.
@@ -95,20 +88,10 @@ class DisplacementWatch:
         Raises
         ------
         SolverFailure
-            If a beam deflects by more than `LIMIT_LENGTHS` times its length.
+            If a part says so.
         """
-        if not self._linear:
-            return
-        x = self.system.absolute(q[None])
-        for part in self._linear:
-            lengths = part.displacement(x)
-            if lengths > LIMIT_LENGTHS:
-                raise SolverFailure(
-                    reason=f"body '{part.name}' in model linear deflects by {lengths:.3g} times its length "
-                    f"at t = {t:.4g} s",
-                    cause="the stiffening that the model leaves out is what would hold it",
-                    time=t,
-                    item=f"bodies.{part.name}",
-                    kind="model",
-                    evidence={"displacement_over_length": lengths},
-                )
+        x = self.system.absolute(q[None]) if self._parts else q
+        for part in self._parts:
+            failure = part.runaway(t, x)
+            if failure is not None:
+                raise failure

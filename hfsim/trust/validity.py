@@ -26,6 +26,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, cumulative, distinct
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.deformation import Deformation, size
+from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import Scene
@@ -38,6 +39,8 @@ RINGING = 2.0
 """Largest deformation under a load that sets in suddenly over that of the same load at rest."""
 STEEP = 0.3
 """Slope [rad] from which small angles are no longer small."""
+BLOCKED = 1e-9
+"""Rate of a joint equation, over the angular velocity, from which a joint blocks turning."""
 MAX_STATES = 2000
 """States looked at."""
 
@@ -290,14 +293,28 @@ def _ends(scene: Scene, name: str) -> tuple[str, str]:
 
 def _end(scene: Scene, point: str) -> str:
     """Return how joints hold an end; a tip that carries other bodies counts as free."""
+    body = scene.bodies[point.split(".")[0]]
     names = {point, point.removesuffix(".root")}
-    grounded = {"ground"} if point.endswith(".tip") else None
-    kinds = set()
-    for joint in scene.deck.joints.values():
-        mine = names & set(joint.between)
-        other = {end.split(".")[0] for end in joint.between if end not in names}
-        if mine and (grounded is None or other & grounded):
-            kinds.add(joint.type)
-    if kinds & {"fixed", "prismatic", "driver"}:
-        return "clamped"
-    return "pinned" if kinds else "free"
+    x, held = scene.system.absolute(scene.q[None]), "free"
+    for name, joint in scene.deck.joints.items():
+        if not names & set(joint.between):
+            continue
+        others = (scene.marker(end).columns for end in joint.between if end not in names)
+        if point.endswith(".tip") and not any(one.start == one.stop for one in others):
+            continue
+        held = "pinned" if held == "free" else held
+        turning = _turning(scene, body, point, x)
+        for row in (scene.system.constraints[k] for k in scene.joints[name]):
+            for marker, J in zip((row.first, row.second), row.jacobians(x), strict=True):
+                if marker.columns == body.columns and np.abs(J[0] @ turning.T).max() > BLOCKED:
+                    held = "clamped"
+    return held
+
+
+def _turning(scene: Scene, body: Body, point: str, x: Array) -> Array:
+    """Return the rates of a body that turns about one of its points, shape (n_spin, n_columns)."""
+    n_dim = len(scene.deck.gravity)
+    motions = body.freedoms(x[0], Pose.planar(np.zeros(n_dim), scene.start_angles[body.name]))
+    shifts, spins = motions[:n_dim], motions[n_dim:]
+    moved = spins @ scene.marker(point).position_jacobian(x)[0].T
+    return np.asarray(spins - moved @ shifts)

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, ComplexArray, IntArray
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.deformation import Deformation
@@ -16,6 +17,9 @@ from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.frame import relative_nodes
 from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.elements import Stiffness
+
+LIMIT_LENGTHS = 10.0
+"""Displacement over length at which a beam of the model linear has broken down."""
 
 
 @dataclass(frozen=True)
@@ -108,10 +112,26 @@ class LinearElasticForce(ForcePart):
         omega = local[:, 1:2].imag / p[:, 1:2].real
         return as_vectors(local - 1j * omega * p).reshape(len(x), -1)
 
-    def displacement(self, x: Array) -> float:
-        """Return the largest nodal displacement in the body frame over the length of the beam."""
-        moved = np.abs(self._deformation(x)[0]).reshape(len(x), *self.undeformed.shape)
-        return float((moved * self.positions[:, None]).max() / self.undeformed[:, 0].max())
+    @property
+    def runs_away(self) -> bool:
+        """Return True: without the stiffening by tension a fast beam bends outwards for ever."""
+        return True
+
+    def runaway(self, t: float, x: Array) -> SolverFailure | None:
+        """Return the failure of a beam that deflects by more than `LIMIT_LENGTHS` times its length."""
+        moved = np.abs(self._deformation(x)[0].reshape(-1, 2)) * np.tile(self.positions, len(x))[:, None]
+        lengths = float(moved.max() / self.undeformed[:, 0].max())
+        if not lengths > LIMIT_LENGTHS:
+            return None
+        return SolverFailure(
+            reason=f"body '{self.name}' in model linear deflects by {lengths:.3g} times its length "
+            f"at t = {t:.4g} s",
+            cause="the stiffening that the model leaves out is what would hold it",
+            time=t,
+            item=self.item,
+            kind="model",
+            evidence={"displacement_over_length": lengths},
+        )
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add -K (p - p0) - D p', with no force on the frame coordinates."""
