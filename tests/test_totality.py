@@ -1,11 +1,15 @@
 """Everything that is registered goes all the way: check, plan, run, pictures, diagnosis, limits.
 
-What is newly registered needs one example in `EXAMPLES`; nothing else here knows any name.
+What is newly registered needs one example in `EXAMPLES`; nothing else here knows any name.  That one file
+and one name are enough is shown at the end, by one more of several kinds.
 """
 
 import json
+import sys
 from copy import deepcopy
+from types import SimpleNamespace
 
+import click
 import pytest
 import yaml
 from click.testing import CliRunner
@@ -16,7 +20,7 @@ from hfsim.errors import SolverFailure
 from hfsim.integrators import METHODS
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.channels import CHANNELS
-from hfsim.parts.elements import ELEMENTS
+from hfsim.parts.elements import ELEMENTS, Continuum
 from hfsim.parts.forces import LOADS, SPRINGS
 from hfsim.parts.joints import JOINTS
 from hfsim.run.integration import run_integration
@@ -180,3 +184,40 @@ def test_the_limits_of_every_integrator_are_measured(tmp_path):
     for name in METHODS:
         assert name in told
     assert "crash" not in told and "Error" not in told
+
+
+# One file and one name ---------------------------------------------------------------------------------
+
+
+class Sandwich(Continuum):
+    """An element of one's own: two thirds of the mass lie in the faces."""
+
+    def mass(self, inertia):
+        return super().mass(inertia._replace(height=1.5 * inertia.height))
+
+
+@pytest.mark.parametrize(
+    ("registry", "kind", "name", "entry", "example"),
+    [
+        pytest.param(ELEMENTS, "element", "sandwich", Sandwich, {}, id="element"),
+    ],
+)
+def test_one_of_your_own_takes_one_file_and_one_name(
+    registry, kind, name, entry, example, tmp_path, monkeypatch
+):
+    monkeypatch.setitem(registry, name, entry)
+    goes_all_the_way(scene_with(kind, name, example), tmp_path)
+
+
+def test_a_command_of_your_own_takes_one_file_and_one_name(monkeypatch):
+    @click.command()
+    @click.argument("deck")
+    def weigh(deck):
+        """Tell what the bodies of DECK weigh."""
+        click.echo(f"{deck}: 1 kg")
+
+    monkeypatch.setitem(COMMANDS, "weigh", "What the bodies of a deck weigh.")
+    monkeypatch.setitem(sys.modules, "hfsim.commands.weigh", SimpleNamespace(weigh=weigh))
+    assert "What the bodies of a deck weigh." in hfsim("--help")
+    assert "Tell what the bodies" in hfsim("weigh", "--help")
+    assert hfsim("weigh", "one") == "one: 1 kg\n"

@@ -6,6 +6,7 @@ An entry says what is wrong with it as a whole in `Spec.complaints`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from importlib import import_module
 from typing import Any, ClassVar, NamedTuple, Self
 
@@ -190,6 +191,28 @@ class OneOf:
         else:
             wrong = wrong_choice((self.key,), value[self.key], list(self.kinds))
         raise refused([wrong])
+
+
+def named_in(registry: str, *others: str) -> ReadBy:
+    """Return what reads a name of a registry, which is imported when a deck says one, or another word.
+
+    Parameters
+    ----------
+    registry : str
+        Where the mapping stands: ``hfsim.parts.elements.ELEMENTS``.
+    *others : str
+        What may be said besides.
+    """
+    return ReadBy(partial(_read_name_in, registry, others))
+
+
+def _read_name_in(registry: str, others: tuple[str, ...], value: object) -> object:
+    module, _, name = registry.rpartition(".")
+    choices = [*getattr(import_module(module), name), *others]
+    if value not in choices:
+        wrong = wrong_choice((), value, choices)
+        raise refusal(wrong.message, wrong.hint)
+    return value
 
 
 def wrong_choice(path: Path, given: object, choices: list[str]) -> Complaint:

@@ -7,7 +7,7 @@ from pydantic import BeforeValidator, Field
 
 from hfsim.deck.fields import Flag, Points, PositiveLength, whole
 from hfsim.deck.materials import AnySection
-from hfsim.deck.spec import Around, Complaint, Spec, refusal, shown
+from hfsim.deck.spec import Around, Complaint, Spec, named_in, refusal, shown
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.specs import BodySpec
 
@@ -58,7 +58,7 @@ class BeamSpec(BodySpec):
     elements: Annotated[int, whole(at_most=100_000), BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
     """Number of elements [-]; auto: `run` chooses it and the degree, all else takes 4."""
 
-    element: Literal["cable", "continuum"] = "cable"
+    element: Annotated[str, named_in("hfsim.parts.elements.ELEMENTS")] = "cable"
     """Centre line only, or the fully parameterised element of Liu, Hong & Cui (2007), eq. 22-27."""
 
     degree: Annotated[int, whole(3, 12)] = 3
@@ -97,6 +97,13 @@ class BeamSpec(BodySpec):
         """Number of coordinates of the nodes and of the elements' interiors."""
         return 4 * (self.elements + 1) + 2 * (self.degree - 3) * self.elements
 
+    @property
+    def centre_line(self) -> bool:
+        """Whether its elements are a line without height."""
+        from hfsim.parts.elements import ELEMENTS
+
+        return ELEMENTS[self.element].centre_line
+
     def default_channels(self) -> tuple[str, ...]:
         """Return those of the tip and of the frame."""
         return ("tip.x", "tip.y", "tip.deflection", "angle", "angular_velocity")
@@ -110,9 +117,10 @@ class BeamSpec(BodySpec):
             elif not 0 <= point[0] <= self.length:
                 message = f"x = {point[0]:g} m is outside the beam, which goes from 0 to {self.length:g} m"
                 yield Complaint(("points", name), message)
-            elif self.element == "cable" and any(point[1:]):
+            elif self.centre_line and any(point[1:]):
                 hint = "give y = 0, or element: continuum"
-                yield Complaint(("points", name), "a cable element has points on its centre line only", hint)
+                message = f"a {self.element} element has points on its centre line only"
+                yield Complaint(("points", name), message, hint)
 
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield what does not fit the section, the model and the form of the elastic force."""
@@ -134,23 +142,23 @@ class BeamSpec(BodySpec):
             message = f"a section {section.height:.3g} m high is higher than the beam is long"
             yield Complaint(("section",), message)
         for name, place in self.points.items():
-            if self.element == "continuum" and abs(place[1]) > section.height / 2:
+            if not self.centre_line and abs(place[1]) > section.height / 2:
                 message = f"y = {place[1]:g} m is outside the section, {section.height:.3g} m high"
                 yield Complaint(("points", name), message)
 
     def _element_complaints(self) -> Iterator[Complaint]:
-        continuum = self.element == "continuum"
-        if continuum and self.degree != 3:
-            hint = "remove this key, or take element: cable"
-            yield Complaint(("degree",), "a continuum element is cubic along its axis", hint)
-        if continuum and self.strain != "green":
-            yield Complaint(("strain",), "a continuum element has the Green strain", "remove this key")
-        if continuum and self.curvature != "linear":
-            message = "a continuum element has no curvature of its own"
-            yield Complaint(("curvature",), message, "remove this key")
+        if not self.centre_line:
+            own = (
+                ("degree", 3, "is cubic along its axis", ", or take element: cable"),
+                ("strain", "green", "has the Green strain", ""),
+                ("curvature", "linear", "has no curvature of its own", ""),
+            )
+            for key, usual, why, instead in own:
+                if getattr(self, key) != usual:
+                    yield Complaint((key,), f"a {self.element} element {why}", f"remove this key{instead}")
         if self.quadrature is None:
             return
-        if continuum:
+        if not self.centre_line:
             yield Complaint(("quadrature",), "applies to cable elements only", "remove this key")
         elif self.strain == "green" and self.curvature == "linear":
             message = "strain: green with curvature: linear is integrated exactly"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -327,6 +328,7 @@ class Cable:
     length: float
     degree: int = 3
     per_node: int = 2
+    centre_line: ClassVar[bool] = True
 
     @classmethod
     def of(cls, length: float, degree: int) -> Cable:
