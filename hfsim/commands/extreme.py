@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 FOLDER = CASES / "extreme"
 """Decks of the set shipped with hfsim."""
 
+
 @click.command()
 @click.argument("names", metavar="[NAME...]", nargs=-1)
 @click.option(
@@ -79,7 +80,7 @@ _CSV = (
     Column("cause", "verdict.cause"),
     Column("item", "verdict.item"),
     Column("holds", lambda case: not case.misses),
-    *map(Column, ("status", "end", "steps", "cpu")),
+    *(Column(key, f"trial.{key}") for key in ("status", "end", "steps", "cpu")),
     *(Column(key, f"verdict.{key}") for key in ("time_error", "energy_drift", "growth")),
     Column("misses", lambda case: "; ".join(case.misses)),
     Column("reason", "verdict.reason"),
@@ -93,8 +94,8 @@ _TEXT = (
     Column("error", "verdict.time_error", brief),
     Column("drift", "verdict.energy_drift", brief),
     Column("values", lambda case: _share_that_holds(case)),
-    Column("steps", lambda case: case.steps or None),
-    Column("CPU [s]", "cpu", ".2g"),
+    Column("steps", lambda case: case.trial.steps or None),
+    Column("CPU [s]", "trial.cpu", ".2g"),
     Column("", lambda case: "MISSED" if case.misses else "ok"),
 )
 

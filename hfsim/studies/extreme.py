@@ -1,8 +1,8 @@
 """The extreme set: decks at the edge of what can be solved, each held against what is expected of it.
 
 What is expected stands in ``expected.yaml`` beside the decks.  Every deck runs as it states, in a worker
-process of its own, and is put into a class (`hfsim.studies.judge`); closed forms are checked where there
-are any.
+process of its own, and is put into a class (`hfsim.studies.stability.verdict`); closed forms are checked
+where there are any.
 """
 
 from __future__ import annotations
@@ -19,18 +19,17 @@ import yaml
 from hfsim.errors import HfsimError
 from hfsim.scene.loading import parse_deck
 from hfsim.studies.farm import Farm, Outcome, Task
-from hfsim.studies.judge import (
+from hfsim.studies.stability.trials import Job, solve_point, solve_reference
+from hfsim.studies.stability.verdict import (
     CLASSES,
+    NO_TRIAL,
     TRUTH_MODEL,
     Bounds,
-    Job,
     Trial,
     Truth,
     Verdict,
     classify,
     distance,
-    solve_point,
-    solve_reference,
 )
 
 EXPECTED = "expected.yaml"
@@ -78,7 +77,7 @@ class Expectation:
     name : str
         Of the deck's file without its ending.
     outcome : str
-        A key of `hfsim.studies.judge.CLASSES`.
+        A key of `hfsim.studies.stability.verdict.CLASSES`.
     error, drift : float or None
         Bounds on the error against a tighter run and on the energy drift [-].
     values : tuple of Value
@@ -127,20 +126,14 @@ class Case:
     ----------
     expectation : Expectation
     verdict : Verdict
-    status : str
-        How the run ended; empty if there was none.
-    end, cpu : float
-        Where it ended; CPU time of the integration [s].
-    steps : int
+    trial : Trial
+        How the run ended, without its output.
     found : tuple of Found
     """
 
     expectation: Expectation
     verdict: Verdict
-    status: str = ""
-    end: float = 0.0
-    cpu: float = 0.0
-    steps: int = 0
+    trial: Trial = NO_TRIAL
     found: tuple[Found, ...] = ()
 
     @property
@@ -197,7 +190,7 @@ class Extreme:
     def sound(self) -> tuple[int, int]:
         """How many physically sound cases completed, and how many there are."""
         sound = [case for case in self.cases if case.expectation.sound]
-        return sum(case.status == "done" for case in sound), len(sound)
+        return sum(case.trial.status == "done" for case in sound), len(sound)
 
 
 def read_expectations(folder: Path) -> tuple[Expectation, ...]:
@@ -238,25 +231,19 @@ def _expectation(name: str, entry: dict[str, Any]) -> Expectation:
 # --- one deck, in a worker process ----------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Examination:
-    job: Job
-    expectation: Expectation
-
-
-def examine(order: _Examination) -> Case:
+def examine(order: tuple[Job, Expectation]) -> Case:
     """Solve a deck as it states and its references; check what is expected."""
-    job, start = order.job, time.perf_counter()
-    solve = parse_deck(job.text, job.file, job.overrides).deck.solve
+    job, expectation = order
+    start, solve = time.perf_counter(), parse_deck(job.text, job.file, job.overrides).deck.solve
+
+    def truth_of(model: str) -> Truth:
+        left = max(job.limit - (time.perf_counter() - start), 0.1)
+        return solve_reference(replace(job, model=model, limit=left, disturbed=model == TRUTH_MODEL))
+
     limit = (1 - _REFERENCE_SHARE) * job.limit
     trial = solve_point(replace(job, model=solve.model, method=solve.method, limit=limit, diagnosed=True))
-    left = max(job.limit - (time.perf_counter() - start), 0.1)
-    exact = solve_reference(replace(job, model=TRUTH_MODEL, limit=left, disturbed=True))
-    left = max(job.limit - (time.perf_counter() - start), 0.1)
-    truth = (
-        exact if solve.model == TRUTH_MODEL else solve_reference(replace(job, model=solve.model, limit=left))
-    )
-    return judged(order.expectation, trial, truth, exact)
+    exact = truth_of(TRUTH_MODEL)
+    return judged(expectation, trial, exact if solve.model == TRUTH_MODEL else truth_of(solve.model), exact)
 
 
 def judged(expectation: Expectation, trial: Trial, truth: Truth, exact: Truth) -> Case:
@@ -265,9 +252,7 @@ def judged(expectation: Expectation, trial: Trial, truth: Truth, exact: Truth) -
         error, channel = distance(trial.channels, truth.channels, truth.scales)
         trial = replace(trial, error=error, channel=channel)
     verdict = classify(trial, truth, exact, Bounds())
-    return Case(
-        expectation, verdict, trial.status, trial.end, trial.cpu, trial.steps, _values(expectation, trial)
-    )
+    return Case(expectation, verdict, replace(trial, channels=(), times=None), _values(expectation, trial))
 
 
 def _values(expectation: Expectation, trial: Trial) -> tuple[Found, ...]:
@@ -310,27 +295,19 @@ def extreme_set(
         Told the share of the decks that is done, 0 to 1.
     """
     start = time.perf_counter()
-    farm = Farm(jobs, start + seconds)
+    farm, cases = Farm(jobs, start + seconds), {one.name: Case(one, _UNREACHED) for one in expectations}
+
+    def take(outcome: Outcome) -> None:
+        one = outcome.key
+        cases[one.name] = outcome.value or Case(one, Verdict("no result", outcome.lost))
+        report(sum(case.verdict is not _UNREACHED for case in cases.values()) / len(cases))
+
     for one in expectations:
         path = folder / f"{one.name}.yaml"
         job = Job(path.read_text(encoding="utf-8"), str(path), (), TRUTH_MODEL, limit, tolerance=_TIGHTER)
-        farm.add(Task(one.name, examine, _Examination(job, one), limit))
-    outcomes: dict[str, Outcome] = {}
-    interrupted = False
-    try:
-        for outcome in farm.outcomes():
-            outcomes[outcome.key] = outcome
-            report(len(outcomes) / len(expectations))
-    except KeyboardInterrupt:
-        interrupted = True
-    cases = tuple(_case(one, outcomes.get(one.name)) for one in expectations)
-    return Extreme(cases, seconds, time.perf_counter() - start, interrupted)
+        farm.add(Task(one, examine, (job, one), limit))
+    ended = farm.serve(take)
+    return Extreme(tuple(cases.values()), seconds, time.perf_counter() - start, not ended)
 
 
-def _case(expectation: Expectation, outcome: Outcome | None) -> Case:
-    if outcome is None:
-        return Case(expectation, Verdict("not computed", "the budget was used up"))
-    if outcome.value is None:
-        return Case(expectation, Verdict("no result", outcome.lost))
-    case: Case = outcome.value
-    return case
+_UNREACHED = Verdict("not computed", "the budget was used up")

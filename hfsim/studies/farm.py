@@ -106,6 +106,15 @@ class Farm:
         finally:
             self._stop()
 
+    def serve(self, take: Callable[[Outcome], None]) -> bool:
+        """Hand every outcome to a function as it comes in; return False if the keyboard ended it before."""
+        try:
+            for outcome in self.outcomes():
+                take(outcome)
+        except KeyboardInterrupt:
+            return False
+        return True
+
     def unreached(self) -> list[Any]:
         """Return the keys of tasks that were still waiting, or cut off, at the deadline."""
         return [task.key for task in self._queue]

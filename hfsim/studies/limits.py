@@ -202,6 +202,11 @@ class Limit:
     words: str
 
     @property
+    def title(self) -> str:
+        """Method and order."""
+        return f"{self.method} {self.order}" if self.order else self.method
+
+    @property
     def deviation(self) -> float | None:
         """How far the measured step is from the predicted one, relative; None where it is not located."""
         if not self.predicted or self.longest is None or self.beyond is None:
@@ -343,12 +348,6 @@ class Limits:
             "spectra": [{**asdict(s), "period": s.period} for s in self.spectra],
             "limits": [limit.facts() for limit in self.limits], "lost": self.lost,
         }  # fmt: skip
-
-
-LIMIT_COLUMNS = (
-    "model", "method", "order", "stages", "longest", "beyond", "predicted", "deviation", "reason", "words",
-)  # fmt: skip
-"""Columns of ``limits.csv``; steps in fastest periods."""
 
 
 def _spectra(job: LimitJob) -> tuple[Spectrum, ...]:

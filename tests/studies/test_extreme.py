@@ -17,7 +17,7 @@ from hfsim.studies.extreme import (
     extreme_set,
     read_expectations,
 )
-from hfsim.studies.judge import Verdict
+from hfsim.studies.stability.verdict import Trial, Verdict
 
 
 def call(*arguments):
@@ -36,7 +36,7 @@ def test_every_deck_of_the_set_loads_and_has_its_expectation():
 
 
 WANTED = Expectation("x", "accurate", error=1e-3, drift=1e-6)
-GOOD = Case(WANTED, Verdict("accurate", time_error=1e-4, energy_drift=1e-7), "done")
+GOOD = Case(WANTED, Verdict("accurate", time_error=1e-4, energy_drift=1e-7), Trial("done"))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from matplotlib.patches import Patch
 from matplotlib.transforms import Affine2D
 
 from hfsim.output.plots.style import new_figure, save, set_title
-from hfsim.studies.stability import StabilityMap
+from hfsim.studies.stability.results import StabilityMap
 
 _CLASS_STYLES = {
     "accurate": ("#009E73", "A"),
@@ -35,7 +35,7 @@ def draw_stability(result: StabilityMap, folder: Path) -> list[str]:
     Parameters
     ----------
     result : StabilityMap
-        What `hfsim.studies.stability.stability_map` found, over one or two axes.
+        What `hfsim.studies.stability.maps.stability_map` found, over one or two axes.
     folder : Path
         Where the PNG files go.
 

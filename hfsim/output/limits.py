@@ -1,0 +1,69 @@
+"""Longest stable steps as files and as people read them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hfsim.output.text import Column, hanging, table
+
+if TYPE_CHECKING:
+    from hfsim.studies.limits import Limit, Limits
+
+LIMIT_COLUMNS = (
+    *("model", "method", "order", "stages", "longest", "beyond", "predicted", "deviation", "reason", "words"),
+)
+"""Columns of ``limits.csv``; steps in fastest periods."""
+
+_TEXT = (
+    Column("method", lambda one: one.title + (f" ({one.stages} stages)" if one.stages else "")),
+    Column("longest stable step", lambda one: _longest(one)),
+    Column("theory", "predicted", lambda step: "any" if step is None else f"{step:.4g} T"),
+    Column("off by", "deviation", lambda off: "-" if off is None else f"{100 * off:+.2g} %"),
+    Column("what ends it", lambda one: one.reason[:60] or None),
+)
+
+
+def limits_text(results: Sequence[Limits], folder: Path) -> str:
+    """Return what was found with each model, and where it was written."""
+    return "\n".join([*map(_one_model, results), f"\n  results: {folder}/"])
+
+
+def _one_model(result: Limits) -> str:
+    """Return frequencies, growing motions and the table of longest stable steps."""
+    first = result.spectra[0]
+    said = [f"{one.method}: {one.words}" for one in result.limits]
+    lost = [f"{name}: not measured: {why}" for name, why in result.lost.items()]
+    blocks = [
+        f"{result.name}, {result.model}: fastest period {first.period:.4g} s, slowest frequency "
+        f"{first.slowest:.4g} rad/s at the start",
+        _growing(result),
+        "T: fastest period\n" + table(_TEXT, result.limits),
+        *map(hanging, said + lost),
+    ]
+    return "\n".join(blocks)
+
+
+def _longest(one: Limit) -> str:
+    if one.longest is None:
+        return f"below {one.beyond:.3g} T" if one.beyond else "no step tried to its end"
+    if one.beyond is None:
+        return f"above {one.longest:.3g} T"
+    if one.beyond > 1.02 * one.longest:
+        return f"{one.longest:.3g} to {one.beyond:.3g} T"
+    return f"{one.longest:.4g} T"
+
+
+def _growing(result: Limits) -> str:
+    """Return whether the linearised scene has growing motions, and where along the motion."""
+    growing = [s for s in result.spectra if s.growth > 0.0]
+    count = len(result.spectra)
+    if not growing:
+        return f"  no growing motion in {count} states along the run"
+    worst = max(growing, key=lambda s: s.growth)
+    return (
+        f"  linearised, motions grow in {len(growing)} of {count} states along the run, fastest by "
+        f"{worst.growth:.3g}/s at {worst.time:.3g} s\n  (an instability where the state lasts; "
+        "elsewhere a state passed through)"
+    )

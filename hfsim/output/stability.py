@@ -1,0 +1,127 @@
+"""Stability maps as files and as people read them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hfsim.output.text import Column, as_table, brief, hanging, table
+
+if TYPE_CHECKING:
+    from hfsim.studies.stability.results import MapPoint, StabilityMap
+
+_FACTS = ("time_error", "model_error", "energy_drift", "growth", "channel", "cause", "item", "reason")
+_POINT = (
+    Column("model"),
+    Column("method"),
+    Column("class", "outcome"),
+    *(Column(name, f"trial.{name}") for name in ("status", "end", "steps", "cpu")),
+    *(Column(name, f"verdict.{name}") for name in _FACTS),
+)
+_LIST = (
+    Column("class", "outcome"),
+    Column("time error", "verdict.time_error", brief),
+    Column("model error", "verdict.model_error", brief),
+    Column("drift", "verdict.energy_drift", brief),
+    Column("steps", lambda p: p.trial.steps or None),
+    Column("CPU [s]", lambda p: p.trial.cpu or None, ".2g"),
+)
+
+
+def _axis_columns(result: StabilityMap) -> list[Column]:
+    def value_on(axis: int) -> Callable[[MapPoint], object]:
+        return lambda point: point.values[axis]
+
+    return [Column(name, value_on(i), _word) for i, (name, _, _) in enumerate(result.axes)]
+
+
+def map_columns(result: StabilityMap) -> list[Column]:
+    """Return the columns of ``stability.csv``: the axes, then what each point has."""
+    return [*_axis_columns(result), *_POINT, Column("overrides", lambda p: " ".join(p.overrides))]
+
+
+def map_facts(result: StabilityMap) -> dict[str, Any]:
+    """Return a map as JSON-ready facts (``stability.json``)."""
+    from hfsim.studies.stability.verdict import CLASSES, TRUTH_MODEL
+
+    points = [
+        {
+            "values": p.values,
+            **{column.name: column.value(p) for column in _POINT},
+            "overrides": p.overrides,
+        }
+        for p in result.points
+    ]
+    return {
+        "name": result.name,
+        "status": result.status,
+        "axes": [{"name": n, "values": v, "logarithmic": logarithmic} for n, v, logarithmic in result.axes],
+        "bounds": asdict(result.bounds),
+        "reference_model": TRUTH_MODEL,
+        "seconds": result.seconds,
+        "used": result.used,
+        "counts": result.counts(),
+        "classes": CLASSES,
+        "points": points,
+        "boundaries": [{**asdict(b), "width": b.width} for b in result.boundaries],
+    }
+
+
+def draw_map(result: StabilityMap, folder: Path) -> list[str]:
+    """Draw a map into a folder and return the names of the pictures."""
+    from hfsim.output.plots import draw_stability
+
+    return draw_stability(result, folder)
+
+
+def map_text(result: StabilityMap, folder: Path, verbose: bool = False, ending: str = "accurate") -> str:
+    """Return a map as people read it: the classes over the axes, the ends of classes, the reasons."""
+    head = f"{result.name}: {result.summary}; {result.used:.3g} s used"
+    bounds = f"  bounds: error {result.bounds.error:g}, energy drift {result.bounds.drift:g}"
+    ends = _boundaries(result, ending) if result.boundaries else ""
+    blocks = [f"{head}\n{bounds}", *_tables(result), ends, "\n".join(_reasons(result, verbose))]
+    return "\n\n".join([*filter(None, blocks), f"  results: {folder}/"])
+
+
+def _tables(result: StabilityMap) -> list[str]:
+    if len(result.axes) == 2:
+        return [_grid(result, model, method) for model, method in result.rows()]
+    return [table([*_POINT[:2], *_axis_columns(result), *_LIST], result.points)]
+
+
+def _word(value: Any) -> str:
+    return value if isinstance(value, str) else f"{value:.4g}"
+
+
+def _grid(result: StabilityMap, model: str, method: str) -> str:
+    (down, rows, _), (across, columns, _) = result.axes
+    points = result.points_of(model, method)
+    head = [f"{down} \\ {across}", *map(_word, columns)]
+    lines = [[_word(r), *(points[r, c].outcome for c in columns)] for r in rows]
+    return f"{model}, {method}\n" + as_table([head, *lines])
+
+
+def _boundaries(result: StabilityMap, ending: str) -> str:
+    name = result.axes[0][0]
+    columns = [
+        *_POINT[:2],
+        Column(f"{name}: last", "below", ".5g"),
+        Column("first", "above", ".5g"),
+        Column("class", "class_below"),
+        Column("then", "class_above"),
+    ]
+    return f"where '{ending}' ends along {name}\n" + table(columns, result.boundaries)
+
+
+def _reasons(result: StabilityMap, verbose: bool) -> Iterable[str]:
+    """Yield why points are not accurate: of each class the first one of every model and method, or all."""
+    told = set()
+    for p in result.points:
+        key = (p.model, p.method, p.outcome)
+        if p.outcome == "accurate" or (key in told and not verbose):
+            continue
+        told.add(key)
+        at = [f"{name} {_word(value)}" for (name, _, _), value in zip(result.axes, p.values, strict=True)]
+        yield hanging(f"{', '.join([p.model, p.method, *at])}: {p.outcome}: {p.verdict.reason}")

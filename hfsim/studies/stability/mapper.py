@@ -1,0 +1,143 @@
+"""Work on the points of a map: references and points are jobs of a farm, the references of a deck first."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import partial
+
+from hfsim.errors import DeckError
+from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.axes import Value, point_overrides, written
+from hfsim.studies.farm import Farm, Outcome, Task
+from hfsim.studies.stability.results import MapPoint, Plan, Wanted
+from hfsim.studies.stability.trials import Job, solve_point, solve_reference
+from hfsim.studies.stability.verdict import REFUSED, TRUTH_MODEL, Trial, Truth, Verdict, classify
+
+Report = Callable[[float], None]
+
+_PATIENCE = 3.0
+"""Time limit of a reference over that of a point: it is solved tighter, and with its disturbed run twice."""
+
+
+@dataclass(eq=False)
+class _Cell:
+    """One deck of the map while it is worked on.
+
+    Attributes
+    ----------
+    overrides : tuple of str
+        What makes it of the deck mapped.
+    waiting : list of (point, job)
+        What waits for references.
+    truths : dict of str to Truth or None
+        Reference of each model asked for; None until it is there.
+    """
+
+    overrides: tuple[str, ...]
+    waiting: list[tuple[Wanted, Job]] = field(default_factory=list)
+    truths: dict[str, Truth | None] = field(default_factory=dict)
+
+    def truth(self, model: str) -> Truth:
+        """Return a reference that is there."""
+        found = self.truths[model]
+        assert found
+        return found
+
+
+class Mapper:
+    """Computes points of one deck within a budget; references once found are kept.
+
+    The key of each task of the farm is the function that takes its outcome.
+    """
+
+    def __init__(self, loaded: LoadedDeck, plan: Plan, report: Report = lambda share: None) -> None:
+        self._loaded = loaded
+        self._plan = plan
+        self._report = report
+        self._start = time.perf_counter()
+        self._farm = Farm(plan.jobs, self._start + plan.seconds)
+        self._job = Job(loaded.source.text, loaded.source.file, (), TRUTH_MODEL, plan.limit, plan.tolerance)
+        self._cells: dict[tuple[str, ...], _Cell] = {}
+        self._found: dict[Wanted, MapPoint] = {}
+        self.interrupted = False
+        if "explicit" in plan.methods:
+            import scipy.integrate  # noqa: F401 (once here, not in every worker)
+
+    @property
+    def used(self) -> float:
+        """Wall time used so far [s]."""
+        return time.perf_counter() - self._start
+
+    @property
+    def over_budget(self) -> bool:
+        """Whether the time is used up."""
+        return self.used >= self._plan.seconds
+
+    def compute(self, wanted: Iterable[Wanted]) -> dict[Wanted, MapPoint]:
+        """Return a point for everything that is wanted, in its order; what is not reached is told so."""
+        asked = list(dict.fromkeys(wanted))
+        for one in asked:
+            self._queue(one)
+
+        def take(outcome: Outcome) -> None:
+            outcome.key(outcome)
+            self._report(sum(self._found[one].outcome != "not computed" for one in asked) / len(asked))
+
+        self.interrupted = not self._farm.serve(take)
+        return {one: self._found[one] for one in asked}
+
+    def _queue(self, one: Wanted) -> None:
+        """Queue what a point needs, unless its deck is refused."""
+        values, model, method = one
+        try:
+            overrides = point_overrides(self._loaded, self._plan.axes, values)
+        except DeckError as error:
+            self._found[one] = MapPoint(*one, Verdict("deck", REFUSED + error.problems[0].message, "deck"))
+            return
+        unreached = Verdict("not computed", "the budget was used up")
+        self._found[one] = MapPoint(*one, unreached, overrides=overrides)
+        cell = self._cell(values)
+        cell.waiting.append((one, replace(self._job, overrides=overrides, model=model, method=method)))
+        for name in (TRUTH_MODEL, model):
+            if name not in cell.truths:
+                self._ask_reference(cell, name)
+        self._release(cell)
+
+    def _cell(self, values: tuple[Value, ...]) -> _Cell:
+        """Return the cell of a point: axes that change the solver alone lead to no other one."""
+        scene = [one for one in zip(self._plan.axes, values, strict=True) if not one[0].solver_only]
+        key = tuple(written(value) for _, value in scene)
+        if key not in self._cells:
+            axes, at = zip(*scene, strict=True) if scene else ((), ())
+            self._cells[key] = _Cell(point_overrides(self._loaded, axes, at))
+        return self._cells[key]
+
+    def _ask_reference(self, cell: _Cell, model: str) -> None:
+        limit = _PATIENCE * self._plan.limit
+        job = replace(self._job, overrides=cell.overrides, model=model, limit=limit)
+        job = replace(job, disturbed=model == TRUTH_MODEL)
+        cell.truths[model] = None
+        self._farm.add(Task(partial(self._take_reference, cell, model), solve_reference, job, limit))
+
+    def _take_reference(self, cell: _Cell, model: str, outcome: Outcome) -> None:
+        cell.truths[model] = outcome.value or Truth("lost", reason=outcome.lost)
+        self._release(cell)
+
+    def _release(self, cell: _Cell) -> None:
+        """Queue the points of a cell whose references are all there, before everything else."""
+        if None in cell.truths.values():
+            return
+        for one, job in reversed(cell.waiting):
+            truth = cell.truth(job.model)
+            ready = replace(job, truth=truth if truth.status == "done" else None)
+            take = partial(self._take_point, one, cell)
+            self._farm.add(Task(take, solve_point, ready, job.limit), first=True)
+        cell.waiting.clear()
+
+    def _take_point(self, one: Wanted, cell: _Cell, outcome: Outcome) -> None:
+        trial = outcome.value or Trial("lost", reason=outcome.lost)
+        truths = cell.truth(one[1]), cell.truth(TRUTH_MODEL)
+        verdict = classify(trial, *truths, self._plan.bounds)
+        self._found[one] = replace(self._found[one], verdict=verdict, trial=trial)

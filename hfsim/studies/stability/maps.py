@@ -1,0 +1,123 @@
+"""Stability maps: one scene over one or two axes, with methods and models, every point in a class.
+
+Cells (one deck each) are taken in an order that covers the map coarsely first, so that one whose budget
+runs out is coarse rather than cut off.  Nothing is printed or written here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from itertools import product
+from typing import Any
+
+from hfsim.errors import DeckError
+from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.axes import Axis, Value, point_overrides
+from hfsim.studies.stability.bisection import bisected
+from hfsim.studies.stability.mapper import Mapper, Report
+from hfsim.studies.stability.results import Boundary, MapPoint, Plan, StabilityMap, Wanted
+
+
+def coarse_first(count: int) -> list[int]:
+    """Return the places of a row, ends first, then ever finer between them.
+
+    Examples
+    --------
+    >>> coarse_first(5)
+    [0, 4, 2, 1, 3]
+    """
+    order = [0, count - 1] if count > 1 else [0]
+    gaps = [(0, count - 1)]
+    while gaps:
+        a, b = gaps.pop(0)
+        if b - a > 1:
+            middle = (a + b) // 2
+            order.append(middle)
+            gaps += [(a, middle), (middle, b)]
+    return order
+
+
+def stability_map(
+    loaded: LoadedDeck,
+    plan: Plan,
+    bisect: float | None = None,
+    report: Report = lambda share: None,
+    ending: str = "accurate",
+) -> StabilityMap:
+    """Map a scene and put every point into a class.
+
+    Parameters
+    ----------
+    loaded : LoadedDeck
+    plan : Plan
+    bisect : float, optional
+        Relative width to which the end of a class along the one axis is located.
+    report : callable
+        Told the share of the points that is done, 0 to 1.
+    ending : str
+        That class.
+
+    Returns
+    -------
+    StabilityMap
+        Failed points are data; points not reached within the budget are told as not computed.
+
+    Raises
+    ------
+    AxisError
+        If an axis changes nothing in this deck.
+    DeckError
+        If the deck is refused at every point of the map.
+    """
+    _refuse_hopeless(loaded, plan)
+    mapper = Mapper(loaded, plan, report)
+    rows = list(product(plan.models, plan.methods))
+    found = mapper.compute((values, *row) for values in _coarse_cells(plan.axes) for row in rows)
+    boundaries: tuple[Boundary, ...] = ()
+    if bisect is not None and not mapper.interrupted:
+        boundaries = bisected(mapper, plan, found, bisect, ending)
+    left = any(p.outcome == "not computed" for p in found.values())
+    status = "interrupted" if mapper.interrupted else "over budget" if left else "done"
+    axes = tuple((axis.name, _along(axis, found, i), axis.logarithmic) for i, axis in enumerate(plan.axes))
+    return StabilityMap(
+        name=loaded.deck.name, status=status, axes=axes, bounds=plan.bounds, seconds=plan.seconds,
+        used=mapper.used, points=_in_order(found.values(), plan), boundaries=boundaries,
+    )  # fmt: skip
+
+
+def _coarse_cells(axes: Sequence[Axis]) -> list[tuple[Value, ...]]:
+    """Return the values of all cells, in an order that covers the map coarsely first."""
+    ranked = [list(enumerate(axis.values[i] for i in coarse_first(len(axis.values)))) for axis in axes]
+    cells = sorted(product(*ranked), key=lambda cell: sum(rank for rank, _ in cell))
+    return [tuple(value for _, value in cell) for cell in cells]
+
+
+def _along(axis: Axis, found: dict[Wanted, MapPoint], index: int) -> tuple[Value, ...]:
+    """Return the values of an axis with those that a bisection has added."""
+    if not axis.numeric:
+        return axis.values
+    return tuple(sorted({values[index] for values, _, _ in found}, key=float))
+
+
+def _refuse_hopeless(loaded: LoadedDeck, plan: Plan) -> None:
+    """Raise what is wrong with the first point if every point of the map is refused."""
+    errors: list[DeckError] = []
+    for values in product(*(axis.values for axis in plan.axes)):
+        try:
+            point_overrides(loaded, plan.axes, values)
+        except DeckError as error:
+            errors.append(error)
+        else:
+            return
+    raise errors[0]
+
+
+def _in_order(points: Iterable[MapPoint], plan: Plan) -> tuple[MapPoint, ...]:
+    def place(p: MapPoint) -> tuple[Any, ...]:
+        at = [
+            float(v) if axis.numeric else axis.values.index(v)
+            for axis, v in zip(plan.axes, p.values, strict=True)
+        ]
+        return plan.models.index(p.model), plan.methods.index(p.method), *at
+
+    return tuple(sorted(points, key=place))

@@ -1,0 +1,147 @@
+"""What a stability map is of, and what it finds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+from hfsim.studies.axes import Axis, Value
+from hfsim.studies.stability.verdict import CLASSES, NO_TRIAL, Bounds, Trial, Verdict
+
+Wanted: TypeAlias = "tuple[tuple[Value, ...], str, str]"
+"""Values on the axes, model, method."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is mapped.
+
+    Attributes
+    ----------
+    axes : tuple of Axis
+        None to two.
+    methods, models : tuple of str
+    bounds : Bounds
+    seconds : float
+        Wall time that all may take [s].
+    limit : float
+        Wall time that one point may take [s].
+    jobs : int
+        Processes at a time.
+    tolerance : float
+        Of the references, at most a tenth of the deck's [-].
+    """
+
+    axes: tuple[Axis, ...]
+    methods: tuple[str, ...]
+    models: tuple[str, ...]
+    bounds: Bounds = field(default_factory=Bounds)
+    seconds: float = 60.0
+    limit: float = 20.0
+    jobs: int = 2
+    tolerance: float = 1e-8
+
+
+@dataclass(frozen=True)
+class MapPoint:
+    """One point of a map.
+
+    Attributes
+    ----------
+    values : tuple of float or str
+        On the axes.
+    model, method : str
+    verdict : Verdict
+    trial : Trial
+        How its run ended.
+    overrides : tuple of str
+        What makes this deck of the one mapped.
+    """
+
+    values: tuple[Value, ...]
+    model: str
+    method: str
+    verdict: Verdict
+    trial: Trial = NO_TRIAL
+    overrides: tuple[str, ...] = ()
+
+    @property
+    def outcome(self) -> str:
+        """Its class."""
+        return self.verdict.outcome
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """Where a class ends along an axis.
+
+    Attributes
+    ----------
+    model, method : str
+    below, above : float
+        The last value of one class and the first of the other, as near as was asked for.
+    class_below, class_above : str
+    reason : str
+        What is wrong on the side that is not accurate.
+    """
+
+    model: str
+    method: str
+    below: float
+    above: float
+    class_below: str
+    class_above: str
+    reason: str
+
+    @property
+    def width(self) -> float:
+        """Distance of the two over the larger one [-]."""
+        return abs(self.above - self.below) / max(abs(self.above), abs(self.below))
+
+
+@dataclass(frozen=True)
+class StabilityMap:
+    """Everything a study found.
+
+    Attributes
+    ----------
+    name : str
+        Name of the deck.
+    status : str
+        ``done``, ``over budget`` or ``interrupted``.
+    axes : tuple of (name, values, whether logarithmic)
+    bounds : Bounds
+    seconds, used : float
+        Wall time allowed and used [s].
+    points : tuple of MapPoint
+        In the order of models, methods and axes.
+    boundaries : tuple of Boundary
+    """
+
+    name: str
+    status: str
+    axes: tuple[tuple[str, tuple[Value, ...], bool], ...]
+    bounds: Bounds
+    seconds: float
+    used: float
+    points: tuple[MapPoint, ...]
+    boundaries: tuple[Boundary, ...] = ()
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Return the pairs (model, method)."""
+        return list(dict.fromkeys((p.model, p.method) for p in self.points))
+
+    def points_of(self, model: str, method: str) -> dict[tuple[Value, ...], MapPoint]:
+        """Return the points of one model and method by their values."""
+        return {p.values: p for p in self.points if (p.model, p.method) == (model, method)}
+
+    def counts(self) -> dict[str, int]:
+        """Return how many points each class has."""
+        found = [p.outcome for p in self.points]
+        return {name: found.count(name) for name in CLASSES if name in found}
+
+    @property
+    def summary(self) -> str:
+        """How many points each class has, in words."""
+        counts = ", ".join(f"{count} {name}" for name, count in self.counts().items())
+        return f"{len(self.points)} points" + (f": {counts}" if counts else "")
