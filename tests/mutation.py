@@ -128,7 +128,7 @@ class Breaker:
             yield from self._operator(node.target, node.value, node.op, OPPOSITE)
         elif isinstance(node, ast.Compare) and len(node.ops) == 1:
             yield from self._operator(node.left, node.comparators[0], node.ops[0], OPPOSITE)
-            if any(isinstance(side, ast.Constant) for side in (node.left, node.comparators[0])):
+            if any(_is_whole(side) for side in (node.left, node.comparators[0])):
                 yield from self._operator(node.left, node.comparators[0], node.ops[0], EDGE)
         elif isinstance(node, ast.Slice):
             for bound in (node.lower, node.upper):
@@ -172,6 +172,10 @@ def _is_bare_number(parent: ast.AST, child: ast.AST) -> bool:
     return isinstance(parent, ast.Module) and (
         isinstance(child, ast.Assign | ast.AnnAssign) and isinstance(child.value, ast.Constant)
     )
+
+
+def _is_whole(node: ast.AST) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, int)
 
 
 def _is_typing(parent: ast.AST, child: ast.AST) -> bool:

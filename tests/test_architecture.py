@@ -6,6 +6,7 @@ import re
 import shlex
 import subprocess
 import sys
+from collections import Counter
 from functools import cache
 from pathlib import Path
 
@@ -104,15 +105,65 @@ def test_the_house_stays_small():
     assert not long
 
 
-@pytest.mark.parametrize("path", cases())
+def siblings():
+    names = [(path, named(path)) for path in files()]
+    kinds = tuple(f"parts.{room}." for room in ("joints", "forces", "channels"))
+    return [pytest.param(path, id=name) for path, name in names if name.startswith(kinds)]
+
+
+@pytest.mark.parametrize("path", siblings())
 def test_siblings_share_only_a_base(path):
     """Files of a package of parts import no other one, save its bases."""
-    parts = path.relative_to(PACKAGE).with_suffix("").parts
-    if parts[:1] != ("parts",) or parts[1] not in ("joints", "forces", "channels") or parts[-1] == "__init__":
-        return
+    parts = path.relative_to(PACKAGE).parts
     for name, _, _ in imports(ast.parse(path.read_text())):
         if name.startswith(f"hfsim.parts.{parts[1]}."):
             assert name.split(".")[-1].startswith("_"), name
+
+
+def mentioned(tree):
+    """Yield the names that some code reads, imports or spells out in a text."""
+    texts = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for node in ast.walk(tree):
+        if id(node) in texts:
+            continue
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            yield node.id
+        elif isinstance(node, ast.Attribute):
+            yield node.attr
+        elif isinstance(node, ast.ImportFrom):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield from re.findall(r"\w+", node.value)
+
+
+def defined(tree):
+    """Yield (node, name) of what a module and its classes define, save what is registered or overridden."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            yield from ((node, one.id) for one in targets if isinstance(one, ast.Name))
+        elif isinstance(node, ast.ClassDef):
+            yield node, node.name
+            if not any(isinstance(base, ast.Attribute) for base in node.bases):
+                yield from (pair for pair in defined(node) if isinstance(pair[0], ast.FunctionDef))
+        elif isinstance(node, ast.FunctionDef) and set(map(ast.unparse, node.decorator_list)) <= CALLED_BY_NAME:
+            yield node, node.name
+
+
+CALLED_BY_NAME = {"property", "cached_property", "classmethod", "staticmethod", "abstractmethod", "cache"}
+
+
+def test_nothing_stands_there_unused():
+    """What only tests use, or nobody, is dead; that another thing has its name may hide it from this test."""
+    trees = {path: ast.parse(path.read_text()) for path in files()}
+    counts = Counter(name for tree in trees.values() for name in mentioned(tree))
+    dead = [
+        f"{named(path)}.{name}"
+        for path, tree in trees.items()
+        for node, name in defined(tree)
+        if not name.startswith(("__", "model_")) and counts[name] <= Counter(mentioned(node))[name]
+    ]
+    assert not dead
 
 
 @pytest.mark.parametrize("path", cases())
