@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,8 +17,7 @@ from hfsim.parts.elements import ELEMENTS, ElasticLaw, Inertia, Measures, Stiffn
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 
 
-@dataclass(frozen=True)
-class Blueprint:
+class Blueprint(NamedTuple):
     """A beam before it has a model.
 
     Attributes

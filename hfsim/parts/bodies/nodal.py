@@ -18,7 +18,6 @@ from hfsim.mechanics.markers import Marker, NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.frame import FrameChart, relative_nodes
-from hfsim.parts.bodies.interior import InteriorBeams
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.natural import BeamIncrements, NaturalBeams
 
@@ -169,5 +168,9 @@ class NodalBeam(Body):
     def increments(self) -> BeamIncrements | None:
         """Return the natural increments of the Green strain."""
         element = self.mesh.element
-        kind = InteriorBeams if element.stride > element.per_node else NaturalBeams
-        return kind(self.columns, 1, element.stride, element.length, self.framed)
+        row = (self.columns, 1, element.stride, element.length, self.framed)
+        if element.stride == element.per_node:
+            return NaturalBeams(*row)
+        from hfsim.parts.bodies.interior import InteriorBeams
+
+        return InteriorBeams(*row)
