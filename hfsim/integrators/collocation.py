@@ -17,13 +17,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Problem, unsolved
-from hfsim.integrators._tableau import Collocation
-from hfsim.integrators.derivative import Start, derivative
+from hfsim.integrators._base import Attempt, Integrator, Options, Stability, relative, unsolved
+from hfsim.integrators._derivative import Start
+from hfsim.integrators._problem import Problem
+from hfsim.integrators._tableau import Collocation, gauss, radau
+from hfsim.integrators.derivative import derivative
 from hfsim.maths.arrays import Array
 
 MAX_ITERATIONS = 20
@@ -66,7 +69,7 @@ class Damping(NamedTuple):
     table: Callable[[], Collocation]
 
 
-@dataclass
+@dataclass(frozen=True)
 class CollocationMethod:
     """A collocation method whose steps follow the decay of the Legendre series of the positions.
 
@@ -77,7 +80,7 @@ class CollocationMethod:
     tolerance : float
         Local error per step: metre, radian or slope, relative above 1.
     damping : Damping, optional
-        Taken instead in natural coordinates; the name then tells both.
+        Taken instead in natural coordinates.
     """
 
     name: str
@@ -85,15 +88,37 @@ class CollocationMethod:
     tolerance: float
     damping: Damping | None = None
 
-    def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
-        """Take the initial state; return the time in which the fastest mode turns by one radian a stage."""
-        self._problem = problem
-        self._resolving = self.name, self.table
+    @property
+    def stages(self) -> int:
+        """Number of stages."""
+        return self.table.stages
+
+    def start(self, problem: Problem, t: float, q: Array, v: Array) -> CollocationStepper:
+        """Return what makes the steps from an initial state."""
+        return CollocationStepper(self, problem, t, q, v)
+
+
+class CollocationStepper:
+    """Collocation at work.
+
+    Attributes
+    ----------
+    name : str
+        Of the method of the steps, that for damping included.
+    table : Collocation
+        Of the same.
+    first : float
+        The time in which the fastest mode turns by one radian a stage.
+    """
+
+    def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
+        self._method, self._problem, self._tolerance = method, problem, method.tolerance
+        self.name, self.table = method.name, method.table
         self._derivative = derivative(problem, t, q, v)
-        self._old, self._served = False, 0
+        self._old, self._served, self._iterations = False, 0, 0
         self._cap = np.inf
         self._known: tuple[float, Array] | None = None
-        return min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
+        self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
@@ -117,12 +142,6 @@ class CollocationMethod:
             series=table.to_legendre @ a,
         )
 
-    def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
-        """Return the accelerations at the start of a step, known if the last one had a stage at its end."""
-        if self._known is None or self._known[0] != t:
-            self._known = t, self._problem.single(t, q, v)
-        return self._known[1]
-
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Ask for a new derivative every other step, or at once if it served badly.
 
@@ -133,20 +152,24 @@ class CollocationMethod:
         self._cap *= REGROWTH
         self._known = (t, self._last) if self.table.nodes[-1] == 1.0 else None
 
+    def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
+        """Return the accelerations at the start of a step, known if the last one had a stage at its end."""
+        if self._known is None or self._known[0] != t:
+            self._known = t, self._problem.single(t, q, v)
+        return self._known[1]
+
     def _error(self, a: Array, q: Array, h: float) -> float:
         """Return the size of the last terms in the Legendre series of the positions, over the tolerance."""
-        tail = TAIL * np.abs(self.table.to_legendre[-2:] @ (self.table.A2 @ a)).max(axis=0) * h * h
-        return float((tail / (self.tolerance * (1.0 + np.abs(q)))).max())
+        tail = np.abs(self.table.to_legendre[-2:] @ (self.table.A2 @ a)).max(axis=0)
+        return relative(TAIL * tail * h * h, q, self._tolerance)
 
     def _growth(self, error: float, h: float) -> float:
-        growth = (TARGET / max(error, 1e-30)) ** (1.0 / (self.table.stages + 1))
+        """Return the factor on the step: long steps with some more iterations cost less."""
+        growth = float((TARGET / max(error, 1e-30)) ** (1.0 / (self.table.stages + 1)))
         if error > 1.0:
-            return float(growth)
-        return float(min(growth, self._most_growth(), self._cap / h))
-
-    def _most_growth(self) -> float:
-        """Return how much longer the next step may be: long steps with some more iterations cost less."""
-        return next(most for iterations, most in GROWTH if self._iterations <= iterations)
+            return growth
+        most = next(factor for iterations, factor in GROWTH if self._iterations <= iterations)
+        return min(growth, most, self._cap / h)
 
     def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
         """Return stage accelerations of modes that swing freely from the start of the step."""
@@ -167,10 +190,9 @@ class CollocationMethod:
     def _renew(self, t: float, q: Array, v: Array, h: float) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         stiff = h * self._derivative.fastest > STIFF * self.table.stages
-        if self.damping is not None:
-            name, resolving = self._resolving
-            self.table = self.damping.table() if stiff else resolving
-            self.name = f"{name}, {self.damping.name}" if stiff else self.name
+        if (damping := self._method.damping) is not None:
+            self.name = damping.name if stiff else self._method.name
+            self.table = damping.table() if stiff else self._method.table
         self._derivative = derivative(self._problem, t, q, v, self._problem.increments if stiff else None)
         self._old, self._served = False, 0
 
@@ -182,9 +204,7 @@ class CollocationMethod:
         back, s = table.A2_inverse / h**2, table.stages
         A2 = scaled[:s]
         correct, residual = self._derivative.correction(table, h), self._derivative.residual
-        scale = 1.0 + float(np.abs(q).max())
-        goal = GOAL * self.tolerance * scale
-        before = last = rate = size = np.inf
+        ending, size = _Ending(q, self._tolerance), np.inf
         for k in range(MAX_ITERATIONS):
             moved = scaled @ a
             Q = uniform + moved[:s]
@@ -197,14 +217,77 @@ class CollocationMethod:
             a = a + back @ (natural.from_natural if size < LINEAR else natural.advance)(at, y)
             problem.counts.iterations += 1
             self._iterations = k + 1
-            ratio = change / last
-            rate = ratio if k <= 1 else max(ratio, 0.5 * rate)
-            settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
-            if change < 0.05 * goal or settled or size < LAST_DIGIT * scale:
-                return a if np.isfinite(a).all() else None
-            if size < ROUNDING * scale and k > 2 and ratio > 0.9:
-                return a
-            if not change < 1e3 or (k > 3 and change > 0.8 * before):
-                return None
-            before, last = last, change
+            converged = ending.after(k, change, size)
+            if converged is not None:
+                return a if converged and np.isfinite(a).all() else None
         return None
+
+
+class _Ending:
+    """Tells when an iteration need not, or cannot, go on."""
+
+    def __init__(self, q: Array, tolerance: float) -> None:
+        self._scale = 1.0 + float(np.abs(q).max())
+        self._goal = GOAL * tolerance * self._scale
+        self._before = self._last = self._rate = np.inf
+
+    def after(self, k: int, change: float, size: float) -> bool | None:
+        """Return whether the iteration has converged after correction k; None: go on.
+
+        Parameters
+        ----------
+        k : int
+        change : float
+            Size of the correction's consequence.
+        size : float
+            Size of the correction.
+        """
+        ratio, goal = change / self._last, self._goal
+        self._rate = rate = ratio if k <= 1 else max(ratio, 0.5 * self._rate)
+        settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
+        rounding = size < ROUNDING * self._scale and k > 2 and ratio > 0.9
+        if change < 0.05 * goal or settled or rounding or size < LAST_DIGIT * self._scale:
+            return True
+        if not change < 1e3 or (k > 3 and change > 0.8 * self._before):
+            return False
+        self._before, self._last = self._last, change
+        return None
+
+
+GAUSS_STAGES = 20
+"""Stages of `gauss` by default: fewer make steps shorter and save no iterations, even at loose tolerances."""
+LOOSE = 3e-4
+"""Tolerance above which radau makes do with fewer stages."""
+
+
+def unresolving_stages(tolerance: float) -> int:
+    """Return the number of stages for steps that do not resolve the fastest modes.
+
+    Examples
+    --------
+    >>> [unresolving_stages(tolerance) for tolerance in (1e-3, 1e-4, 1e-8)]
+    [16, 20, 24]
+    """
+    return 16 if tolerance > LOOSE else 20 if tolerance > 1e-5 else 24
+
+
+def _gauss(solve: Options, damping: Damping | None = None) -> CollocationMethod:
+    return CollocationMethod("gauss", gauss(solve.stages or GAUSS_STAGES), solve.tolerance, damping)
+
+
+def _radau(solve: Options) -> CollocationMethod:
+    stages = solve.stages or (6 if solve.tolerance > LOOSE else 10)
+    return CollocationMethod("radau", radau(stages), solve.tolerance)
+
+
+def automatic(solve: Options, dissipates: bool) -> CollocationMethod:
+    """Return what stands for ``auto``; see `hfsim.integrators.choose`."""
+    if dissipates:
+        return _radau(solve)
+    return _gauss(
+        solve, Damping("radau", partial(radau, solve.stages or unresolving_stages(solve.tolerance)))
+    )
+
+
+GAUSS = Integrator(_gauss, Stability("A-stable, |R(iwh)| = 1"), rank=4)
+RADAU = Integrator(_radau, Stability("L-stable, |R(iwh)| < 1"), rank=3)

@@ -20,17 +20,16 @@ of no length.  All end at round-off only: what is left of the equations is what 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.integrators._base import Attempt, Problem
+from hfsim.integrators._base import Attempt, Integrator, Options, Stability, relative
+from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss, legendre
-from hfsim.integrators.collocation import LINEAR, CollocationMethod
-from hfsim.integrators.derivative import state_derivatives
+from hfsim.integrators.collocation import LINEAR, CollocationMethod, CollocationStepper
 from hfsim.maths.arrays import Array
 
 DEFAULT_STAGES = 4
@@ -90,12 +89,11 @@ def path(stages: int, points: int) -> Path:
     )
 
 
-@dataclass
 class EnergyMethod(CollocationMethod):
     """HBVM(k, s): ``table`` is that of Gauss collocation with s stages."""
 
-    def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
-        """Take the initial state and as many points along the path as its energy asks for.
+    def start(self, problem: Problem, t: float, q: Array, v: Array) -> EnergyStepper:
+        """Return what makes the steps from an initial state.
 
         Raises
         ------
@@ -110,9 +108,16 @@ class EnergyMethod(CollocationMethod):
                 kind="deck",
                 remedy="set solve.coordinates: absolute",
             )
-        least = 2 * self.table.stages
-        self._path = path(self.table.stages, least if problem.quartic else max(least, POINTS_OTHERWISE))
-        return super().start(problem, t, q, v)
+        return EnergyStepper(self, problem, t, q, v)
+
+
+class EnergyStepper(CollocationStepper):
+    """HBVM(k, s) at work, with as many points along the path as the energy asks for."""
+
+    def __init__(self, method: EnergyMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
+        super().__init__(method, problem, t, q, v)
+        least = 2 * method.stages
+        self._path = path(method.stages, least if problem.quartic else max(least, POINTS_OTHERWISE))
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve one step; inside it, not at its end, the first term left out makes the output better."""
@@ -132,7 +137,7 @@ class EnergyMethod(CollocationMethod):
         """Return what the first term that the series leaves out would move within the step."""
         s = self.table.stages
         left_out = h * h * np.abs(self._path.beyond @ self._along) / (4.0 * (2 * s + 1) * (2 * s + 3))
-        return float((left_out / (self.tolerance * (1.0 + np.abs(q)))).max())
+        return relative(left_out, q, self._tolerance)
 
     def _growth(self, error: float, h: float) -> float:
         growth = 0.8 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 2))
@@ -226,10 +231,10 @@ class EnergyMethod(CollocationMethod):
         self._problem.counts.factorisations += 1
         matrix = np.eye(s * n).reshape(s, n, s, n)
         for k, state in enumerate(zip(*self._states(t, q, v, h, a), strict=True)):
-            derivatives = state_derivatives(self._problem, *state)
-            if derivatives is None:
+            at = self._problem.near(*state)
+            if at.sparse:
                 return None
-            by_q, by_v = derivatives
+            by_q, by_v = at.slopes()
             matrix -= np.einsum("i,j,ab->iajb", way.average[:, k], h * h * way.moved[k], by_q)
             if by_v is not None:
                 matrix -= np.einsum("i,j,ab->iajb", way.average[:, k], h * way.rate[k], by_v)
@@ -256,3 +261,15 @@ class _Stagnation:
         if self._idle < PATIENCE:
             return None
         return self._least < ROUNDING
+
+
+def _make(solve: Options) -> EnergyMethod:
+    return EnergyMethod("energy", gauss(solve.stages or DEFAULT_STAGES), solve.tolerance)
+
+
+ENERGY = Integrator(
+    _make,
+    Stability("A-stable, |R(iwh)| = 1; keeps the energy of any motion"),
+    constant_mass=True,
+    rank=5,
+)

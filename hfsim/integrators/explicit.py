@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Problem
+from hfsim.integrators._base import Attempt, Integrator, Options, Stability, aimed
+from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import legendre
 from hfsim.maths.arrays import Array
 
@@ -32,7 +33,7 @@ def _inner_points() -> tuple[Array, Array]:
     return theta, np.linalg.pinv(once)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Explicit:
     """DOP853 with projection.
 
@@ -44,13 +45,21 @@ class Explicit:
 
     tolerance: float
     name: str = "explicit"
+    stages: int | None = None
 
-    def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
-        """Take the initial state; return a cautious first step."""
-        self._problem = problem
+    def start(self, problem: Problem, t: float, q: Array, v: Array) -> ExplicitStepper:
+        """Return what makes the steps from an initial state."""
+        return ExplicitStepper(self, problem, t, q, v)
+
+
+class ExplicitStepper:
+    """DOP853 at work; its first step is cautious."""
+
+    def __init__(self, method: Explicit, problem: Problem, t: float, q: Array, v: Array) -> None:
+        self.name, self._tolerance, self._problem = method.name, method.tolerance, problem
         self._f = self._rates(t, np.stack([q, v]))
         size = float((np.abs(self._f[1]) / (1.0 + np.abs(q))).max())
-        return float(self.tolerance ** (1.0 / 8.0)) / float(np.sqrt(max(size, 1.0)))
+        self.first = float(self._tolerance ** (1.0 / 8.0)) / float(np.sqrt(max(size, 1.0)))
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step of length h and estimate its error."""
@@ -64,7 +73,7 @@ class Explicit:
         error = self._error(K[:13], y, y1, h)
         return Attempt(
             error=error,
-            growth=0.9 * max(error, 1e-10) ** (-1.0 / 8.0),
+            growth=aimed(error, 8.0),
             q=y1[0],
             v=y1[1],
             series=self._series(t, y, y1, K, h),
@@ -80,7 +89,7 @@ class Explicit:
     def _error(self, K: Array, y: Array, y1: Array, h: float) -> float:
         """Combine the errors of orders 5 and 3; velocities count times the step."""
         table = _table()
-        scale = self.tolerance * (1.0 + np.maximum(np.abs(y[0]), np.abs(y1[0])))
+        scale = self._tolerance * (1.0 + np.maximum(np.abs(y[0]), np.abs(y1[0])))
         scales = np.stack([scale, scale / min(h, 1.0)])
         fifth = np.linalg.norm(np.tensordot(table.E5, K, 1) / scales) ** 2
         third = np.linalg.norm(np.tensordot(table.E3, K, 1) / scales) ** 2
@@ -104,3 +113,22 @@ class Explicit:
         for i in range(6, -1, -1):
             increments = (increments + F[i]) * (theta if i % 2 == 0 else 1.0 - theta)[:, None]
         return np.asarray(to_series @ increments / h)
+
+
+def amplification(y: Array, order: int | None = None) -> Array:
+    """Return |R(iy)|, R(z) = 1 + sum_k b A^k 1 z^(k+1), for y = w h."""
+    A, b = _table().A[:12, :12], _table().B
+    R, power, factor = np.ones(len(y), dtype=complex), np.ones(12), 1j * y
+    for k in range(12):
+        R = R + float(b @ power) * factor ** (k + 1)
+        power = A @ power
+    return np.abs(R)
+
+
+def _make(solve: Options) -> Explicit:
+    return Explicit(solve.tolerance)
+
+
+EXPLICIT = Integrator(
+    _make, Stability("stable up to wh = 6", amplification), rank=6, imports="scipy.integrate"
+)

@@ -13,10 +13,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Problem, two_point_series, unsolved
+from hfsim.integrators._base import (
+    Attempt,
+    Integrator,
+    Options,
+    Stability,
+    Stepper,
+    aimed,
+    cautious_step,
+    unsolved,
+)
+from hfsim.integrators._newton import Newton
+from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss
+from hfsim.integrators._trajectory import two_point_series
 from hfsim.integrators.collocation import CollocationMethod
-from hfsim.integrators.derivative import Derivative, derivative
 from hfsim.maths.arrays import Array
 
 MAX_ORDER = 5
@@ -38,7 +49,7 @@ def rescaling(order: int, factor: float) -> Array:
     return np.asarray((differences(factor) @ differences(1.0)).T)
 
 
-@dataclass
+@dataclass(frozen=True)
 class Gear:
     """Backward differentiation formulas.
 
@@ -56,50 +67,58 @@ class Gear:
     step: float | None = None
     order: int | None = None
     name: str = "gear"
+    stages: int | None = None
 
-    def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
-        """Take the initial state; return a first step for order 1."""
-        self._problem = problem
-        a = problem.single(t, q, v)
-        self._a = a
-        self._derivative: Derivative | None = None
-        self._solver: tuple[float, Callable[[Array], Array]] | None = None
+    def start(self, problem: Problem, t: float, q: Array, v: Array) -> Stepper:
+        """Return what makes the steps from an initial state."""
         if self.step is not None:
-            self._h = self.step
-            self._k = self.order or MAX_ORDER
-            self._history = [np.stack([q, v])]
-            self._starter = CollocationMethod("gauss", gauss(6), min(self.tolerance, 1e-10))
-            self._starter.start(problem, t, q, v)
-            return self.step
-        self._history = []
-        self._k = 1
-        size = float((np.abs(a) / (self.tolerance * (1.0 + np.abs(q)))).max())
-        self._h = 0.5 / np.sqrt(max(size, 1e-6))
-        self._D = np.zeros((MAX_ORDER + 3, 2, len(q)))
-        self._D[0] = q, v
-        self._D[1] = self._h * v, self._h * a
+            return _StartedByGauss(self, self.step, problem, t, q, v)
+        a = problem.single(t, q, v)
+        h = cautious_step(a, q, self.tolerance)
+        differences = np.array([[q, v], [h * v, h * a]])
+        return GearStepper(self, problem, h, 1, differences, a)
+
+
+class GearStepper:
+    """Backward differentiation at work.
+
+    Parameters
+    ----------
+    method : Gear
+    problem : Problem
+    h : float
+        Step length.
+    order : int
+    differences : ndarray, shape (order + 1 or more, 2, n)
+        Backward differences of (q, v) for steps of this length.
+    a : ndarray, shape (n,)
+        Accelerations.
+    """
+
+    def __init__(
+        self, method: Gear, problem: Problem, h: float, order: int, differences: Array, a: Array
+    ) -> None:
+        self.name, self.first = method.name, h
+        self._method, self._newton = method, Newton(problem)
+        self._h, self._k, self._a = h, order, a
+        self._D = np.zeros((MAX_ORDER + 3, *differences.shape[1:]))
+        self._D[: len(differences)] = differences
         self._same = 0
-        return float(self._h)
+        """Steps made with this order and length."""
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step of the current order."""
-        if self._history:
-            return self._starting_attempt(t, q, v, h)
         if abs(h - self._h) > 1e-12 * h:
             self._rescale(h)
-        d = self._solve(t + h)
-        if d is None:
-            self._derivative = None
-            return unsolved(0.5)
-        self._d = d
-        k = self._k
+        found = self._solve(t + h)
+        if found is None:
+            return unsolved()
+        k, (d, a1) = self._k, found
+        self._end = found
         error = self._size(d, 1.0 / (k + 1))
-        predicted = self._D[: k + 1].sum(axis=0)
-        q1, v1 = predicted + d
-        a1 = self._a_end
-        growth = 0.9 * max(error, 1e-10) ** (-1.0 / (k + 1))
-        self._next_order = k
-        if self._same >= k + 1 and (self.order is None or self.step is None):
+        q1, v1 = self._D[: k + 1].sum(axis=0) + d
+        growth, self._next_order = aimed(error, k + 1), k
+        if self._same >= k + 1 and (self._method.order is None or self._method.step is None):
             growth = self._choose_order(error)
         return Attempt(
             error=error,
@@ -111,117 +130,125 @@ class Gear:
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Update the differences, and the order when it pays."""
-        if self._history:
-            self._starting_accept(t, q, v)
-            return
-        D, d, k = self._D, self._d, self._k
+        D, k = self._D, self._k
+        d, self._a = self._end
         D[k + 2] = d - D[k + 1]
         D[k + 1] = d
         for i in range(k, -1, -1):
             D[i] += D[i + 1]
         D[: k + 2] += np.stack([q, v]) - D[0]
-        self._a = self._a_end
         self._same += 1
         if self._next_order != k:
-            self._k = self._next_order
-            self._same = 0
-
-    def _starting_attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
-        attempt = self._starter.attempt(t, q, v, h)
-        self._step_made = h
-        return attempt
-
-    def _starting_accept(self, t: float, q: Array, v: Array) -> None:
-        self._starter.accept(t, q, v)
-        self._history.append(np.stack([q, v]))
-        if len(self._history) <= self._k + 1:
-            return
-        values = np.array(self._history[::-1])
-        D = np.zeros((MAX_ORDER + 3, 2, values.shape[2]))
-        for i in range(len(values)):
-            D[i] = values[0]
-            values = values[:-1] - values[1:]
-        self._D = D
-        self._a = self._problem.single(t, q, v)
-        self._same = 0
-        self._history = []
+            self._k, self._same = self._next_order, 0
 
     def _rescale(self, h: float) -> None:
-        k = self._k
-        shape = self._D[: k + 1].shape
-        flat = self._D[: k + 1].reshape(k + 1, -1)
-        self._D[: k + 1] = (rescaling(k, h / self._h) @ flat).reshape(shape)
-        self._h = h
-        self._same = 0
+        mine = self._D[: self._k + 1]
+        mine[:] = (rescaling(self._k, h / self._h) @ mine.reshape(len(mine), -1)).reshape(mine.shape)
+        self._h, self._same = h, 0
 
     def _size(self, d: Array, constant: float) -> float:
         """Return the larger of the errors of q and h v, relative to the tolerance."""
-        scale = self.tolerance * (1.0 + np.abs(self._D[0, 0]))
-        return constant * float(max(np.abs(d[0] / scale).max(), self._h * np.abs(d[1] / scale).max()))
+        of_q, of_v = np.abs(d / (self._method.tolerance * (1.0 + np.abs(self._D[0, 0])))).max(axis=1)
+        return constant * float(max(of_q, self._h * of_v))
 
     def _choose_order(self, error: float) -> float:
         """Return the growth of the best of the orders k - 1, k, k + 1 and note which it is."""
-        k, D, d = self._k, self._D, self._d
+        k, D, d = self._k, self._D, self._end[0]
         errors = {k: error}
         if k > 1:
             errors[k - 1] = self._size(d + D[k], 1.0 / k)
         if k < MAX_ORDER:
             errors[k + 1] = self._size(d - D[k + 1], 1.0 / (k + 2))
-        growth = {i: 0.9 * max(e, 1e-10) ** (-1.0 / (i + 1)) for i, e in errors.items()}
+        growth = {i: aimed(e, i + 1) for i, e in errors.items()}
         best = max(growth, key=lambda i: growth[i])
-        if self.order is not None:
-            best = min(best, self.order)
-        self._next_order = best
-        return float(growth.get(best, growth[k]))
+        self._next_order = min(best, self._method.order or MAX_ORDER)
+        return growth.get(self._next_order, growth[k])
 
-    def _solve(self, t: float) -> Array | None:
-        """Return d = y - predicted, shape (2, n), by simplified Newton iteration on v."""
-        k, D, problem = self._k, self._D, self._problem
+    def _solve(self, t: float) -> tuple[Array, Array] | None:
+        """Return d = y - predicted, shape (2, n), and the accelerations at the end."""
+        k, D = self._k, self._D
         c = self._h / GAMMA[k]
         predicted = D[: k + 1].sum(axis=0)
         psi = np.tensordot(GAMMA[1 : k + 1], D[1 : k + 1], 1) / GAMMA[k]
-        goal = 1e-3 if self.step is None else 0.1
-        for fresh in (self._derivative is None, True):
-            if fresh:
-                self._derivative = derivative(problem, t, predicted[0], predicted[1])
-                self._solver = None
-            d = self._iterate(t, c, predicted, psi, goal, self._newton_solver(c))
-            if d is not None or fresh:
-                return d
-        return None
-
-    def _newton_solver(self, c: float) -> Callable[[Array], Array]:
-        if self._solver is None or self._solver[0] != c:
-            assert self._derivative is not None
-            self._solver = (c, self._derivative.solver(c * c, c))
-            self._problem.counts.factorisations += 1
-        return self._solver[1]
+        return self._newton.solution(
+            (t, *predicted), c * c, c, lambda solve: self._iterate(solve, t, c, predicted, psi)
+        )
 
     def _iterate(
-        self,
-        t: float,
-        c: float,
-        predicted: Array,
-        psi: Array,
-        goal: float,
-        solve: Callable[[Array], Array],
-    ) -> Array | None:
-        time = np.array([t])
-        dv = np.zeros(predicted.shape[1])
-        last = np.inf
-        for _ in range(MAX_ITERATIONS):
+        self, solve: Callable[[Array], Array], t: float, c: float, predicted: Array, psi: Array
+    ) -> tuple[Array, Array] | None:
+        time, dv = np.array([t]), np.zeros(predicted.shape[1])
+
+        def correct() -> float:
+            nonlocal dv
             v = predicted[1] + dv
-            dq = c * v - psi[0]
-            a = self._problem.evaluate(time, (predicted[0] + dq)[None], v[None])[0]
+            q = predicted[0] + (c * v - psi[0])
+            a = self._newton.problem.evaluate(time, q[None], v[None])[0]
             step = solve(c * a - psi[1] - dv)
             dv = dv + step
-            self._problem.counts.iterations += 1
-            change = self._size(np.stack([c * step, step]), 1.0)
-            rate = change / last
-            if not np.isfinite(change) or rate > 0.9:
-                return None
-            if change < goal * 1e-2 or (np.isfinite(last) and change * rate / (1.0 - rate) < goal):
-                self._a_end = (psi[1] + dv) / c
-                return np.stack([c * (predicted[1] + dv) - psi[0], dv])
-            last = change
-        return None
+            return self._size(np.stack([c * step, step]), 1.0)
+
+        goal = 1e-3 if self._method.step is None else 0.1
+        if not self._newton.converges(correct, goal, MAX_ITERATIONS, patience=0):
+            return None
+        return np.stack([c * (predicted[1] + dv) - psi[0], dv]), (psi[1] + dv) / c
+
+
+class _StartedByGauss:
+    """Fixed steps, of Gauss collocation until there are differences enough."""
+
+    def __init__(self, method: Gear, h: float, problem: Problem, t: float, q: Array, v: Array) -> None:
+        self.name, self.first = method.name, h
+        self._method, self._problem = method, problem
+        self._order = method.order or MAX_ORDER
+        self._states = [np.stack([q, v])]
+        starter = CollocationMethod("gauss", gauss(6), min(method.tolerance, 1e-10))
+        self._now: Stepper = starter.start(problem, t, q, v)
+
+    def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
+        """Make one step."""
+        return self._now.attempt(t, q, v, h)
+
+    def accept(self, t: float, q: Array, v: Array) -> None:
+        """Go over to backward differentiation as soon as it has all it needs."""
+        self._now.accept(t, q, v)
+        if len(self._states) > self._order + 1:
+            return
+        self._states.append(np.stack([q, v]))
+        if len(self._states) > self._order + 1:
+            differences = backward_differences(np.array(self._states[::-1]))
+            a = self._problem.single(t, q, v)
+            self._now = GearStepper(self._method, self._problem, self.first, self._order, differences, a)
+
+
+def backward_differences(values: Array) -> Array:
+    """Return the differences, of order 0 and up, of values at even distances, the last one first.
+
+    Examples
+    --------
+    >>> backward_differences(np.array([9.0, 4.0, 1.0]))
+    array([9., 5., 2.])
+    """
+    out = np.empty_like(values)
+    for i in range(len(out)):
+        out[i] = values[0]
+        values = values[:-1] - values[1:]
+    return out
+
+
+def amplification(y: Array, order: int | None) -> Array:
+    """Return the largest root of backward differentiation at z = iy: sum_j (1 - 1/x)^j / j = z."""
+    order = order or MAX_ORDER
+    # (1 - 1/x)^j x^order: coefficients of x^order, x^(order-1), ...
+    base = sum(
+        (np.pad(np.poly(np.ones(j)), (0, order - j)) / j for j in range(1, order + 1)), np.zeros(order + 1)
+    )
+    unit = np.eye(order + 1)[0]
+    return np.array([np.abs(np.roots(base - 1j * value * unit)).max() for value in y])
+
+
+def _make(solve: Options) -> Gear:
+    return Gear(solve.tolerance, solve.step, solve.order)
+
+
+GEAR = Integrator(_make, Stability("A-stable", amplification), orders=(1, 2, 3, 4, 5), rank=1)

@@ -7,17 +7,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Problem, two_point_series, unsolved
-from hfsim.integrators.derivative import Derivative, derivative
+from hfsim.integrators._base import (
+    Attempt,
+    Integrator,
+    Options,
+    Stability,
+    aimed,
+    cautious_step,
+    relative,
+    unsolved,
+)
+from hfsim.integrators._newton import Newton
+from hfsim.integrators._problem import Problem
+from hfsim.integrators._trajectory import two_point_series
 from hfsim.maths.arrays import Array
 
 MAX_ITERATIONS = 10
 
 
-@dataclass
+@dataclass(frozen=True)
 class GeneralizedAlpha:
     """Generalised-alpha with the error estimate of Zienkiewicz and Xie.
 
@@ -32,82 +44,84 @@ class GeneralizedAlpha:
     tolerance: float
     rho_inf: float = 0.8
     name: str = "generalized_alpha"
+    stages: int | None = None
 
-    def start(self, problem: Problem, t: float, q: Array, v: Array) -> float:
-        """Take the initial state; return a first step."""
-        rho = self.rho_inf
+    def start(self, problem: Problem, t: float, q: Array, v: Array) -> GeneralizedAlphaStepper:
+        """Return what makes the steps from an initial state."""
+        return GeneralizedAlphaStepper(self, problem, t, q, v)
+
+
+class _End(NamedTuple):
+    """State at the end of a step."""
+
+    q: Array
+    v: Array
+    a: Array
+    smooth: Array
+
+
+class GeneralizedAlphaStepper:
+    """Generalised-alpha at work.
+
+    Attributes
+    ----------
+    first : float
+    a, smooth : ndarray, shape (n,)
+        Accelerations at the start of a step, and the method's own, which it averages.
+    """
+
+    def __init__(self, method: GeneralizedAlpha, problem: Problem, t: float, q: Array, v: Array) -> None:
+        rho = method.rho_inf
+        self.name, self._tolerance = method.name, method.tolerance
         self._am, self._af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         self._gamma = 0.5 + self._af - self._am
         self._beta = 0.25 * (self._gamma + 0.5) ** 2
-        self._problem = problem
-        self._a = problem.single(t, q, v)
-        self._smooth = self._a
-        self._derivative: Derivative | None = None
-        self._solver: tuple[float, Callable[[Array], Array]] | None = None
-        size = float((np.abs(self._a) / (self.tolerance * (1.0 + np.abs(q)))).max())
-        return 0.5 / float(np.sqrt(max(size, 1e-6)))
+        self._newton = Newton(problem)
+        self.a = self.smooth = problem.single(t, q, v)
+        self.first = cautious_step(self.a, q, self._tolerance)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve a = a(t + h, q, v) at the end of the step."""
-        for fresh in (self._derivative is None, True):
-            if fresh:
-                self._derivative = derivative(self._problem, t, q, v)
-                self._solver = None
-            end = self._iterate(t + h, q, v, h)
-            if end is not None:
-                return self._attempt_of(q, v, h, *end)
-            if fresh:
-                break
-        return unsolved(0.5)
+        share = (1.0 - self._af) / (1.0 - self._am)
+        by_q, by_v = self._beta * share * h * h, self._gamma * share * h
+        end = self._newton.solution((t, q, v), by_q, by_v, lambda solve: self._iterate(solve, t + h, q, v, h))
+        if end is None:
+            return unsolved()
+        self._end = end
+        error = relative(h * h * abs(self._beta - 1.0 / 6.0) * (end.smooth - self.smooth), q, self._tolerance)
+        growth = aimed(error, 3.0)
+        series = two_point_series(h, (end.q, end.v, end.a), (q, v, self.a))
+        return Attempt(error, 1.0 if 1.0 < growth < 1.3 else growth, end.q, end.v, series)
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take over the accelerations of the step."""
-        self._a, self._smooth = self._a_end, self._smooth_end
+        self.a, self.smooth = self._end.a, self._end.smooth
 
-    def _attempt_of(self, q: Array, v: Array, h: float, q1: Array, v1: Array, a1: Array) -> Attempt:
-        change = h * h * abs(self._beta - 1.0 / 6.0) * np.abs(self._smooth_end - self._smooth)
-        error = float((change / (self.tolerance * (1.0 + np.abs(q)))).max())
-        growth = 0.9 * max(error, 1e-10) ** (-1.0 / 3.0)
-        return Attempt(
-            error=error,
-            growth=1.0 if 1.0 < growth < 1.3 else growth,
-            q=q1,
-            v=v1,
-            series=two_point_series(h, (q1, v1, a1), (q, v, self._a)),
-        )
+    def _iterate(
+        self, solve: Callable[[Array], Array], t: float, q: Array, v: Array, h: float
+    ) -> _End | None:
+        time, a = np.array([t]), self.a
 
-    def _newton_solver(self, h: float) -> Callable[[Array], Array]:
-        if self._solver is None or self._solver[0] != h:
-            assert self._derivative is not None
-            factor = (1.0 - self._af) / (1.0 - self._am)
-            solve = self._derivative.solver(self._beta * factor * h * h, self._gamma * factor * h)
-            self._solver = (h, solve)
-            self._problem.counts.factorisations += 1
-        return self._solver[1]
-
-    def _iterate(self, t: float, q: Array, v: Array, h: float) -> tuple[Array, Array, Array] | None:
-        solve, time = self._newton_solver(h), np.array([t])
-        goal = 1e-3 * self.tolerance * (1.0 + float(np.abs(q).max()))
-        a, last = self._a, np.inf
-        for k in range(MAX_ITERATIONS):
-            smooth = ((1.0 - self._af) * a + self._af * self._a - self._am * self._smooth) / (1.0 - self._am)
-            q1 = q + h * v + h * h * ((0.5 - self._beta) * self._smooth + self._beta * smooth)
-            v1 = v + h * ((1.0 - self._gamma) * self._smooth + self._gamma * smooth)
-            delta = solve(self._problem.evaluate(time, q1[None], v1[None])[0] - a)
+        def correct() -> float:
+            nonlocal a
+            end = self._end_state(q, v, h, a)
+            delta = solve(self._newton.problem.evaluate(time, end.q[None], end.v[None])[0] - a)
             a = a + delta
-            self._problem.counts.iterations += 1
-            change = self._beta * h * h * float(np.abs(delta).max())
-            rate = change / last
-            if not np.isfinite(change) or (k > 1 and rate > 0.9):
-                return None
-            if change < 1e-2 * goal or (k > 0 and change * rate / (1.0 - rate) < goal):
-                return self._end_state(q, v, h, a)
-            last = change
-        return None
+            return self._beta * h * h * float(np.abs(delta).max())
 
-    def _end_state(self, q: Array, v: Array, h: float, a: Array) -> tuple[Array, Array, Array]:
-        smooth = ((1.0 - self._af) * a + self._af * self._a - self._am * self._smooth) / (1.0 - self._am)
-        self._a_end, self._smooth_end = a, smooth
-        q1 = q + h * v + h * h * ((0.5 - self._beta) * self._smooth + self._beta * smooth)
-        v1 = v + h * ((1.0 - self._gamma) * self._smooth + self._gamma * smooth)
-        return q1, v1, a
+        goal = 1e-3 * self._tolerance * (1.0 + float(np.abs(q).max()))
+        converged = self._newton.converges(correct, goal, MAX_ITERATIONS, patience=1)
+        return self._end_state(q, v, h, a) if converged else None
+
+    def _end_state(self, q: Array, v: Array, h: float, a: Array) -> _End:
+        smooth = ((1.0 - self._af) * a + self._af * self.a - self._am * self.smooth) / (1.0 - self._am)
+        q1 = q + h * v + h * h * ((0.5 - self._beta) * self.smooth + self._beta * smooth)
+        v1 = v + h * ((1.0 - self._gamma) * self.smooth + self._gamma * smooth)
+        return _End(q1, v1, a, smooth)
+
+
+def _make(solve: Options) -> GeneralizedAlpha:
+    return GeneralizedAlpha(solve.tolerance, solve.rho_inf)
+
+
+GENERALIZED_ALPHA = Integrator(_make, Stability("unconditionally stable for linear scenes"), rank=2)

@@ -1,18 +1,31 @@
-"""Equations of motion linearised at a state, as stiff methods and stability studies need them."""
+"""Equations of motion linearised at a state, as stiff methods and stability studies need them.
+
+Where the mass matrix is constant they have an analytic derivative (`System.linearized`), dense or sparse;
+elsewhere it comes from differences (`by_differences`).  What follows from either stands here and in
+`hfsim.mechanics.modes`: the motions that joints allow, the slopes of the accelerations, implicit matrices.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import Matrix
+from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_point
+
+_STEP = 1e-7
+"""Step of differences, relative for values above 1: half the digits remain."""
 
 
-class Linearized(NamedTuple):
+@dataclass(frozen=True)
+class Linearized:
     """M y'' + D y' + K y + Phi^T lambda = 0 with Phi y = 0, for small changes y of a state.
 
-    Inertia forces that change with the state (centrifugal and gyroscopic ones) are not in it: they
-    never make a problem stiff.
+    Inertia forces that change with the state (centrifugal and gyroscopic ones) are not in it where it is
+    analytic: they never make a problem stiff.
 
     Attributes
     ----------
@@ -23,7 +36,8 @@ class Linearized(NamedTuple):
     jacobian : Matrix, shape (n_rows, n), or None
         None without constraints.
     inverse_root : ndarray, shape (n, n), or None
-        Rows are orthonormal in the metric of the mass; None if matrices are sparse.
+        Rows are orthonormal in the metric of the mass.  None if matrices are sparse, and where the equations
+        are solved for the accelerations already: the mass is one then, and the stiffness any matrix.
     """
 
     mass: Matrix
@@ -31,3 +45,105 @@ class Linearized(NamedTuple):
     damping: Matrix | None
     jacobian: Matrix | None
     inverse_root: Array | None
+
+    @property
+    def sparse(self) -> bool:
+        """Whether the matrices are sparse."""
+        return is_sparse(self.mass)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the equations are solved for the accelerations, constraints and all."""
+        return self.inverse_root is None and not self.sparse
+
+    def dense(self) -> Linearized:
+        """Return the same with dense matrices."""
+        if not self.sparse:
+            return self
+        parts = (self.mass, self.stiffness, self.damping, self.jacobian)
+        mass, stiffness, damping, jacobian = (None if one is None else dense(one) for one in parts)
+        root = np.linalg.inv(np.linalg.cholesky(dense(self.mass)))
+        return Linearized(mass, stiffness, damping, jacobian, root)
+
+    @cached_property
+    def allowed(self) -> Array:
+        """Motions that the constraints allow, as rows, orthonormal in the metric of the mass."""
+        root = np.eye(len(self.mass)) if self.inverse_root is None else self.inverse_root
+        if self.jacobian is None:
+            return root
+        forbidden = root @ self.jacobian.T
+        Z = np.linalg.qr(forbidden, mode="complete")[0][:, forbidden.shape[1] :]
+        return np.asarray(Z.T @ root)
+
+    @cached_property
+    def mobility(self) -> Array:
+        """The map from forces to accelerations under the constraints, (n, n)."""
+        return np.asarray(self.allowed.T @ self.allowed)
+
+    def closing(self) -> Array:
+        """Return the smallest accelerations, measured by the mass, that close unit gaps, (n_rows, n)."""
+        if self.jacobian is None:
+            return np.zeros((0, len(self.mass)))
+        W = np.linalg.solve(self.mass, self.jacobian.T)
+        return np.ascontiguousarray(np.linalg.solve((self.jacobian @ W).T, W.T))
+
+    def slopes(self) -> tuple[Array, Array | None]:
+        """Return the derivatives of the accelerations by q and v, (n, n).
+
+        That by v is None where nothing dissipates.
+        """
+        if self.solved:
+            return -self.stiffness, None if self.damping is None else -self.damping
+        P = self.mobility
+        return -P @ self.stiffness, None if self.damping is None else -P @ self.damping
+
+    def implicit(self, by_q: complex, by_v: complex = 0.0) -> Matrix:
+        """Return M + by_q K + by_v D."""
+        matrix = self.mass + by_q * self.stiffness
+        return matrix if self.damping is None or not by_v else matrix + by_v * self.damping
+
+    def solver(self, matrix: Matrix) -> Callable[[Array, Array | None], Array]:
+        """Factorise a sparse matrix for motions.
+
+        Returns
+        -------
+        callable
+            (forces (..., n), gaps (..., n_rows) or None) -> the motions (..., n) with which the matrix, and
+            joints with these gaps, answer.
+        """
+        if self.jacobian is None:
+            plain = factorised(matrix)
+            return lambda forces, gaps: plain(forces)
+        rows, n = self.jacobian.shape
+        solve = factorised(saddle_point(matrix, self.jacobian))
+
+        def motions(forces: Array, gaps: Array | None) -> Array:
+            gaps = np.zeros((*forces.shape[:-1], rows)) if gaps is None else gaps
+            return solve(np.concatenate([forces, gaps], axis=-1))[..., :n]
+
+        return motions
+
+
+def by_differences(
+    acceleration: Callable[[Array, Array, Array], Array], t: float, q: Array, v: Array, dissipates: bool
+) -> Linearized:
+    """Linearise accelerations at a state by forward differences, from one call for all columns.
+
+    Parameters
+    ----------
+    acceleration : callable
+        (t, q, v) -> q'' with a leading batch axis on all of them.
+    t : float
+    q, v : ndarray, shape (n,)
+    dissipates : bool
+        Whether to take differences by v too: gyroscopic terms alone never make a problem stiff.
+    """
+    n = len(q)
+    moved = np.repeat(np.concatenate([q, v])[None], (2 if dissipates else 1) * n + 1, axis=0)
+    steps = _STEP * np.maximum(1.0, np.abs(moved[-1, : len(moved) - 1]))
+    moved[np.arange(len(steps)), np.arange(len(steps))] += steps
+    Q, V = (np.ascontiguousarray(part) for part in np.hsplit(moved, [n]))
+    a = acceleration(np.full(len(moved), t), Q, V)
+    slopes = ((a[:-1] - a[-1]) / steps[:, None]).T
+    damping = -slopes[:, n:] if dissipates else None
+    return Linearized(np.eye(n), -slopes[:, :n], damping, None, None)

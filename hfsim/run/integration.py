@@ -84,7 +84,7 @@ def run_integration(
         return Integration(nothing, problem, method.name, stop_at_once)
     limits = Limits(solve.step, solve.max_steps)
     trajectory, stop = integrate(problem, method, begin, duration, limits, watch)
-    return Integration(trajectory, problem, method.name, stop)
+    return Integration(trajectory, problem, ", ".join(trajectory.methods) or method.name, stop)
 
 
 def problem_of(scene: Scene) -> Problem:
@@ -122,8 +122,8 @@ def _run_parts(scene: Scene, solve: SolveSpec, progress: Progress | None) -> Int
     if len(runs) < len(scene.parts) or not end:
         return Integration(Trajectory(0.0, 0.0, scene.q, scene.v), problem, runs[0].method, stop)
     paths = [(run.trajectory, part.columns) for run, part in zip(runs, scene.parts, strict=True)]
-    methods = ", ".join(dict.fromkeys(name for run in runs for name in run.method.split(", ")))
-    return Integration(joined(paths, end), problem, methods, stop)
+    whole = joined(paths, end)
+    return Integration(whole, problem, ", ".join(whole.methods), stop)
 
 
 def _share(progress: Progress, number: int, count: int) -> Progress:

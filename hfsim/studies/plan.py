@@ -165,7 +165,7 @@ def largest_difference(loaded: LoadedDeck, rule: str, steps: int = STEPS) -> tup
 def _tight(loaded: LoadedDeck, planned: LoadedDeck, rule: str, steps: int) -> LoadedDeck:
     solve = {"method": "gauss", "tolerance": TIGHT, "stages": None, "order": None, "max_steps": None}
     scene = build(_solving(planned, solve))
-    step = choose(scene.deck.solve, False).start(problem_of(scene), 0.0, scene.q, scene.v)
+    step = choose(scene.deck.solve, False).start(problem_of(scene), 0.0, scene.q, scene.v).first
     step = min(TURN * step, scene.deck.solve.duration / SHORT)
     apart = bool(scene.parts) and rule in ("parts", ALL)
     solve |= {"duration": steps * step, "step": None if apart else step}

@@ -16,6 +16,8 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.linearized import by_differences
+from hfsim.mechanics.modes import first_order
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.culprit import body_of
@@ -231,12 +233,12 @@ def linearised(done: Integration, t: float) -> tuple[Array, Array]:
     vectors : ndarray of complex, shape (2 n, 2 n)
         Of (q, v).
     """
-    problem = replace(done.problem, dissipates=True)
-    by_q, by_v = problem.jacobians(t, done.trajectory.q, done.trajectory.v)
-    n = len(by_q)
+    # the analytic derivative leaves out what velocities do
+    at = by_differences(done.problem.evaluate, t, done.trajectory.q, done.trajectory.v, dissipates=True)
+    by_q, by_v = at.slopes()
     assert by_v is not None
-    matrix = np.block([[np.zeros((n, n)), np.eye(n)], [by_q, by_v]])
+    matrix = first_order(by_q, by_v)
     if not np.isfinite(matrix).all():
-        return np.zeros(2 * n), np.zeros((2 * n, 2 * n))
+        return np.zeros(len(matrix)), np.zeros_like(matrix)
     values, vectors = np.linalg.eig(matrix)
     return values, vectors

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import factorised, is_sparse
+from hfsim.maths.matrices import factorised
 from hfsim.run.integration import Integration, run_integration
 from hfsim.run.stop import Progress
 from hfsim.scene.build import Scene
@@ -111,13 +111,9 @@ def _slow_direction(scene: Scene, done: Integration) -> Array:
     """
     system, slow = scene.system, scene.deck.solve.duration / _SWINGS
     random = np.random.default_rng(1).standard_normal(system.n)
-    if system.linearizes:
-        near = system.linearized(0.0, scene.q, scene.v)
-        matrix, weighted = near.mass + slow**2 * near.stiffness, near.mass @ random
-    else:
-        matrix = np.eye(system.n) - slow**2 * done.problem.jacobians(0.0, scene.q, scene.v)[0]
-        weighted = random
-    if is_sparse(matrix):
+    near = done.problem.near(0.0, scene.q, scene.v)
+    matrix, weighted = near.implicit(slow**2), near.mass @ random
+    if near.sparse:
         direction = factorised(matrix)(weighted)
     else:
         direction = np.linalg.lstsq(matrix, weighted, rcond=None)[0]

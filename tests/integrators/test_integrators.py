@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from hfsim.errors import LimitReached, SolverFailure
-from hfsim.integrators import Limits, Problem, integrate
-from hfsim.integrators._base import Segment, two_point_series
+from hfsim.integrators import Limits, Problem, Segment, integrate
 from hfsim.integrators._tableau import gauss, legendre, radau
+from hfsim.integrators._trajectory import two_point_series
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.integrators.energy import EnergyMethod
 from hfsim.integrators.explicit import Explicit
@@ -269,11 +269,11 @@ def amplification(rho, w):
     method, problem = GeneralizedAlpha(1e-8, rho), oscillator(w * w)
     states = []
     for q, v, a in np.eye(3):
-        method.start(problem, 0.0, np.array([q]), np.array([v]))
-        method._a = np.array([-w * w * q])
-        method._smooth = np.array([a])
-        attempt = method.attempt(0.0, np.array([q]), np.array([v]), 1.0)
-        states.append([attempt.q[0], attempt.v[0], method._smooth_end[0]])
+        stepper = method.start(problem, 0.0, np.array([q]), np.array([v]))
+        stepper.smooth = np.array([a])
+        attempt = stepper.attempt(0.0, np.array([q]), np.array([v]), 1.0)
+        stepper.accept(1.0, attempt.q, attempt.v)
+        states.append([attempt.q[0], attempt.v[0], stepper.smooth[0]])
     scale = np.array([1.0, 1.0, 1.0])
     return np.abs(np.linalg.eigvals(np.array(states).T * scale)).max()
 
@@ -442,7 +442,7 @@ def test_cubic_accelerations_join_both_ends():
 def test_jacobians_by_one_batch():
     problem = problem_of(lambda t, q, v: -np.sin(q) - 0.2 * v * v, True)
     q, v = np.array([0.3, -1.0]), np.array([2.0, 0.5])
-    by_q, by_v = problem.jacobians(0.0, q, v)
+    by_q, by_v = problem.near(0.0, q, v).slopes()
     assert by_q == pytest.approx(np.diag(-np.cos(q)), abs=1e-6)
     assert by_v == pytest.approx(np.diag(-0.4 * v), abs=1e-6)
     assert (problem.counts.calls, problem.counts.evaluations) == (1, 5)

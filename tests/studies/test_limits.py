@@ -9,6 +9,7 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
+from hfsim.mechanics.modes import LargeModes, modes_by_differences
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -20,7 +21,7 @@ from hfsim.studies.limits import (
     measure,
     theory,
 )
-from hfsim.studies.spectra import LargeLinearised, LimitsError, by_differences, linearise, spectrum
+from hfsim.studies.spectra import LimitsError, linearise, spectrum
 
 CANTILEVER = """
 hfsim: 1
@@ -131,7 +132,8 @@ SCENES = {
 def test_the_analytic_derivative_is_that_of_differences(name):
     scene = build(parse_deck(SCENES[name]), "ancf")
     q = scene.q + 1e-3 * np.sin(np.arange(len(scene.q))) * (name != "standing")
-    analytic, differences = (make(scene, 0.0, q, scene.v) for make in (linearise, by_differences))
+    analytic = linearise(scene, 0.0, q, scene.v)
+    differences = modes_by_differences(scene.system, 0.0, q, scene.v)
     assert 100.0 * analytic.precision < differences.precision
     for one in ("stiffness", "damping"):
         ours, theirs = (getattr(found, one) for found in (analytic, differences))
@@ -161,7 +163,7 @@ def test_large_scenes_have_their_slowest_and_their_fastest_motions(monkeypatch, 
     assert bool(scene.system.n_rows) == hub
     dense = spectrum(scene, 0.0, scene.q, scene.v)
     monkeypatch.setattr("hfsim.studies.spectra.MOST_UNKNOWNS", 100)
-    assert isinstance(linearise(scene, 0.0, scene.q, scene.v), LargeLinearised)
+    assert isinstance(linearise(scene, 0.0, scene.q, scene.v), LargeModes)
     sparse = spectrum(scene, 0.0, scene.q, scene.v)
     for key in ("fastest", "slowest", "growth"):
         assert getattr(sparse, key) == pytest.approx(getattr(dense, key), rel=1e-4), key
@@ -231,7 +233,7 @@ def test_methods_that_stand_any_step(method, order):
 def test_gear_of_low_order_stands_any_step_of_a_cantilever(order, step):
     """The starting values come from Gauss collocation, which must stand them too."""
     scene = build(parse_deck(CANTILEVER), "linear")
-    omega, shape = linearise(scene, 0.0, scene.q, scene.v).fastest_mode()
+    omega, shape = linearise(scene, 0.0, scene.q, scene.v).fastest()
     h = 2.0 * np.pi / omega * step
     update = {"method": "gear", "order": order, "step": h, "duration": 60 * h}
     begin = (0.0, scene.q, scene.v + 1e-6 * omega * shape)

@@ -8,11 +8,11 @@ import pytest
 import yaml
 from click.testing import CliRunner
 
-from hfsim import integrators
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.errors import LimitReached
-from hfsim.integrators import METHODS, gauss
+from hfsim.integrators import METHODS, collocation
+from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.run.distance import channel_errors
 from hfsim.run.integration import run_integration
@@ -46,10 +46,10 @@ def pendulum(*overrides):
 def handicapped(monkeypatch):
     """Let `auto` be gauss with two stages, so that radau has something to win, and races have time enough."""
 
-    def slow(solve):
+    def slow(solve, dissipates):
         return CollocationMethod("slow gauss", gauss(2), solve.tolerance)
 
-    monkeypatch.setattr(integrators, "_auto", slow)
+    monkeypatch.setattr(collocation, "automatic", slow)
     monkeypatch.setattr(module, "PROBING", 0.5)
     monkeypatch.setattr(module, "candidates", lambda but: [name for name in ("radau", "gear") if name != but])
 

@@ -1,0 +1,102 @@
+"""What Newton corrections ask of a derivative of the accelerations, whatever its form."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from hfsim.integrators._problem import Increments, PlainIncrements, Problem
+from hfsim.integrators._tableau import Collocation
+from hfsim.maths.arrays import Array
+
+Correction = Callable[[Array], tuple[Array, float]]
+"""From residuals at the stages, as displacements (s, n_r), to corrections and the size of their consequence:
+the displacement to which the change of the velocity at the end of the step leads, which is what an unfinished
+iteration does to the steps that follow."""
+
+
+class Start(NamedTuple):
+    """The start of a step as natural increments have it."""
+
+    at: Any
+    """Geometry of the state, as a batch of one."""
+    acceleration: Array
+    """Of the state's own coordinates, (n,)."""
+    first: Array
+    """First time derivatives of the natural coordinates, (n,)."""
+    second: Array
+    convective: Array
+    """What velocities alone make of the second ones, (n,)."""
+
+
+class Derivative(Protocol):
+    """Derivatives J_q and J_v of the accelerations at a state, in some coordinates for corrections."""
+
+    increments: Increments
+    """The coordinates it is written in."""
+    fastest: float
+    """Largest circular frequency in it [rad/s]."""
+
+    def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
+        """Return displacements at the stages, (s, n), in natural increments."""
+
+    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return by how much accelerations ``a`` fail the equations, (s, n_r), in columns of its own.
+
+        ``at`` is the geometry of the states ``q``.
+        """
+
+    def reading(self, r: Array) -> Array:
+        """Return accelerations that are missing, (s, n) in natural increments, in these columns."""
+
+    def correction(self, table: Collocation, h: float) -> Correction:
+        """Return the map from residuals at the stages to corrections."""
+
+    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
+        """Return the map r -> (I - by_q J_q - by_v J_v)^-1 r of single residuals (n,)."""
+
+
+_Value = TypeVar("_Value")
+
+
+class ByStep(Generic[_Value]):
+    """What belongs to a step length, kept until another one is asked for."""
+
+    def __init__(self) -> None:
+        self._h: float | None = None
+
+    def of(self, h: float, make: Callable[[], _Value]) -> _Value:
+        """Return what belongs to a step length."""
+        if h != self._h:
+            self._value, self._h = make(), h
+        return self._value
+
+
+class MissingAccelerations:
+    """Residuals that are accelerations in natural increments, one column for each.
+
+    Attributes
+    ----------
+    increments : Increments
+    """
+
+    increments: Increments
+
+    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return missing accelerations in natural increments."""
+        return self.increments.to_natural(at, problem.evaluate(t, q, v) - a)
+
+    def reading(self, r: Array) -> Array:
+        """Return ``r``."""
+        return r
+
+
+def in_natural(natural: Increments, q: Array, J: Array) -> Array:
+    """Return a derivative by state coordinates as one by natural coordinates."""
+    if isinstance(natural, PlainIncrements):
+        return J
+    at = natural.geometry(q[None])
+    unit = natural.from_natural(at, np.eye(len(q))).T
+    return natural.to_natural(at, np.ascontiguousarray((J @ unit).T)).T

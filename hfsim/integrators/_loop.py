@@ -1,0 +1,253 @@
+"""The loop around the steps, which all methods share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.errors import HfsimError, LimitReached, SolverFailure
+from hfsim.integrators._base import Attempt, Method, Stepper, unsolved
+from hfsim.integrators._problem import Problem
+from hfsim.integrators._trajectory import Segment, Trajectory
+from hfsim.maths.arrays import Array
+
+
+class Limits(NamedTuple):
+    """When a run ends early.
+
+    Attributes
+    ----------
+    step : float or None
+        Fixed step length [s].
+    max_steps : int or None
+    short, shortest : float
+        Step lengths, relative to the duration: below the first a known cause ends the run, below the
+        second the run has failed whatever the cause.
+    """
+
+    step: float | None = None
+    max_steps: int | None = None
+    short: float = 1e-6
+    shortest: float = 1e-11
+
+
+WINDOW = 1000
+"""Attempted steps after which the pace is looked at."""
+HOPELESS = 1e7
+"""Attempted steps still to come, at the pace of two windows, from which a run ends."""
+GAINING = 1.2
+"""Progress over that of the window before from which steps are growing, and the run is left alone."""
+IN_A_ROW = 3
+"""Unsolved steps one after another from which it is looked whether something is not finite."""
+AHEAD = 1e-4
+"""Length of a step, relative to the duration, up to which what lies at its end is to blame."""
+
+
+@dataclass
+class _Pace:
+    """Ends a run that crawls: two windows in a row at whose pace the end is out of reach.
+
+    Steps that are short at first and grow, as in a stiff start, gain in each window and are left alone.
+    """
+
+    t: float
+    t_end: float
+    attempts: int = 0
+    rejected: int = 0
+    unsolved: int = 0
+    before: float | None = None
+    """Progress of the window before, if that was hopeless too."""
+
+    def note(self, t: float, rejected: bool, unsolved: bool) -> None:
+        """Count one attempt that ended at t.
+
+        Raises
+        ------
+        SolverFailure
+            If the run crawls.
+        """
+        self.attempts += 1
+        self.rejected += rejected
+        self.unsolved = self.unsolved + 1 if unsolved else 0
+        if self.attempts % WINDOW:
+            return
+        progress, self.t = t - self.t, t
+        share, self.rejected = self.rejected / WINDOW, 0
+        left = (self.t_end - t) / progress * WINDOW if progress > 0.0 else np.inf
+        if left <= HOPELESS:
+            self.before = None
+        elif self.before is None or progress > GAINING * self.before:
+            self.before = progress
+        else:
+            raise _crawl(t, progress, share)
+
+
+def _crawl(t: float, progress: float, rejected: float) -> SolverFailure:
+    return SolverFailure(
+        f"the steps crawl: the last {WINDOW} of them, {100.0 * rejected:.0f} % rejected, gained "
+        f"{progress:.2g} s; at this pace more than {HOPELESS:.0e} would follow",
+        t,
+        evidence={"progress": progress, "rejected_share": rejected},
+    )
+
+
+def integrate(
+    problem: Problem,
+    method: Method,
+    start: tuple[float, Array, Array],
+    t_end: float,
+    limits: Limits,
+    watch: Callable[[float, Array, Array], None],
+) -> tuple[Trajectory, HfsimError | KeyboardInterrupt | None]:
+    """Make steps until ``t_end``.
+
+    Parameters
+    ----------
+    problem : Problem
+    method : Method
+    start : (t, q, v)
+    t_end : float
+    limits : Limits
+    watch : callable
+        Called with every kept state; may raise to end the run.
+
+    Returns
+    -------
+    trajectory : Trajectory
+        All kept steps, also those before a failure.
+    stop : exception or None
+        What ended the run before ``t_end``: `SolverFailure`, `LimitReached` or KeyboardInterrupt.
+    """
+    run = _Run(problem, limits, start, t_end)
+    try:
+        with np.errstate(all="ignore"):
+            run.go(method, watch)
+    except (SolverFailure, LimitReached, KeyboardInterrupt) as stop:
+        return run.path, stop
+    return run.path, None
+
+
+class _Run:
+    """The steps from a state to a time.
+
+    Attributes
+    ----------
+    path : Trajectory
+        The steps kept so far; its end is where the next one starts.
+    """
+
+    def __init__(
+        self, problem: Problem, limits: Limits, start: tuple[float, Array, Array], t_end: float
+    ) -> None:
+        self.path = Trajectory(start[0], *start)
+        self._problem, self._limits, self._t_end = problem, limits, t_end
+        self._duration = t_end - start[0]
+        self._pace = _Pace(start[0], t_end)
+
+    def go(self, method: Method, watch: Callable[[float, Array, Array], None]) -> None:
+        """Make the steps; raise what ends them early."""
+        path, fixed, most = self.path, self._limits.step, self._limits.max_steps
+        stepper = self._started(method)
+        path.methods.append(stepper.name)
+        wish = stepper.first
+        while path.t_end < self._t_end * (1.0 - 1e-14):
+            if most is not None and self._problem.counts.steps >= most:
+                raise LimitReached(f"{most} steps were made", path.t_end)
+            h = _fitted(fixed or wish, self._t_end - path.t_end, fixed is not None)
+            attempt = self._attempt(stepper, h)
+            if stepper.name not in path.methods:
+                path.methods.append(stepper.name)
+            if not attempt.solved or (fixed is None and attempt.error > 1.0):
+                wish = self._shortened(attempt, h)
+                continue
+            if h >= 0.5 * wish:
+                wish = h * min(max(attempt.growth, 0.2), 5.0)
+            self._keep(stepper, attempt, h)
+            watch(path.t_end, path.q, path.v)
+
+    def _started(self, method: Method) -> Stepper:
+        path = self.path
+        try:
+            stepper = method.start(self._problem, path.t_end, path.q, path.v)
+            if np.isfinite(stepper.first):
+                return stepper
+        except np.linalg.LinAlgError:
+            pass
+        why = "the accelerations at the start are not finite"
+        raise self._culprit(0.0) or SolverFailure(why, path.t_end)
+
+    def _attempt(self, stepper: Stepper, h: float) -> Attempt:
+        """Try a step and move its end onto the constraints."""
+        problem, path = self._problem, self.path
+        try:
+            attempt = stepper.attempt(path.t_end, path.q, path.v, h)
+            if not attempt.solved:
+                return attempt if np.isfinite(attempt.growth) else unsolved()
+            finite = np.isfinite(attempt.q).all() and np.isfinite(attempt.v).all()
+            if not finite or not problem.admissible(attempt.q):
+                return unsolved()
+            end, rate = problem.project(np.array([path.t_end + h]), attempt.q[None], attempt.v[None])
+            return attempt._replace(q=end[0], v=rate[0])
+        except np.linalg.LinAlgError:
+            return unsolved()
+
+    def _keep(self, stepper: Stepper, attempt: Attempt, h: float) -> None:
+        path = self.path
+        t = self._t_end if h == self._t_end - path.t_end else path.t_end + h
+        stepper.accept(t, attempt.q, attempt.v)
+        self._problem.counts.steps += 1
+        if self._limits.step is None:
+            self._pace.note(t, False, False)
+        path.segments.append(Segment(path.t_end, h, path.q, path.v, attempt.series))
+        path.t_end, path.q, path.v = t, attempt.q, attempt.v
+
+    def _shortened(self, attempt: Attempt, h: float) -> float:
+        """Return the step to try after one that was not kept.
+
+        Raises
+        ------
+        SolverFailure
+            If none would do.
+        """
+        problem, path, pace = self._problem, self.path, self._pace
+        if self._limits.step is not None:
+            why = f"the equations of a step of {h:g} s could not be solved"
+            breakdown = self._culprit(h) or problem.breakdown(path.t_end, path.q)
+            raise breakdown or SolverFailure(why, path.t_end)
+        problem.counts.rejected += 1
+        pace.note(path.t_end, True, not attempt.solved)
+        short = h < AHEAD * self._duration
+        if pace.unsolved >= IN_A_ROW and (short or pace.unsolved == IN_A_ROW):
+            cause = self._culprit(h if short else 0.0)
+            if cause is not None:
+                raise cause
+        wish = h * min(max(attempt.growth, 0.1), 0.9)
+        self._refuse_collapse(wish / self._duration)
+        return wish
+
+    def _refuse_collapse(self, relative: float) -> None:
+        """Raise the cause when steps have become too short to go on."""
+        if relative > self._limits.short:
+            return
+        cause = self._problem.breakdown(self.path.t_end, self.path.q)
+        if cause is not None:
+            raise cause
+        if relative < self._limits.shortest:
+            why = f"the step length fell below {self._limits.shortest:g} of the duration"
+            raise SolverFailure(why, self.path.t_end)
+
+    def _culprit(self, h: float) -> SolverFailure | None:
+        """Return what is not finite where a step begins, or just ahead of it."""
+        t, q, v = self.path.t_end, self.path.q, self.path.v
+        found = self._problem.culprit(t, q, v)
+        return found or (self._problem.culprit(t + h, q + h * v, v) if h else None)
+
+
+def _fitted(wish: float, rest: float, fixed: bool) -> float:
+    """Return the next step length: the wish, shortened so that the end is met without a sliver."""
+    if rest <= wish * (1.0 + 1e-9):
+        return rest
+    return 0.5 * rest if not fixed and rest < 2.0 * wish else wish

@@ -1,0 +1,189 @@
+"""The derivative of the accelerations taken apart into modes, where nothing dissipates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfsim.integrators._derivative import ByStep, Correction, MissingAccelerations, Start
+from hfsim.integrators._problem import Increments, PlainIncrements, Problem
+from hfsim.integrators._tableau import Collocation
+from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.mechanics.linearized import Linearized
+
+
+@dataclass(frozen=True)
+class Joints:
+    """What joints forbid, in the coordinates of a derivative.
+
+    Attributes
+    ----------
+    jacobian : ndarray, shape (n_rows, n)
+    closing : ndarray, shape (n_rows, n)
+        The smallest motions, measured by the mass matrix, that close unit gaps.
+    forces : ndarray, shape (n_rows, n_modes)
+        Forces on the modes that these motions cause.
+    """
+
+    jacobian: Array
+    closing: Array
+    forces: Array
+
+    @classmethod
+    def of(cls, at: Linearized, jacobian: Array, R: Array) -> Joints:
+        """Return them in the state's own coordinates, beside modes R."""
+        closing = at.closing()
+        return cls(jacobian, closing, closing @ at.stiffness.T @ R)
+
+    def closed(self, gaps: Array) -> Array:
+        """Return the motions that close gaps (..., n_rows)."""
+        return np.asarray(gaps @ self.closing)
+
+
+@dataclass
+class ModalDerivative(MissingAccelerations):
+    """J_q = -R S with S R = diag(w2), where nothing dissipates: every mode is corrected by itself.
+
+    Where the mass matrix is known, a residual has a column for each mode and then one for each joint
+    equation, and comes from forces, f - M a.  Accelerations that are missing in *another* state would depend
+    on its mass matrix in natural increments, and stiff modes would be corrected by the wrong amount.
+
+    Attributes
+    ----------
+    increments : Increments
+    w2 : ndarray, shape (n_modes,)
+        Squares of the circular frequencies.
+    R : ndarray, shape (n, n_modes)
+        Modes as columns.
+    L : ndarray, shape (n_modes, n)
+        L R = 1: with as many modes as coordinates the inverse of R.
+    joints : Joints, or None
+        Motions that joints forbid and which have no modes; None where there are as many modes as coordinates.
+    mass : ndarray, shape (n, n), or None
+        Of the state's coordinates; R^T then turns forces into accelerations of the modes.
+    """
+
+    increments: Increments
+    w2: Array | ComplexArray
+    R: Array | ComplexArray
+    L: Array | ComplexArray
+    joints: Joints | None = None
+    mass: Array | None = None
+
+    def __post_init__(self) -> None:
+        self.fastest = float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
+        # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
+        self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
+        self._divisor: ByStep[tuple[ComplexArray, ComplexArray]] = ByStep()
+        rows = self.L if self.joints is None else np.concatenate([self.L, self.joints.jacobian])
+        self._columns = np.ascontiguousarray(rows.T)
+
+    @classmethod
+    def of(cls, at: Linearized, natural: Increments, q: Array) -> ModalDerivative:
+        """Return the modes of a dense linearised system without damping.
+
+        Following loads make the stiffness unsymmetric; corrections do with its symmetric part.
+        """
+        allowed = at.allowed
+        K = allowed @ at.stiffness @ allowed.T
+        w2, U = np.linalg.eigh(0.5 * (K + K.T))
+        R = allowed.T @ U
+        L = R.T @ at.mass
+        joints = None if at.jacobian is None else Joints.of(at, at.jacobian, R)
+        if isinstance(natural, PlainIncrements):
+            return cls(natural, w2, R, L, joints)
+        geometry = natural.geometry(q[None])
+        R = np.ascontiguousarray(natural.to_natural(geometry, np.ascontiguousarray(R.T)).T)
+        unit = natural.from_natural(geometry, np.eye(len(q))).T
+        if joints is not None:
+            closing = natural.to_natural(geometry, joints.closing)
+            joints = Joints(joints.jacobian @ unit, closing, joints.forces)
+        return cls(natural, w2, R, L @ unit, joints, at.mass)
+
+    @classmethod
+    def of_slope(cls, by_q: Array, natural: Increments) -> ModalDerivative | None:
+        """Return the modes of a derivative in natural increments; None if they are all but parallel."""
+        w2, R = np.linalg.eig(-by_q)
+        L = np.linalg.inv(R)
+        return cls(natural, w2, R, L) if np.abs(L).max() * len(by_q) < 1e10 else None
+
+    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+        """Return missing accelerations of the modes and gaps of joints."""
+        natural = self.increments
+        if self.mass is None or problem.imbalance is None:
+            return self.reading(super().residual(problem, at, t, q, v, a))
+        forces, gaps = problem.unbalanced(t, q, v, a)
+        modes = natural.to_natural_forces(at, forces) @ self.R
+        return np.asarray(modes if self.joints is None else np.concatenate([modes, gaps], axis=1))
+
+    def reading(self, r: Array) -> Array:
+        """Return accelerations in natural increments as accelerations of the modes and gaps of joints."""
+        return r if self.mass is None else np.asarray(r @ self._columns)
+
+    def _real(self, z: ComplexArray) -> Array | ComplexArray:
+        """Drop the imaginary part where the modes are real, so that what follows is real too."""
+        return z.real if np.isrealobj(self.R) else z
+
+    def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
+        """Let each mode swing freely from its velocity and acceleration at the start of the step."""
+        oscillating = np.isrealobj(self.w2) and bool((self.w2 >= 0.0).all())
+        omega = np.sqrt(self.w2 if oscillating else self.w2.astype(complex))
+        omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
+        half = (0.5 * h * table.nodes)[:, None] * omega
+        sine = np.sin(half) / omega
+        p1, p2 = self.L @ start.first, self._modal_acceleration(start)
+        swing = p1 * (2.0 * sine * np.cos(half)) + p2 * (2.0 * sine * sine)
+        y = (self._real(swing) @ self.R.T).real
+        if self.joints is not None:
+            tau = (h * table.nodes)[:, None]
+            y = y + self.joints.closed(tau * (self.joints.jacobian @ start.first))
+            y += self.joints.closed(0.5 * tau**2 * (self.joints.jacobian @ start.second))
+        return np.asarray(y)
+
+    def _modal_acceleration(self, start: Start) -> Array | ComplexArray:
+        """Return accelerations of the modes, where the mass matrix is known from the forces behind them."""
+        if self.mass is None:
+            return self.L @ start.second
+        forces = self.increments.to_natural_forces(start.at, (self.mass @ start.acceleration)[None])[0]
+        return np.asarray(forces @ self.R + self.L @ start.convective)
+
+    def correction(self, table: Collocation, h: float) -> Correction:
+        """Divide each mode and pole by 1 + (h pole)^2 w2."""
+        mu2, divisor = self._divisor.of(h, lambda: self._divided((h * table.poles[:, None]) ** 2))
+        left, right = 2.0 * table.left, table.right
+        R, end_rate, per_rate = self.R.T, table.end_rate / h, self._per_rate
+        joints, m = self.joints, len(self.w2)
+        columns = self._columns if self.mass is None else None
+
+        def correct(r: Array) -> tuple[Array, float]:
+            r = r if columns is None else r @ columns
+            z = right @ r[:, :m]
+            if joints is not None:
+                z -= mu2 * (right @ (r[:, m:] @ joints.forces))
+            z *= divisor
+            modes = self._real(left @ z)
+            # back in coordinates: amplitudes of nearly parallel modes mean nothing one by one
+            y, consequence = modes @ R, ((end_rate @ modes) * per_rate) @ R
+            if joints is not None:
+                # what is in no mode stays as it is, and counts as if it were slow
+                rest = joints.closed(r[:, m:])
+                y += rest
+                consequence += 0.5 * (end_rate @ rest)
+            return y.real, float(np.abs(consequence.real).max())
+
+        return correct
+
+    def _divided(self, mu2: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        return mu2, np.asarray(1.0 / (1.0 + mu2 * self.w2), complex)
+
+    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
+        """Return a product with the inverse, put together from the modes."""
+        divisor = 1.0 / (1.0 + by_q * self.w2)
+        inverse = ((self.R * divisor) @ self.L).real
+        if self.joints is not None:
+            coupled = self.joints.closing.T - (self.R * (by_q * divisor)) @ self.joints.forces.T
+            inverse += coupled @ self.joints.jacobian
+        return lambda r: np.asarray(inverse @ r)

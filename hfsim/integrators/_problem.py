@@ -1,0 +1,156 @@
+"""What integrators see of a scene: functions of (t, q, v)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+
+from hfsim.errors import SolverFailure
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.linearized import Linearized, by_differences
+
+
+@dataclass
+class Counts:
+    """What a run cost, in calls."""
+
+    steps: int = 0
+    rejected: int = 0
+    iterations: int = 0
+    evaluations: int = 0
+    """States at which accelerations were computed."""
+    calls: int = 0
+    """Batches in which they were."""
+    factorisations: int = 0
+
+    def add(self, other: Counts) -> None:
+        """Add what another run cost."""
+        for name, value in vars(other).items():
+            setattr(self, name, getattr(self, name) + value)
+
+
+class Increments(Protocol):
+    """Coordinates for Newton corrections in which the derivative of the accelerations changes little.
+
+    ``geometry`` gives what the other maps need of a batch of states; all arrays are (n_batch, n).
+    """
+
+    def geometry(self, q: Array) -> Any:
+        """Return what belongs to these states."""
+
+    def to_natural(self, at: Any, dq: Array) -> Array:
+        """Return small changes of the states in natural coordinates."""
+
+    def from_natural(self, at: Any, y: Array) -> Array:
+        """Return small natural increments as changes of the states."""
+
+    def to_natural_forces(self, at: Any, f: Array) -> Array:
+        """Return forces on the states as forces on natural increments."""
+
+    def advance(self, at: Any, y: Array) -> Array:
+        """Return finite natural increments as changes of the states."""
+
+    def rates(self, at: Any, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return the first and second time derivatives of the natural coordinates.
+
+        Third comes the part of the second ones that velocities alone cause.
+        """
+
+
+@dataclass(frozen=True)
+class PlainIncrements:
+    """The state coordinates themselves."""
+
+    def geometry(self, q: Array) -> None:
+        """Return nothing."""
+
+    def to_natural(self, at: None, dq: Array) -> Array:
+        """Return ``dq``."""
+        return dq
+
+    def from_natural(self, at: None, y: Array) -> Array:
+        """Return ``y``."""
+        return y
+
+    advance = from_natural
+
+    def to_natural_forces(self, at: None, f: Array) -> Array:
+        """Return ``f``."""
+        return f
+
+    def rates(self, at: None, v: Array, a: Array) -> tuple[Array, Array, Array]:
+        """Return ``v``, ``a`` and zero."""
+        return v, a, np.zeros_like(a)
+
+
+@dataclass
+class Problem:
+    """Equations of motion q'' = a(t, q, v) with the manifold their solutions stay on.
+
+    Attributes
+    ----------
+    acceleration : callable
+        (t, q, v) -> q'' with a leading batch axis on all of them.
+    project : callable
+        (t, q, v) -> (q, v) moved onto the constraints; batch axis as above.
+    dissipates : bool
+        Whether stiff methods need the derivative of the accelerations by v.
+    admissible : callable
+        q, shape (n,) -> whether the equations make sense there; no step ends where they do not.
+    breakdown : callable
+        (t, q) -> the failure that explains why steps get ever shorter near this state, or None.
+    linearized : callable or None
+        (t, q, v) -> the equations linearised at a state; without it derivatives come from differences.
+    culprit : callable
+        (t, q, v) -> the failure that names what is not finite in this state, or None.
+    increments : Increments
+        Coordinates for Newton corrections.
+    imbalance : callable or None
+        (t, q, v, a) -> the forces (n_batch, n) and joint accelerations (n_batch, n_rows) by which
+        accelerations fail the equations of motion.
+    constant_mass : bool
+        Whether the state are coordinates with a constant mass matrix.
+    quartic : bool
+        Whether, besides, joints are linear in them and the potential is a polynomial of degree four at most.
+    """
+
+    acceleration: Callable[[Array, Array, Array], Array]
+    project: Callable[[Array, Array, Array], tuple[Array, Array]]
+    dissipates: bool
+    admissible: Callable[[Array], bool] = lambda q: True
+    breakdown: Callable[[float, Array], SolverFailure | None] = lambda t, q: None
+    linearized: Callable[[float, Array, Array], Linearized] | None = None
+    culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
+    increments: Increments = field(default_factory=PlainIncrements)
+    imbalance: Callable[[Array, Array, Array, Array], tuple[Array, Array]] | None = None
+    constant_mass: bool = True
+    quartic: bool = False
+    counts: Counts = field(default_factory=Counts)
+
+    def evaluate(self, t: Array, q: Array, v: Array) -> Array:
+        """Return accelerations of a batch and count the call."""
+        self._count(q)
+        return np.asarray(self.acceleration(t, q, v))
+
+    def unbalanced(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+        """Return by how much accelerations of a batch fail the equations and count the call."""
+        assert self.imbalance is not None
+        self._count(q)
+        return self.imbalance(t, q, v, a)
+
+    def _count(self, q: Array) -> None:
+        self.counts.calls += 1
+        self.counts.evaluations += len(q)
+
+    def single(self, t: float, q: Array, v: Array) -> Array:
+        """Return the accelerations of one state, shape (n,)."""
+        return np.asarray(self.evaluate(np.array([t]), q[None], v[None])[0])
+
+    def near(self, t: float, q: Array, v: Array) -> Linearized:
+        """Return the equations linearised at a state (n,), by differences where nothing else is at hand."""
+        if self.linearized is not None:
+            return self.linearized(t, q, v)
+        return by_differences(self.evaluate, t, q, v, self.dissipates)

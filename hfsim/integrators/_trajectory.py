@@ -1,0 +1,136 @@
+"""What integrators give: steps with a polynomial inside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.integrators._tableau import legendre
+from hfsim.maths.arrays import Array, IntArray, distinct
+from hfsim.maths.shapes import gauss_legendre
+
+
+class Segment(NamedTuple):
+    """One step: start state and the accelerations within it as a Legendre series.
+
+    Attributes
+    ----------
+    t, h : float
+    q, v : ndarray, shape (n,)
+        State at the start.
+    series : ndarray, shape (m, n)
+        Coefficients of the shifted Legendre polynomials in (time - t) / h.
+    """
+
+    t: float
+    h: float
+    q: Array
+    v: Array
+    series: Array
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Return (q, v) at times within the step, shape (n_times, n) each."""
+        theta = (times - self.t) / self.h
+        _, once, twice = legendre(theta, len(self.series))
+        v = self.v + self.h * (once @ self.series)
+        q = self.q + self.h * theta[:, None] * self.v + self.h**2 * (twice @ self.series)
+        return q, v
+
+
+def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Array, Array, Array]) -> Array:
+    """Return the cubic accelerations that join (q, v, a) at both ends of a step, shape (4, n)."""
+    q0, v0, a0 = start
+    q1, v1, a1 = ends
+    values, _, _ = legendre(np.array([0.0, 1.0]), 4)
+    _, once, twice = legendre(np.array([1.0]), 4)
+    matrix = np.concatenate([values, once, twice])
+    rhs = np.stack([a0, a1, (v1 - v0) / h, (q1 - q0 - h * v0) / h**2])
+    return np.asarray(np.linalg.solve(matrix, rhs))
+
+
+@dataclass
+class Trajectory:
+    """All kept steps of a run, readable at any time between its start and its end.
+
+    Attributes
+    ----------
+    t_start, t_end : float
+    q, v : ndarray, shape (n,)
+        State at ``t_end``.
+    segments : list of Segment
+    methods : list of str
+        Names of what made the steps, in the order in which they were first used.
+    """
+
+    t_start: float
+    t_end: float
+    q: Array
+    v: Array
+    segments: list[Segment] = field(default_factory=list)
+    methods: list[str] = field(default_factory=list)
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Return (q, v) at sorted times, shape (n_times, n) each."""
+        if not self.segments:
+            return np.repeat(self.q[None], len(times), 0), np.repeat(self.v[None], len(times), 0)
+        starts = np.array([s.t for s in self.segments])
+        owner = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
+        q, v = np.empty((len(times), len(self.q))), np.empty((len(times), len(self.q)))
+        edges = np.searchsorted(owner, np.arange(len(starts) + 1))
+        for k in distinct(owner):
+            mine = slice(edges[k], edges[k + 1])
+            q[mine], v[mine] = self.segments[k].at(times[mine])
+        return q, v
+
+    def step_ends(self) -> Array:
+        """Return all step boundaries, the start and the end included."""
+        return np.array([s.t for s in self.segments] + [self.t_end])
+
+
+def joined(paths: list[tuple[Trajectory, IntArray]], t_end: float) -> Trajectory:
+    """Return one trajectory of parts that were integrated apart, up to a time that all have reached.
+
+    Its steps end wherever one of any part does; within them the parts' polynomials are the same.
+
+    Parameters
+    ----------
+    paths : list of (Trajectory, ndarray of int)
+        Each part with the columns that its state has in the whole.
+    t_end : float
+    """
+    n = sum(len(columns) for _, columns in paths)
+    ends = distinct(np.concatenate([path.step_ends() for path, _ in paths]))
+    ends = np.append(ends[ends < t_end], t_end)
+    q, v = np.empty((len(ends), n)), np.empty((len(ends), n))
+    count = max((len(s.series) for path, _ in paths for s in path.segments), default=1)
+    series = np.zeros((len(ends) - 1, count, n))
+    for path, columns in paths:
+        q[:, columns], v[:, columns] = path.at(ends)
+        if path.t_end == t_end:
+            q[-1, columns], v[-1, columns] = path.q, path.v
+        series[:, :, columns] = _cut(path.segments, ends, count)
+    steps = [Segment(a, b - a, q[k], v[k], series[k]) for k, (a, b) in enumerate(pairwise(map(float, ends)))]
+    methods = list(dict.fromkeys(name for path, _ in paths for name in path.methods))
+    return Trajectory(paths[0][0].t_start, float(t_end), q[-1], v[-1], steps, methods)
+
+
+def _cut(segments: list[Segment], ends: Array, count: int) -> Array:
+    """Return the series of steps over the stretches between ``ends``, shape (n_stretches, count, n)."""
+    places, weights = gauss_legendre(count)
+    basis, _, _ = legendre(places, count)
+    fit = (2.0 * np.arange(count) + 1.0)[:, None] * basis.T * weights
+    inside = ends[:-1, None] + np.diff(ends)[:, None] * places
+    starts = np.array([step.t for step in segments])
+    owner = np.clip(np.searchsorted(starts, ends[:-1], side="right") - 1, 0, len(starts) - 1)
+    out = np.zeros((len(inside), count, segments[0].series.shape[1]))
+    for k in distinct(owner):
+        mine, step = np.flatnonzero(owner == k), segments[k]
+        if len(mine) == 1 and ends[mine[0]] == step.t:
+            out[mine[0], : len(step.series)] = step.series
+            continue
+        values, _, _ = legendre((inside[mine].ravel() - step.t) / step.h, len(step.series))
+        out[mine] = fit @ (values @ step.series).reshape(len(mine), count, -1)
+    return out
