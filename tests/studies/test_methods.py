@@ -20,8 +20,8 @@ from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 from hfsim.simulate import simulate
 from hfsim.studies import methods
-from hfsim.studies import refine as module
 from hfsim.studies.methods import Contest, Entry, Turn, candidates
+from hfsim.studies.refine import races as module
 from hfsim.studies.refine import refine
 
 LINK = CASES / "extreme" / "light_link.yaml"
@@ -77,9 +77,9 @@ def test_another_method_is_taken_where_it_is_much_sooner():
 
 @pytest.mark.usefixtures("handicapped")
 def test_a_late_winner_is_raced_on_the_finer_mesh_too(monkeypatch):
-    hold = module._Races.hold
+    hold = module.Races.hold
     monkeypatch.setattr(
-        module._Races, "hold", lambda self: hold(self) if len(self.search.levels) > 3 else None
+        module.Races, "hold", lambda self: hold(self) if len(self.search.levels) > 3 else None
     )
     run, _ = refine(pendulum(*FINE))
     found = run.statistics["refinement"]

@@ -3,6 +3,7 @@
 import json
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import yaml
@@ -16,8 +17,10 @@ from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.schema import is_judged
 from hfsim.simulate import simulate
-from hfsim.studies import refine as module
-from hfsim.studies.refine import Level, Setting, _Part, refine, refined
+from hfsim.studies.refine import refine
+from hfsim.studies.refine.part import Part
+from hfsim.studies.refine.search import Search
+from hfsim.studies.refine.setting import Setting, refined
 
 TIPS = "solve.target_channels=[b1.tip.x, b1.tip.y]"
 
@@ -173,7 +176,7 @@ def test_without_beams_only_the_tolerance_is_chosen():
 
 
 def test_changes_that_do_not_shrink_end_the_search(monkeypatch):
-    monkeypatch.setattr(module._Search, "distance", lambda self, level, finer: (0.3, "b1.tip.y"))
+    monkeypatch.setattr(Search, "distance", lambda self, level, finer: (0.3, "b1.tip.y"))
     run, _ = refine(pendulum(1e-2, "solve.duration=0.02"))
     assert (run.status, run.exit_code) == ("done", 4)
     assert "finer meshes of b1 do not bring b1.tip.y closer: the last changes are 3e-1" in run.reason
@@ -211,14 +214,14 @@ def test_a_model_that_breaks_down_fails_as_in_a_plain_run():
 
 
 def test_finer_levels_that_fail_end_the_search(monkeypatch):
-    integrate = module._Search._integrate
+    integrate = Search._integrate
 
     def fragile(self, level):
         integrate(self, level)
         if level.unknowns > 10:
             level.status, level.reason, level.channels = "failed", "it broke", ()
 
-    monkeypatch.setattr(module._Search, "_integrate", fragile)
+    monkeypatch.setattr(Search, "_integrate", fragile)
     run, _ = refine(pendulum(1e-2, TIPS))
     assert run.exit_code == 4 and "finer levels fail: it broke" in run.reason
     assert run.statistics["error_estimate"] is None
@@ -246,9 +249,10 @@ def test_a_budget_below_one_level_keeps_what_was_computed():
 
 
 def part(*changes):
-    one, level = _Part(("degree", "elements"), ("b1",)), Level(0, "", Setting((), 1e-3), work=1.0)
+    one = Part(("degree", "elements"), ("b1",))
+    before, after = (SimpleNamespace(work=work, unknowns=10) for work in (1.0, 2.0))
     for change in changes:
-        one.note(change, "degree", level, replace(level, work=2.0), 0.0)
+        one.note(change, "degree", before, after, 0.0)
     return one
 
 

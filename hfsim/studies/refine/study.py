@@ -1,0 +1,112 @@
+"""The search: refine the part with the most left until the target is kept or nothing more can be done."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+from hfsim.run.solution import Run
+from hfsim.run.stop import Budget, Progress, TimeUp
+from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.bench.points import tidy
+from hfsim.studies.refine.part import Part
+from hfsim.studies.refine.result import concluded
+from hfsim.studies.refine.search import Search
+from hfsim.studies.refine.setting import beams_of, coarse
+
+DEFAULT_BUDGET = 60.0
+"""Time that a refinement may take unless the deck says otherwise [s]."""
+_FAILURES = 2
+"""Moves that may fail in a row."""
+
+
+def refine(
+    loaded: LoadedDeck,
+    model: str | None = None,
+    progress: Progress | None = None,
+    diagnosis: bool = False,
+) -> tuple[Run, LoadedDeck]:
+    """Simulate a scene with elements, degrees, method and tolerance that reach its ``solve.target_error``.
+
+    Parameters
+    ----------
+    loaded : LoadedDeck
+        With a target; if it leaves the elements of some beams open, only these are refined.
+    model : str, optional
+        Instead of the deck's.
+    progress : callable, optional
+        Called with the share of the budget that is used.
+    diagnosis : bool
+        Whether to find out by short experiments why the run fails or is suspicious.
+
+    Returns
+    -------
+    Run
+        Of the chosen level; its statistics have the section ``refinement``.  A target that is missed
+        (exit code 4) or a budget used up (status ``limit``) is told in it.
+    LoadedDeck
+        The deck with what was chosen and without the target: a plain run of it gives the same.
+
+    Raises
+    ------
+    DeckError
+        If the scene cannot be assembled.
+    """
+    budget = Budget(loaded.deck.solve.budget or DEFAULT_BUDGET)
+    if progress is not None:
+        budget.report = progress
+    start = time.process_time()
+    search = Search(loaded, model, budget)
+    status, reason = _search(search)
+    found = concluded(search, status, reason, time.process_time() - start)
+    return found.run(diagnosis), found.chosen.setting.applied(loaded)
+
+
+def _search(search: Search) -> tuple[str, str]:
+    """Refine until the target is kept or nothing more can be done; return status and reason."""
+    try:
+        if not _begin(search):
+            return "failed", search.levels[-1].reason
+        failures = 0
+        while True:
+            part = search.next_part()
+            if search.current and not part.choices(search.current.setting):
+                return "missed", f"the {'mesh' if part.bodies else 'tolerance'} cannot be refined further"
+            if search.move(part):
+                failures = 0
+            else:
+                failures += 1
+                if failures >= _FAILURES:
+                    return "missed", f"finer levels fail: {search.levels[-1].reason}"
+                continue
+            if part.stalled and part.left > search.target:
+                return "missed", _stalled_words(search, part)
+            search.races.hold()
+            answer = search.answer()
+            if answer is not None and not search.stale(answer):
+                return "reached", ""
+    except TimeUp as stop:
+        return "limit", str(stop)
+    except KeyboardInterrupt:
+        return "interrupted", "interrupted from the keyboard"
+
+
+def _begin(search: Search) -> bool:
+    """Run the first level, or the deck's own setting if the coarse one fails; return whether one ended."""
+    first = search.solve("", coarse(search.loaded, search.target))
+    if first.status != "done":
+        mesh = tuple((name, spec.elements, spec.degree) for name, spec in beams_of(search.loaded).items())
+        tolerance = min(first.setting.tolerance, search.loaded.deck.solve.tolerance)
+        first = search.solve("as in the deck", replace(first.setting, mesh=mesh, tolerance=tolerance))
+    search.current = first if first.status == "done" else None
+    return search.current is not None
+
+
+def _stalled_words(search: Search, part: Part) -> str:
+    last = [level for level in search.levels if level.change is not None][-1]
+    what = f"finer meshes of {', '.join(part.bodies)}" if part.bodies else "tighter tolerances"
+    others = "; without it: --target-channels with the others" if len(search.counted) > 1 else ""
+    return (
+        f"{what} do not bring {last.channel or 'the channels'} closer: the last changes are "
+        f"{', '.join(tidy(change) for change in part.changes[-3:])}{others}"
+    )
