@@ -97,7 +97,7 @@ def test_linear_markers_are_linear(marker, rng):
 
 def test_markers_follow_a_rigid_motion(marker, rng):
     if marker.columns.stop == 0:
-        return
+        pytest.skip("the ground does not move")
     x, v, w = zoo.random_state(rng), rng.normal(size=2), 0.7
     u = zoo.rigid_motion(x, v, w)
     place = marker.position(x[None])[0]

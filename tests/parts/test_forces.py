@@ -90,7 +90,7 @@ def test_springs_and_dampers_do_not_resist_a_common_rigid_motion(spring, rng):
     """Action is reaction, in force and in moment about any point."""
     part, x, u = spring(2.0), zoo.random_state(rng), rng.normal(size=zoo.N)
     if 0 in (part.first.columns.stop, part.second.columns.stop):
-        return
+        pytest.skip("the ground does not move")
     force = force_of(part, x, u)
     for velocity, omega in (((1.0, 0.0), 0.0), ((0.0, 1.0), 0.0), ((0.0, 0.0), 1.0)):
         motion = zoo.rigid_motion(x, velocity, omega)
@@ -168,7 +168,7 @@ def test_constant_loads_are_slopes_of_place_and_angle(marker, rng):
 def test_loads_give_their_own_resultant(marker, rng):
     """Their power in a rigid motion is that of a force at the point, or of a couple."""
     if marker.columns.stop == 0:
-        return
+        pytest.skip("the ground does not move")
     x, v, w = zoo.random_state(rng), rng.normal(size=2), 0.6
     motion = zoo.rigid_motion(x, v, w)
     r = marker.position(x[None])[0]
