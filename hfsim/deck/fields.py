@@ -6,37 +6,35 @@ A field type says what a number measures: ``Length`` takes a number in metres or
 from __future__ import annotations
 
 import math
+import operator
 import re
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator
 
 from hfsim.deck.spec import ReadBy, refusal, shown
 from hfsim.deck.units import UnitError, describe, parse_quantity
 
-
-class _Bounds(NamedTuple):
-    """What a number must be; its refusal shows the number as it was written."""
-
-    above: float | None = None
-    at_least: float | None = None
-    below: float | None = None
-    at_most: float | None = None
-
-    def check(self, number: float, written: object) -> None:
-        """Refuse a number outside."""
-        if self.above is not None and not number > self.above:
-            raise refusal(f"must be greater than {self.above:g}, not {shown(written)}")
-        if self.at_least is not None and not number >= self.at_least:
-            raise refusal(f"must be at least {self.at_least:g}, not {shown(written)}")
-        if self.below is not None and not number < self.below:
-            raise refusal(f"must be less than {self.below:g}, not {shown(written)}")
-        if self.at_most is not None and not number <= self.at_most:
-            raise refusal(f"must be at most {self.at_most:g}, not {shown(written)}")
+_BOUNDS: dict[str, tuple[Callable[[float, float], bool], str]] = {
+    "above": (operator.gt, "greater than"),
+    "at_least": (operator.ge, "at least"),
+    "below": (operator.lt, "less than"),
+    "at_most": (operator.le, "at most"),
+}
+"""What a number must be."""
 
 
-def _read_number(dimension: str, bounds: _Bounds, value: object) -> float:
+def _check(number: float, bounds: Mapping[str, float | None], written: object) -> None:
+    """Refuse a number outside; it is shown as it was written."""
+    for name, bound in bounds.items():
+        holds, words = _BOUNDS[name]
+        if bound is not None and not holds(number, bound):
+            raise refusal(f"must be {words} {bound:g}, not {shown(written)}")
+
+
+def _read_number(dimension: str, bounds: Mapping[str, float], value: object) -> float:
     """Return a deck's number, or its text with a unit, as a finite SI number."""
     number = value
     if isinstance(value, str):
@@ -48,16 +46,16 @@ def _read_number(dimension: str, bounds: _Bounds, value: object) -> float:
         raise refusal(f"must be {describe(dimension)}, not {shown(number)}")
     if not math.isfinite(number):
         raise refusal(f"must be finite, not {number}")
-    bounds.check(number, value)
+    _check(number, bounds, value)
     return float(number)
 
 
-def _read_count(bounds: _Bounds, value: object) -> int:
+def _read_count(bounds: Mapping[str, int | None], value: object) -> int:
     integral = isinstance(value, int) or (isinstance(value, float) and value.is_integer())
     if isinstance(value, bool) or not integral:
         raise refusal(f"must be a whole number, not {shown(value)}")
     count: int = int(value)  # type: ignore[call-overload]
-    bounds.check(count, value)
+    _check(count, bounds, value)
     return count
 
 
@@ -68,13 +66,13 @@ def _read_flag(value: object) -> bool:
 
 
 def measures(dimension: str = "dimensionless", **bounds: float) -> ReadBy:
-    """Return what reads a number of a dimension, with its bounds by the names of `_Bounds`."""
-    return ReadBy(partial(_read_number, dimension, _Bounds(**bounds)))
+    """Return what reads a number of a dimension, with its bounds: above, at_least, below, at_most."""
+    return ReadBy(partial(_read_number, dimension, bounds))
 
 
 def whole(at_least: int = 1, at_most: int | None = None) -> ReadBy:
     """Return what reads a whole number within bounds."""
-    return ReadBy(partial(_read_count, _Bounds(at_least=at_least, at_most=at_most)))
+    return ReadBy(partial(_read_count, {"at_least": at_least, "at_most": at_most}))
 
 
 Number = Annotated[float, measures()]

@@ -150,7 +150,9 @@ class DeckSource:
         return self.value_marks.get(())
 
     def problem(self, path: Path, message: str, hint: str = "", on_key: bool = False) -> DeckProblem:
-        """Return a problem of the entry at a path, placed in the file."""
+        """Return a problem of the entry at a path, or of the value that stands for it, placed in the file."""
+        while len(path) > 1 and not isinstance(_at(self.data, path[:-1]), dict | list):
+            path = path[:-1]
         mark = self.mark(path, on_key)
         if self.is_overridden(path) or mark is None:
             return OverrideProblem(dotted(path), message, hint)

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import Any, ClassVar, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
-from pydantic_core.core_schema import no_info_plain_validator_function
+from pydantic_core.core_schema import no_info_plain_validator_function, no_info_wrap_validator_function
 
 from hfsim.deck.source import Path, did_you_mean
 
@@ -79,6 +79,21 @@ class Spec(BaseModel):
     def keys(cls) -> list[str]:
         """Return the keys that an entry may have, as decks spell them."""
         return [info.alias or name for name, info in cls.model_fields.items()]
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> CoreSchema:
+        """Tell pydantic how the entry is validated."""
+        return no_info_wrap_validator_function(cls._read, handler(source))
+
+    @classmethod
+    def _read(cls, value: Any, read: Callable[[Any], Any]) -> Any:
+        """Read an entry; what pydantic refuses is said in deck words."""
+        try:
+            return read(value)
+        except ValidationError as error:
+            from hfsim.deck.explain import explained
+
+            raise refused(explained(cls, error)) from None
 
     def complaints(self) -> Iterable[Complaint]:
         """Yield what is wrong with this entry where each key by itself is right."""
@@ -162,18 +177,6 @@ class OneOf:
     ) -> None:
         self.key, self.kinds, self.otherwise = key, kinds, otherwise
 
-    def spec_of(self, entry: dict[str, Any]) -> type[Spec] | None:
-        """Return the class that an entry is read as, None where its key does not say it."""
-        if self.key not in entry:
-            return self.otherwise
-        kind = entry[self.key]
-        spec = self.kinds.get(kind) if isinstance(kind, str) else None
-        if isinstance(spec, str):
-            module, _, name = spec.rpartition(".")
-            found: type[Spec] = getattr(import_module(module), name)
-            return found
-        return spec
-
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         """Tell pydantic how the field is validated."""
         return no_info_plain_validator_function(self._read)
@@ -183,13 +186,18 @@ class OneOf:
             return value
         if not isinstance(value, dict):
             raise refusal(f"must be a map, not {shown(value)}")
-        spec = self.spec_of(value)
+        kind = value.get(self.key)
+        spec = self.kinds.get(kind) if isinstance(kind, str) else None
+        if self.key not in value:
+            spec = self.otherwise
+        if isinstance(spec, str):
+            spec = resolve_name(spec)
         if spec is not None:
             return spec.model_validate(value)
         if self.key not in value:
             wrong = Complaint((self.key,), "missing key", "it says which kind this entry is", on_key=True)
         else:
-            wrong = wrong_choice((self.key,), value[self.key], list(self.kinds))
+            wrong = wrong_choice((self.key,), kind, list(self.kinds))
         raise refused([wrong])
 
 
@@ -207,8 +215,7 @@ def named_in(registry: str, *others: str) -> ReadBy:
 
 
 def _read_name_in(registry: str, others: tuple[str, ...], value: object) -> object:
-    module, _, name = registry.rpartition(".")
-    choices = [*getattr(import_module(module), name), *others]
+    choices = [*resolve_name(registry), *others]
     if value not in choices:
         wrong = wrong_choice((), value, choices)
         raise refusal(wrong.message, wrong.hint)

@@ -11,7 +11,6 @@ from hfsim.deck.spec import Spec
 if TYPE_CHECKING:
     from hfsim.deck.laws import LawSpec
     from hfsim.mechanics.body import Body
-    from hfsim.parts.bodies.models import Model
 
 
 class BodySpec(Spec):
@@ -25,7 +24,7 @@ class BodySpec(Spec):
 
     vectors = ("points",)
 
-    def assemble(self, name: str, start: int, deck: Any, model: "Model | None") -> "Body":
+    def assemble(self, name: str, start: int, deck: Any, model: Any) -> "Body":
         """Return the body, its coordinates from a column on; the model is that of a body that deforms."""
         raise NotImplementedError
 

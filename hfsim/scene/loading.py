@@ -113,9 +113,9 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         deck = Deck.model_validate(data)
         entries = {key: getattr(deck, key) for key in Deck.model_fields}
     except ValidationError as error:
-        from hfsim.deck.explain import explain
+        from hfsim.deck.explain import explained
 
-        complaints = list(explain(error, Deck, data))
+        complaints = explained(Deck, error)
         entries = _readable_entries(data)
     complaints += complaints_of(data, entries)
     problems = source.problems + [source.problem(*complaint) for complaint in complaints]

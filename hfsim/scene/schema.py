@@ -26,7 +26,7 @@ from hfsim.deck.fields import (
 )
 from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionSpec
 from hfsim.deck.source import did_you_mean
-from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, refusal, shown
+from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, named_in, refusal, shown
 from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.forces import AnyLoad, AnySpring
 from hfsim.parts.joints import AnyJoint
@@ -80,7 +80,7 @@ class InitialSpec(Spec):
 class SolveSpec(Spec):
     """What is solved, and how."""
 
-    model: Literal["rigid", "linear", "lowOrder", "exact", "ancf", "auto"] = "exact"
+    model: Annotated[str, named_in("hfsim.parts.bodies.models.MODELS", "auto")] = "exact"
     """Model of the beams that have none of their own; auto: the cheapest that suffices, chosen in the run."""
 
     model_error: Annotated[float, measures(above=0, at_most=1)] = 0.01
@@ -89,7 +89,7 @@ class SolveSpec(Spec):
     duration: PositiveTime
     """Time to simulate [s]."""
 
-    method: Literal["gear", "gauss", "radau", "energy", "generalized_alpha", "explicit", "auto"] = "auto"
+    method: Annotated[str, named_in("hfsim.integrators.METHODS", "auto")] = "auto"
     """Integration method."""
 
     tolerance: Annotated[float, measures(above=0, at_most=0.1)] = 1e-8
@@ -111,7 +111,7 @@ class SolveSpec(Spec):
     """Coordinates the steps are made in: the model's own with a body frame, or absolute nodal ones that are
     mapped to the frame for output; lowOrder has only its own."""
 
-    elastic_form: Literal["direct", "tabulated", "separated", "gram"] = "gram"
+    elastic_form: Annotated[str, named_in("hfsim.parts.elements.ELASTIC_FORMS")] = "gram"
     """How exact and ancf compute the elastic force: all give the same to round-off, gram is the fastest."""
 
     max_steps: Count | None = None

@@ -79,7 +79,7 @@ class BeamSpec(BodySpec):
     truncation: Literal["second_order", "none"] = "second_order"
     """Order in the deformation through which the model lowOrder keeps inertia terms."""
 
-    model: Literal["rigid", "linear", "lowOrder", "exact", "ancf", "auto"] | None = None
+    model: Annotated[str, named_in("hfsim.parts.bodies.models.MODELS", "auto")] | None = None
     """Model of this beam; that of ``solve.model`` without it."""
 
     points: Points = Field(default_factory=dict)
