@@ -3,6 +3,7 @@
 import numpy as np
 
 from hfsim.mechanics.markers import GroundMarker, NodalMarker, RigidMarker
+from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.low_order import LowOrderBeam
 from hfsim.parts.bodies.low_order_body import LowOrderMarker
 from hfsim.parts.bodies.mesh import BeamMesh
@@ -38,7 +39,7 @@ def nodal(mesh, columns, x, y=0.0):
 
 
 MARKERS = {
-    "ground": GroundMarker((0.3, -0.2), 0.4),
+    "ground": GroundMarker(Pose.planar((0.3, -0.2), 0.4)),
     "hub": RigidMarker(HUB),
     "plate": RigidMarker(PLATE, (0.4, -0.3)),
     "rope_tip": nodal(CABLE, ROPE, 1.2),

@@ -55,6 +55,16 @@ def normal(a: Array) -> Array:
     return np.asarray(a @ QUARTER_TURN)
 
 
+def spun(spin: Array, a: Array) -> Array:
+    """Return the rates of vectors (..., 2) that turn with angular velocities (..., 1): spin x a."""
+    return np.asarray(spin * normal(a))
+
+
+def lever(a: Array, b: Array) -> Array:
+    """Return a x b of planar vectors, shape (..., 1): the moment of a force ``b`` at ``a``."""
+    return np.asarray(np.sum(normal(a) * b, axis=-1, keepdims=True))
+
+
 def wrap(angle: Array) -> Array:
     """Return the angle [rad] within half a turn of zero.
 

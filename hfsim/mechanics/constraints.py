@@ -1,20 +1,23 @@
 """Constraint equations Phi(x, t) = 0 between two markers, of which joints are made.
 
-A joint is a list of these: what each blocks is said once here, with its Jacobian Phi_x, its explicit
-time derivative Phi_t and the right-hand side of the acceleration equation (paper, eq. 37), which is
-minus everything in Phi'' that does not come from the accelerations.
+A joint says what it holds as data, `Shift` and `Turn`; `constraints_of` makes equations of that.  A
+constraint is a gap between two markers that follows a target: phi(x) - offset - law(t) = 0.  What each
+blocks is said once here, with its Jacobian Phi_x and the bias of phi, the part of its second derivative
+that does not come from the accelerations; the rest is common.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Protocol
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import normal, rotate, wrap
+from hfsim.maths.rotations import lever, spun, wrap
 from hfsim.mechanics.force import difference
 from hfsim.mechanics.markers import Marker, joint_support
 
@@ -22,242 +25,297 @@ if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
 
-class Constraint(Protocol):
-    """Rows of Phi that tie a second marker to a first."""
+class Held(Protocol):
+    """One thing that a joint holds between the frames of two points, A and B."""
+
+    def between(self, first: Marker, second: Marker) -> Constraint:
+        """Return the equations for a marker at A and one at B."""
+
+
+class Shift(NamedTuple):
+    """A joint holds B where A is, or at a distance from A along an axis.
+
+    Attributes
+    ----------
+    axis : tuple of float, or None
+        In A's frame, of any length; None where both points meet.
+    law : Law, or None
+        Distance over time [m]; zero without it.
+    """
+
+    axis: tuple[float, ...] | None = None
+    law: Law | None = None
+
+    def between(self, first: Marker, second: Marker) -> Constraint:
+        """Return the equations for two markers."""
+        if self.axis is None:
+            return Coincide(first, second)
+        length = float(np.linalg.norm(self.axis))
+        return Along(first, second, tuple(a / length for a in self.axis), law=self.law)
+
+
+class Turn(NamedTuple):
+    """A joint holds how B's frame is turned relative to A's.
+
+    Attributes
+    ----------
+    angle : float
+        [rad]
+    law : Law, or None
+        What comes to the angle over time [rad].
+    """
+
+    angle: float = 0.0
+    law: Law | None = None
+
+    def between(self, first: Marker, second: Marker) -> Constraint:
+        """Return the equations for two markers."""
+        return RelativeAngle(first, second, offset=self.angle, law=self.law)
+
+
+def constraints_of(
+    held: Iterable[Held], first: Marker, second: Marker, item: str = ""
+) -> tuple[Constraint, ...]:
+    """Return the equations of a joint between two markers."""
+    return tuple(replace(one.between(first, second), item=item) for one in held)
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Rows of Phi that tie a second marker to a first.
+
+    Attributes
+    ----------
+    first, second : Marker
+    offset : float
+        Constant part of what the gap between them is to be.
+    law : Law, or None
+        The part that depends on time, by which the constraint can do work.
+    item : str
+        Deck path of its joint, such as ``joints.elbow``.
+    unit, why_kept : str
+        Unit of the gap; why equations of this kind need multipliers where `elimination` leaves them.
+    """
+
+    first: Marker
+    second: Marker
+    offset: float = field(default=0.0, kw_only=True)
+    law: Law | None = field(default=None, kw_only=True)
+    item: str = field(default="", kw_only=True)
+    unit: ClassVar[str] = "m"
+    why_kept: ClassVar[str] = "not linear in the coordinates"
 
     @property
-    def first(self) -> Marker:
-        """Marker on the first body."""
-
-    @property
-    def second(self) -> Marker:
-        """Marker on the second body."""
-
-    @property
-    def item(self) -> str:
-        """Deck path of its joint, such as ``joints.elbow``."""
+    def ends(self) -> tuple[Marker, Marker]:
+        """Both markers."""
+        return self.first, self.second
 
     @property
     def rows(self) -> int:
         """Number of equations."""
+        return 1
+
+    @property
+    def still(self) -> tuple[bool, bool]:
+        """Whether the Jacobian by the first, and by the second body is the same for every state."""
+        return False, False
 
     @property
     def constant(self) -> bool:
-        """Whether the Jacobian is the same for every state and time."""
+        """Whether Phi is a linear function of the coordinates, at all times the same."""
+        return False
 
     @property
     def driven(self) -> bool:
         """Whether it depends on time by itself, so that it can do work."""
+        return self.law is not None
+
+    def standing(self) -> Constraint:
+        """Return the equation of a joint that holds what the law says at the start."""
+        return replace(self, offset=float(self.target(np.zeros(1))[0]), law=None)
+
+    def target(self, t: Array) -> Array:
+        """Return what the gap is to be, shape (n_batch,)."""
+        return self.offset + (self.law.value(t) if self.law else np.zeros(len(t)))
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return Phi, shape (n_batch, rows)."""
-
-    def jacobians(self, x: Array) -> tuple[Array, Array]:
-        """Return Phi_x by the coordinates of the first and the second body, (n_batch or 1, rows, n)."""
+        gap = self.gap(x)
+        return gap - self.target(t)[:, None] if self.offset or self.law else gap
 
     def rate(self, t: Array) -> Array:
         """Return Phi_t, shape (n_batch, rows)."""
+        return -self.law.rate(t)[:, None] if self.law else np.zeros((len(t), self.rows))
 
     def acceleration(self, t: Array, x: Array, u: Array) -> Array:
         """Return what Phi_x x'' must be, shape (n_batch, rows)."""
+        bias = self.bias(x, u)
+        return self.law.acceleration(t)[:, None] - bias if self.law else -bias
+
+    def gap(self, x: Array) -> Array:
+        """Return phi, shape (n_batch, rows)."""
+        raise NotImplementedError
+
+    def jacobian(self, end: int, x: Array) -> Array:
+        """Return Phi_x by the coordinates of the body at one end, shape (n_batch or 1, rows, n_columns)."""
+        raise NotImplementedError
+
+    def jacobians(self, x: Array) -> tuple[Array, Array]:
+        """Return Phi_x by the coordinates of the first and the second body."""
+        return self.jacobian(0, x), self.jacobian(1, x)
+
+    def bias(self, x: Array, u: Array) -> Array:
+        """Return the second time derivative of phi at zero accelerations, shape (n_batch, rows)."""
+        raise NotImplementedError
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
-        """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows)."""
+        """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows).
+
+        By differences.
+        """
+
+        def force(moved: Array) -> Array:
+            out = np.zeros_like(moved)
+            for marker, J in zip(self.ends, self.jacobians(moved), strict=True):
+                out[:, marker.columns] += (multipliers @ J)[:, 0]
+            return out
+
+        return difference(force, x, joint_support(*self.ends))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
-        """Return the force [N], (n_batch, 2), and moment [N m], (n_batch,), on the second body."""
+        """Return the force [N], (n_batch, n_dim), and moment [N m], (n_batch, n_spin), on the second body."""
+        raise NotImplementedError
 
 
-def _both(second: Entries, first: Entries) -> Entries:
-    """Return the difference of the second's and the first's."""
-    first = first._replace(values=-first.values)
-    return Entries(*(np.concatenate(pair) for pair in zip(second, first, strict=True)))
+class _Difference(Constraint):
+    """The second marker's place or turn minus the first's."""
+
+    def _of(self, marker: Marker) -> _Quantity:
+        raise NotImplementedError
+
+    @cached_property
+    def _quantities(self) -> tuple[_Quantity, _Quantity]:
+        return self._of(self.first), self._of(self.second)
+
+    @cached_property
+    def still(self) -> tuple[bool, bool]:
+        """Whether place or turn are linear functions of the coordinates."""
+        return self._quantities[0].linear, self._quantities[1].linear
+
+    def jacobian(self, end: int, x: Array) -> Array:
+        """Return the Jacobian of one end, that of the first with a minus."""
+        J = self._quantities[end].jacobian(x)
+        return J if end else -J
+
+    def bias(self, x: Array, u: Array) -> Array:
+        """Return the difference of the biases."""
+        first, second = self._quantities
+        if first.linear:
+            return second.bias(x, u)
+        return -first.bias(x, u) if second.linear else second.bias(x, u) - first.bias(x, u)
+
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return what the second derivatives make of the multipliers."""
+        first, second = (one.stiffness(x, multipliers[0]) for one in self._quantities)
+        first = first._replace(values=-first.values)
+        return Entries(*(np.concatenate(pair) for pair in zip(second, first, strict=True)))
 
 
-def geometric_stiffness(constraint: Constraint, x: Array, multipliers: Array) -> Entries:
-    """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, rows); by differences."""
-    markers = constraint.first, constraint.second
+class _Quantity(NamedTuple):
+    """Place or turn of a marker, as functions of the state."""
 
-    def force(moved: Array) -> Array:
-        out = np.zeros_like(moved)
-        for marker, J in zip(markers, constraint.jacobians(moved), strict=True):
-            out[:, marker.columns] += (multipliers @ J)[:, 0]
-        return out
-
-    return difference(force, x, joint_support(*markers))
+    linear: bool
+    jacobian: Callable[[Array], Array]
+    bias: Callable[[Array, Array], Array]
+    stiffness: Callable[[Array, Array], Entries]
 
 
 @dataclass(frozen=True)
-class Coincide:
+class Coincide(_Difference):
     """Both points stay in the same place."""
 
-    first: Marker
-    second: Marker
-    rows: int = 2
-    item: str = ""
     why_kept: ClassVar[str] = "not at nodes or centres of mass, or it closes a loop"
+
+    @property
+    def rows(self) -> int:
+        """One for each component of the distance."""
+        return self.first.n_dim
 
     @property
     def constant(self) -> bool:
         """Whether both positions are linear functions of the coordinates."""
-        return self.first.linear and self.second.linear
+        return all(self.still)
 
-    @property
-    def driven(self) -> bool:
-        """Return False."""
-        return False
+    def _of(self, marker: Marker) -> _Quantity:
+        return _Quantity(
+            marker.linear, marker.position_jacobian, marker.position_bias, marker.position_stiffness
+        )
 
-    def residual(self, t: Array, x: Array) -> Array:
+    def gap(self, x: Array) -> Array:
         """Return the distance vector [m]."""
         return self.second.position(x) - self.first.position(x)
 
-    def jacobians(self, x: Array) -> tuple[Array, Array]:
-        """Return the position Jacobians, the first with a minus."""
-        return -self.first.position_jacobian(x), self.second.position_jacobian(x)
-
-    def rate(self, t: Array) -> Array:
-        """Return zero: no explicit time."""
-        return np.zeros((len(t), 2))
-
-    def acceleration(self, t: Array, x: Array, u: Array) -> Array:
-        """Return the difference of the position biases."""
-        return self.first.position_bias(x, u) - self.second.position_bias(x, u)
-
-    def stiffness(self, x: Array, multipliers: Array) -> Entries:
-        """Return what the positions' second derivatives make of the multipliers."""
-        force = multipliers[0]
-        return _both(self.second.position_stiffness(x, force), self.first.position_stiffness(x, force))
-
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return minus the multipliers as a force."""
-        return -multipliers, np.zeros(len(x))
+        return -multipliers, np.zeros((len(x), self.first.n_spin))
 
 
 @dataclass(frozen=True)
-class RelativeAngle:
-    """The second direction is turned against the first by an offset plus a law of time."""
+class RelativeAngle(_Difference):
+    """The second frame is turned against the first by an offset plus a law of time, in the plane."""
 
-    first: Marker
-    second: Marker
-    offset: float
-    law: Law | None = None
-    rows: int = 1
-    item: str = ""
+    unit: ClassVar[str] = "rad"
     why_kept: ClassVar[str] = "an angle between moving bodies is not linear in the coordinates"
 
-    @property
-    def constant(self) -> bool:
-        """Return False: the angle of a slope vector is not linear."""
-        return False
+    def _of(self, marker: Marker) -> _Quantity:
+        return _Quantity(marker.linear_turn, marker.spin_jacobian, marker.spin_bias, marker.spin_stiffness)
 
-    @property
-    def driven(self) -> bool:
-        """Whether there is a law of time."""
-        return self.law is not None
+    def gap(self, x: Array) -> Array:
+        """Return the relative angle [rad]."""
+        return (self.second.angle(x) - self.first.angle(x))[:, None]
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return the angle error [rad], within half a turn."""
-        target = self.offset + (self.law.value(t) if self.law else 0.0)
-        return wrap(self.second.angle(x) - self.first.angle(x) - target)[:, None]
-
-    def jacobians(self, x: Array) -> tuple[Array, Array]:
-        """Return the angle Jacobians, the first with a minus."""
-        return -self.first.angle_jacobian(x)[:, None, :], self.second.angle_jacobian(x)[:, None, :]
-
-    def rate(self, t: Array) -> Array:
-        """Return minus the rate of the law."""
-        return -self.law.rate(t)[:, None] if self.law else np.zeros((len(t), 1))
-
-    def acceleration(self, t: Array, x: Array, u: Array) -> Array:
-        """Return the difference of the angle biases plus the law's acceleration."""
-        target = self.first.angle_bias(x, u) - self.second.angle_bias(x, u)
-        return np.asarray(target + self.law.acceleration(t) if self.law else target)[:, None]
-
-    def stiffness(self, x: Array, multipliers: Array) -> Entries:
-        """Return what the angles' second derivatives make of the multiplier."""
-        moment = float(multipliers[0, 0])
-        return _both(self.second.angle_stiffness(x, moment), self.first.angle_stiffness(x, moment))
+        return wrap(super().residual(t, x))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return minus the multiplier as a moment."""
-        return np.zeros((len(x), 2)), -multipliers[:, 0]
+        return np.zeros((len(x), self.first.n_dim)), -multipliers
 
 
 @dataclass(frozen=True)
-class Along:
-    """The distance along a direction fixed to the first body follows a law of time, or stays zero."""
+class Along(Constraint):
+    """The distance along a direction fixed to the first body, a unit vector in its frame."""
 
-    first: Marker
-    second: Marker
-    direction: tuple[float, float]
-    law: Law | None = None
-    rows: int = 1
-    item: str = ""
+    direction: tuple[float, ...]
     why_kept: ClassVar[str] = "the direction turns: not linear in the coordinates"
 
-    @property
-    def constant(self) -> bool:
-        """Return False: the direction turns."""
-        return False
+    def _geometry(self, x: Array) -> tuple[Array, Array]:
+        """Return the direction and the distance vector."""
+        axis = self.first.turned(x, np.array(self.direction))
+        return axis, self.second.position(x) - self.first.position(x)
 
-    @property
-    def driven(self) -> bool:
-        """Whether there is a law of time."""
-        return self.law is not None
+    def gap(self, x: Array) -> Array:
+        """Return the distance [m]."""
+        axis, gap = self._geometry(x)
+        return np.asarray(np.sum(axis * gap, axis=-1, keepdims=True))
 
-    def _geometry(self, x: Array) -> tuple[Array, Array, Array]:
-        axis = rotate(self.first.angle(x), np.array(self.direction))
-        return axis, normal(axis), self.second.position(x) - self.first.position(x)
+    def jacobian(self, end: int, x: Array) -> Array:
+        """Return the Jacobian of axis . gap."""
+        axis, gap = self._geometry(x)
+        row = axis[:, None] @ self.ends[end].position_jacobian(x)
+        return row if end else lever(axis, gap)[:, None] @ self.first.spin_jacobian(x) - row
 
-    def residual(self, t: Array, x: Array) -> Array:
-        """Return the distance error [m]."""
-        axis, _, gap = self._geometry(x)
-        target = self.law.value(t) if self.law else 0.0
-        return np.asarray(np.sum(axis * gap, axis=-1) - target)[:, None]
-
-    def jacobians(self, x: Array) -> tuple[Array, Array]:
-        """Return the Jacobians of axis . gap."""
-        axis, side, gap = self._geometry(x)
-        lever = np.sum(side * gap, axis=-1)[:, None]
-        first = -(axis[:, None, :] @ self.first.position_jacobian(x))[:, 0]
-        first = first + lever * self.first.angle_jacobian(x)
-        second = (axis[:, None, :] @ self.second.position_jacobian(x))[:, 0]
-        return first[:, None, :], second[:, None, :]
-
-    def rate(self, t: Array) -> Array:
-        """Return minus the rate of the law."""
-        return -self.law.rate(t)[:, None] if self.law else np.zeros((len(t), 1))
-
-    def acceleration(self, t: Array, x: Array, u: Array) -> Array:
-        """Return minus the terms of (axis . gap)'' without accelerations, plus the law's."""
-        axis, side, gap = self._geometry(x)
-        a, b = self.first, self.second
-        spin = _apply(a.angle_jacobian(x), u[:, a.columns])
-        gap_rate = _apply(b.position_jacobian(x), u[:, b.columns]) - _apply(
-            a.position_jacobian(x), u[:, a.columns]
-        )
-        gap_bias = b.position_bias(x, u) - a.position_bias(x, u)
-        bias = np.sum(axis * gap_bias + 2.0 * spin[:, None] * side * gap_rate, axis=-1)
-        bias += np.sum(side * gap, -1) * a.angle_bias(x, u) - spin**2 * np.sum(axis * gap, -1)
-        return np.asarray(self.law.acceleration(t) - bias if self.law else -bias)[:, None]
-
-    def stiffness(self, x: Array, multipliers: Array) -> Entries:
-        """Return the derivative by differences."""
-        return geometric_stiffness(self, x, multipliers)
+    def bias(self, x: Array, u: Array) -> Array:
+        """Return the terms of (axis . gap)'' without accelerations."""
+        (a, b), (axis, gap) = self.ends, self._geometry(x)
+        spin = a.spin(x, u)
+        turning = spun(spin, axis)
+        parts = axis * (b.position_bias(x, u) - a.position_bias(x, u))
+        parts += 2.0 * turning * (b.velocity(x, u) - a.velocity(x, u))
+        parts += (spun(a.spin_bias(x, u), axis) + spun(spin, turning)) * gap
+        return np.asarray(np.sum(parts, axis=-1, keepdims=True))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return a force along the direction, minus the multiplier in size, acting at the second point."""
-        return -multipliers * self._geometry(x)[0], np.zeros(len(x))
-
-
-def _apply(J: Array, u: Array) -> Array:
-    """Return J u for Jacobians (n_batch or 1, ..., n) and rates (n_batch, n)."""
-    if J.ndim == 2:
-        return np.asarray(np.sum(J * u, axis=-1))
-    return np.asarray((J @ u[..., None])[..., 0])
-
-
-def unit(axis: tuple[float, ...]) -> tuple[float, float]:
-    """Return a planar direction with length one."""
-    length = float(np.hypot(axis[0], axis[1]))
-    return axis[0] / length, axis[1] / length
+        return -multipliers * self._geometry(x)[0], np.zeros((len(x), self.first.n_spin))

@@ -9,17 +9,18 @@ points between nodes or off the centre of mass, and all of bodies with coordinat
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import Entries, assemble
+from hfsim.maths.rotations import rotate
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.constraints import Coincide, Constraint, RelativeAngle
 from hfsim.mechanics.increments import Mount, Tie
-from hfsim.mechanics.markers import GroundMarker, Marker, NodalMarker, RigidMarker
+from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.reduction import Reduction
 
 GROUND = None
@@ -91,7 +92,7 @@ class _Elimination:
 
     def attach(self, k: int, body: Body, child: Marker, parent: Marker) -> None:
         """Let the place of a body follow from that of a point already taken in."""
-        point, above = _place_columns(child), _place_columns(parent)
+        point, above = child.place_columns, parent.place_columns
         assert point is not None
         self.dropped[point] = True
         if above is None:
@@ -105,8 +106,7 @@ class _Elimination:
 
     def mount(self, body: Body, child: Marker, parent: Marker, constraints: tuple[Constraint, ...]) -> None:
         """Let natural increments of a beam be relative to the rigid body that carries it."""
-        assert isinstance(parent, RigidMarker) and isinstance(child, NodalMarker)
-        assert child.place_columns is not None
+        assert child.place_columns is not None and parent.offset is not None
         self.ties.append(
             Mount(
                 positions=body.position_columns,
@@ -118,39 +118,46 @@ class _Elimination:
             )
         )
 
-    def clamp(self, k: int, slope: IntArray, angle: float) -> None:
-        """Let a slope vector keep its direction."""
-        self.factor[slope] = np.cos(angle), np.sin(angle)
-        self.source[slope[1]] = slope[0]
-        self.dropped[slope[1]] = True
-        self.natural[slope[1]] = False
-        self.clamped.append(int(slope[0]))
+    def clamp(self, k: int, slope: IntArray, direction: Array) -> None:
+        """Let a slope vector keep its direction, (n_dim,)."""
+        length, others = slope[0], slope[1:]
+        self.factor[slope] = direction
+        self.source[others] = length
+        self.dropped[others] = True
+        self.natural[others] = False
+        self.clamped.append(int(length))
         self.eliminated.add(k)
 
     def result(self, sparse: bool) -> FreeCoordinates:
+        kept = np.flatnonzero(~self.dropped)
         number = np.cumsum(~self.dropped) - 1
         used = self.factor != 0.0
         entries = Entries(np.flatnonzero(used), number[self.source[used]], self.factor[used])
-        basis = assemble([entries], (self.n, int(np.sum(~self.dropped))), sparse)
+        basis = assemble([entries], (self.n, len(kept)), sparse)
         return FreeCoordinates(
-            reduction=Reduction(basis, self.offset, frozenset(self.eliminated), number[self.clamped]),
+            reduction=Reduction(basis, self.offset, frozenset(self.eliminated), number[self.clamped], kept),
             ties=tuple(self.ties),
             natural_columns=np.flatnonzero(self.natural),
         )
 
 
-def _fixed_slope(child: NodalMarker, parent: RigidMarker, constraints: tuple[Constraint, ...]) -> int | None:
+def _fixed_slope(child: Marker, parent: Marker, constraints: tuple[Constraint, ...]) -> int | None:
     """Return the column that holds the angle of a beam's slope if a joint fixes it to a rigid body."""
     if child.slope_columns is None:
         return None
+    for slope, rigid, _ in _held_slopes(constraints):
+        if np.array_equal(slope, child.slope_columns) and rigid.columns == parent.columns:
+            return int(slope[1])
+    return None
+
+
+def _held_slopes(constraints: Iterable[Constraint]) -> Iterator[tuple[IntArray, Marker, float]]:
+    """Yield (columns of a slope vector, marker it does not turn against, angle that is held)."""
     for c in constraints:
         if isinstance(c, RelativeAngle) and not c.driven:
-            for beam, rigid in ((c.first, c.second), (c.second, c.first)):
-                if isinstance(beam, NodalMarker) and beam.slope_columns is not None:
-                    same = np.array_equal(beam.slope_columns, child.slope_columns)
-                    if same and rigid.columns == parent.columns:
-                        return int(child.slope_columns[1])
-    return None
+            for beam, other, angle in ((c.first, c.second, -c.offset), (c.second, c.first, c.offset)):
+                if beam.slope_columns is not None:
+                    yield beam.slope_columns, other, angle
 
 
 def _between_positions(
@@ -171,7 +178,7 @@ def _tree(
     for k, c in constraints.items():
         if isinstance(c, Coincide):
             for child, parent in ((c.first, c.second), (c.second, c.first)):
-                if _place_columns(child) is not None and _carries(parent, child):
+                if child.place_columns is not None and _carries(parent, child):
                     meeting.setdefault(_owner(parent, owners), []).append((k, child, parent))
     known: set[str | None] = set()
     for start in (GROUND, *owners.values()):
@@ -189,31 +196,22 @@ def _tree(
 
 
 def _owner(marker: Marker, owners: Mapping[int, str]) -> str | None:
-    return GROUND if isinstance(marker, GroundMarker) else owners[marker.columns.start]
-
-
-def _place_columns(marker: Marker) -> IntArray | None:
-    return marker.place_columns if isinstance(marker, NodalMarker | RigidMarker) else None
+    return GROUND if marker.grounded else owners[marker.columns.start]
 
 
 def _at_coordinates(marker: Marker) -> bool:
-    return isinstance(marker, GroundMarker) or _place_columns(marker) is not None
+    return marker.grounded or marker.place_columns is not None
 
 
 def _carries(parent: Marker, child: Marker) -> bool:
     """Whether a body can be taken in at a point: at coordinates, or a beam on a point of a rigid body."""
-    return _at_coordinates(parent) or (isinstance(parent, RigidMarker) and isinstance(child, NodalMarker))
+    return _at_coordinates(parent) or (parent.offset is not None and child.nodal)
 
 
-def _clamp(constraint: Constraint) -> tuple[IntArray, float] | None:
+def _clamp(constraint: Constraint) -> tuple[IntArray, Array] | None:
     """Return the slope vector that a constraint holds in a direction of the ground, and that direction."""
-    if not isinstance(constraint, RelativeAngle) or constraint.driven:
-        return None
-    first, second = constraint.first, constraint.second
-    if isinstance(first, GroundMarker) and isinstance(second, NodalMarker):
-        slope, angle = second.slope_columns, first.turn + constraint.offset
-    elif isinstance(second, GroundMarker) and isinstance(first, NodalMarker):
-        slope, angle = first.slope_columns, second.turn - constraint.offset
-    else:
-        return None
-    return None if slope is None else (slope, angle)
+    for slope, other, angle in _held_slopes([constraint]):
+        if other.grounded:
+            along = rotate(np.array([angle]), np.eye(len(slope))[0])
+            return slope, other.turned(np.zeros((1, 0)), along)[0]
+    return None

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -54,6 +54,46 @@ class VariableMass(Protocol):
 
     def breakdown(self, t: float, inertia: float, straight: float) -> SolverFailure | None:
         """Return why no step leads on, where the smallest inertia is too far below that when straight."""
+
+
+class _End(NamedTuple):
+    """One end of a constraint: a block of the Jacobian.
+
+    Attributes
+    ----------
+    number : int
+        0 for the first end, 1 for the second.
+    rows : slice
+        Of the constraint in Phi.
+    columns : ndarray of int
+        Coordinates in x that the end depends on.
+    kept, place : slice or ndarray of int
+        Where these stand among the coordinates of the body, and among those at the joints.
+    """
+
+    constraint: Constraint
+    number: int
+    rows: slice
+    columns: IntArray
+    kept: Places
+    place: Places
+
+    @classmethod
+    def of(cls, constraint: Constraint, number: int, rows: slice, support: IntArray) -> _End:
+        """Return an end of a constraint, ``support`` being the coordinates at the joints."""
+        marker = constraint.ends[number]
+        kept = run_of(marker.support - marker.columns.start)
+        place = run_of(np.searchsorted(support, marker.support))
+        return cls(constraint, number, rows, marker.support, kept, place)
+
+    @property
+    def still(self) -> bool:
+        """Whether the block never changes."""
+        return self.constraint.still[self.number]
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the block, shape (n_batch or 1, rows, k)."""
+        return self.constraint.jacobian(self.number, x)[..., self.kept]
 
 
 @dataclass(frozen=True)
@@ -117,7 +157,10 @@ class Equations:
         """Return Phi' = Phi_x u + Phi_t, shape (n_batch, n_rows)."""
         if self.constraints_constant:
             return np.asarray(u @ self._constant_transpose)
-        return self._stack(len(x), lambda c: _rate(c, t, x, u))
+        drift = self.rate(t)
+        for end in self._ends:
+            drift[:, end.rows] += (end.jacobian(x) @ u[:, end.columns, None])[..., 0]
+        return drift
 
     def rate(self, t: Array) -> Array:
         """Return Phi_t, shape (n_batch, n_rows)."""
@@ -165,14 +208,8 @@ class Equations:
         if not is_sparse(self.constant_mass):
             return self.jacobians(x[k : k + 1])[0]
         n_x = self.reduction.basis.shape[0]
-        parts: list[Entries] = []
-        for constraint, rows in zip(self.constraints, self.rows, strict=True):
-            place = np.arange(rows.start, rows.stop)
-            markers = constraint.first, constraint.second
-            for marker, block in zip(markers, constraint.jacobians(x[k : k + 1]), strict=True):
-                kept = marker.support
-                local = kept - marker.columns.start
-                parts.append(Entries.of_block(place, kept, block[0][:, local]))
+        blocks = ((end, end.jacobian(x[k : k + 1])[0]) for end in self._ends)
+        parts = [Entries.of_block(np.r_[end.rows], end.columns, block) for end, block in blocks]
         return assemble(parts, (self.n_rows, n_x), sparse=True)
 
     # ------------------------------------------------------------------ mass
@@ -309,8 +346,17 @@ class Equations:
     @cached_property
     def _support(self) -> IntArray:
         """Columns of x that the constraints depend on."""
-        markers = [m for c in self.constraints for m in (c.first, c.second)]
-        return joint_support(*markers) if markers else np.zeros(0, dtype=np.intp)
+        return joint_support(*(marker for c in self.constraints for marker in c.ends))
+
+    @cached_property
+    def _ends(self) -> tuple[_End, ...]:
+        """The ends of all constraints that are on bodies."""
+        return tuple(
+            _End.of(c, k, rows, self._support)
+            for c, rows in zip(self.constraints, self.rows, strict=True)
+            for k, marker in enumerate(c.ends)
+            if not marker.grounded
+        )
 
     @cached_property
     def _at_joints(self) -> tuple[Array, Array, Array]:
@@ -325,34 +371,20 @@ class Equations:
 
     def _joint_jacobians(self, x: Array) -> Array:
         """Return Phi_x by the coordinates at the joints alone, shape (n_batch or 1, n_rows, k)."""
-        J = np.repeat(self._constant_joint_rows, len(x), axis=0)
-        for constraint, rows in self.changing:
-            self._add_joint_rows(constraint, rows, x, J)
-        return J
+        return self._with_ends(np.repeat(self._constant_joint_rows, len(x), axis=0), x, still=False)
 
     @cached_property
     def _constant_joint_rows(self) -> Array:
-        J = np.zeros((1, self.n_rows, len(self._support)))
-        still = np.zeros((1, self.reduction.basis.shape[0]))
-        for constraint, rows in zip(self.constraints, self.rows, strict=True):
-            if constraint.constant:
-                self._add_joint_rows(constraint, rows, still, J)
+        """What never changes of the Jacobian by the coordinates at the joints, shape (1, n_rows, k)."""
+        at = np.zeros((1, self.reduction.basis.shape[0]))
+        return self._with_ends(np.zeros((1, self.n_rows, len(self._support))), at, still=True)
+
+    def _with_ends(self, J: Array, x: Array, still: bool) -> Array:
+        """Add the blocks of the ends that never change, or of those that do."""
+        for end in self._ends:
+            if end.still == still:
+                J[:, end.rows, end.place] += end.jacobian(x)
         return J
-
-    def _add_joint_rows(self, constraint: Constraint, rows: slice, x: Array, J: Array) -> None:
-        markers = constraint.first, constraint.second
-        for marker, block in zip(markers, constraint.jacobians(x), strict=True):
-            kept, place = self._joint_places[id(marker)]
-            J[:, rows, place] += block[..., kept]
-
-    @cached_property
-    def _joint_places(self) -> dict[int, tuple[Places, Places]]:
-        """Of each marker: which columns of its body count, and where they stand among those at the joints."""
-        places = {}
-        for marker in (m for c in self.constraints for m in (c.first, c.second)):
-            kept = marker.support - marker.columns.start
-            places[id(marker)] = run_of(kept), run_of(np.searchsorted(self._support, marker.support))
-        return places
 
     def _free_jacobians(self, x: Array) -> Array:
         Phi_x = self.jacobians(x)
@@ -390,12 +422,3 @@ class Equations:
         if not self.constraints:
             return factorised(self.free_mass)
         return factorised(saddle_point(self.free_mass, self.jacobian_at(x, k) @ self.reduction.basis))
-
-
-def _rate(constraint: Constraint, t: Array, x: Array, u: Array) -> Array:
-    """Return Phi' of one constraint, shape (n_batch, rows)."""
-    out = constraint.rate(t)
-    markers = constraint.first, constraint.second
-    for marker, J in zip(markers, constraint.jacobians(x), strict=True):
-        out = out + (J @ u[:, marker.columns, None])[..., 0]
-    return np.asarray(out)

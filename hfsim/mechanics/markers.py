@@ -1,4 +1,4 @@
-"""Markers: points of bodies with a direction, as joints, springs, loads and channels see them.
+"""Markers: points of bodies with a frame there, as joints, springs, loads and channels see them.
 
 A marker answers, for a batch of absolute coordinates x (n_batch, n) and their rates u: where it is,
 how it is turned, how both depend on the coordinates of its body, and the part of their second
@@ -10,57 +10,109 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, ComplexArray, IntArray, distinct
+from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray, distinct
 from hfsim.maths.matrices import NOTHING, Entries
-from hfsim.maths.rotations import as_complex, as_vectors
+from hfsim.maths.rotations import as_complex, as_vectors, rotate
+from hfsim.mechanics.pose import Pose
 
 
-class Marker(Protocol):
-    """A point with a direction on a body."""
+class Marker:
+    """A point of a body with a frame; a kind of marker says what differs from one that never moves.
+
+    Attributes
+    ----------
+    n_dim, n_spin : int
+        Numbers of a vector, and axes to turn about.
+    nodal : bool
+        Whether the coordinates of its body are nodal vectors.
+    linear_turn, keeps_turns : bool
+        Whether its turn is a linear function of the coordinates; whether the angle counts full turns.
+    columns : slice
+        Coordinates of its body in x; empty for the ground.
+    offset : tuple of float, or None
+        Its place in the axes of a rigid body with the coordinates ``support``; None on other bodies.
+    """
+
+    n_dim: ClassVar[int] = 2
+    n_spin: ClassVar[int] = 1
+    nodal: ClassVar[bool] = False
+    linear_turn: ClassVar[bool] = True
+    keeps_turns: ClassVar[bool] = True
+    columns: slice
+    offset: tuple[float, ...] | None = None
 
     @property
-    def columns(self) -> slice:
-        """Coordinates of its body in x; empty for the ground."""
+    def grounded(self) -> bool:
+        """Whether it is a point of the ground."""
+        return bool(self.columns.start == self.columns.stop)
 
     @property
     def support(self) -> IntArray:
-        """Those of its body's coordinates that position and angle depend on, as columns of x."""
+        """Coordinates of its body that place and turn depend on, as columns of x."""
+        return np.arange(self.columns.start, self.columns.stop)
 
     @property
     def linear(self) -> bool:
-        """Whether the position is a linear function of the coordinates."""
+        """Whether its place is a linear function of the coordinates."""
+        return True
 
     @property
-    def keeps_turns(self) -> bool:
-        """Whether the angle counts full turns."""
+    def place_columns(self) -> IntArray | None:
+        """Coordinates that are its place, shape (n_dim,), where there are such."""
+        return None
+
+    @property
+    def slope_columns(self) -> IntArray | None:
+        """Coordinates that are a vector along its first axis, shape (n_dim,), where there are such."""
+        return None
 
     def position(self, x: Array) -> Array:
-        """Return the position [m], shape (n_batch, 2)."""
+        """Return the position [m], shape (n_batch, n_dim)."""
+        raise NotImplementedError
 
     def position_jacobian(self, x: Array) -> Array:
-        """Return its derivative by the body's coordinates, shape (n_batch or 1, 2, n_columns)."""
+        """Return its derivative by the body's coordinates, shape (n_batch or 1, n_dim, n_columns)."""
+        raise NotImplementedError
 
     def position_bias(self, x: Array, u: Array) -> Array:
-        """Return its second time derivative at zero accelerations [m/s^2], shape (n_batch, 2)."""
-
-    def angle(self, x: Array) -> Array:
-        """Return the angle of its direction [rad], shape (n_batch,); full turns may be lost."""
-
-    def angle_jacobian(self, x: Array) -> Array:
-        """Return its derivative by the body's coordinates, shape (n_batch or 1, n_columns)."""
-
-    def angle_bias(self, x: Array, u: Array) -> Array:
-        """Return its second time derivative at zero accelerations [rad/s^2], shape (n_batch,)."""
+        """Return its second time derivative at zero accelerations [m/s^2], shape (n_batch, n_dim)."""
+        return np.zeros((len(x), self.n_dim))
 
     def position_stiffness(self, x: Array, force: Array) -> Entries:
-        """Return force . d2r/dx2 in one state, for a force (2,) on the point."""
+        """Return force . d2r/dx2 in one state, for a force (n_dim,) on the point."""
+        return NOTHING
 
-    def angle_stiffness(self, x: Array, moment: float) -> Entries:
-        """Return moment times d2 angle/dx2 in one state."""
+    def angle(self, x: Array) -> Array:
+        """Return the angle of its first axis in the plane [rad], shape (n_batch,); full turns may be lost."""
+        raise NotImplementedError
+
+    def turned(self, x: Array, a: Array) -> Array:
+        """Return vectors (n_dim,), given in its axes, in ground axes, shape (n_batch, n_dim)."""
+        return rotate(self.angle(x), a)
+
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return the derivative of its turn by the coordinates, shape (n_batch or 1, n_spin, n_columns)."""
+        raise NotImplementedError
+
+    def spin_bias(self, x: Array, u: Array) -> Array:
+        """Return its angular acceleration at zero accelerations [rad/s^2], shape (n_batch, n_spin)."""
+        return np.zeros((len(x), self.n_spin))
+
+    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
+        """Return the derivative of moment . spin Jacobian by x in one state, for a moment (n_spin,)."""
+        return NOTHING
+
+    def velocity(self, x: Array, u: Array) -> Array:
+        """Return the velocity [m/s], shape (n_batch, n_dim)."""
+        return np.asarray((self.position_jacobian(x) @ u[:, self.columns, None])[..., 0])
+
+    def spin(self, x: Array, u: Array) -> Array:
+        """Return the angular velocity [rad/s], shape (n_batch, n_spin)."""
+        return np.asarray((self.spin_jacobian(x) @ u[:, self.columns, None])[..., 0])
 
 
 ROUNDING = 1e-13
@@ -69,60 +121,36 @@ ROUNDING = 1e-13
 
 def joint_support(*markers: Marker) -> IntArray:
     """Return the coordinates that any of some markers depends on, as columns of x."""
-    return distinct(np.concatenate([marker.support for marker in markers]))
+    return distinct(np.concatenate([np.zeros(0, dtype=np.intp), *(marker.support for marker in markers)]))
 
 
 @dataclass(frozen=True)
-class GroundMarker:
-    """A point of the ground, or of a body welded to it, turned by an angle [rad]; it never moves."""
+class GroundMarker(Marker):
+    """A point of the ground, or of a body welded to it; it never moves."""
 
-    place: tuple[float, float] = (0.0, 0.0)
-    turn: float = 0.0
+    pose: Pose
     columns: slice = field(default_factory=lambda: slice(0, 0))
-    linear: bool = True
-    keeps_turns: bool = True
-
-    @property
-    def support(self) -> IntArray:
-        """Return no columns."""
-        return np.zeros(0, dtype=np.intp)
 
     def position(self, x: Array) -> Array:
         """Return the fixed place."""
-        return np.broadcast_to(np.array(self.place), (len(x), 2))
+        return np.broadcast_to(self.pose.origin, (len(x), self.n_dim))
 
     def position_jacobian(self, x: Array) -> Array:
         """Return an empty matrix."""
-        return np.zeros((1, 2, 0))
-
-    def position_bias(self, x: Array, u: Array) -> Array:
-        """Return zero."""
-        return np.zeros((len(x), 2))
+        return np.zeros((1, self.n_dim, 0))
 
     def angle(self, x: Array) -> Array:
         """Return the fixed angle."""
-        return np.full(len(x), self.turn)
+        return np.full(len(x), self.pose.angle)
 
-    def angle_jacobian(self, x: Array) -> Array:
-        """Return an empty row."""
-        return np.zeros((1, 0))
-
-    def angle_bias(self, x: Array, u: Array) -> Array:
-        """Return zero."""
-        return np.zeros(len(x))
-
-    def position_stiffness(self, x: Array, force: Array) -> Entries:
-        """Return nothing."""
-        return NOTHING
-
-    def angle_stiffness(self, x: Array, moment: float) -> Entries:
-        """Return nothing."""
-        return NOTHING
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return an empty matrix."""
+        return np.zeros((1, self.n_spin, 0))
 
 
 @dataclass(frozen=True)
-class NodalMarker:
-    """A material point of a body whose coordinates are absolute nodal vectors.
+class NodalMarker(Marker):
+    """A material point of a planar body whose coordinates are absolute nodal vectors.
 
     Attributes
     ----------
@@ -134,38 +162,46 @@ class NodalMarker:
     columns: slice
     place_row: Array
     slope_row: Array
-    linear: bool = True
-    keeps_turns: bool = False
+    linear_turn: ClassVar[bool] = False
+    keeps_turns: ClassVar[bool] = False
+    nodal: ClassVar[bool] = True
 
     @cached_property
     def support(self) -> IntArray:
         """Columns of the nodal vectors with an entry in either row."""
-        involved = (np.abs(self.place_row) > ROUNDING) | (np.abs(self.slope_row) > ROUNDING)
-        return np.asarray(self.columns.start + np.flatnonzero(np.repeat(involved, 2)))
+        return self._columns_of(np.flatnonzero(self._involved))
 
     @cached_property
     def place_columns(self) -> IntArray | None:
-        """The two coordinates that are the position; None between nodes."""
+        """The coordinates that are the position; None between nodes."""
         return self._vector_columns(self.place_row)
 
     @cached_property
     def slope_columns(self) -> IntArray | None:
-        """The two coordinates that are the slope vector; None between nodes."""
+        """The coordinates that are the slope vector; None between nodes."""
         return self._vector_columns(self.slope_row)
+
+    @property
+    def _involved(self) -> BoolArray:
+        return (np.abs(self.place_row) > ROUNDING) | (np.abs(self.slope_row) > ROUNDING)
+
+    def _columns_of(self, vectors: IntArray) -> IntArray:
+        """Return the columns of nodal vectors, one vector after the other."""
+        first = self.columns.start + self.n_dim * vectors
+        return np.asarray(first[:, None] + np.arange(self.n_dim)).ravel()
 
     def _vector_columns(self, row: Array) -> IntArray | None:
         k = int(np.argmax(np.abs(row)))
-        rest = row.copy()
-        rest[k] -= 1.0
-        alone = np.abs(rest).max() <= ROUNDING
-        return self.columns.start + 2 * k + np.arange(2) if alone else None
+        alone = np.abs(row - np.eye(len(row))[k]).max() <= ROUNDING
+        return self._columns_of(np.array([k])) if alone else None
 
-    def _nodes(self, x: Array) -> Array:
-        return x[:, self.columns].reshape(len(x), -1, 2)
+    def _combined(self, x: Array, row: Array) -> Array:
+        """Return a combination of the nodal vectors, shape (n_batch, n_dim)."""
+        return np.asarray(row @ x[:, self.columns].reshape(len(x), -1, self.n_dim))
 
     def position(self, x: Array) -> Array:
         """Return N x."""
-        return np.asarray(self.place_row @ self._nodes(x))
+        return self._combined(x, self.place_row)
 
     def position_jacobian(self, x: Array) -> Array:
         """Return N, the same for every state."""
@@ -173,115 +209,89 @@ class NodalMarker:
 
     @cached_property
     def _place_jacobian(self) -> Array:
-        return np.kron(self.place_row, np.eye(2))[None]
-
-    def position_bias(self, x: Array, u: Array) -> Array:
-        """Return zero: the position is linear."""
-        return np.zeros((len(x), 2))
+        return np.kron(self.place_row, np.eye(self.n_dim))[None]
 
     def _slope(self, x: Array) -> ComplexArray:
         """Return the slope vector t as a complex number."""
         at = self.slope_columns
-        if at is not None:
-            return as_complex(x[:, at[0] : at[0] + 2])
-        return as_complex(self.slope_row @ self._nodes(x))
+        return as_complex(self._combined(x, self.slope_row) if at is None else x[:, at[0] : at[-1] + 1])
 
     def angle(self, x: Array) -> Array:
         """Return the angle of the slope vector, Im log t."""
         return np.angle(self._slope(x))
 
-    def angle_jacobian(self, x: Array) -> Array:
+    def spin_jacobian(self, x: Array) -> Array:
         """Return the row of Im(dt / t)."""
         turn = as_vectors(1j / self._slope(x).conj())
         at = self.slope_columns
         if at is None:
-            return np.asarray((self.slope_row[:, None] * turn[:, None, :]).reshape(len(x), -1))
-        J = np.zeros((len(x), self.columns.stop - self.columns.start))
-        J[:, at[0] - self.columns.start : at[0] - self.columns.start + 2] = turn
+            return np.asarray((self.slope_row[:, None] * turn[:, None, :]).reshape(len(x), 1, -1))
+        first = self.columns.start
+        J = np.zeros((len(x), 1, self.columns.stop - first))
+        J[:, 0, at[0] - first : at[-1] + 1 - first] = turn
         return J
 
-    def angle_bias(self, x: Array, u: Array) -> Array:
+    def spin_bias(self, x: Array, u: Array) -> Array:
         """Return -Im((t'/t)^2)."""
         rate = self._slope(u) / self._slope(x)
-        return np.asarray(-(rate * rate).imag)
+        return np.asarray(-(rate * rate).imag)[:, None]
 
-    def position_stiffness(self, x: Array, force: Array) -> Entries:
-        """Return nothing: the position is linear."""
-        return NOTHING
-
-    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
         """Return the second derivative of Im log t: -Im(dt dt / t^2)."""
-        w = moment / complex(self._slope(x)[0]) ** 2
+        w = float(moment[0]) / complex(self._slope(x)[0]) ** 2
         turn = np.array([[-w.imag, -w.real], [-w.real, w.imag]])
-        row = self.slope_row[(self.support[::2] - self.columns.start) // 2]
-        block = (row[:, None, None, None] * row[:, None]) * turn[:, None]
-        k = len(self.support)
-        return Entries.of_block(self.support, self.support, block.reshape(k, k))
+        row = self.slope_row[self._involved]
+        return Entries.of_block(self.support, self.support, np.kron(np.outer(row, row), turn))
 
 
 @dataclass(frozen=True)
-class RigidMarker:
+class RigidMarker(Marker):
     """A point of a rigid body with coordinates (x, y, angle)."""
 
     columns: slice
     offset: tuple[float, float] = (0.0, 0.0)
-    keeps_turns: bool = True
-
-    @property
-    def support(self) -> IntArray:
-        """The three coordinates."""
-        return np.arange(self.columns.start, self.columns.stop)
-
-    @property
-    def place_columns(self) -> IntArray | None:
-        """The two coordinates that are the position; None away from the centre of mass."""
-        return self.columns.start + np.arange(2) if self.linear else None
 
     @property
     def linear(self) -> bool:
         """Whether the point is the centre of mass."""
         return self.offset == (0.0, 0.0)
 
+    @property
+    def place_columns(self) -> IntArray | None:
+        """The two coordinates that are the position; None away from the centre of mass."""
+        return self.support[: self.n_dim] if self.linear else None
+
     def _arm(self, x: Array) -> ComplexArray:
         """Return A c as a complex number."""
-        return np.asarray(np.exp(1j * x[:, self.columns.start + 2]) * complex(*self.offset))
+        return np.asarray(np.exp(1j * self.angle(x)) * complex(*self.offset))
 
     def position(self, x: Array) -> Array:
         """Return r + A c."""
-        i = self.columns.start
-        return np.asarray(x[:, i : i + 2] + as_vectors(self._arm(x)))
+        return np.asarray(x[:, self.columns][:, : self.n_dim] + as_vectors(self._arm(x)))
 
     def position_jacobian(self, x: Array) -> Array:
         """Return (1, A c turned by a quarter)."""
+        shift = np.eye(self.n_dim, self.n_dim + self.n_spin)[None]
         if self.linear:
-            return np.eye(2, 3)[None]
-        J = np.zeros((len(x), 2, 3))
-        J[:, 0, 0] = J[:, 1, 1] = 1.0
-        J[:, :, 2] = as_vectors(1j * self._arm(x))
+            return shift
+        J = np.repeat(shift, len(x), axis=0)
+        J[:, :, -1] = as_vectors(1j * self._arm(x))
         return J
 
     def position_bias(self, x: Array, u: Array) -> Array:
         """Return the centripetal acceleration."""
-        omega = u[:, self.columns.start + 2]
+        omega = self.angle(u)
         return as_vectors(-omega * omega * self._arm(x))
-
-    def angle(self, x: Array) -> Array:
-        """Return the body's angle, with its full turns."""
-        return np.asarray(x[:, self.columns.start + 2])
-
-    def angle_jacobian(self, x: Array) -> Array:
-        """Return (0, 0, 1)."""
-        return np.array([[0.0, 0.0, 1.0]])
-
-    def angle_bias(self, x: Array, u: Array) -> Array:
-        """Return zero."""
-        return np.zeros(len(x))
 
     def position_stiffness(self, x: Array, force: Array) -> Entries:
         """Return the force times -A c, on the angle."""
-        angle = self.support[2:]
+        angle = self.support[self.n_dim :]
         return Entries(angle, angle, np.array([-float(as_vectors(self._arm(x))[0] @ force)]))
 
-    def angle_stiffness(self, x: Array, moment: float) -> Entries:
-        """Return nothing: the angle is a coordinate."""
-        return NOTHING
+    def angle(self, x: Array) -> Array:
+        """Return the body's angle, with its full turns."""
+        return np.asarray(x[:, self.columns.stop - 1])
+
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return (0, 0, 1)."""
+        return np.eye(self.n_spin, self.n_dim + self.n_spin, self.n_dim)[None]

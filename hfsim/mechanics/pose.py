@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import normal, rotation_matrix
+from hfsim.maths.rotations import freedoms, rotation_matrix, spun
 
 
 class Pose(NamedTuple):
@@ -35,7 +35,7 @@ class Pose(NamedTuple):
     turn: Array
 
     @classmethod
-    def planar(cls, origin: Array | tuple[float, float], angle: float) -> Pose:
+    def planar(cls, origin: Array | tuple[float, ...], angle: float) -> Pose:
         """Return a pose in the plane."""
         return cls(np.asarray(origin, dtype=float), np.array([angle]))
 
@@ -73,16 +73,16 @@ class Twist(NamedTuple):
     spin: Array
 
     @classmethod
-    def planar(cls, velocity: Array | tuple[float, float], omega: float) -> Twist:
+    def planar(cls, velocity: Array | tuple[float, ...], omega: float) -> Twist:
         """Return a motion in the plane."""
         return cls(np.asarray(velocity, dtype=float), np.array([omega]))
 
     def turning(self, a: Array) -> Array:
         """Return the rates of vectors (..., n_dim) that turn with the body, in ground axes."""
-        return np.asarray(self.spin[0] * normal(a))
+        return spun(self.spin, a)
 
     @classmethod
     def units(cls, n_dim: int) -> Iterator[Twist]:
         """Yield the motions that each freedom of a rigid body has by itself: shifts first, then spins."""
-        for row in np.eye(n_dim * (n_dim + 1) // 2):
+        for row in np.eye(freedoms(n_dim)):
             yield cls(row[:n_dim], row[n_dim:])

@@ -30,29 +30,27 @@ class Reduction:
         Constraints of the system that hold by themselves.
     stretches : ndarray of int
         Free coordinates that are lengths of clamped slopes: they hold their direction while positive.
+    rows : ndarray of int, shape (n_z,)
+        The coordinate that each free one stands for, in ascending order.
     """
 
     basis: Matrix
     offset: Array
     eliminated: frozenset[int]
     stretches: IntArray
+    rows: IntArray
 
     @classmethod
     def nothing(cls, n: int, sparse: bool) -> Reduction:
         """Return the reduction that keeps all of n coordinates, with dense or sparse matrices."""
         every = np.arange(n)
         basis = assemble([Entries(every, every, np.ones(n))], (n, n), sparse)
-        return cls(basis, np.zeros(n), frozenset(), np.zeros(0, dtype=np.intp))
+        return cls(basis, np.zeros(n), frozenset(), np.zeros(0, dtype=np.intp), every)
 
     @cached_property
     def identity(self) -> bool:
         """Whether nothing is left out."""
         return bool(self.basis.shape[0] == self.basis.shape[1])
-
-    @cached_property
-    def rows(self) -> IntArray:
-        """The coordinate that each free one stands for, shape (n_z,)."""
-        return np.asarray(abs(self.basis).argmax(axis=0)).ravel()
 
     @cached_property
     def _transposed(self) -> Matrix:
@@ -86,10 +84,8 @@ class Reduction:
 
     def free_columns(self, columns: slice) -> slice:
         """Return where coordinates of x that stand side by side, and on which no joint bears, stand in z."""
-        ends = np.zeros((2, len(self.offset)))
-        ends[0, columns.start] = ends[1, columns.stop - 1] = 1.0
-        first, last = self.free_rates(ends).argmax(axis=1)
-        return slice(int(first), int(last) + 1)
+        first = int(np.searchsorted(self.rows, columns.start))
+        return slice(first, first + columns.stop - columns.start)
 
     def free_force(self, f: Array) -> Array:
         """Return the generalised forces on the free coordinates, f B."""

@@ -30,6 +30,7 @@ CLOSED = 1e-9
 ROUNDING = 1e-13
 """Violation, relative to the largest coordinate or rate (or 1), at which projection ends."""
 
+
 @dataclass(frozen=True)
 class System:
     """Everything that the equations of motion of a scene are made of.

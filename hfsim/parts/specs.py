@@ -7,10 +7,14 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hfsim.deck.spec import Spec
+from hfsim.maths.arrays import Array
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import LawSpec
     from hfsim.mechanics.body import Body
+    from hfsim.mechanics.constraints import Held
+    from hfsim.mechanics.force import ForcePart
+    from hfsim.mechanics.markers import Marker
 
 
 class BodySpec(Spec):
@@ -50,6 +54,10 @@ class JointSpec(Spec):
     welds: ClassVar[bool] = False
     """Whether it leaves no motion between its two bodies."""
 
+    def held(self) -> "tuple[Held, ...]":
+        """Return what it holds of the second point against the first, such as shifts and turns."""
+        raise NotImplementedError
+
     @property
     def stands(self) -> bool:
         """Whether what it drives stands still, where any joint without a law does."""
@@ -64,6 +72,10 @@ class SpringSpec(Spec):
         stiffness: float
         damping: float
 
+    def build(self, first: "Marker", second: "Marker", start: Array) -> "ForcePart":
+        """Return the force between two markers of a scene with coordinates (n,) at the start."""
+        raise NotImplementedError
+
     @property
     def acts(self) -> bool:
         """Whether it ever exerts a force."""
@@ -75,6 +87,10 @@ class LoadSpec(Spec):
 
     if TYPE_CHECKING:
         law: LawSpec | None
+
+    def build(self, marker: "Marker") -> "ForcePart":
+        """Return the force on a marker."""
+        raise NotImplementedError
 
     @property
     def amount(self) -> Iterable[float]:

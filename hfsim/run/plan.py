@@ -12,8 +12,6 @@ from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import RULES
 
-NOT_LINEAR = "not linear in the coordinates"
-"""Why a constraint that does not say it needs multipliers."""
 WISHED = "kept by wish, though it is zero"
 """Why a force is there that a rule would have left out."""
 
@@ -118,7 +116,7 @@ def _kept_joints(scene: Scene) -> Iterator[dict[str, Any]]:
     for name, members in scene.joints.items():
         left = [scene.system.constraints[k] for k in members if k not in gone]
         if left:
-            reasons = [getattr(one, "why_kept", NOT_LINEAR) for one in left]
+            reasons = [one.why_kept for one in left]
             if not scene.left_out["tree_joints"]:
                 reasons = [RULES["tree_joints"].kept_because(scene.deck.solve)]
             yield {

@@ -14,7 +14,7 @@ from hfsim.maths.matrices import DENSE_UP_TO, assemble
 from hfsim.maths.rank import dependence
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.chart import side_by_side
-from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle
+from hfsim.mechanics.constraints import Constraint, constraints_of
 from hfsim.mechanics.elimination import eliminate
 from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.force import ForcePart, merged
@@ -124,14 +124,16 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
         bodies=bodies,
         initial=deck.initial,
         constraints=constraints,
-        joints=joints,
+        n_dim=len(deck.gravity),
         refuse=loaded.problem,
     )
-    x, u, angles = starting_state(start)
+    x, u, poses = starting_state(start)
+    angles = {name: pose.angle for name, pose in poses.items()}
     left_out = apply_rules(deck, kinds)
     if left_out.fires("fixed_bodies"):
         moving = _moving_columns(bodies, still_bodies(deck, kinds))
-        bodies = _folded(deck, kinds, bodies, x, angles)
+        folded = {name: bodies[name].folded(poses[name]) for name in still_bodies(deck, kinds)}
+        bodies = _bodies(deck, kinds, folded)
         joints, constraints = _joints(deck, bodies, left_out)
         x, u = x[moving], u[moving]
     elif left_out.fires("standing_drivers"):
@@ -180,17 +182,6 @@ def _moving_columns(bodies: dict[str, Body], still: tuple[str, ...]) -> IntArray
     return np.concatenate([np.arange(columns.start, columns.stop) for columns in moving])
 
 
-def _folded(
-    deck: Deck, models: Mapping[str, Model], bodies: dict[str, Body], x: Array, angles: dict[str, float]
-) -> dict[str, Body]:
-    """Number the coordinates anew without the bodies that cannot move."""
-    folded: dict[str, Body] = {}
-    for name in still_bodies(deck, models):
-        place = bodies[name].marker((0.0, 0.0)).position(x[None])[0]
-        folded[name] = bodies[name].folded(Pose.planar(place, angles[name]))
-    return _bodies(deck, models, folded)
-
-
 def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "absolute"]:
     """Return the coordinates to make steps in: those with a constant mass matrix for the method energy.
 
@@ -213,7 +204,7 @@ def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:
     owner, name = split_point(point)
     if owner == "ground":
         place = deck.ground.points[name] if name else (0.0, 0.0)
-        return GroundMarker((place[0], place[1]))
+        return GroundMarker(Pose.planar(place, 0.0))
     body = bodies[owner]
     return body.marker(body.points[name] if name else (0.0, 0.0))
 
@@ -238,21 +229,12 @@ def _joints(
     held = welds(deck, [name for name, body in bodies.items() if body.still])
     for name, spec in deck.joints.items():
         first, second = (find_marker(point, bodies, deck) for point in spec.between)
-        rows = () if name in held else spec.build(first, second)
-        rows = tuple(replace(row, item=f"joints.{name}") for row in rows)  # type: ignore[type-var]
+        rows = () if name in held else constraints_of(spec.held(), first, second, f"joints.{name}")
         if left_out is not None and f"joints.{name}" in left_out["standing_drivers"]:
-            rows = tuple(_standing(row) for row in rows)
+            rows = tuple(row.standing() for row in rows)
         joints[name] = tuple(range(len(constraints), len(constraints) + len(rows)))
         constraints.extend(rows)
     return joints, tuple(constraints)
-
-
-def _standing(row: Constraint) -> Constraint:
-    """Return the equation of a driver whose law is constant as that of a joint."""
-    if isinstance(row, RelativeAngle) and row.law is not None:
-        return replace(row, offset=row.offset + float(row.law.value(0.0)), law=None)
-    assert isinstance(row, Along)
-    return replace(row, law=None)
 
 
 def _system(
@@ -287,11 +269,7 @@ def _springs_and_loads(deck: Deck, bodies: dict[str, Body], left_out: LeftOut, x
     found: dict[str, ForcePart] = {}
     for name, spring in deck.springs.items():
         first, second = (find_marker(point, bodies, deck) for point in spring.between)
-        if spring.type == "two_point":
-            gap = second.position(x[None]) - first.position(x[None])
-            found[f"springs.{name}"] = spring.build(first, second, float(np.linalg.norm(gap)))
-        else:
-            found[f"springs.{name}"] = spring.build(first, second)
+        found[f"springs.{name}"] = spring.build(first, second, x)
     for name, load in deck.loads.items():
         found[f"loads.{name}"] = load.build(find_marker(load.at, bodies, deck))
     gone = {*left_out["springs"], *left_out["loads"]}

@@ -71,8 +71,7 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
 def _motion(body: Body, x: Array, u: Array) -> tuple[Pose, Twist]:
     """Return where the frame of a body is in one state, (1, n), and how it moves."""
     root = body.marker((0.0, 0.0))
-    own = u[0, body.columns]
-    twist = Twist(root.position_jacobian(x)[0] @ own, root.angle_jacobian(x) @ own)
+    twist = Twist(root.velocity(x, u)[0], root.spin(x, u)[0])
     return Pose(root.position(x)[0], root.angle(x)), twist
 
 

@@ -252,12 +252,17 @@ class OnLine(Along):
     """A kind of constraint that no other module knows."""
 
 
+class HeldOnLine:
+    def between(self, first, second):
+        return OnLine(first, second, (0.0, 1.0))
+
+
 class OnLineSpec(JointSpec):
     type: Literal["on_line"]
     between: Between
 
-    def build(self, first, second):
-        return (OnLine(first, second, (0.0, 1.0)),)
+    def held(self):
+        return (HeldOnLine(),)
 
 
 def test_a_new_kind_of_constraint_runs_and_is_planned(monkeypatch):

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import normal, rotate
 from hfsim.mechanics.body import Body, Place
@@ -21,23 +22,22 @@ from hfsim.parts.bodies.low_order import PLACE, RIGID, TURN, LowOrderBeam
 
 
 @dataclass(frozen=True)
-class LowOrderMarker:
+class LowOrderMarker(Marker):
     """A point of the centre line of a `LowOrderBeam`, its direction along the slope (1 + w', v')."""
 
     beam: LowOrderBeam
     place: float
-    linear: bool = False
-    keeps_turns: bool = True
+    linear_turn: ClassVar[bool] = False
 
     @property
-    def columns(self) -> slice:
+    def columns(self) -> slice:  # type: ignore[override]
         """Coordinates of the beam."""
         return self.beam.columns
 
     @property
-    def support(self) -> IntArray:
-        """All coordinates of the beam."""
-        return self.beam.support
+    def linear(self) -> bool:
+        """Return False: the place is turned with the frame, and foreshortened."""
+        return False
 
     @cached_property
     def _rows(self) -> tuple[Array, Array, Array]:
@@ -101,16 +101,16 @@ class LowOrderMarker:
         t, _ = self._slope(x)
         return np.asarray(self.beam.split(x)[1] + np.arctan2(t[:, 1], t[:, 0]))
 
-    def angle_jacobian(self, x: Array) -> Array:
+    def spin_jacobian(self, x: Array) -> Array:
         """Return (0, 0, 1, (t x t_p)/|t|^2)."""
         t, t_p = self._slope(x)
         turn = normal(t) / np.sum(t * t, -1, keepdims=True)
-        row = np.zeros((len(x), self.beam.n))
-        row[:, TURN] = 1.0
-        row[:, RIGID:] = (turn[:, None, :] @ t_p)[:, 0]
+        row = np.zeros((len(x), self.n_spin, self.beam.n))
+        row[..., TURN] = 1.0
+        row[..., RIGID:] = turn[:, None] @ t_p
         return row
 
-    def angle_bias(self, x: Array, u: Array) -> Array:
+    def spin_bias(self, x: Array, u: Array) -> Array:
         """Return (t x t_b)/|t|^2 - 2 (t.t')(t x t')/|t|^4 with t_b = (-v'_t^2, 0)."""
         t, t_p = self._slope(x)
         _, _, dw, dv = self.beam.split(u)
@@ -118,13 +118,13 @@ class LowOrderMarker:
         square = np.sum(t * t, -1)
         n = normal(t)
         own = -n[:, 0] * dt[:, 1] ** 2 / square
-        return np.asarray(own - 2.0 * np.sum(t * dt, -1) * np.sum(n * dt, -1) / square**2)
+        return np.asarray(own - 2.0 * np.sum(t * dt, -1) * np.sum(n * dt, -1) / square**2)[:, None]
 
     def position_stiffness(self, x: Array, force: Array) -> Entries:
         """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
         raise NotImplementedError
 
-    def angle_stiffness(self, x: Array, moment: float) -> Entries:
+    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
         """Refuse, as `position_stiffness`."""
         raise NotImplementedError
 

@@ -121,8 +121,7 @@ class FoldedBody(Body):
 
     def marker(self, place: Place) -> Marker:
         """Return a point of the ground."""
-        x, y = self.pose.placed(np.array(place))
-        return GroundMarker((float(x), float(y)), self.pose.angle)
+        return GroundMarker(self.pose._replace(origin=self.pose.placed(np.array(place))))
 
     def placed(self, pose: Pose) -> Array:
         """Return no coordinates."""

@@ -13,8 +13,7 @@ def _position(samples: Samples, point: str, axis: int) -> Array:
 
 
 def _velocity(samples: Samples, point: str) -> Array:
-    marker = samples.scene.marker(point)
-    return np.asarray((marker.position_jacobian(samples.x) @ samples.u[:, marker.columns, None])[..., 0])
+    return samples.scene.marker(point).velocity(samples.x, samples.u)
 
 
 def x(samples: Samples, point: str, quantity: str) -> Array:
@@ -49,5 +48,4 @@ def angle(samples: Samples, body: str, quantity: str) -> Array:
 
 def angular_velocity(samples: Samples, body: str, quantity: str) -> Array:
     """Return the angular velocity of a body frame [rad/s]."""
-    marker = samples.scene.marker(body)
-    return np.asarray(np.sum(marker.angle_jacobian(samples.x) * samples.u[:, marker.columns], axis=-1))
+    return samples.scene.marker(body).spin(samples.x, samples.u)[:, 0]

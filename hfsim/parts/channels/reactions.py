@@ -9,11 +9,12 @@ from hfsim.parts.channels._base import Samples
 
 
 def _reaction(samples: Samples, joint: str) -> tuple[Array, Array]:
-    system = samples.scene.system
-    force, moment = np.zeros((len(samples.t), 2)), np.zeros(len(samples.t))
+    """Return force, (n_times, n_dim), and moment, (n_times, n_spin), of all equations of a joint."""
+    system, parts = samples.scene.system, []
     for k in samples.scene.joints[joint]:
-        f, m = system.constraints[k].reaction(samples.x, samples.multipliers[:, system.unreduced.rows[k]])
-        force, moment = force + f, moment + m
+        multipliers = samples.multipliers[:, system.unreduced.rows[k]]
+        parts.append(system.constraints[k].reaction(samples.x, multipliers))
+    force, moment = (np.asarray(sum(kind)) for kind in zip(*parts, strict=True))
     return force, moment
 
 
@@ -29,4 +30,4 @@ def force_y(samples: Samples, joint: str, quantity: str) -> Array:
 
 def moment(samples: Samples, joint: str, quantity: str) -> Array:
     """Return the moment on the second body of a joint [N m]."""
-    return _reaction(samples, joint)[1]
+    return _reaction(samples, joint)[1][:, 0]

@@ -1,16 +1,15 @@
 """Moment on the frame of a point."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Literal
 
 import numpy as np
 
 from hfsim.deck.fields import Moment
-from hfsim.deck.laws import Law, ScaleLaw
-from hfsim.maths.arrays import Array, IntArray
-from hfsim.mechanics.force import ForcePart
+from hfsim.deck.laws import ScaleLaw
+from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
+from hfsim.parts.forces._base import Load
 from hfsim.parts.specs import LoadSpec
 
 
@@ -36,40 +35,15 @@ class MomentSpec(LoadSpec):
 
     def build(self, marker: Marker) -> "PointMoment":
         """Return the moment at a marker."""
-        return PointMoment(marker, self.moment, self.law.build() if self.law else None)
+        return PointMoment(marker, self.law.build() if self.law else None, (self.moment,))
 
 
 @dataclass(frozen=True)
-class PointMoment(ForcePart):
+class PointMoment(Load):
     """A moment on the direction of a marker; its work is power put in."""
 
-    marker: Marker
-    moment: float
-    law: Law | None
+    moment: tuple[float, ...]
 
-    @property
-    def markers(self) -> tuple[Marker, ...]:
-        """Its point."""
-        return (self.marker,)
-
-    @cached_property
-    def support(self) -> IntArray:
-        """Coordinates of its point."""
-        return self.marker.support
-
-    @property
-    def exchanges_power(self) -> bool:
-        """Return True: a load does work."""
-        return True
-
-    def _generalised(self, t: Array, x: Array) -> Array:
-        moment = self.moment * (1.0 if self.law is None else self.law.value(t)[:, None])
-        return np.asarray(moment * self.marker.angle_jacobian(x))
-
-    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
-        """Add the generalised force."""
-        out[:, self.marker.columns] += self._generalised(t, x)
-
-    def power(self, t: Array, x: Array, u: Array) -> Array:
-        """Return moment times angular velocity."""
-        return np.asarray(np.sum(self._generalised(t, x) * u[:, self.marker.columns], axis=-1))
+    def unscaled(self, x: Array) -> tuple[Array, Array]:
+        """Return the moment and the turn's Jacobian."""
+        return np.array([self.moment]), self.marker.spin_jacobian(x)

@@ -6,8 +6,7 @@ from typing import Literal
 from hfsim.deck.fields import Axis, Between
 from hfsim.deck.laws import AngleLaw, PositionLaw
 from hfsim.deck.spec import Complaint
-from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle, unit
-from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
 
 
@@ -43,9 +42,9 @@ class DriverSpec(JointSpec):
             return self.angle.constant is not None
         return self.position is not None and self.position.constant == 0.0
 
-    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
-        """Return the one equation that imposes the law."""
+    def held(self) -> tuple[Held, ...]:
+        """Return the angle or the distance that follows the law."""
         if self.angle is not None:
-            return (RelativeAngle(first, second, 0.0, self.angle.build()),)
+            return (Turn(law=self.angle.build()),)
         assert self.position is not None
-        return (Along(first, second, unit(self.axis), self.position.build()),)
+        return (Shift(self.axis, self.position.build()),)

@@ -3,8 +3,7 @@
 from typing import Literal
 
 from hfsim.deck.fields import Angle, Between
-from hfsim.mechanics.constraints import Coincide, Constraint, RelativeAngle
-from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
 
 
@@ -22,6 +21,6 @@ class FixedSpec(JointSpec):
     angle: Angle = 0.0
     """Angle of B's frame relative to A's at the joint [rad]."""
 
-    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
-        """Return the equations of this joint."""
-        return (Coincide(first, second), RelativeAngle(first, second, self.angle))
+    def held(self) -> tuple[Held, ...]:
+        """Return what the joint holds."""
+        return Shift(), Turn(self.angle)

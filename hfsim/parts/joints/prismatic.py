@@ -3,8 +3,7 @@
 from typing import Literal
 
 from hfsim.deck.fields import Angle, Axis, Between
-from hfsim.mechanics.constraints import Along, Constraint, RelativeAngle, unit
-from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
 
 
@@ -25,7 +24,7 @@ class PrismaticSpec(JointSpec):
     angle: Angle = 0.0
     """Angle of B's frame relative to A's at the joint [rad]."""
 
-    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
-        """Return the equations of this joint: no distance across the axis, no turning."""
-        along = unit(self.axis)
-        return (Along(first, second, (-along[1], along[0])), RelativeAngle(first, second, self.angle))
+    def held(self) -> tuple[Held, ...]:
+        """Return what the joint holds: no distance across the axis, no turning."""
+        x, y = self.axis
+        return Shift((-y, x)), Turn(self.angle)

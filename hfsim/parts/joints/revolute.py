@@ -3,8 +3,7 @@
 from typing import Literal
 
 from hfsim.deck.fields import Between
-from hfsim.mechanics.constraints import Coincide, Constraint
-from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.constraints import Held, Shift
 from hfsim.parts.specs import JointSpec
 
 
@@ -19,6 +18,6 @@ class RevoluteSpec(JointSpec):
     between: Between
     """The two points, [A, B]."""
 
-    def build(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
-        """Return the equations of this joint."""
-        return (Coincide(first, second),)
+    def held(self) -> tuple[Held, ...]:
+        """Return what the joint holds."""
+        return (Shift(),)
