@@ -60,7 +60,8 @@ class Gust(ForcePart):
 
     def add_force(self, t, x, u, out):
         """Add the force."""
-        out[:, self.marker.columns] += np.where(t > 0.1, np.inf, 1.0)[:, None] * self.marker.position_jacobian(x)[:, 1]
+        size = np.where(t > 0.1, np.inf, 1.0)
+        out[:, self.marker.columns] += size[:, None] * self.marker.position_jacobian(x)[:, 1]
 
 
 @pytest.mark.parametrize("terms", [("foreshortening", "stiffening"), ("curvature",), ()])
