@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 
 from hfsim.commands import bench_separation
-from hfsim.commands.decks import assemble, find_deck, load_decks, provenance_of, with_numbers
+from hfsim.commands.decks import assemble, load_numbered, provenance_of
 from hfsim.commands.options import (
     names,
     output_options,
@@ -141,7 +141,8 @@ def bench(
         raise click.UsageError("Missing argument 'DECK' (or --separation)")
     if tolerances and steps:
         raise click.UsageError("give --tolerances or --steps, not both")
-    loaded = with_numbers(load_decks([str(find_deck(deck, talk))], overrides, talk, assemble)[0], talk)
+    loaded = load_numbered(deck, overrides, talk)
+    assemble(loaded)
     levels = (tolerances, steps)
     sweep = make_sweep(loaded, names(methods), levels, names(models), (elements, degrees), repeats)
     about = provenance_of(loaded, deck, overrides).facts()

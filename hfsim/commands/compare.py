@@ -14,20 +14,18 @@ import click
 from hfsim.commands import STARTED
 from hfsim.commands.decks import assemble, command_line, find_deck, load_decks, provenance_of, with_numbers
 from hfsim.commands.options import output_options, setting_options, talk_options, with_settings
+from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
-from hfsim.output.text import as_table
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
-    from hfsim.run.distance import ChannelScale
     from hfsim.run.solution import Run
     from hfsim.scene.loading import LoadedDeck
     from hfsim.scene.schema import Deck
-    from hfsim.studies.compare import Comparison, ModelResult
+    from hfsim.studies.compare import Comparison
 
 _REPEAT_BELOW = 1.0
 """Solves longer than this [s of CPU] are timed once: their scatter is small and waiting is long."""
-_PHASES = ("build", "solve", "error_estimate", "write", "plots")
 
 
 @dataclass(frozen=True)
@@ -36,15 +34,12 @@ class Plan:
 
     argument: str
     reference: str
-    models: tuple[str, ...]
     decks: dict[str, LoadedDeck]
-    folder: RunFolder
+    study: Study
     folders: dict[str, RunFolder]
     overrides: tuple[str, ...]
-    plots: bool
     error_estimate: bool
     repeats: int
-    talk: Talk
 
 
 @click.command()
@@ -157,19 +152,10 @@ def make_plan(
     if own:
         talk.note(f"{own} in every run: a body's own model is not replaced")
     path = to.output or Path(folder_name(decks[reference].deck.name, ".compare"))
-    return Plan(
-        argument=argument,
-        reference=reference,
-        models=models,
-        decks=decks,
-        folder=claim(path, to.force, marker="compare.json"),
-        folders={model: claim(path / folder_name(model, ""), to.force) for model in models},
-        overrides=tuple(overrides),
-        plots=to.plots,
-        error_estimate=error_estimate,
-        repeats=repeats,
-        talk=talk,
-    )
+    about = {"overrides": list(overrides), "deck": argument}
+    study = Study("compare", talk, claim(path, to.force, marker="compare.json"), to.plots, about)
+    folders = {model: claim(path / folder_name(model, ""), to.force) for model in models}
+    return Plan(argument, reference, decks, study, folders, tuple(overrides), error_estimate, repeats)
 
 
 def own_models(deck: Deck) -> str:
@@ -180,26 +166,34 @@ def own_models(deck: Deck) -> str:
 
 def do_comparison(plan: Plan, max_error: float, require: Sequence[str]) -> int:
     """Run all models, write and tell the comparison, and return the exit code."""
+    from hfsim.output.comparison import COLUMNS, as_rows, as_text
+    from hfsim.studies.compare import as_facts
+    from hfsim.studies.compare import compare as judge
+
     runs: list[Run] = []
     times: dict[str, list[float]] = {}
-    plan.folder.prepare()
-    for model in plan.models:
+    plan.study.begin()
+    for model in plan.decks:
         run, times[model] = run_model(plan, model, first=not runs)
         runs.append(run)
         if run.status == "interrupted":
             print_error(f"interrupted while {model} ran; no comparison was made")
             return 130
-    from hfsim.studies.compare import compare as judge
-
     comparison = judge(runs, plan.reference, max_error, times)
-    facts = save_comparison(plan, runs, comparison)
-    plan.talk.facts(facts)
-    plan.talk.result(as_text(comparison, plan.folder.path))
-    return _exit_code(plan, runs, comparison, require)
+    tables = {"compare": (COLUMNS, as_rows(comparison))}
+    text = as_text(comparison, plan.study.path)
+    plan.study.publish(as_facts(comparison), tables, text, lambda to: _draw(runs, comparison, to))
+    return _exit_code(runs, comparison, require)
 
 
-def _exit_code(plan: Plan, runs: Sequence[Run], comparison: Comparison, require: Sequence[str]) -> int:
-    reference = runs[plan.models.index(plan.reference)]
+def _draw(runs: Sequence[Run], comparison: Comparison, folder: Path) -> list[str]:
+    from hfsim.output.plots import draw_comparison
+
+    return draw_comparison(runs, comparison, folder)
+
+
+def _exit_code(runs: Sequence[Run], comparison: Comparison, require: Sequence[str]) -> int:
+    reference = next(run for run in runs if run.model == comparison.reference)
     if reference.status != "done":
         print_error(f"error: the reference {comparison.reference} did not reach the end: {reference.reason}")
         return reference.exit_code or 3
@@ -219,21 +213,21 @@ def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
     deck = plan.decks[model]
     watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
     provenance = provenance_of(deck, plan.argument, with_settings(plan.overrides, model))
-    log = RunLog(plan.talk.detail)
+    log = RunLog(plan.study.talk.detail)
     log.add(command_line())
-    with Progress(f"{deck.deck.name}, {model}", sys.stderr, plan.talk.quiet) as progress:
+    with Progress(f"{deck.deck.name}, {model}", sys.stderr, plan.study.talk.quiet) as progress:
         # the extent of the bodies is a scale of the comparison
         run = simulate(
             deck, model=model, progress=progress, error_estimate=plan.error_estimate, outlines=True
         )
         solves = [run.phase_cpu("solve"), *_repeated(plan, model, run)]
-    run, summary = save_run(plan.folders[model], run, provenance, watch, log, plan.plots)
+    run, summary = save_run(plan.folders[model], run, provenance, watch, log, plan.study.plots)
     for warning in summary["warnings"]:
         told_with_differences = validity_warnings(summary.get("models") or {}, summary.get("validity") or {})
         if warning not in told_with_differences:
-            plan.talk.note(f"{model}: warning: {warning}")
+            plan.study.talk.note(f"{model}: warning: {warning}")
     if run.status not in ("done", "interrupted"):
-        plan.talk.note(f"{model}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
+        plan.study.talk.note(f"{model}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
     return run, solves
 
 
@@ -250,128 +244,3 @@ def _solve_cpu(run: Run) -> float:
     if run.status == "interrupted":
         raise KeyboardInterrupt  # `simulate` keeps what it has; a repeat is worth nothing to keep
     return run.phase_cpu("solve")
-
-
-def save_comparison(plan: Plan, runs: Sequence[Run], comparison: Comparison) -> dict[str, object]:
-    """Write compare.csv, the overlay plots and, last, compare.json; return what is in the latter."""
-    from hfsim.output.runfolder import disk
-    from hfsim.output.writers import json_ready, versions, write_json, write_table
-    from hfsim.studies.compare import CSV_COLUMNS, as_facts, as_rows
-
-    path = plan.folder.path
-    with disk(path):
-        write_table(path / "compare.csv", as_rows(comparison), CSV_COLUMNS)
-        files = ["compare.csv", "compare.json", *_overlays(plan, runs, comparison)]
-        about = {
-            "overrides": list(plan.overrides),
-            "deck": plan.argument,
-            "versions": versions(),
-            "files": files,
-        }
-        facts, _ = json_ready({**as_facts(comparison), **about})
-        write_json(path / "compare.json", facts)
-    return dict(facts)
-
-
-def _overlays(plan: Plan, runs: Sequence[Run], comparison: Comparison) -> list[str]:
-    if not plan.plots:
-        return []
-    from hfsim.output.plots import draw_comparison
-
-    return [f"plots/{name}" for name in draw_comparison(runs, comparison, plan.folder.path / "plots")]
-
-
-# --- text ----------------------------------------------------------------------------------------
-
-
-def as_text(comparison: Comparison, folder: Path) -> str:
-    """Return the comparison as people read it: times, differences, breakdowns, verdict."""
-    head = f"{comparison.name}: {len(comparison.models)} models over {comparison.duration:.6g} s, "
-    head += f"reference {comparison.reference}"
-    blocks = [head, _cost_table(comparison), _difference_table(comparison), *_remarks(comparison)]
-    return "\n".join([*filter(None, blocks), f"  results: {folder}/", comparison.sentence])
-
-
-def _cost_table(comparison: Comparison) -> str:
-    phases = [p for p in _PHASES if any(p in m.cpu_s for m in comparison.models)]
-    phases = [p for p in phases if p != "solve"]
-    rows = [
-        [
-            "model",
-            "method",
-            "outcome",
-            "CPU: solve",
-            *(p.replace("_", " ") for p in phases),
-            "worst difference",
-        ]
-    ]
-    for model in comparison.models:
-        times = [f"{model.cpu_s.get(phase, 0.0):.3f} s" for phase in phases]
-        rows.append([model.model, model.method, _outcome(model), f"{model.solve_cpu:.4f} s", *times,
-                     _worst(model, comparison)])  # fmt: skip
-    return as_table(rows) + "\n"
-
-
-def _outcome(model: ModelResult) -> str:
-    from hfsim.studies.compare import ending
-
-    return f"{ending(model.status)} at {model.stop_time:.3g} s" if model.broke_down else "done"
-
-
-def _worst(model: ModelResult, comparison: Comparison) -> str:
-    from hfsim.studies.compare import percent
-
-    if model.model == comparison.reference:
-        return "reference"
-    return "-" if model.worst is None else f"{percent(model.worst.max_relative)} {model.worst.channel}"
-
-
-def _difference_table(comparison: Comparison) -> str:
-    others = [m for m in comparison.models if m.model != comparison.reference]
-    if not others or not comparison.scales:
-        return ""
-    rows = [["largest difference", "unit", "range", *(m.model for m in others)]]
-    for scale in comparison.scales:
-        mark = "" if scale.judged and not scale.small else (" *" if scale.judged else " (not judged)")
-        cells = [_cell(model, scale) for model in others]
-        rows.append([scale.channel + mark, scale.unit, f"{scale.reference_range:.4g}", *cells])
-    return as_table(rows) + "\n"
-
-
-def _cell(model: ModelResult, scale: ChannelScale) -> str:
-    from hfsim.studies.compare import percent
-
-    found = next((d for d in model.differences if d.channel == scale.channel), None)
-    if found is None:
-        return "-"
-    return f"{found.max_abs:.3g}" + (f" ({percent(found.max_relative)})" if scale.judged else "")
-
-
-def _remarks(comparison: Comparison) -> list[str]:
-    lines = [_small_remark(comparison)] if any(s.small and s.judged for s in comparison.scales) else []
-    for model in comparison.models:
-        lines += _departure(model)
-    return ["\n".join([*lines, ""])] if lines else []
-
-
-def _small_remark(comparison: Comparison) -> str:
-    small = [s for s in comparison.scales if s.small and s.judged]
-    against = ", ".join(dict.fromkeys(f"{s.scale:.2g} {s.unit}" for s in small))
-    return f"  * range too small to judge by: relative to {against} instead (1/1000 of the scene's scale)"
-
-
-def _departure(model: ModelResult) -> list[str]:
-    from hfsim.studies.compare import how_it_ended
-
-    lines = [
-        f"  {model.model} leaves its range at {time:.4g} s, in {body}: {why}"
-        for time, body, why in model.left_range
-    ]
-    first = model.first_exceeded
-    if first is not None:
-        lines.append(
-            f"  {model.model} first passes the bound at {first.first_exceeded:.4g} s, in {first.channel}"
-        )
-    if model.broke_down:
-        lines.append(f"  {model.model} {how_it_ended(model)}")
-    return lines

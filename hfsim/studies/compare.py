@@ -88,6 +88,10 @@ class ModelResult:
         facts = ((one["left_at"], body, one["reason"]) for body, one in self.validity.items())
         return sorted((time, body, why) for time, body, why in facts if time is not None)
 
+    def difference(self, channel: str) -> Difference | None:
+        """Return the difference in a channel; None where there is none."""
+        return next((d for d in self.differences if d.channel == channel), None)
+
     @property
     def broke_down(self) -> bool:
         """Whether it did not reach the end."""
@@ -138,10 +142,7 @@ class Comparison:
         KeyError
             If the model was not compared.
         """
-        for result in self.models:
-            if result.model == model:
-                return result
-        raise KeyError(model)
+        return {result.model: result for result in self.models}[model]
 
     @property
     def status(self) -> str:
@@ -323,41 +324,6 @@ def cheapest(models: Sequence[ModelResult]) -> str | None:
     """Return the adequate model with the least solve CPU time; None if there is none."""
     adequate = [m for m in models if m.adequate]
     return min(adequate, key=lambda m: m.solve_cpu).model if adequate else None
-
-
-CSV_COLUMNS = (
-    "model",
-    "channel",
-    "unit",
-    "max_abs",
-    "max_relative",
-    "rms",
-    "time_of_max",
-    "first_exceeded",
-    "reference_range",
-    "scale",
-    "small",
-    "judged",
-    "status",
-    "stop_time",
-    "solve_cpu",
-    "adequate",
-)
-"""Columns of ``compare.csv``."""
-
-
-def as_rows(comparison: Comparison) -> list[dict[str, object]]:
-    """Return one row for each model and channel, with the keys `CSV_COLUMNS`."""
-    scales = {scale.channel: scale._asdict() for scale in comparison.scales}
-    rows: list[dict[str, object]] = []
-    for model in comparison.models:
-        facts = {
-            key: getattr(model, key) for key in ("model", "status", "stop_time", "solve_cpu", "adequate")
-        }
-        # a model that broke down at once shares no time with the reference and still gets its rows
-        found = {d.channel: asdict(d) for d in model.differences}
-        rows += [{**scale, **found.get(name, {}), **facts} for name, scale in scales.items()]
-    return rows
 
 
 def as_facts(comparison: Comparison) -> dict[str, Any]:

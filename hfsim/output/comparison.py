@@ -1,0 +1,136 @@
+"""What people read of a comparison of models, and the columns of its table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from hfsim.output.text import Column, table
+from hfsim.run.distance import ChannelScale
+from hfsim.studies.compare import Comparison, Difference, ModelResult, ending, how_it_ended, percent
+
+_PHASES = ("build", "error_estimate", "write", "plots")
+"""Phases told beside the solution."""
+
+# --- compare.csv ---------------------------------------------------------------------------------
+
+
+class Row(NamedTuple):
+    """One row of ``compare.csv``: a channel of a model."""
+
+    model: ModelResult
+    scale: ChannelScale
+    found: Difference | None
+
+
+def as_rows(comparison: Comparison) -> Iterator[Row]:
+    """Yield the rows of ``compare.csv``, whose columns are `COLUMNS`.
+
+    A model that broke down at once shares no time with the reference and still gets its rows.
+    """
+    for model in comparison.models:
+        yield from (Row(model, scale, model.difference(scale.channel)) for scale in comparison.scales)
+
+
+def _of_found(name: str) -> Callable[[Row], object]:
+    return lambda row: getattr(row.found, name, None)
+
+
+COLUMNS = (
+    Column("model", "model.model"),
+    *(Column(name, f"scale.{name}") for name in ("channel", "unit")),
+    *(
+        Column(name, _of_found(name))
+        for name in ("max_abs", "max_relative", "rms", "time_of_max", "first_exceeded")
+    ),
+    *(Column(name, f"scale.{name}") for name in ("reference_range", "scale", "small", "judged")),
+    *(Column(name, f"model.{name}") for name in ("status", "stop_time", "solve_cpu", "adequate")),
+)
+"""Columns of ``compare.csv``."""
+
+# --- text ----------------------------------------------------------------------------------------
+
+
+def as_text(comparison: Comparison, folder: Path) -> str:
+    """Return the comparison as people read it: times, differences, breakdowns, verdict."""
+    head = f"{comparison.name}: {len(comparison.models)} models over {comparison.duration:.6g} s, "
+    head += f"reference {comparison.reference}"
+    blocks = [head, _cost_table(comparison), _difference_table(comparison), _remarks(comparison)]
+    return "\n".join([*filter(None, blocks), f"  results: {folder}/", comparison.sentence])
+
+
+def _cost_table(comparison: Comparison) -> str:
+    def worst(model: ModelResult) -> str:
+        if model.model == comparison.reference:
+            return "reference"
+        return f"{percent(model.worst.max_relative)} {model.worst.channel}" if model.worst else "-"
+
+    def time_of(phase: str) -> Column:
+        return Column(phase.replace("_", " "), lambda model: model.cpu_s.get(phase, 0.0), _seconds)
+
+    columns = (
+        Column("model"),
+        Column("method"),
+        Column("outcome", _outcome),
+        Column("CPU: solve", lambda model: f"{model.solve_cpu:.4f} s"),
+        *(time_of(phase) for phase in _PHASES if any(phase in m.cpu_s for m in comparison.models)),
+        Column("worst difference", worst),
+    )
+    return table(columns, comparison.models) + "\n"
+
+
+def _seconds(time: float) -> str:
+    return f"{time:.3f} s"
+
+
+def _outcome(model: ModelResult) -> str:
+    return f"{ending(model.status)} at {model.stop_time:.3g} s" if model.broke_down else "done"
+
+
+def _difference_table(comparison: Comparison) -> str:
+    others = [m for m in comparison.models if m.model != comparison.reference]
+    if not others or not comparison.scales:
+        return ""
+
+    def difference_of(model: ModelResult) -> Column:
+        return Column(model.model, lambda scale: _difference(model, scale))
+
+    columns = (
+        Column("largest difference", lambda scale: scale.channel + _mark(scale)),
+        Column("unit"),
+        Column("range", "reference_range", ".4g"),
+        *map(difference_of, others),
+    )
+    return table(columns, comparison.scales) + "\n"
+
+
+def _mark(scale: ChannelScale) -> str:
+    return (" *" if scale.small else "") if scale.judged else " (not judged)"
+
+
+def _difference(model: ModelResult, scale: ChannelScale) -> str:
+    found = model.difference(scale.channel)
+    if found is None:
+        return "-"
+    return f"{found.max_abs:.3g}" + (f" ({percent(found.max_relative)})" if scale.judged else "")
+
+
+def _remarks(comparison: Comparison) -> str:
+    small = dict.fromkeys(f"{s.scale:.2g} {s.unit}" for s in comparison.scales if s.small and s.judged)
+    why = f"relative to {', '.join(small)} instead (1/1000 of the scene's scale)"
+    lines = [f"  * range too small to judge by: {why}"] if small else []
+    for model in comparison.models:
+        lines += [f"  {model.model} {words}" for words in _departure(model)]
+    return "\n".join([*lines, ""]) if lines else ""
+
+
+def _departure(model: ModelResult) -> Iterator[str]:
+    """Yield when and why a model left its range, passed the bound, or ended."""
+    for time, body, why in model.left_range:
+        yield f"leaves its range at {time:.4g} s, in {body}: {why}"
+    first = model.first_exceeded
+    if first is not None:
+        yield f"first passes the bound at {first.first_exceeded:.4g} s, in {first.channel}"
+    if model.broke_down:
+        yield how_it_ended(model)
