@@ -7,22 +7,30 @@ and one name are enough is shown at the end, by one more of several kinds.
 import json
 import sys
 from copy import deepcopy
+from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import Literal
 
 import click
+import numpy as np
 import pytest
 import yaml
 from click.testing import CliRunner
 
 from hfsim.cli import COMMANDS, app
+from hfsim.deck.fields import Between
 from hfsim.deck.laws import LAWS
 from hfsim.errors import SolverFailure
 from hfsim.integrators import METHODS
+from hfsim.mechanics.constraints import Shift
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.markers import Marker, joint_support
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.channels import CHANNELS
 from hfsim.parts.elements import ELEMENTS, Continuum
 from hfsim.parts.forces import LOADS, SPRINGS
 from hfsim.parts.joints import JOINTS
+from hfsim.parts.specs import JointSpec, SpringSpec
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -189,6 +197,55 @@ def test_the_limits_of_every_integrator_are_measured(tmp_path):
 # One file and one name ---------------------------------------------------------------------------------
 
 
+class ScissorsSpec(JointSpec):
+    """A joint of one's own: point B stays on a line through A that is fixed to A's body."""
+
+    type: Literal["scissors"]
+    between: Between
+
+    def held(self):
+        return (Shift((0.0, 1.0)),)
+
+
+class CubicSpec(SpringSpec):
+    """A spring of one's own: a force towards A that grows with the cube of the distance."""
+
+    type: Literal["cubic"]
+    between: Between
+    stiffness: float
+    damping: float = 0.0
+
+    def build(self, first, second, start):
+        return CubicSpring(first, second, self.stiffness)
+
+
+@dataclass(frozen=True)
+class CubicSpring(ForcePart):
+    """k d^3 along the line between two points."""
+
+    first: Marker
+    second: Marker
+    stiffness: float
+
+    @property
+    def markers(self):
+        return self.first, self.second
+
+    @property
+    def support(self):
+        return joint_support(self.first, self.second)
+
+    def add_force(self, t, x, u, out):
+        gap = self.second.position(x) - self.first.position(x)
+        force = self.stiffness * np.sum(gap**2, axis=-1, keepdims=True) * gap
+        for sign, marker in ((1.0, self.first), (-1.0, self.second)):
+            out[:, marker.columns] += sign * np.einsum("...i,...ij", force, marker.position_jacobian(x))
+
+    def potential_energy(self, t, x):
+        gap = self.second.position(x) - self.first.position(x)
+        return 0.25 * self.stiffness * np.sum(gap**2, axis=-1) ** 2
+
+
 class Sandwich(Continuum):
     """An element of one's own: two thirds of the mass lie in the faces."""
 
@@ -199,8 +256,11 @@ class Sandwich(Continuum):
 @pytest.mark.parametrize(
     ("registry", "kind", "name", "entry", "example"),
     [
-        pytest.param(ELEMENTS, "element", "sandwich", Sandwich, {}, id="element"),
+        (JOINTS, "joint", "scissors", ScissorsSpec, {"elbow": {"between": ELBOW}}),
+        (SPRINGS, "spring", "cubic", CubicSpec, {"between": TO_ARM, "stiffness": 5.0}),
+        (ELEMENTS, "element", "sandwich", Sandwich, {}),
     ],
+    ids=("joint", "spring", "element"),
 )
 def test_one_of_your_own_takes_one_file_and_one_name(
     registry, kind, name, entry, example, tmp_path, monkeypatch

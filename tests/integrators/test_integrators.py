@@ -446,3 +446,20 @@ def test_jacobians_by_one_batch():
     assert by_q == pytest.approx(np.diag(-np.cos(q)), abs=1e-6)
     assert by_v == pytest.approx(np.diag(-0.4 * v), abs=1e-6)
     assert (problem.counts.calls, problem.counts.evaluations) == (1, 5)
+
+
+@pytest.mark.parametrize(("name", "most"), [("gauss", 2.0), ("radau", 2.0), ("energy", 8.0)])
+@pytest.mark.parametrize(("w2", "damping"), [(1.0, 0.0), (4.0, 1.0), (1e6, 0.0), (1e6, 2000.0)])
+def test_a_linear_motion_costs_few_iterations(name, most, w2, damping):
+    """One finds it and, where it is not small by then, one more sees that nothing is left."""
+    problem = oscillator(w2, damping)
+    _, stop = run(problem, FREE[name](1e-6), [1.0], [0.0], 2.0, 0.05)
+    assert stop is None and problem.counts.steps == 40
+    assert problem.counts.iterations <= most * problem.counts.steps
+
+
+def test_what_a_stiff_damper_holds_costs_no_second_iteration():
+    """The guess of a step knows what dies out at once: accelerations at its start are those of its end."""
+    problem = oscillator(1e6, 2000.0)
+    run(problem, FREE["gauss"](1e-6), [1.0], [0.0], 2.0, 0.05)
+    assert problem.counts.iterations <= 60

@@ -6,6 +6,7 @@ import zoo
 from analytical import along, jacobian, turned, twice_along
 from zoo import MARKERS, PAIRS
 
+from hfsim.maths.matrices import assemble
 from hfsim.mechanics.constraints import constraints_of
 from hfsim.parts.joints import JOINTS as KINDS
 from hfsim.parts.joints.driver import DriverSpec
@@ -143,6 +144,18 @@ def test_constraint_jacobian(joint, rng):
     for constraint in joint:
         slope = jacobian(lambda s, c=constraint: c.residual(np.full(len(s), t), s), x)
         assert dense(constraint, x) == pytest.approx(slope, abs=2e-9)
+
+
+def test_constraint_stiffness_is_the_slope_of_its_force(joint, rng):
+    x = zoo.random_state(rng)
+    for constraint in joint:
+        multipliers = rng.normal(size=constraint.rows)
+        def force(states, constraint=constraint, multipliers=multipliers):
+            return np.array([dense(constraint, state).T @ multipliers for state in states])
+
+        slope = jacobian(force, x)
+        stiffness = assemble([constraint.stiffness(x[None], multipliers[None])], (zoo.N, zoo.N))
+        assert stiffness == pytest.approx(slope, abs=1e-5 * max(1.0, np.abs(slope).max()))
 
 
 def test_constraint_acceleration_along_a_motion(joint, rng):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from zoo import DEAD_CENTRE
 
 import hfsim.maths.matrices
 import hfsim.mechanics.equations
@@ -289,3 +290,13 @@ def test_reduction_of_nothing_is_the_identity():
     mass = assemble([], (4, 4), sparse=False)
     assert mass.dtype == float
     assert Equations(mass, (), (), nothing).n == 4
+
+
+def test_a_state_whose_joints_cannot_be_closed_is_refused_where_asked():
+    """The slider is asked for beyond the reach of crank and rod."""
+    scene = build(parse_deck(DEAD_CENTRE))
+    q, v = scene.q[None], scene.v[None]
+    scene.system.project(np.array([0.01]), q, v, strict=True)
+    scene.system.project(np.array([2.0]), q, v)
+    with pytest.raises(np.linalg.LinAlgError, match="cannot be closed"):
+        scene.system.project(np.array([2.0]), q, v, strict=True)

@@ -397,6 +397,14 @@ def test_truncation_drops_third_order_and_only_that(rng, degree):
         assert pair[0] / pair[1] == pytest.approx(8.0, rel=0.15)
 
 
+def test_what_truncation_leaves_of_the_turning_inertia_is_told(rng):
+    whole, x, _ = low_order(rng, whole=True)
+    cut, *_ = low_order(rng, whole=False)
+    straight = cut.mass(np.zeros_like(x))[0, 2, 2]
+    gap = np.abs(whole.mass(x) - cut.mass(x))[0, 2, 2]
+    assert cut.third_order_inertia(x) == pytest.approx(gap / straight, rel=1e-12)
+
+
 def test_truncated_mass_and_force_are_polynomials_of_second_degree(rng):
     cut, x, u = low_order(rng, whole=False, size=1.0)
     for function in (lambda y, w: cut.mass(y), lambda y, w: force_of(cut, y, w)):
@@ -531,6 +539,16 @@ def test_energy_changes_by_the_power_put_in(model, options, rng):
 def test_truncated_low_order_says_that_it_may_feed_energy(rng):
     assert low_order(rng, whole=False)[0].truncated
     assert not low_order(rng, whole=True)[0].truncated
+
+
+@pytest.mark.parametrize("model", [one for one in MODELS if one != "rigid"])
+def test_a_beam_dissipates_if_its_material_is_damped_in_any_way(model):
+    def dissipates(**damping):
+        settings = [f"materials.soft.{key}_damping={value}" for key, value in damping.items()]
+        text = DECK.format(gravity=[0, 0], damping=0.0, bodies=f"  b1: {{{BEAM}}}", rest="")
+        return build(parse_deck(text, overrides=settings), model).system.dissipates
+
+    assert dissipates(axial=0.01) and dissipates(bending=0.01) and not dissipates()
 
 
 # ---------------------------------------------------------------- frames
