@@ -141,6 +141,8 @@ class Integrator:
         Whether it steps in coordinates with a constant mass matrix only: in absolute ones.
     rank : float
         Place in a race: what was seen to win comes first, as it makes the others short.
+    rescue : float
+        Place among the methods that are tried where another one failed; infinite: it is not.
     imports : str
         Module that takes long to import, and without which it makes no step.
     """
@@ -150,6 +152,7 @@ class Integrator:
     orders: tuple[int, ...] = ()
     constant_mass: bool = False
     rank: float = np.inf
+    rescue: float = np.inf
     imports: str = ""
 
 

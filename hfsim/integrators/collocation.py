@@ -289,5 +289,5 @@ def automatic(solve: Options, dissipates: bool) -> CollocationMethod:
     )
 
 
-GAUSS = Integrator(_gauss, Stability("A-stable, |R(iwh)| = 1"), rank=4)
-RADAU = Integrator(_radau, Stability("L-stable, |R(iwh)| < 1"), rank=3)
+GAUSS = Integrator(_gauss, Stability("A-stable, |R(iwh)| = 1"), rank=4, rescue=2)
+RADAU = Integrator(_radau, Stability("L-stable, |R(iwh)| < 1"), rank=3, rescue=1)

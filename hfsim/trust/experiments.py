@@ -8,7 +8,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from hfsim.errors import LimitReached
+from hfsim.integrators import METHODS, integrator
 from hfsim.maths.arrays import Array
 from hfsim.maths.rank import Dependence, dependence
 from hfsim.parts.bodies import BeamSpec
@@ -28,8 +31,6 @@ SHARE = 0.2
 """Part of the time for all experiments that each one may take; one of the first may take half of it."""
 AHEAD = 0.01
 """How far before and after the failure an experiment reaches, relative to the duration."""
-STIFF_METHODS = ("radau", "gauss", "gear")
-"""Methods worth trying where another one failed."""
 ALIGNED = 0.05
 """Share of a blocked motion from which a joint takes part in blocking it."""
 
@@ -131,8 +132,9 @@ class Experiments:
             yield "steps by tolerance", {"step": None, "method": "auto", "tolerance": tolerance}
             return
         yield "a tolerance 100 times tighter", self.tighter()
-        for method in STIFF_METHODS:
-            if method != self.done.method:
+        places = {name: integrator(name).rescue for name in METHODS}
+        for method in sorted(places, key=lambda name: places[name]):
+            if np.isfinite(places[method]) and method != self.done.method:
                 yield f"method {method}", {"method": method, "stages": None, "order": None}
         models = (MODELS[one] for one in self.scene.models.values())
         if solve.coordinates == "frame" and any(one.stepping_in("absolute") != one for one in models):
