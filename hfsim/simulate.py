@@ -6,7 +6,7 @@ Where models are chosen in the run, it consists of several legs, each with a sce
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,19 +17,19 @@ from hfsim.parts.channels import CHANNELS, Samples
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.clock import PhaseClock
 from hfsim.run.distance import channel_errors
-from hfsim.run.integration import Integration, run_integration
+from hfsim.run.integration import Integration, Leg, run_integration
 from hfsim.run.plan import plan_of
 from hfsim.run.solution import Channel, Run
 from hfsim.run.stop import Progress
 from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
-from hfsim.trust.adaptive import Course, Leg, chooses, run_adaptive
-from hfsim.trust.diagnosis import diagnose
 from hfsim.trust.experiments import time_for
-from hfsim.trust.handover import hand_over
 from hfsim.trust.suspicion import suspect
 from hfsim.trust.validity import validity_warnings, watch_validity
+
+if TYPE_CHECKING:
+    from hfsim.trust.adaptive import Course
 
 LARGE_DRIFT = 1e-3
 """Energy drift from which a run warns."""
@@ -71,7 +71,9 @@ def simulate(
     """
     clock = PhaseClock()
     course: Course | None = None
-    if chooses(loaded, model):
+    if "auto" in loaded.deck.models(model or loaded.deck.solve.model).values():
+        from hfsim.trust.adaptive import run_adaptive
+
         with clock.phase("solve"):
             course = run_adaptive(loaded, model, progress)
         legs = course.legs
@@ -120,6 +122,8 @@ def assess(
     if diagnosis and len(legs) == 1 and not isinstance(stop, KeyboardInterrupt):
         with clock.phase("diagnosis"):
             if isinstance(stop, SolverFailure):
+                from hfsim.trust.diagnosis import diagnose
+
                 stop = diagnose(scene, done, time_for(clock.cpu["solve"]))
             elif stop is None:
                 statistics["suspicion"] = suspect(scene, done, statistics, time_for(clock.cpu["solve"]))
@@ -315,7 +319,11 @@ def _measured_error(
     for leg, mine in zip(legs, samples, strict=True):
         path = leg.done.trajectory
         again = solve.model_copy(update=update | {"duration": path.t_end})
-        scene = leg.scene if before is None else hand_over(before[0], leg.scene, before[1])[0]
+        scene = leg.scene
+        if before is not None:
+            from hfsim.trust.handover import hand_over
+
+            scene = hand_over(before[0], scene, before[1])[0]
         tight = run_integration(scene, again, start=(path.t_start, scene.q, scene.v)).trajectory
         parts.append(samples_at(scene, tight, mine.t[mine.t <= tight.t_end]))
         if tight.t_end < path.t_end:

@@ -40,6 +40,13 @@ class Integration(NamedTuple):
         return self
 
 
+class Leg(NamedTuple):
+    """A run, or a part of one, with one choice of models."""
+
+    scene: Scene
+    done: Integration
+
+
 def run_integration(
     scene: Scene,
     solve: SolveSpec,

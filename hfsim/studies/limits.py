@@ -288,11 +288,10 @@ def _disturbed(scene: Scene, omega: float, shape: Array) -> Scene:
 
 
 def trial(scene: Scene, job: LimitJob, step: float, budget: Budget) -> str:
-    """Make `STEPS` steps of a length [s]; return why it is not stable, empty if it is."""
+    """Make `STEPS` steps of a length [s] from the scene's own start; return why it is not stable, if so."""
     update = {"method": job.method, "step": step, "duration": STEPS * step, "order": job.order}
     update |= {"stages": None, "max_steps": None}
     solve = scene.deck.solve.model_copy(update=update)
-    # a start of its own: parts of the scene would begin undisturbed
     done = run_integration(scene, solve, budget.guard(), (0.0, scene.q, scene.v)).in_time()
     if done.stop is not None:
         return str(done.stop)

@@ -25,7 +25,7 @@ from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.deformation import Deformation
 from hfsim.parts.bodies.models import LADDER, MODELS
-from hfsim.run.integration import Integration, run_integration
+from hfsim.run.integration import Integration, Leg, run_integration
 from hfsim.run.stop import Halted, Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
@@ -51,13 +51,6 @@ INNER = 8
 
 class OutOfRange(Halted):
     """An estimate passed its bound: this part of the run ends."""
-
-
-class Leg(NamedTuple):
-    """A part of a run made with one choice of models."""
-
-    scene: Scene
-    done: Integration
 
 
 class Switch(NamedTuple):
@@ -131,11 +124,6 @@ class _Exit:
     time: float
     back_to: float
     reason: str
-
-
-def chooses(loaded: LoadedDeck, model: str | None) -> bool:
-    """Return whether any beam's model is to be chosen in the run."""
-    return "auto" in loaded.deck.models(model or loaded.deck.solve.model).values()
 
 
 def run_adaptive(loaded: LoadedDeck, model: str | None, progress: Progress | None) -> Course:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hfsim.run.distance import channel_errors
+from hfsim.run.integration import Leg
 from hfsim.run.solution import Run
 from hfsim.simulate import assess
 from hfsim.studies.bench.points import tidy
 from hfsim.studies.refine.level import Level
 from hfsim.studies.refine.search import SAFETY, Search
 from hfsim.studies.refine.setting import fixed_meshes
-from hfsim.trust.adaptive import Leg
 
 
 @dataclass(frozen=True)
