@@ -52,9 +52,13 @@ OUTSIDE = ("test_architecture.py", "test_totality.py", "studies", "commands", "o
 
 
 class Mutant(NamedTuple):
-    """One change of one file: its text from `start` to `end`, in bytes, is replaced."""
+    """One change of one file: its text from `start` to `end`, in bytes, is replaced.
+
+    What runs its `line` runs the `first` line of the statement too, and coverage may have seen that only.
+    """
 
     file: str
+    first: int
     line: int
     start: int
     end: int
@@ -96,20 +100,21 @@ class Breaker:
             self.offsets.append(self.offsets[-1] + len(line))
 
     def mutants(self) -> Iterator[Mutant]:
-        yield from self._inside(ast.parse(self.source), in_function=False)
+        yield from self._inside(ast.parse(self.source), 1, in_function=False)
 
-    def _inside(self, node: ast.AST, in_function: bool) -> Iterator[Mutant]:
+    def _inside(self, node: ast.AST, first: int, in_function: bool) -> Iterator[Mutant]:
+        first = node.lineno if isinstance(node, ast.stmt) else first
         for child in ast.iter_child_nodes(node):
             if isinstance(child, NOT_MECHANICS) or _is_bare_number(node, child) or _is_typing(node, child):
                 continue
             for start, end, text in self._broken(child):
-                mutant = Mutant(self.file, child.lineno, start, end, text, in_function)
+                mutant = Mutant(self.file, first, child.lineno, start, end, text, in_function)
                 if _compiles(mutant.applied(self.source)):
                     yield mutant
             if isinstance(child, ast.UnaryOp) and isinstance(child.operand, ast.Constant):
                 continue
             inner = in_function or isinstance(child, ast.FunctionDef | ast.Lambda)
-            yield from self._inside(child, inner)
+            yield from self._inside(child, first, inner)
 
     def _broken(self, node: ast.AST) -> Iterator[tuple[int, int, str]]:
         if isinstance(node, ast.Constant):
@@ -226,7 +231,8 @@ class Tests(NamedTuple):
         """Return the tests to run, those that run the line before their neighbours, the quickest first."""
         lines = self.lines.get(mutant.file, {})
         if mutant.in_function:
-            names = set(lines.get(str(mutant.line), ()))
+            span = range(mutant.first, mutant.line + 1)
+            names = {name for line in span for name in lines.get(str(line), ())}
         else:
             names = {name for tests in lines.values() for name in tests}
         files = {name.split("::")[0] for name in names}
