@@ -20,7 +20,7 @@ from hfsim.commands.options import (
     talk_options,
     time_option,
 )
-from hfsim.output.study import Study, claim_study
+from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
@@ -132,8 +132,8 @@ def bench(
             elements=elements or bench_separation.ELEMENTS,
             states=states or bench_separation.STATES,
             kinds=bench_separation.known_kinds(names(element)),
-            repeats=repeats, seconds=budget, started=started, plots=to.plots, talk=talk,
-            folder=claim_study("bench", to, "separation"),
+            repeats=repeats, seconds=budget, started=started,
+            study=Study.claim("bench", to, "separation", talk),
         )  # fmt: skip
         raise click.exceptions.Exit(bench_separation.do_separation(plan))
     _refuse_given({"--element": element, "--states": states}, "goes with --separation only")

@@ -7,22 +7,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import click
-
-from hfsim.output.talk import Talk, print_error
+from hfsim.commands.options import refuse_unknown
+from hfsim.output.study import Study
+from hfsim.output.talk import print_error
 from hfsim.output.text import as_table
 
 if TYPE_CHECKING:
-    from hfsim.output.runfolder import RunFolder
     from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench
-    from hfsim.studies.timing import Spread
 
 ELEMENTS = (1, 4, 16, 64, 256)
 """Numbers of elements, where the command line names none."""
 STATES = (1, 64)
 """Beams in a batch."""
-MARKER = "bench.json"
-"""File whose presence means that the results in a folder are whole."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +31,7 @@ class Plan:
     repeats: int
     seconds: float
     started: float
-    folder: RunFolder
-    plots: bool
-    talk: Talk
+    study: Study
 
 
 def known_kinds(given: tuple[str, ...]) -> tuple[str, ...]:
@@ -50,9 +44,7 @@ def known_kinds(given: tuple[str, ...]) -> tuple[str, ...]:
     """
     from hfsim.parts.elements import ELEMENTS as KINDS
 
-    for name in given:
-        if name not in KINDS:
-            raise click.UsageError(f"there is no element '{name}'; there are {', '.join(KINDS)}")
+    refuse_unknown("element", given, KINDS)
     return given or tuple(KINDS)
 
 
@@ -61,39 +53,26 @@ def do_separation(plan: Plan) -> int:
     from hfsim.output.progress import Progress
     from hfsim.run.stop import Budget
     from hfsim.studies.separation.measure import measure
+    from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows
 
-    plan.folder.prepare()
-    (plan.folder.path / MARKER).unlink(missing_ok=True)
-    with Progress("matrix separation", sys.stderr, plan.talk.quiet) as progress:
+    study = plan.study
+    study.begin()
+    with Progress("matrix separation", sys.stderr, study.talk.quiet) as progress:
         budget = Budget(plan.seconds, start=plan.started, report=progress)
         result = measure(plan.elements, plan.kinds, plan.repeats, budget, states=plan.states)
-    facts = _save(plan, result)
-    plan.talk.facts(facts)
-    plan.talk.result(as_text(result, plan.folder.path))
+
+    def draw(folder: Path) -> list[str]:
+        from hfsim.output.plots import draw_separation
+
+        return draw_separation(result, folder)
+
+    tables = {"bench": (CSV_COLUMNS, as_rows(result))}
+    study.publish(as_facts(result), tables, as_text(result, study.path), draw)
     for sentence in result.disagreements:
         print_error(sentence)
     if result.status == "interrupted":
         print_error("interrupted; what was measured until then is kept")
     return {"done": 0, "wrong": 4, "interrupted": 130}[result.status]
-
-
-def _save(plan: Plan, result: SeparationBench) -> dict[str, object]:
-    """Write bench.csv, the plot and, last, bench.json; return what is in the latter."""
-    from hfsim.output.runfolder import disk
-    from hfsim.output.writers import json_ready, versions, write_json, write_table
-    from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows
-
-    path = plan.folder.path
-    with disk(path):
-        write_table(path / "bench.csv", as_rows(result), CSV_COLUMNS)
-        files = ["bench.csv", MARKER]
-        if plan.plots:
-            from hfsim.output.plots import draw_separation
-
-            files += [f"plots/{name}" for name in draw_separation(result, path / "plots")]
-        facts, _ = json_ready({**as_facts(result), "versions": versions(), "files": files})
-        write_json(path / MARKER, facts)
-    return dict(facts)
 
 
 # --- text ----------------------------------------------------------------------------------------
@@ -129,22 +108,11 @@ def _table(cells: list[Cell]) -> str:
 
 
 def _row(form: FormTimes) -> list[str]:
-    from hfsim.studies.bench import tidy
+    from hfsim.studies.bench.points import tidy
 
-    worst = form.worst_difference
-    return [
-        form.form,
-        *_time(form.force, 1e6), _percent(form.force_ratio),
-        *_time(form.both, 1e6), _percent(form.both_ratio),
-        *_time(form.run, 1e3), _percent(form.run_ratio),
-        f"{form.tables / 1e3:.3g}", f"{form.peak / 1e3:.3g}",
-        tidy(worst) if worst > 0.0 else "-",
-    ]  # fmt: skip
-
-
-def _time(spread: Spread, unit: float) -> list[str]:
-    return [f"{unit * spread.median:.3g}", spread.percent]
-
-
-def _percent(ratio: float) -> str:
-    return f"{100 * ratio:.3g} %"
+    worst, cells = form.worst_difference, [form.form]
+    for name, unit in (("force", 1e6), ("both", 1e6), ("run", 1e3)):
+        spread, ratio = getattr(form, name), getattr(form, f"{name}_ratio")
+        cells += [f"{unit * spread.median:.3g}", spread.percent, f"{100 * ratio:.3g} %"]
+    memory = [f"{size / 1e3:.3g}" for size in (form.tables, form.peak)]
+    return [*cells, *memory, tidy(worst) if worst > 0.0 else "-"]

@@ -18,9 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators import Trajectory, choose
-from hfsim.integrators.collocation import CollocationMethod
-from hfsim.integrators.energy import EnergyMethod
+from hfsim.integrators import METHODS, Trajectory, choose, integrator
 from hfsim.maths.arrays import Array
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import run_integration
@@ -62,38 +60,6 @@ class Theory:
     words: str
 
 
-def explicit_growth(y: Array) -> Array:
-    """Return |R(iy)| of the explicit pair of order 8, R(z) = sum b A^k 1 z^(k+1) + 1, for y = w h."""
-    from scipy.integrate import DOP853
-
-    A, b = DOP853.A[:12, :12], DOP853.B
-    R, power, factor = np.ones(len(y), dtype=complex), np.ones(12), 1j * y
-    for k in range(12):
-        R = R + float(b @ power) * factor ** (k + 1)
-        power = A @ power
-    return np.abs(R)
-
-
-def gear_growth(order: int, y: Array) -> Array:
-    """Return the largest root of backward differentiation of an order at z = iy: sum_j (1 - x)^j / j = z."""
-    base = np.zeros(order + 1)
-    for j in range(1, order + 1):
-        # (1 - 1/x)^j x^order: coefficients of x^order, x^(order-1), ...
-        base[: j + 1] += np.array([(-1.0) ** k * _binomial(j, k) for k in range(j + 1)]) / j
-    found = []
-    for value in y:
-        polynomial = base.astype(complex)
-        polynomial[0] -= 1j * value
-        found.append(np.abs(np.roots(polynomial)).max())
-    return np.array(found)
-
-
-def _binomial(n: int, k: int) -> float:
-    from math import comb
-
-    return float(comb(n, k))
-
-
 def theory(method: str, order: int | None = None) -> Theory:
     """Return what is predicted for undamped modes, steps in periods of the mode.
 
@@ -105,38 +71,38 @@ def theory(method: str, order: int | None = None) -> Theory:
     >>> theory("gauss").longest is None, round(theory("explicit").longest, 3)
     (True, 0.949)
     """
-    if method == "explicit":
-        edge = _crossing(explicit_growth, 4.0, 8.0)
-        return Theory(edge / (2 * np.pi), f"|R(iwh)| = 1 at wh = {edge:.4g}")
-    if method == "gear" and (order or 5) >= 3:
-        k = order or 5
-        y = np.linspace(0.05, 12.0, 600)
-        growth = gear_growth(k, y)
-        worst, last = int(growth.argmax()), int(np.nonzero(growth > 1.0 + 1e-9)[0][-1])
-        edge = _crossing(lambda at: gear_growth(k, at), 0.0, float(y[worst]))
+    said = integrator(method).stability
+    named = f"order {order}: " if order else ""
+    if said.growth is None:
+        return Theory(None, said.words)
+    y, amplification = np.linspace(0.05, 12.0, 600), said.growth
+    growth = amplification(y, order)
+    growing = np.nonzero(growth > 1.0 + 1e-9)[0]
+    visible = np.nonzero(growth >= _SEEN)[0]
+    if not len(visible):
+        return Theory(None, named + said.words)
+    edge = _crossing(lambda at: amplification(at, order), *y[[max(visible[0] - 1, 0), visible[0]]])
+    words = f"|R(iwh)| = 1 at wh = {edge:.4g}"
+    if growing[-1] < len(y) - 1:
+        worst = int(growth.argmax())
         words = (
-            f"order {k}: undamped modes grow for every wh up to {y[last]:.3g}, by a factor of "
+            f"{named}undamped modes grow for every wh up to {y[growing[-1]]:.3g}, by a factor of "
             f"{growth[worst]:.3g} a step at wh = {y[worst]:.3g}; {BLOWN:g}-fold energy in {STEPS} steps "
             f"at wh = {edge:.3g}"
         )
-        return Theory(edge / (2 * np.pi), words)
-    words = {
-        "gauss": "A-stable, |R(iwh)| = 1",
-        "radau": "L-stable, |R(iwh)| < 1",
-        "energy": "A-stable, |R(iwh)| = 1; keeps the energy of any motion",
-        "gear": f"order {order}: A-stable",
-        "generalized_alpha": "unconditionally stable for linear scenes",
-    }[method]
-    return Theory(None, words)
+    return Theory(edge / (2 * np.pi), words)
+
+
+_SEEN = BLOWN ** (1.0 / (2.0 * STEPS))
+"""Growth of an amplitude per step from which a trial run sees it."""
 
 
 def _crossing(growth: Callable[[Array], Array], low: float, high: float) -> float:
     """Return w h between two values from which a mode grows enough to be seen."""
-    seen = BLOWN ** (1.0 / (2.0 * STEPS))
     for _ in range(60):
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if growth(np.array([middle]))[0] < seen else (low, middle)
-    return low
+        low, high = (middle, high) if growth(np.array([middle]))[0] < _SEEN else (low, middle)
+    return float(low)
 
 
 # --- measurement ---------------------------------------------------------------------------------
@@ -228,9 +194,8 @@ def measure(job: LimitJob) -> Limit:
     omega, shape = fastest_mode(scene, 0.0, scene.q, scene.v)
     period = 2.0 * np.pi / omega
     disturbed = _disturbed(scene, omega, shape)
-    said = theory(job.method, job.order)
     method = choose(scene.deck.solve, scene.system.dissipates)
-    stages = method.table.stages if isinstance(method, CollocationMethod | EnergyMethod) else None
+    said = theory(method.name, job.order)
     found = Bracket(0.25 * said.longest if said.longest else 1.0)
     try:
         while (step := found.next()) is not None:
@@ -239,7 +204,9 @@ def measure(job: LimitJob) -> Limit:
     except TimeUp:
         where = f"{found.reason}; not located any closer" if found.reason else "no end found"
         reason = f"{where} within {budget.seconds:.3g} s"
-    return Limit(job.method, job.order, stages, found.low, found.high, reason, said.longest, said.words)
+    return Limit(
+        job.method, job.order, method.stages, found.low, found.high, reason, said.longest, said.words
+    )
 
 
 @dataclass
@@ -381,7 +348,7 @@ def limits(
         raise LimitsError(f"nothing swings in {loaded.deck.name} at the start: there is no fastest period")
     farm = Farm(jobs, deadline)
     source = loaded.source
-    wanted = [(m, k) for m in methods for k in ((1, 2, 3, 4, 5) if m == "gear" else (None,))]
+    wanted = [(m, k) for m in methods for k in (m in METHODS and integrator(m).orders) or (None,)]
     base = LimitJob(source.text, source.file, loaded.overrides, model, "", None, limit, deadline)
     turns = [-(-left // jobs) for left in range(len(wanted) + 1, 0, -1)]
     farm.add(Task("spectra", _spectra, replace(base, turns=turns[0]), limit))

@@ -9,14 +9,13 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
+from hfsim.integrators import integrator
 from hfsim.mechanics.modes import LargeModes, modes_by_differences
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.limits import (
     LimitJob,
-    explicit_growth,
-    gear_growth,
     limits,
     measure,
     theory,
@@ -195,12 +194,12 @@ def test_theory():
     """Known edges: BDF3 and BDF4 leave the unit disc on the imaginary axis up to 1.94 and 4.71."""
     y = np.linspace(0.1, 6.5, 641)
     for order, edge in ((3, 1.94), (4, 4.71)):
-        growing = gear_growth(order, y) > 1.0 + 1e-9
+        growing = integrator("gear").stability.growth(y, order) > 1.0 + 1e-9
         assert y[growing].max() == pytest.approx(edge, abs=0.05)
     for order in (1, 2):
-        assert (gear_growth(order, y) <= 1.0 + 1e-12).all()
+        assert (integrator("gear").stability.growth(y, order) <= 1.0 + 1e-12).all()
     # to eighth order the polynomial is the exponential, whose size is one
-    assert explicit_growth(np.array([0.1]))[0] == pytest.approx(1.0, abs=1e-13)
+    assert integrator("explicit").stability.growth(np.array([0.1]), None)[0] == pytest.approx(1.0, abs=1e-13)
     assert theory("radau").longest is None
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from hfsim.errors import DeckError
+from hfsim.integrators import import_for
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import Value, point_overrides, written
 from hfsim.studies.farm import Farm, Outcome, Task
@@ -62,8 +63,7 @@ class Mapper:
         self._cells: dict[tuple[str, ...], _Cell] = {}
         self._found: dict[Wanted, MapPoint] = {}
         self.interrupted = False
-        if "explicit" in plan.methods:
-            import scipy.integrate  # noqa: F401 (once here, not in every worker)
+        import_for(plan.methods)  # once here, not in every worker
 
     @property
     def used(self) -> float:
