@@ -13,6 +13,7 @@ import numpy as np
 from hfsim.errors import HfsimError, LimitReached, SolverFailure, Terminated
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
+from hfsim.parts.bodies import BODIES
 from hfsim.parts.channels import CHANNELS, Samples
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.clock import PhaseClock
@@ -162,7 +163,7 @@ def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
         "name": deck.name,
         "model": scene.model,
         "models": scene.models,
-        "bodies": {kind: kinds.count(kind) for kind in ("beam", "rigid") if kind in kinds},
+        "bodies": {kind: kinds.count(kind) for kind in BODIES if kind in kinds},
         "joints": len(deck.joints),
         "springs": len(deck.springs),
         "loads": len(deck.loads),

@@ -17,7 +17,6 @@ from hfsim.output.text import plural
 _NOUNS = {
     "joints": "joint",
     "springs": "spring",
-    "forces": "force",
     "loads": "load",
     "unknowns": "unknown",
     "multipliers": "multiplier",
@@ -61,28 +60,11 @@ def describe(facts: Mapping[str, Any]) -> str:
     >>> describe({"bodies": {"beam": 2, "rigid": 1}, "joints": 3, "unknowns": 40, "multipliers": 6})
     '2 beams, 1 rigid body, 3 joints, 40 unknowns, 6 multipliers'
     """
-    parts = _bodies(facts.get("bodies"))
+    from hfsim.parts.bodies import BODIES
+
+    parts = [plural(count, BODIES[kind].noun) for kind, count in facts["bodies"].items()]
     for key, noun in _NOUNS.items():
-        count = _count(facts.get(key))
-        if count is not None and (count or key in _ALWAYS):
-            parts.append(_counted(count, noun))
+        if facts.get(key) or key in _ALWAYS:
+            first, *rest = noun.split(" ", 1)
+            parts.append(" ".join([plural(facts[key], first), *rest]))
     return ", ".join(parts)
-
-
-def _bodies(bodies: object) -> list[str]:
-    if isinstance(bodies, Mapping) and all(isinstance(count, int) for count in bodies.values()):
-        nouns = {"rigid": "rigid body"}
-        return [plural(count, nouns.get(str(kind), str(kind))) for kind, count in bodies.items() if count]
-    count = _count(bodies)
-    return [] if count is None else [plural(count, "body")]
-
-
-def _counted(count: int, noun: str) -> str:
-    first, _, rest = noun.partition(" ")
-    return plural(count, first) + (f" {rest}" if rest else "")
-
-
-def _count(value: object) -> int | None:
-    if isinstance(value, int):
-        return value
-    return len(value) if isinstance(value, list | tuple | dict) else None

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path as FilePath
 from typing import Any, NamedTuple
@@ -202,8 +202,8 @@ def parse_source(text: str, file: str = "deck", overrides: Sequence[str] = ()) -
     source = DeckSource(
         file, text, reader.data, tuple(overrides), reader.problems, reader.keys, reader.values
     )
-    for override in overrides:
-        _apply_override(source, override)
+    wrong = [_set_entry(source, override) for override in overrides]
+    source.problems.extend(one for one in wrong if one is not None)
     return source
 
 
@@ -345,41 +345,30 @@ def _syntax_hint(text: str, line: int) -> str:
     return "indent with spaces, not tabs" if any("\t" in one for one in near) else ""
 
 
-def _apply_override(source: DeckSource, override: str) -> None:
-    """Set one entry of the data; what cannot be set is added to the problems."""
-    problem = next(_set_entry(source, override), None)
-    if problem is not None:
-        source.problems.append(problem)
-
-
-def _set_entry(source: DeckSource, override: str) -> Iterator[OverrideProblem]:
+def _set_entry(source: DeckSource, override: str) -> OverrideProblem | None:
+    """Set one entry of the data; return why it cannot be set."""
     name, equals, value = override.partition("=")
     name = name.strip()
     if not equals or not name:
-        yield OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE")
-        return
+        return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE")
     reader = _parse(value)
-    if isinstance(reader, DeckProblem) or reader.problems:
-        problem = reader if isinstance(reader, DeckProblem) else reader.problems[0]
-        yield OverrideProblem(name, f"'{value}': {problem.message}", problem.hint)
-        return
+    wrong = [reader] if isinstance(reader, DeckProblem) else reader.problems
+    if isinstance(reader, DeckProblem) or wrong:
+        return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint)
     path = source.path_of(name)
     for depth in range(1, len(path)):
-        if _child_exists(source.data, path[:depth]):
-            continue
-        known = _at(source.data, path[: depth - 1])
-        hint = did_you_mean(str(path[depth - 1]), known if isinstance(known, dict) else ())
-        yield OverrideProblem(name, f"there is no {dotted(path[:depth])} in the deck", hint)
-        return
+        if not _child_exists(source.data, path[:depth]):
+            known = _at(source.data, path[: depth - 1])
+            hint = did_you_mean(str(path[depth - 1]), known if isinstance(known, dict) else ())
+            return OverrideProblem(name, f"there is no {dotted(path[:depth])} in the deck", hint)
     parent = _at(source.data, path[:-1])
     if isinstance(parent, list) and not _child_exists(source.data, path):
-        yield OverrideProblem(name, f"{dotted(path[:-1])} has {len(parent)} entries, counted from 0")
-        return
+        return OverrideProblem(name, f"{dotted(path[:-1])} has {len(parent)} entries, counted from 0")
     if not isinstance(parent, dict | list):
-        yield OverrideProblem(name, f"{dotted(path[:-1])} is a value and has no entries")
-        return
+        return OverrideProblem(name, f"{dotted(path[:-1])} is a value and has no entries")
     parent[path[-1]] = reader.data  # type: ignore[index]
     source.overridden.add(path)
+    return None
 
 
 def _at(data: Any, path: Path) -> Any:

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 class BodySpec(Spec):
     """Base of bodies."""
 
+    noun: ClassVar[str] = "body"
+    """What one of its kind is called."""
+
     own_points: ClassVar[tuple[str, ...]] = ()
     """Points that every body of this kind has, besides those a deck names."""
 

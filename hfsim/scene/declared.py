@@ -57,7 +57,7 @@ class Declared:
         known = self.points[owner]
         if known is None or not point or point in known:
             return
-        having = [f"{kind}s" for kind, spec in BODIES.items() if point in spec.own_points]
+        having = [f"{spec.noun}s" for spec in BODIES.values() if point in spec.own_points]
         what = f"{point}, only {' and '.join(having)} have" if having else f"point '{point}'"
         yield Complaint(path, f"'{owner}' has no {what}", _points_hint(owner, point, known))
 

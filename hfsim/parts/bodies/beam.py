@@ -42,6 +42,7 @@ class BeamSpec(BodySpec):
     """Straight beam with a constant section; its frame is at the root, first axis along the root tangent."""
 
     own_points = END_POINTS
+    noun = "beam"
 
     type: Literal["beam"]
     """Kind of body."""

@@ -24,6 +24,7 @@ class RigidSpec(BodySpec):
     """Rigid body; its frame is at the centre of mass."""
 
     rigid = True
+    noun = "rigid body"
 
     type: Literal["rigid"]
     """Kind of body."""
