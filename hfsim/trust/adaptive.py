@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfsim.errors import DeckError, LimitReached, SolverFailure
+from hfsim.errors import DeckError, SolverFailure
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.deformation import Deformation
@@ -117,8 +117,7 @@ class Course:
         }
 
 
-@dataclass
-class _Exit:
+class _Exit(NamedTuple):
     """Where a beam has to leave its model, and from where to go on."""
 
     time: float
@@ -137,18 +136,22 @@ def run_adaptive(loaded: LoadedDeck, model: str | None, progress: Progress | Non
     return _Adaptive(loaded, model, progress).run()
 
 
+@dataclass
 class _Adaptive:
     """One adaptive run under way."""
 
-    def __init__(self, loaded: LoadedDeck, model: str | None, progress: Progress | None) -> None:
-        self.loaded, self.model, self.progress = loaded, model, progress
-        deck = loaded.deck
-        named = deck.models(model or deck.solve.model)
+    loaded: LoadedDeck
+    model: str | None
+    progress: Progress | None
+    course: Course = field(default_factory=Course)
+
+    def __post_init__(self) -> None:
+        solve = self.loaded.deck.solve
+        named = self.loaded.deck.models(self.model or solve.model)
         self.chosen = {name: LADDER[0] for name, one in named.items() if one == "auto"}
-        self.bound = SAFETY * deck.solve.model_error
+        self.bound = SAFETY * solve.model_error
         self.reach: dict[str, float] = {}
         self.forecast: dict[str, dict[str, tuple[Array, Array]]] = {}
-        self.course = Course()
 
     def run(self) -> Course:
         """Make legs until the end, each with the models that the one before asked for."""
@@ -166,9 +169,8 @@ class _Adaptive:
             at = at if at - begin > SHORTEST * deck.solve.duration else begin
             soon = min(one.time for one in exits.values()) + TOGETHER * deck.solve.duration
             leaving = {name: one for name, one in exits.items() if one.time <= soon}
-            steps = len(done.trajectory.segments)
             kept = _until(scene, done, at)
-            self.course.discarded_steps += steps - len(kept.trajectory.segments)
+            self.course.discarded_steps += len(done.trajectory.segments) - len(kept.trajectory.segments)
             if kept.trajectory.segments:
                 self.course.legs.append(Leg(scene, kept))
             scene, begin = self._moved_up(scene, kept.trajectory, leaving), at
@@ -192,15 +194,15 @@ class _Adaptive:
         new, gained = build(self.loaded, self.model, self.chosen), 0.0
         if self.course.legs:
             new, gained = hand_over(scene, new, path)
-        x, u = new.system.absolute(new.q[None]), new.system.absolute_velocity(new.q[None], new.v[None])
-        there = float((new.system.kinetic_energy(x, u) + new.system.strain_energy(x))[0])
+        system = new.system
+        x, u = system.absolute(new.q[None]), system.absolute_velocity(new.q[None], new.v[None])
+        there = float((system.kinetic_energy(x, u) + system.strain_energy(x))[0])
         share = gained / there if there > 0.0 else 0.0
         for name, after in self.chosen.items():
             if after != before[name]:
                 reason = leaving[name].reason if name in leaving else "another beam is flexible too"
-                self.course.switches.append(
-                    Switch(path.t_end, name, before[name], after, reason, gained, share)
-                )
+                switch = Switch(path.t_end, name, before[name], after, reason, gained, share)
+                self.course.switches.append(switch)
         return new
 
     def _next_model(self, name: str, now: float) -> str:
@@ -221,28 +223,22 @@ class _Adaptive:
 
     def _exits(self, scene: Scene, done: Integration) -> dict[str, _Exit]:
         """Return where beams have to leave their models; nothing if the leg can stand as it is."""
-        names = self.watched(scene)
-        stop = done.stop
-        if not names or isinstance(stop, KeyboardInterrupt):
-            return {}
-        if isinstance(stop, LimitReached) and not isinstance(stop, OutOfRange):
+        names, stop = self.watched(scene), done.stop
+        if not names or not (stop is None or isinstance(stop, SolverFailure | OutOfRange)):
             return {}
         times, q, v = _states(scene, done.trajectory)
         exits, errors = {}, {}
-        failed = isinstance(stop, SolverFailure)
         for name in names:
-            estimate = self.estimate(scene, name, times, q, v, forecast=stop is None)
-            relative, terms, seen = estimate
+            relative, terms, seen = self.estimate(scene, name, times, q, v, forecast=stop is None)
             errors[name] = float(relative.max())
             over = np.flatnonzero(~(relative <= self.bound))
-            if len(over) or failed:
-                first = int(over[0]) if len(over) else len(times) - 1
-                good = np.flatnonzero(relative[: first + 1] < CHECKPOINT * self.bound)
-                back = float(times[good[-1]]) if len(good) else float(times[0])
-                reason = error_reason(terms, first, seen, relative)
-                exits[name] = _Exit(
-                    float(times[first]), back, str(stop) if failed and not len(over) else reason
-                )
+            if not len(over) and not isinstance(stop, SolverFailure):
+                continue
+            first = int(over[0]) if len(over) else len(times) - 1
+            good = np.flatnonzero(relative[: first + 1] < CHECKPOINT * self.bound)
+            reason = error_reason(terms, first, seen, relative) if len(over) else str(stop)
+            back_to = times[good[-1]] if len(good) else times[0]
+            exits[name] = _Exit(float(times[first]), float(back_to), reason)
         if not exits:
             for name, error in errors.items():
                 self.course.errors[name] = max(error, self.course.errors.get(name, 0.0))
@@ -279,12 +275,11 @@ class _Watch:
     scene: Scene
 
     def __post_init__(self) -> None:
-        self._names = [name for name in self.run.watched(self.scene)]
+        self._names = self.run.watched(self.scene)
         self._states: list[tuple[float, Array, Array]] = []
         # an all-rigid run is short, and its end is what forecasts are made from
-        self._idle = not self._names or not any(
-            MODELS[model].flexible for model in self.scene.models.values()
-        )
+        flexible = any(MODELS[model].flexible for model in self.scene.models.values())
+        self._idle = not self._names or not flexible
         self._next = EVERY
 
     def __call__(self, t: float, q: Array, v: Array) -> None:

@@ -79,21 +79,13 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     driven = {row.item for row in scene.system.constraints if row.driven}
     involved = [f"joints.{name}" for name in last.joints]
     drivers = [item for item in involved if item in driven]
-    item = (drivers or involved)[0]
-    what = (
-        f"drives the mechanism into a dead centre of {listed(last.joints)}"
-        if drivers
-        else (f"and {listed(last.joints[1:])} block the same motion there: a dead centre")
-    )
-    until = float(f"{end.t_end * 0.98:.3g}")
-    reason = (
-        f"{item} {what} at t = {end.t_end:.4g} s: the joint equations lose their rank and no motion leads on"
-    )
+    item, what = (drivers or involved)[0], f"drives the mechanism into a dead centre of {listed(last.joints)}"
+    if not drivers:
+        what = f"and {listed(last.joints[1:])} block the same motion there: a dead centre"
+    reason = f"{item} {what} at t = {end.t_end:.4g} s: "
+    reason += "the joint equations lose their rank and no motion leads on"
     evidence = {"smallest_singular_value": last.size, "smallest_singular_value_at_start": first.size}
-    return replace(
-        _classed(stop, "physical", item, evidence, command(scene.loaded, {"solve.duration": until})),
-        reason=reason,
-    )
+    return replace(_classed(stop, "physical", item, evidence, trial.command_until_then()), reason=reason)
 
 
 def _truncated_model(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
@@ -114,7 +106,8 @@ def _largest_term(stop: SolverFailure, trial: Experiments) -> tuple[str, str, di
     samples = step_samples(trial.done.trajectory)
     validity = watch_validity(trial.scene, samples.t, samples.q, samples.v)
     worst = max(validity, key=lambda one: float(validity[one]["largest"]["estimated_error"]))
-    name = stop.item.removeprefix("bodies.") if stop.item.removeprefix("bodies.") in validity else worst
+    named = stop.item.removeprefix("bodies.")
+    name = named if named in validity else worst
     largest = validity[name]["largest"]
     sizes = {key: largest[key] for key in ("slope", "foreshortening")}
     if validity[name]["left_at"] is not None:
@@ -149,7 +142,7 @@ def _without_mass(stop: SolverFailure, trial: Experiments) -> SolverFailure | No
     name = min(masses, key=lambda one: masses[one])
     if len(masses) < 2 or masses[name] > MASSLESS * sum(masses.values()):
         return None
-    values, vectors = linearised(trial.done, trial.done.trajectory.t_end)
+    values, vectors = linearised(trial.done, trial.stop_time)
     fastest = int(np.argmax(np.abs(values)))
     item = body_of(scene, np.abs(vectors[: scene.system.n, fastest]))
     if item != f"bodies.{name}":
@@ -178,20 +171,15 @@ def _masses(scene: Scene) -> dict[str, float]:
 
 def _stays(stop: SolverFailure, trial: Experiments) -> SolverFailure:
     """What no experiment made go away."""
-    end = trial.done.trajectory
-    values, vectors = linearised(trial.done, end.t_end)
+    values, vectors = linearised(trial.done, trial.stop_time)
     growing = int(np.argmax(values.real))
-    growth = float(values.real[growing])
-    evidence: dict[str, Any] = {**trial.outcomes, "growth_rate": growth}
+    evidence: dict[str, Any] = {**trial.outcomes, "growth_rate": float(values.real[growing])}
     item = stop.item or body_of(trial.scene, np.abs(vectors[: trial.scene.system.n, growing]))
-    failed = [outcome for outcome in trial.outcomes.values() if outcome.startswith("fails")]
-    if len(failed) < 2 and trial.undecided:
+    if trial.undecided and sum(one.startswith("fails") for one in trial.outcomes.values()) < 2:
         # too few experiments came to an end to put it down to the physics
         evidence["undecided"] = "no experiment came to an end in the time allowed"
         return _classed(stop, stop.kind, item, evidence, trial.command(trial.tighter()))
-    half = float(f"{end.t_end * 0.98:.3g}")
-    remedy = command(trial.scene.loaded, {"solve.duration": half})
-    return _classed(stop, "physical", item, evidence, remedy)
+    return _classed(stop, "physical", item, evidence, trial.command_until_then())
 
 
 def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:

@@ -149,6 +149,10 @@ class Experiments:
         changes = {f"solve.{k}": value for k, value in update.items() if getattr(self.solve, k) != value}
         return command(self.scene.loaded, changes, force)
 
+    def command_until_then(self) -> str:
+        """Return the command that runs the deck until shortly before it stopped."""
+        return command(self.scene.loaded, {"solve.duration": float(f"{self.stop_time * 0.98:.3g}")})
+
     def command_exact(self, name: str, force: bool = False) -> str:
         """Return the command that runs the deck with a beam in the model exact."""
         spec = self.scene.deck.bodies[name]
