@@ -130,6 +130,17 @@ def turned(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
+def crossed(spin, a):
+    """Return spin x a: velocities of places (..., n_dim) about the origin, for a spin (1,) or (3,)."""
+    a = np.asarray(a)
+    return np.cross(spin, a) if a.shape[-1] == 3 else spin * np.stack([-a[..., 1], a[..., 0]], axis=-1)
+
+
+def moment_of(arm, force):
+    """Return arm x force, shape (1,) in the plane and (3,) in space."""
+    return np.cross(arm, force) if len(arm) == 3 else np.array([arm[0] * force[1] - arm[1] * force[0]])
+
+
 def tilde(a):
     """Matrix of the cross product with a spatial vector."""
     return np.array([[0, -a[2], a[1]], [a[2], 0, -a[0]], [-a[1], a[0], 0]])

@@ -78,9 +78,36 @@ def random_state(rng, size=0.15):
     return x
 
 
-def rigid_motion(x, velocity, omega):
+PLACES = {
+    "hub": (0.0, 0.0),
+    "plate": (0.4, -0.3),
+    "rope_tip": (1.2, 0.0),
+    "rope_inside": (0.4, 0.0),
+    "block": (0.8, 0.1),
+    "blade_root": (0.0, 0.0),
+    "blade": (0.9, 0.0),
+}
+"""Where the markers of undeformed bodies stand in the frames of their bodies."""
+
+
+def undeformed(turn, origin):
+    """Coordinates (N,) of all bodies undeformed, their frames turned by a matrix and put in one place."""
+    x = np.zeros(N)
+    for columns in (HUB, PLATE, BLADE):
+        x[columns.start : columns.start + 3] = [*origin, np.arctan2(turn[1, 0], turn[0, 0])]
+    for mesh, columns in ((CABLE, ROPE), (CONTINUUM, BLOCK)):
+        x[columns] = (mesh.undeformed @ turn.T + mesh.positions[:, None] * origin).ravel()
+    return x
+
+
+def rigid_motions(x):
+    """Rates of all bodies in each common shift along an axis and turn about one, shape (n, N)."""
+    return np.array([rigid_motion(x, one[:2], one[2:]) for one in np.eye(3)])
+
+
+def rigid_motion(x, velocity, spin):
     """Rates (N,) of all bodies in one common rigid motion about the inertial origin."""
-    u = np.zeros(N)
+    u, (omega,) = np.zeros(N), spin
     for columns in (HUB, PLATE, BLADE):
         i = columns.start
         u[i : i + 3] = [velocity[0] - omega * x[i + 1], velocity[1] + omega * x[i], omega]
@@ -89,6 +116,7 @@ def rigid_motion(x, velocity, omega):
         turned = omega * np.stack([-z[:, 1], z[:, 0]], axis=-1)
         u[columns] = (turned + mesh.positions[:, None] * np.asarray(velocity)).ravel()
     return u
+
 
 DEAD_CENTRE = """hfsim: 1
 bodies:

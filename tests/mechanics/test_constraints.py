@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 import zoo
-from analytical import along, jacobian, turned, twice_along
+from analytical import along, crossed, jacobian, moment_of, turned, twice_along
 from zoo import MARKERS, PAIRS
 
 from hfsim.maths.matrices import assemble
-from hfsim.mechanics.constraints import constraints_of
+from hfsim.mechanics.constraints import Coincide, constraints_of
 from hfsim.parts.joints import JOINTS as KINDS
 from hfsim.parts.joints.driver import DriverSpec
 from hfsim.parts.joints.fixed import FixedSpec
@@ -82,18 +82,20 @@ def test_marker_jacobians(marker, rng):
     x = zoo.random_state(rng)
     place = full(marker, marker.position_jacobian(x[None]))
     assert place == pytest.approx(jacobian(marker.position, x), abs=1e-10)
-    angle = full(marker, marker.spin_jacobian(x[None]))[0]
-    assert angle == pytest.approx(jacobian(marker.angle, x), abs=1e-9)
+    spin = full(marker, marker.spin_jacobian(x[None]))
+    for axis in np.eye(marker.n_dim):
+        slope = jacobian(lambda s, axis=axis: marker.turned(s, axis), x)
+        assert pytest.approx(slope, abs=1e-9) == crossed(spin.T, marker.turned(x[None], axis)).T
 
 
 def test_marker_biases(marker, rng):
     motion, x, u, a = trajectory(rng)
-    for value, J, bias in (
-        (marker.position, marker.position_jacobian, marker.position_bias),
-        (lambda s: marker.angle(s)[:, None], marker.spin_jacobian, marker.spin_bias),
-    ):
-        second = full(marker, J(x[None])) @ a + bias(x[None], u[None])[0]
-        assert second == pytest.approx(twice_along(lambda s, f=value: f(motion(s))), abs=1e-8)
+    second = twice_along(lambda s: marker.position(motion(s)))
+    J, bias = marker.position_jacobian(x[None]), marker.position_bias(x[None], u[None])[0]
+    assert full(marker, J) @ a + bias == pytest.approx(second, abs=1e-8)
+    second = along(lambda s: marker.spin(motion(s), u + np.outer(s, a)), h=3e-3)
+    J, bias = marker.spin_jacobian(x[None]), marker.spin_bias(x[None], u[None])[0]
+    assert full(marker, J) @ a + bias == pytest.approx(second, abs=1e-7)
 
 
 def test_linear_markers_are_linear(marker, rng):
@@ -105,35 +107,26 @@ def test_linear_markers_are_linear(marker, rng):
 def test_markers_follow_a_rigid_motion(marker, rng):
     if marker.columns.stop == 0:
         pytest.skip("the ground does not move")
-    x, v, w = zoo.random_state(rng), rng.normal(size=2), 0.7
+    x, v, w = zoo.random_state(rng), rng.normal(size=marker.n_dim), rng.normal(size=marker.n_spin)
     u = zoo.rigid_motion(x, v, w)
-    place = marker.position(x[None])[0]
     velocity = full(marker, marker.position_jacobian(x[None])) @ u
-    assert velocity == pytest.approx(v + w * np.array([-place[1], place[0]]), abs=1e-12)
+    assert velocity == pytest.approx(v + crossed(w, marker.position(x[None])[0]), abs=1e-12)
     assert full(marker, marker.spin_jacobian(x[None])) @ u == pytest.approx(w, abs=1e-12)
 
 
-def test_markers_of_undeformed_bodies_are_where_the_deck_says():
-    x = np.zeros(zoo.N)
-    angle, origin = 0.8, np.array([0.5, -1.0])
-    A = turned(angle)
-    for columns in (zoo.HUB, zoo.PLATE, zoo.BLADE):
-        x[columns.start : columns.start + 3] = [*origin, angle]
-    for mesh, columns in ((zoo.CABLE, zoo.ROPE), (zoo.CONTINUUM, zoo.BLOCK)):
-        x[columns] = (mesh.undeformed @ A.T + mesh.positions[:, None] * origin).ravel()
-    places = {
-        "hub": (0, 0),
-        "plate": (0.4, -0.3),
-        "rope_tip": (1.2, 0),
-        "rope_inside": (0.4, 0),
-        "block": (0.8, 0.1),
-        "blade_root": (0, 0),
-        "blade": (0.9, 0),
-    }
-    assert set(places) | {"ground"} == set(MARKERS)
-    for name, place in places.items():
-        assert MARKERS[name].position(x[None])[0] == pytest.approx(origin + A @ place, abs=1e-13)
-        assert MARKERS[name].angle(x[None])[0] == pytest.approx(angle, abs=1e-13)
+def test_every_marker_has_its_place():
+    assert set(zoo.PLACES) | {"ground"} == set(MARKERS)
+
+
+@pytest.mark.parametrize("name", zoo.PLACES)
+def test_markers_of_undeformed_bodies_are_where_the_deck_says(name):
+    marker, place = MARKERS[name], zoo.PLACES[name]
+    A, origin = np.eye(marker.n_dim), np.array([0.5, -1.0, 0.7])[: marker.n_dim]
+    A[:2, :2] = turned(0.8)
+    x = zoo.undeformed(A, origin)[None]
+    assert marker.position(x)[0] == pytest.approx(origin + A @ place, abs=1e-13)
+    for axis in np.eye(marker.n_dim):
+        assert marker.turned(x, axis)[0] == pytest.approx(A @ axis, abs=1e-13)
 
 
 # ---------------------------------------------------------------- constraints
@@ -150,6 +143,7 @@ def test_constraint_stiffness_is_the_slope_of_its_force(joint, rng):
     x = zoo.random_state(rng)
     for constraint in joint:
         multipliers = rng.normal(size=constraint.rows)
+
         def force(states, constraint=constraint, multipliers=multipliers):
             return np.array([dense(constraint, state).T @ multipliers for state in states])
 
@@ -203,9 +197,8 @@ def test_action_is_reaction(joint, rng):
         force, moment = (part[0] for part in constraint.reaction(x, multipliers))
         first, second = constraint.first, constraint.second
         gap = (second.position(x) - first.position(x))[0]
-        turning = gap[0] * force[1] - gap[1] * force[0]
-        if constraint.rows == 2:
-            turning = 0.0  # both points are one: the gap is the violation
+        # where both points are one the gap is the violation
+        turning = 0.0 if isinstance(constraint, Coincide) else moment_of(gap, force)
         on_second = force @ full(second, second.position_jacobian(x))
         on_second = on_second + moment @ full(second, second.spin_jacobian(x))
         on_first = -force @ full(first, first.position_jacobian(x))
@@ -219,10 +212,9 @@ def test_joints_between_bodies_let_them_move_together(joint, rng):
     for constraint in joint:
         if 0 in (constraint.first.columns.stop, constraint.second.columns.stop):
             continue
-        if constraint.rows == 2:
+        if isinstance(constraint, Coincide):
             _close_gap(constraint, x)
-        u = zoo.rigid_motion(x, rng.normal(size=2), 0.9)
-        assert dense(constraint, x) @ u == pytest.approx(np.zeros(constraint.rows), abs=1e-11)
+        assert dense(constraint, x) @ zoo.rigid_motions(x).T == pytest.approx(0.0, abs=1e-11)
 
 
 def _close_gap(constraint, x):
@@ -251,8 +243,7 @@ def test_a_joint_at_rest_does_no_work(pair, rng):
                 spin = full(one, one.spin_jacobian(x[None])) @ u
                 ends.append((one.position(x[None])[0], velocity, spin))
             (a, va, wa), (b, vb, wb) = ends
-            gap = b - a
-            back = moment + gap[0] * force[1] - gap[1] * force[0]
+            back = moment + moment_of(b - a, force)
             assert force @ vb + moment @ wb - force @ va - back @ wa == pytest.approx(0.0, abs=1e-10)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import zoo
-from analytical import jacobian, turned
+from analytical import crossed, jacobian
 from zoo import MARKERS, PAIRS
 
 from hfsim.deck.laws import LinearLaw, StepLaw
@@ -93,8 +93,7 @@ def test_springs_and_dampers_do_not_resist_a_common_rigid_motion(spring, rng):
     if 0 in (part.first.columns.stop, part.second.columns.stop):
         pytest.skip("the ground does not move")
     force = force_of(part, x, u)
-    for velocity, omega in (((1.0, 0.0), 0.0), ((0.0, 1.0), 0.0), ((0.0, 0.0), 1.0)):
-        motion = zoo.rigid_motion(x, velocity, omega)
+    for motion in zoo.rigid_motions(x):
         assert force @ motion == pytest.approx(0.0, abs=1e-10 * np.abs(force).max())
         assert part.power(T, x[None], motion[None])[0] == pytest.approx(0.0, abs=1e-12)
 
@@ -139,19 +138,17 @@ def test_rotational_spring_counts_turns_between_rigid_bodies_only():
 
 
 def test_load_power_is_force_times_the_velocity_of_the_point(marker, rng):
-    x, u, f = zoo.random_state(rng), rng.normal(size=zoo.N), np.array([3.0, -2.0])
-    i = marker.columns
-    velocity = marker.position_jacobian(x[None])[0] @ u[i]
-    (spin,) = marker.spin_jacobian(x[None])[0] @ u[i]
-    turn = turned(marker.angle(x[None])[0])
-    scale = LAW.value(0.7)
+    x, u = zoo.random_state(rng), rng.normal(size=zoo.N)
+    f, m = loads_at(marker, rng)
+    velocity, spin = marker.velocity(x[None], u[None])[0], marker.spin(x[None], u[None])[0]
+    followed, scale = marker.turned(x[None], np.array(f))[0], LAW.value(0.7)
     for part, expected in (
-        (PointForce(marker, None, (3.0, -2.0), False), f @ velocity),
-        (PointForce(marker, None, (3.0, -2.0), True), turn @ f @ velocity),
-        (PointForce(marker, LAW, (3.0, -2.0), False), scale * f @ velocity),
-        (PointForce(marker, LAW, (3.0, -2.0), True), scale * turn @ f @ velocity),
-        (PointMoment(marker, None, (1.5,)), 1.5 * spin),
-        (PointMoment(marker, LAW, (1.5,)), scale * 1.5 * spin),
+        (PointForce(marker, None, f, False), f @ velocity),
+        (PointForce(marker, None, f, True), followed @ velocity),
+        (PointForce(marker, LAW, f, False), scale * (f @ velocity)),
+        (PointForce(marker, LAW, f, True), scale * (followed @ velocity)),
+        (PointMoment(marker, None, m), m @ spin),
+        (PointMoment(marker, LAW, m), scale * (m @ spin)),
     ):
         assert part.exchanges_power
         assert not part.uses_rates
@@ -159,24 +156,27 @@ def test_load_power_is_force_times_the_velocity_of_the_point(marker, rng):
         assert force_of(part, x) @ u == pytest.approx(expected, rel=1e-12, abs=1e-12)
 
 
-def test_constant_loads_are_slopes_of_place_and_angle(marker, rng):
-    x = zoo.random_state(rng)
-    work = jacobian(lambda s: marker.position(s) @ [3.0, -2.0], x)
-    assert force_of(PointForce(marker, None, (3.0, -2.0), False), x) == pytest.approx(work, abs=1e-9)
-    turning = jacobian(lambda s: 1.5 * marker.angle(s), x)
-    assert force_of(PointMoment(marker, None, (1.5,)), x) == pytest.approx(turning, abs=1e-8)
+def loads_at(marker, rng):
+    """A force and a moment at random."""
+    return 3.0 * rng.normal(size=marker.n_dim), 1.5 * rng.normal(size=marker.n_spin)
+
+
+def test_constant_forces_are_slopes_of_the_place(marker, rng):
+    x, (f, _) = zoo.random_state(rng), loads_at(marker, rng)
+    work = jacobian(lambda s: marker.position(s) @ f, x)
+    assert force_of(PointForce(marker, None, f, False), x) == pytest.approx(work, abs=1e-8)
 
 
 def test_loads_give_their_own_resultant(marker, rng):
     """Their power in a rigid motion is that of a force at the point, or of a couple."""
     if marker.columns.stop == 0:
         pytest.skip("the ground does not move")
-    x, v, w = zoo.random_state(rng), rng.normal(size=2), 0.6
+    x, v, w = zoo.random_state(rng), rng.normal(size=marker.n_dim), rng.normal(size=marker.n_spin)
+    f, m = loads_at(marker, rng)
     motion = zoo.rigid_motion(x, v, w)
-    r = marker.position(x[None])[0]
-    expected = 3.0 * (v[0] - w * r[1]) - 2.0 * (v[1] + w * r[0])
-    assert force_of(PointForce(marker, None, (3.0, -2.0), False), x) @ motion == pytest.approx(expected)
-    assert force_of(PointMoment(marker, None, (1.5,)), x) @ motion == pytest.approx(1.5 * w)
+    velocity = v + crossed(w, marker.position(x[None])[0])
+    assert force_of(PointForce(marker, None, f, False), x) @ motion == pytest.approx(f @ velocity)
+    assert force_of(PointMoment(marker, None, m), x) @ motion == pytest.approx(m @ w)
 
 
 def test_a_follower_force_turns_with_its_body():
