@@ -21,9 +21,10 @@ import numpy as np
 
 from hfsim.errors import DeckError, LimitReached, SolverFailure
 from hfsim.integrators import METHODS
-from hfsim.run.integration import Integration, run_integration
+from hfsim.run.integration import Integration
 from hfsim.run.stop import Halted, Progress
 from hfsim.scene.build import Scene
+from hfsim.studies.timing import solved
 
 MARGIN = 1.5
 """Factor by which another method must be sooner to be taken."""
@@ -91,12 +92,8 @@ class Probe:
     def facts(self) -> dict[str, Any]:
         """Return JSON-ready facts."""
         facts = asdict(self)
-        return {
-            "method": facts.pop("method"),
-            "cpu_s": facts.pop("cpu"),
-            "to_beat_s": facts.pop("to_beat"),
-            **facts,
-        }
+        head = {"method": self.method, "cpu_s": facts.pop("cpu"), "to_beat_s": facts.pop("to_beat")}
+        return head | facts
 
 
 @dataclass(frozen=True)
@@ -199,9 +196,7 @@ class Contest:
         """
         best: Entry | None = None
         for name in list(self.open):
-            found = self._enter(name, best)
-            if found is not None:
-                best = found
+            best = self._enter(name, best) or best
         return best
 
     # One method ---------------------------------------------------------------------------------------
@@ -211,61 +206,65 @@ class Contest:
         limit = self.mark.cpu / MARGIN if best is None else best.cpu
         seen: list[tuple[float, float]] = []
         while len(seen) < TRIES:
-            tolerance, needs = self.open[name].tolerance, self.open[name].needs
-            if self.allowance() < (needs or 0.5 * limit + (SCIPY if _imports(name) else 0.0)):
+            turn = self.open[name]
+            if self.allowance() < (turn.needs or 0.5 * limit + (SCIPY if _imports(name) else 0.0)):
                 return None
-            probe, entry = self._race(name, tolerance, limit, best or self.mark)
+            probe, entry = self._race(name, turn.tolerance, limit, best or self.mark)
             self.probes.append(probe)
             if probe.outcome == "put off":
-                self.open[name] = Turn(tolerance, min(limit, 2.0 * probe.cpu))
+                self.open[name] = replace(turn, needs=min(limit, 2.0 * probe.cpu))
                 return None
-            if entry is None or probe.outcome != "reached":
-                if entry is None:
-                    break
-                seen.append((tolerance, entry.error))
-                tighter = _tighter(seen, self.goal)
-                if not _TIGHTEST <= tighter < tolerance:
-                    break
-                expected = entry.cpu * (tolerance / tighter) ** _COST_ORDER
-                self.open[name] = Turn(tighter, min(limit, expected))
-                continue
-            if self.mark.cpu < SURE * entry.cpu:
-                needs = self.mark.cpu + entry.cpu
-                if self.allowance() < needs:
-                    self.open[name] = Turn(tolerance, needs + entry.cpu)
-                    return None
-                entry = self._timed_again(entry)
-                if self.mark.cpu < MARGIN * entry.cpu:
-                    break
-            del self.open[name]
-            return entry
+            if entry is None:
+                break
+            if probe.outcome == "reached":
+                both = self.mark.cpu + entry.cpu
+                if self.mark.cpu < SURE * entry.cpu:
+                    if self.allowance() < both:
+                        self.open[name] = replace(turn, needs=both + entry.cpu)
+                        return None
+                    entry = self._timed_again(entry)
+                del self.open[name]
+                return entry if self.mark.cpu >= MARGIN * entry.cpu else None
+            seen.append((turn.tolerance, entry.error))
+            tighter = _tighter(seen, self.goal)
+            if not _TIGHTEST <= tighter < turn.tolerance:
+                break
+            expected = entry.cpu * (turn.tolerance / tighter) ** _COST_ORDER
+            self.open[name] = Turn(tighter, min(limit, expected))
         del self.open[name]
         return None
 
     def _race(self, name: str, tolerance: float, limit: float, best: Entry) -> tuple[Probe, Entry | None]:
-        probe = Probe(
-            name,
-            tolerance,
-            "refused",
-            "",
-            self.mark.method,
-            self.mark.scene.system.n,
-            0.0,
-            self.mark.cpu,
-            0.0,
-        )
+        mark = self.mark
+        probe = Probe(name, tolerance, "refused", "", mark.method, mark.scene.system.n, 0.0, mark.cpu, 0.0)
+
+        def ended(outcome: str, reason: str) -> tuple[Probe, None]:
+            return replace(probe, outcome=outcome, reason=reason), None
+
         try:
             scene = self.scene_for(name, tolerance)
         except DeckError as refusal:
-            return replace(probe, reason=refusal.problems[0].message), None
+            return ended("refused", refusal.problems[0].message)
+        solve = scene.deck.solve
         # imports and tables are no part of the method's cost
-        first = run_integration(scene, scene.deck.solve.model_copy(update={"max_steps": 1})).stop
-        if isinstance(first, KeyboardInterrupt):
-            raise first
+        first = solved(scene, solve.model_copy(update={"max_steps": 1}))[0].in_time().stop
         if isinstance(first, SolverFailure):
-            return replace(
-                probe, outcome="refused" if first.kind == "deck" else "failed", reason=str(first)
-            ), None
+            return ended("refused" if first.kind == "deck" else "failed", str(first))
+        done, cpu = solved(scene, solve, self._watch(limit, best))
+        probe, stop = replace(probe, cpu=cpu, share=done.trajectory.t_end / solve.duration), done.stop
+        if isinstance(stop, _LostError):
+            return ended(stop.outcome, stop.reason)
+        if isinstance(stop, SolverFailure) or type(stop) is LimitReached:
+            return ended("failed", str(stop))
+        if stop is not None:
+            raise stop
+        error = self.error_of(scene, done)
+        known, outcome = math.isfinite(error), "reached" if error <= self.goal else "inaccurate"
+        probe = replace(probe, outcome=outcome, error=error if known else None)
+        return probe, Entry(name, tolerance, scene, done, cpu, error, mark.cpu)
+
+    def _watch(self, limit: float, best: Entry) -> Progress:
+        """Return what ends a race that is lost, or when the time for races is used up."""
         allowed, start = self.allowance(), time.process_time()
 
         def check(share: float) -> None:
@@ -276,35 +275,21 @@ class Contest:
             if spent > allowed:
                 raise _LostError("the time for races is used up", share, "put off")
 
-        done = run_integration(scene, scene.deck.solve, check)
-        duration, stop = scene.deck.solve.duration, done.stop
-        probe = replace(probe, cpu=time.process_time() - start, share=done.trajectory.t_end / duration)
-        if isinstance(stop, _LostError):
-            return replace(probe, outcome=stop.outcome, reason=stop.reason), None
-        if isinstance(stop, SolverFailure) or type(stop) is LimitReached:
-            return replace(probe, outcome="failed", reason=str(stop)), None
-        if stop is not None:
-            raise stop
-        error = self.error_of(scene, done)
-        entry = Entry(name, tolerance, scene, done, probe.cpu, error, self.mark.cpu)
-        outcome = "reached" if entry.error <= self.goal else "inaccurate"
-        return replace(
-            probe, outcome=outcome, error=entry.error if math.isfinite(entry.error) else None
-        ), entry
+        return check
 
     def _timed_again(self, entry: Entry) -> Entry:
         """Time the mark and a method that seems sooner once more; the shorter times count."""
         times = []
         for one in (self.mark, entry):
-            start = time.process_time()
-            stop = run_integration(one.scene, one.scene.deck.solve, self.guard).stop
-            if stop is not None:
-                raise stop
-            times.append(min(one.cpu, time.process_time() - start))
-        self.mark, entry = replace(self.mark, cpu=times[0]), replace(entry, cpu=times[1], to_beat=times[0])
-        ratio = f"timed again, {times[0] / times[1]:.2g} times sooner"
-        self.probes[-1] = replace(self.probes[-1], cpu=times[1], to_beat=times[0], reason=ratio)
-        return entry
+            done, cpu = solved(one.scene, one.scene.deck.solve, self.guard)
+            if done.stop is not None:
+                raise done.stop
+            times.append(min(one.cpu, cpu))
+        mark, mine = times
+        self.mark = replace(self.mark, cpu=mark)
+        ratio = f"timed again, {mark / mine:.2g} times sooner"
+        self.probes[-1] = replace(self.probes[-1], cpu=mine, to_beat=mark, reason=ratio)
+        return replace(entry, cpu=mine, to_beat=mark)
 
 
 def _imports(name: str) -> bool:
@@ -316,10 +301,10 @@ def _imports(name: str) -> bool:
 def _tighter(seen: Sequence[tuple[float, float]], goal: float) -> float:
     """Return the tolerance at which a method should reach an error, from tolerances and errors so far."""
     (tolerance, error), power = seen[-1], _ORDER
-    if len(seen) > 1:
-        (t0, e0), (t1, e1) = seen[-2:]
-        power = min(max(math.log(e0 / e1) / math.log(t0 / t1), 0.3), 1.0) if e1 > 0.0 else _ORDER
     if not math.isfinite(error):
         return tolerance * 0.01
+    if len(seen) > 1 and error > 0.0:
+        t0, e0 = seen[-2]
+        power = min(max(math.log(e0 / error) / math.log(t0 / tolerance), 0.3), 1.0)
     factor = 0.5 * (goal / error) ** (1.0 / power)
     return float(f"{tolerance * max(factor, _STRONGEST):.1e}")

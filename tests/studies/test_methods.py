@@ -19,7 +19,7 @@ from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 from hfsim.simulate import simulate
-from hfsim.studies import methods
+from hfsim.studies import methods, timing
 from hfsim.studies.methods import Contest, Entry, Turn, candidates
 from hfsim.studies.refine import races as module
 from hfsim.studies.refine import refine
@@ -172,8 +172,9 @@ def held(monkeypatch):
             solve = {"method": method, "tolerance": tolerance}
             return replace(scene, loaded=loaded.with_solve(solve))
 
-        monkeypatch.setattr(methods, "run_integration", integrate)
-        monkeypatch.setattr(methods, "time", SimpleNamespace(process_time=lambda: clock[0]))
+        monkeypatch.setattr(timing, "run_integration", integrate)
+        for one in (timing, methods):
+            monkeypatch.setattr(one, "time", SimpleNamespace(process_time=lambda: clock[0]))
         start, mark = clock[0], Entry("gauss", 1e-3, scene, done, costs["gauss"])
         open_methods = {name: Turn(1e-3) for name in candidates("gauss")}
         contest = Contest(
