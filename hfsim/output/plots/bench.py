@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hfsim.maths.arrays import Array
 from hfsim.output.plots.style import COLOURS, dress_log, new_figure, outside_legend, save, set_title, slug
 from hfsim.studies.bench import Bench, Cell, Point, observed_order, pareto, tidy
 
@@ -42,37 +44,48 @@ def draw_bench(result: Bench, folder: Path) -> list[str]:
     for cell in result.cells:
         figure = _precision_figure(result, cell)
         if figure is not None:
-            several = len(result.cells) > 1
             mesh = f"{cell.elements}" if cell.degree == 3 else f"{cell.elements}_degree_{cell.degree}"
-            name = f"work_precision_{cell.model}_{mesh}" if several else "work_precision"
-            figures[slug(name)] = figure
+            which = f"_{cell.model}_{mesh}" if len(result.cells) > 1 else ""
+            figures[slug(f"work_precision{which}")] = figure
     for model in dict.fromkeys(cell.model for cell in result.cells if cell.mesh_error):
-        degrees = sorted({cell.degree for cell in result.cells if cell.model == model and cell.mesh_error})
+        degrees = sorted({cell.degree for cell in result.meshed(model)})
+        several = len(degrees) > 1
         for degree in degrees:
-            which = f"mesh_error_{model}" if len(degrees) == 1 else f"mesh_error_{model}_degree_{degree}"
-            figures[slug(which)] = _mesh_figure(result, model, degree)
-        draw = _total_figure if len(degrees) == 1 else _degree_figure
-        figures[slug(f"total_error_{model}")] = draw(result, model)
+            which = f"_degree_{degree}" if several else ""
+            figures[slug(f"mesh_error_{model}{which}")] = _mesh_figure(result, model, degree)
+        figures[slug(f"total_error_{model}")] = (_degree_figure if several else _total_figure)(result, model)
     return save(figures, folder)
 
 
+def _log_figure(size: tuple[float, float] = (9.0, 5.0), columns: int = 1) -> tuple[Figure, list[Axes]]:
+    """Return a figure with logarithmic axes side by side."""
+    figure = new_figure(size)
+    row = list(figure.subplots(1, columns, squeeze=False)[0])
+    for axes in row:
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+    return figure, row
+
+
+def _costs(points: Sequence[Point], error: str = "error") -> tuple[Array, Array]:
+    """Return CPU times [s] and errors [-] of points."""
+    cpu, errors = ([getattr(p, name) for p in points] for name in ("cpu", error))
+    return np.array(cpu, float), np.array(errors, float)
+
+
 def _precision_figure(result: Bench, cell: Cell) -> Figure | None:
-    points = [p for p in result.points_of(cell) if p.cpu and p.error is not None]
+    mine = result.points_of(cell)
+    points = [p for p in mine if p.cpu and p.error is not None]
     if not points:
         return None
-    figure = new_figure((9.0, 5.0))
-    axes = figure.subplots()
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    figure, (axes,) = _log_figure()
     front = pareto(points)
     axes.plot(
-        [p.cpu or 0.0 for p in front], [p.error or 0.0 for p in front],
-        color="0.8", linewidth=9, solid_capstyle="round", solid_joinstyle="round", zorder=1,
+        *_costs(front), color="0.8", linewidth=9, solid_capstyle="round", solid_joinstyle="round", zorder=1,
         label="Pareto front",
     )  # fmt: skip
-    failed = [p for p in result.points_of(cell) if p.status in ("failed", "limit")]
     for method in dict.fromkeys(p.method for p in points):
-        lost = sum(p.method == method for p in failed)
+        lost = sum(p.method == method and p.status in ("failed", "limit") for p in mine)
         label = f"{method} ({lost} failed)" if lost else method
         _draw_method(axes, [p for p in points if p.method == method], method, label)
     _label_levels(axes, front)
@@ -85,8 +98,7 @@ def _precision_figure(result: Bench, cell: Cell) -> Figure | None:
 
 def _draw_method(axes: Axes, points: Sequence[Point], method: str, label: str) -> None:
     colour, marker = _METHOD_STYLES.get(method, ("0.3", "o"))
-    cpu = np.array([p.cpu or 0.0 for p in points])
-    error = np.array([p.error or 0.0 for p in points])
+    cpu, error = _costs(points)
     spread = [cpu - [p.cpu_min or 0.0 for p in points], [p.cpu_max or 0.0 for p in points] - cpu]
     axes.errorbar(cpu, error, xerr=spread, color=colour, linewidth=1.5, elinewidth=1.0)
     below = np.array([p.below_floor for p in points])
@@ -103,9 +115,8 @@ def _label_levels(axes: Axes, front: Sequence[Point]) -> None:
         if error > last / 5.0:
             continue
         last = error
-        text = point.level.replace("tolerance ", "").replace("step ", "")
         axes.annotate(
-            text, (point.cpu or 0.0, error), xytext=(-8, -3), textcoords="offset points",
+            point.at, (point.cpu or 0.0, error), xytext=(-8, -3), textcoords="offset points",
             ha="right", va="top", fontsize=8, color="0.3",
         )  # fmt: skip
 
@@ -130,11 +141,9 @@ def _dress_precision(axes: Axes, y_label: str) -> None:
 
 def _mesh_figure(result: Bench, model: str, degree: int) -> Figure:
     """Draw the mesh error of every channel, with the order observed between meshes."""
-    figure = new_figure((9.0, 5.0))
-    axes = figure.subplots()
+    figure, (axes,) = _log_figure()
     axes.set_xscale("log", base=2)
-    axes.set_yscale("log")
-    cells = [c for c in result.cells if (c.model, c.degree) == (model, degree) and c.mesh_error]
+    cells = result.meshed(model, degree)
     counts = [c.elements for c in cells]
     for i, name in enumerate(cells[0].mesh_errors):
         errors = [c.mesh_errors[name] for c in cells]
@@ -143,10 +152,10 @@ def _mesh_figure(result: Bench, model: str, degree: int) -> Figure:
         style = "o-" if i < len(COLOURS) else "s--"
         label = f"{name}\n(order {known})" if known else name
         axes.plot(counts, errors, style, color=COLOURS[i % len(COLOURS)], linewidth=1.6, label=label)
-    best = [(c.elements, _least_error(result, c)) for c in cells]
-    reached = [(count, error) for count, error in best if error is not None]
-    if reached:
-        axes.plot(*zip(*reached, strict=True), "v:", color="0.5", label="smallest time error reached")
+    least = {c.elements: [p.error for p in result.points_of(c) if p.error is not None] for c in cells}
+    best = {count: min(errors) for count, errors in least.items() if errors}
+    if best:
+        axes.plot(list(best), list(best.values()), "v:", color="0.5", label="smallest time error reached")
     _whole_decades(axes)
     axes.set_xlabel("elements of all beams together")
     axes.set_ylabel("mesh error / range [-]")
@@ -165,22 +174,12 @@ def _whole_decades(axes: Axes) -> None:
     axes.set_ylim(10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high)))
 
 
-def _least_error(result: Bench, cell: Cell) -> float | None:
-    return min((p.error for p in result.points_of(cell) if p.error is not None), default=None)
-
-
 def _total_figure(result: Bench, model: str) -> Figure:
     """Draw the best points of every mesh with the error of the mesh included."""
-    figure = new_figure((9.0, 5.0))
-    axes = figure.subplots()
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    cells = [c for c in result.cells if c.model == model]
-    for i, cell in enumerate(cells):
-        best = pareto(result.points_of(cell))
-        cpu, error = [p.cpu or 0.0 for p in best], [p.total_error or np.nan for p in best]
-        label = cell.mesh
-        axes.plot(cpu, error, "o-", color=COLOURS[i % len(COLOURS)], linewidth=1.6, label=label)
+    figure, (axes,) = _log_figure()
+    for i, cell in enumerate(c for c in result.cells if c.model == model):
+        best = _costs(pareto(result.points_of(cell)), "total_error")
+        axes.plot(*best, "o-", color=COLOURS[i % len(COLOURS)], linewidth=1.6, label=cell.mesh)
     _dress_precision(axes, "largest error, mesh included / range [-]")
     _whole_decades(axes)
     outside_legend(figure, [axes])
@@ -190,11 +189,14 @@ def _total_figure(result: Bench, model: str) -> Figure:
 
 def _degree_figure(result: Bench, model: str) -> Figure:
     """Draw refinement by elements and by degree: mesh error against unknowns, total error against time."""
-    figure = new_figure((11.0, 5.0))
-    left, right = figure.subplots(1, 2)
+    figure, (left, right) = _log_figure((11.0, 5.0), 2)
     for i, degree in enumerate(result.degrees(model)):
-        style = {"color": COLOURS[i % len(COLOURS)], "linewidth": 1.6, "label": f"degree {degree}"}
-        cells = [c for c in result.cells if (c.model, c.degree) == (model, degree) and c.mesh_error]
+        style: dict[str, Any] = {
+            "color": COLOURS[i % len(COLOURS)],
+            "linewidth": 1.6,
+            "label": f"degree {degree}",
+        }
+        cells = result.meshed(model, degree)
         left.plot([c.unknowns for c in cells], [c.mesh_error or np.nan for c in cells], "o-", **style)
         for cell in cells:
             left.annotate(
@@ -202,10 +204,8 @@ def _degree_figure(result: Bench, model: str) -> Figure:
                 textcoords="offset points", fontsize=8, color="0.3",
             )  # fmt: skip
         best = pareto(result.points_of_degree(model, degree), total=True)
-        right.plot([p.cpu or 0.0 for p in best], [p.total_error or np.nan for p in best], "o-", **style)
+        right.plot(*_costs(best, "total_error"), "o-", **style)
     for axes in (left, right):
-        axes.set_xscale("log")
-        axes.set_yscale("log")
         _dress_precision(axes, "largest error, mesh included / range [-]")
         _whole_decades(axes)
     left.set_ylabel("mesh error / range [-]")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -59,9 +60,7 @@ def draw_comparison(runs: Sequence[Run], comparison: Comparison, folder: Path) -
         return []
     figures = {slug(channel.name): _overlay_figure(runs, truth, channel) for channel in truth.channels}
     cost = _cost_figure(comparison)
-    if cost is not None:
-        figures["error_against_cost"] = cost
-    return save(figures, folder)
+    return save(figures | ({"error_against_cost": cost} if cost else {}), folder)
 
 
 def _overlay_figure(runs: Sequence[Run], truth: Run, channel: Channel) -> Figure:
@@ -92,16 +91,14 @@ def _draw_model(axes: Axes, run: Run, values: np.ndarray, limits: tuple[float, f
     room = 2.0 * (high - low)
     shown = np.clip(values, low - room, high + room)  # 1e200 would overflow the drawing library
     colour = _MODEL_COLOURS.get(run.model, COLOURS[4])
-    broke = run.status != "done"
-    label = f"{run.model} ({ended(run)})" if broke else run.model
-    axes.plot(run.t, shown, color=colour, linewidth=1.8, label=None if broke else label)
-    if not broke:
+    if run.status == "done":
+        axes.plot(run.t, shown, color=colour, linewidth=1.8, label=run.model)
         return
-    axes.plot([], [], color=colour, linewidth=1.8, marker="X", markersize=9, label=label)
+    axes.plot(run.t, shown, color=colour, linewidth=1.8)
+    cross: dict[str, Any] = {"marker": "X", "color": colour, "linewidth": 1.8}
+    axes.plot([], [], markersize=9, label=f"{run.model} ({ended(run)})", **cross)
     edge = np.clip(values[-1], low, high)
-    axes.plot(
-        run.t[-1], edge, "X", color=colour, markersize=10, markeredgecolor="white", clip_on=False, zorder=6
-    )
+    axes.plot(run.t[-1], edge, markersize=10, markeredgecolor="white", clip_on=False, zorder=6, **cross)
 
 
 def overlay_limits(reference: np.ndarray, curves: Sequence[np.ndarray]) -> tuple[float, float, bool]:
@@ -139,15 +136,15 @@ def overlay_limits(reference: np.ndarray, curves: Sequence[np.ndarray]) -> tuple
 
 
 def _cost_figure(comparison: Comparison) -> Figure | None:
-    shown = [
-        m for m in comparison.models if m.model != comparison.reference and m.worst and m.solve_cpu > 0.0
-    ]
+    others = [m for m in comparison.models if m.model != comparison.reference]
+    shown = [m for m in others if m.worst and m.solve_cpu > 0.0]
     if not shown:
         return None
     figure = new_figure((8.4, 4.6))
     axes = figure.subplots()
     for m in shown:
-        error = float(np.clip(m.worst.max_relative if m.worst else 0.0, 1e-16, _OFF_SCALE))
+        assert m.worst
+        error = float(np.clip(m.worst.max_relative, 1e-16, _OFF_SCALE))
         marker = "X" if m.broke_down else "o"
         colour = _MODEL_COLOURS.get(m.model, COLOURS[4])
         label = f"{m.model} ({ending(m.status)} at {m.stop_time:.3g} s)" if m.broke_down else m.model
@@ -157,9 +154,8 @@ def _cost_figure(comparison: Comparison) -> Figure | None:
     cost = comparison.result(comparison.reference).solve_cpu
     if cost > 0.0:
         axes.axvline(cost, color="black", linestyle="--", label=f"cost of {comparison.reference} (reference)")
-    axes.axhline(
-        comparison.max_error, color="0.5", linestyle=":", label=f"bound {percent(comparison.max_error)}"
-    )
+    bound = comparison.max_error
+    axes.axhline(bound, color="0.5", linestyle=":", label=f"bound {percent(bound)}")
     dress_log(axes)
     outside_legend(figure, [axes])
     set_title(figure, f"{comparison.name}: error against cost")
