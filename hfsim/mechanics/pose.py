@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import freedoms, rotation_matrix, spun
+from hfsim.maths.rotations import freedoms, rotate, spun
 
 
 class Pose(NamedTuple):
@@ -46,7 +46,7 @@ class Pose(NamedTuple):
 
     def turned(self, a: Array) -> Array:
         """Return vectors (..., n_dim), given in body axes, in ground axes."""
-        return np.asarray(a @ rotation_matrix(self.turn[0]).T)
+        return rotate(self.turn[0], a).reshape(a.shape)
 
     def placed(self, a: Array) -> Array:
         """Return where points (..., n_dim) of the body frame are in ground axes [m]."""

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -33,7 +34,8 @@ AT_START = np.zeros(1)
 _Frame = TypeVar("_Frame", Pose, Twist)
 
 
-class Start(NamedTuple):
+@dataclass(frozen=True)
+class Start:
     """What the starting state is found from.
 
     Attributes
@@ -52,10 +54,13 @@ class Start(NamedTuple):
     n_dim: int
     refuse: Callable[[str, str, str], DeckError]
 
+    @cached_property
+    def _numbers(self) -> dict[int, int]:
+        return {body.columns.start: k for k, body in enumerate(self.bodies.values())}
+
     def owner(self, marker: Marker) -> int | None:
         """Return the number of the body that a marker is on; None for the ground."""
-        at = [body.columns.start for body in self.bodies.values()]
-        return GROUND if marker.grounded else at.index(marker.columns.start)
+        return GROUND if marker.grounded else self._numbers[marker.columns.start]
 
     def stated(self, origin: str, turn: str) -> _Rigid:
         """Return the stated values of two quantities of each body, zero for the rest."""
