@@ -181,14 +181,18 @@ class Equations:
 
     @cached_property
     def _constant_transpose(self) -> Matrix:
-        jacobian = self.jacobian_at(np.zeros((1, self.reduction.basis.shape[0])), 0)
+        jacobian = self.jacobian_at(self._origin)
         return jacobian.T.tocsr() if is_sparse(jacobian) else np.ascontiguousarray(jacobian.T)
 
     @cached_property
     def _origin_residual(self) -> Array:
-        """Residual of linear constraints at the origin of the coordinates."""
-        n_x = self.reduction.basis.shape[0]
-        return self._stack(1, lambda c: c.residual(np.zeros(1), np.zeros((1, n_x))))
+        """Residual of linear constraints where all coordinates are zero."""
+        return self._stack(1, lambda c: c.residual(np.zeros(1), self._origin))
+
+    @cached_property
+    def _origin(self) -> Array:
+        """Coordinates zero, (1, n_x): where a Jacobian that never changes is evaluated."""
+        return np.zeros((1, len(self.reduction.offset)))
 
     def _stack(self, n_batch: int, rows_of: Callable[[Constraint], Array]) -> Array:
         out = np.zeros((n_batch, self.n_rows))
@@ -199,18 +203,16 @@ class Equations:
     def jacobians(self, x: Array) -> Array:
         """Return Phi_x by the coordinates x, dense, shape (n_batch or 1, n_rows, n_x)."""
         J = self._constant_joint_rows if self.constraints_constant else self._joint_jacobians(x)
-        Phi_x = np.zeros((*J.shape[:2], self.reduction.basis.shape[0]))
+        Phi_x = np.zeros((*J.shape[:2], x.shape[1]))
         Phi_x[..., self._support] = J
         return Phi_x
 
-    def jacobian_at(self, x: Array, k: int) -> Matrix:
-        """Return Phi_x of state k, shape (n_rows, n_x); dense or sparse as the mass matrix is."""
+    def jacobian_at(self, x: Array) -> Matrix:
+        """Return Phi_x of one state (1, n_x), shape (n_rows, n_x); dense or sparse as the mass matrix is."""
         if not is_sparse(self.constant_mass):
-            return self.jacobians(x[k : k + 1])[0]
-        n_x = self.reduction.basis.shape[0]
-        blocks = ((end, end.jacobian(x[k : k + 1])[0]) for end in self._ends)
-        parts = [Entries.of_block(np.r_[end.rows], end.columns, block) for end, block in blocks]
-        return assemble(parts, (self.n_rows, n_x), sparse=True)
+            return self.jacobians(x)[0]
+        parts = [Entries.of_block(np.r_[end.rows], end.columns, end.jacobian(x)[0]) for end in self._ends]
+        return assemble(parts, (self.n_rows, x.shape[1]), sparse=True)
 
     # ------------------------------------------------------------------ mass
 
@@ -376,8 +378,7 @@ class Equations:
     @cached_property
     def _constant_joint_rows(self) -> Array:
         """What never changes of the Jacobian by the coordinates at the joints, shape (1, n_rows, k)."""
-        at = np.zeros((1, self.reduction.basis.shape[0]))
-        return self._with_ends(np.zeros((1, self.n_rows, len(self._support))), at, still=True)
+        return self._with_ends(np.zeros((1, self.n_rows, len(self._support))), self._origin, still=True)
 
     def _with_ends(self, J: Array, x: Array, still: bool) -> Array:
         """Add the blocks of the ends that never change, or of those that do."""
@@ -386,17 +387,14 @@ class Equations:
                 J[:, end.rows, end.place] += end.jacobian(x)
         return J
 
-    def _free_jacobians(self, x: Array) -> Array:
-        Phi_x = self.jacobians(x)
-        return Phi_x if self.reduction.identity else Phi_x @ self.reduction.basis
-
     def _solve_whole(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Solve with the whole matrix of eq. (37): a mass matrix may be indefinite where joints hold it."""
-        n, m = self.n, self.n_rows
-        Phi_z = self._free_jacobians(x)
+        n, m, B = self.n, self.n_rows, self.reduction.basis
+        M, Phi_z = self.mass(x), self.jacobians(x)
+        if not self.reduction.identity:
+            M, Phi_z = B.T @ M @ B, Phi_z @ B
         matrix = np.zeros((len(x), n + m, n + m))
-        M, B = self.mass(x), self.reduction.basis
-        matrix[:, :n, :n] = M if self.reduction.identity else B.T @ M @ B
+        matrix[:, :n, :n] = M
         matrix[:, n:, :n] = Phi_z
         matrix[:, :n, n:] = Phi_z.swapaxes(1, 2)
         solution = np.linalg.solve(matrix, np.concatenate([f, gamma], axis=1)[..., None])[..., 0]
@@ -405,20 +403,18 @@ class Equations:
     @cached_property
     def _constant_factor(self) -> Callable[[Array], Array]:
         """Factor of the whole matrix where it never changes."""
-        if not self.constraints:
-            return factorised(self.free_mass)
-        Phi_z = self._constant_transpose.T.tocsr() @ self.reduction.basis
-        return factorised(saddle_point(self.free_mass, Phi_z))
+        return self._factor_at(self._origin)
 
     def _solve_sparse(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         rhs = np.concatenate([f, gamma], axis=1)
         if self.constraints_constant and self.once:
             solution = self._constant_factor(rhs)
         else:
-            solution = np.array([self._factor_at(x, k)(rhs[k]) for k in range(len(rhs))])
+            solution = np.array([self._factor_at(x[k : k + 1])(one) for k, one in enumerate(rhs)])
         return solution[:, : self.n], solution[:, self.n :]
 
-    def _factor_at(self, x: Array, k: int) -> Callable[[Array], Array]:
+    def _factor_at(self, x: Array) -> Callable[[Array], Array]:
+        """Factor of the whole matrix in one state (1, n_x)."""
         if not self.constraints:
             return factorised(self.free_mass)
-        return factorised(saddle_point(self.free_mass, self.jacobian_at(x, k) @ self.reduction.basis))
+        return factorised(saddle_point(self.free_mass, self.jacobian_at(x) @ self.reduction.basis))

@@ -263,7 +263,7 @@ class System:
         damping = None
         if self.dissipates:
             damping = self._free_matrix([part.rate_tangent(time, x, u) for part in self.forces])
-        jacobian = equations.jacobian_at(x, 0) @ reduction.basis if equations.constraints else None
+        jacobian = equations.jacobian_at(x) @ reduction.basis if equations.constraints else None
         root = None if is_sparse(equations.free_mass) else equations.inverse_root
         return Linearized(equations.free_mass, self._free_matrix(stiff), damping, jacobian, root)
 
