@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import Any
 
 from hfsim.maths.matrices import DENSE_UP_TO, is_sparse
@@ -147,7 +146,5 @@ def _needs(channel: str) -> str:
 
 def keeping(loaded: LoadedDeck, rule: str) -> LoadedDeck:
     """Return the deck with a rule switched off, or with all of them (``all``)."""
-    solve = loaded.deck.solve
-    update = {"keep_all": True} if rule == "all" else {"keep": (*solve.keep, rule)}
-    deck = loaded.deck.model_copy(update={"solve": solve.model_copy(update=update)})
-    return replace(loaded, deck=deck)
+    kept = {"keep_all": True} if rule == "all" else {"keep": (*loaded.deck.solve.keep, rule)}
+    return loaded.with_solve(kept)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from statistics import median
 from typing import Any
 
@@ -91,7 +91,8 @@ def measure(
         decks = keeping(loaded, rule), loaded
         scenes = build(decks[0]), build(decks[1])
         part = 1.0 if rule == ALL else share
-        runs = [_timed(_lasting(deck, part)) for deck in decks]
+        lasting = {"duration": part * loaded.deck.solve.duration}
+        runs = [_timed(deck.with_solve(lasting)) for deck in decks]
         difference, rest = largest_difference(loaded, rule)
         yield RuleCost(
             rule=rule,
@@ -112,18 +113,6 @@ def _medians(tasks: Sequence[Callable[[], float]], repeats: int) -> tuple[float,
 
 def _timed(loaded: LoadedDeck) -> Callable[[], float]:
     return lambda: simulate(loaded, error_estimate=False).phase_cpu("solve")
-
-
-def _lasting(loaded: LoadedDeck, share: float) -> LoadedDeck:
-    return _solving(loaded, {"duration": share * loaded.deck.solve.duration})
-
-
-def _solving(loaded: LoadedDeck, update: dict[str, Any], interval: float | None = None) -> LoadedDeck:
-    deck = loaded.deck
-    changed: dict[str, Any] = {"solve": deck.solve.model_copy(update=update)}
-    if interval is not None:
-        changed["output"] = deck.output.model_copy(update={"interval": interval})
-    return LoadedDeck(deck.model_copy(update=changed), loaded.source)
 
 
 def _calls(scene: Scene) -> Callable[[], float]:
@@ -164,12 +153,14 @@ def largest_difference(loaded: LoadedDeck, rule: str, steps: int = STEPS) -> tup
 
 def _tight(loaded: LoadedDeck, planned: LoadedDeck, rule: str, steps: int) -> LoadedDeck:
     solve = {"method": "gauss", "tolerance": TIGHT, "stages": None, "order": None, "max_steps": None}
-    scene = build(_solving(planned, solve))
+    scene = build(planned.with_solve(solve))
     step = choose(scene.deck.solve, False).start(problem_of(scene), 0.0, scene.q, scene.v).first
     step = min(TURN * step, scene.deck.solve.duration / SHORT)
     apart = bool(scene.parts) and rule in ("parts", ALL)
     solve |= {"duration": steps * step, "step": None if apart else step}
-    return _solving(loaded, solve, steps * step / 10)
+    output = loaded.deck.output.model_copy(update={"interval": steps * step / 10})
+    tight = loaded.with_solve(solve)
+    return replace(tight, deck=tight.deck.model_copy(update={"output": output}))
 
 
 def differences(one: Run, other: Run) -> tuple[float, float]:

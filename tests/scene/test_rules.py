@@ -2,7 +2,7 @@
 
 import json
 from itertools import pairwise
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
@@ -13,9 +13,11 @@ from hfsim.commands.decks import CASES
 from hfsim.deck.fields import Between
 from hfsim.errors import DeckError
 from hfsim.integrators import Segment, Trajectory, joined
-from hfsim.mechanics.constraints import Along
+from hfsim.mechanics.constraints import Along, Shift, Turn
+from hfsim.parts.forces import SPRINGS
+from hfsim.parts.forces.two_point import TwoPointSpring
 from hfsim.parts.joints import JOINTS
-from hfsim.parts.specs import JointSpec
+from hfsim.parts.specs import JointSpec, SpringSpec
 from hfsim.run.integration import run_integration
 from hfsim.run.plan import plan_of
 from hfsim.scene.build import build
@@ -271,6 +273,36 @@ def test_a_new_kind_of_constraint_runs_and_is_planned(monkeypatch):
     assert run.status == "done"
     kept = {entry["item"]: entry for entry in run.statistics["plan"]["kept"]}
     assert kept["joints.hinge"]["multipliers"] == 1 and "not linear" in kept["joints.hinge"]["reason"]
+
+
+class GlueSpec(JointSpec):
+    type: Literal["glue"]
+    between: Between
+    meets = welds = True
+
+    def held(self):
+        return Shift(), Turn()
+
+
+class SlackSpec(SpringSpec):
+    type: Literal["slack"]
+    between: Between
+    acts: ClassVar = False
+
+    def build(self, first, second, start):
+        return TwoPointSpring(first, second, 0.0, 0.0, 1.0)
+
+
+def test_what_entries_of_new_kinds_say_of_themselves_is_enough(monkeypatch):
+    monkeypatch.setitem(JOINTS, "glue", GlueSpec)
+    monkeypatch.setitem(SPRINGS, "slack", SlackSpec)
+    deck = TOWER.replace("fixed", "glue").replace(", angle: 0.5", "").replace(", angle: 0.2", "")
+    deck += "springs: {rope: {type: slack, between: [ground, bob]}}\n"
+    scene = build(parse_deck(deck))
+    assert scene.left_out["fixed_bodies"] == ("bodies.base", "bodies.storey")
+    assert scene.left_out["springs"] == ("springs.rope",)
+    kept = plan_of(build(parse_deck(deck, overrides=["solve.keep=[springs]"])))["kept"]
+    assert "by wish" in next(entry["reason"] for entry in kept if entry["item"] == "springs.rope")
 
 
 def call(*arguments):
