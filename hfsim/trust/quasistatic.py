@@ -46,8 +46,7 @@ def _loads(scene: Scene, body: Body, t: Array, x: Array, u: Array) -> Iterator[L
     system = scene.system
     multipliers = system.multipliers(t, x, u)
     for constraint, rows in zip(system.constraints, system.unreduced.rows, strict=True):
-        ends = zip((constraint.first, constraint.second), constraint.jacobians(x), strict=True)
-        for marker, J in ends:
+        for marker, J in zip(constraint.ends, constraint.jacobians(x), strict=True):
             if marker.columns == body.columns:
                 yield marker, -(multipliers[:, None, rows] @ J)[:, 0]
     for part in system.forces:

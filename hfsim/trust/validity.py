@@ -299,13 +299,13 @@ def _end(scene: Scene, point: str) -> str:
     for name, joint in scene.deck.joints.items():
         if not names & set(joint.between):
             continue
-        others = (scene.marker(end).columns for end in joint.between if end not in names)
-        if point.endswith(".tip") and not any(one.start == one.stop for one in others):
+        others = (scene.marker(end) for end in joint.between if end not in names)
+        if point.endswith(".tip") and not any(marker.grounded for marker in others):
             continue
         held = "pinned" if held == "free" else held
         turning = _turning(scene, body, point, x)
         for row in (scene.system.constraints[k] for k in scene.joints[name]):
-            for marker, J in zip((row.first, row.second), row.jacobians(x), strict=True):
+            for marker, J in zip(row.ends, row.jacobians(x), strict=True):
                 if marker.columns == body.columns and np.abs(J[0] @ turning.T).max() > BLOCKED:
                     held = "clamped"
     return held
