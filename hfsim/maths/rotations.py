@@ -44,12 +44,6 @@ def rotate(angle: Array, a: Array) -> Array:
     return as_vectors(np.exp(1j * angle) * as_complex(a))
 
 
-def rotation_matrix(angle: Array) -> Array:
-    """Return the matrix A(angle), shape (..., 2, 2), that turns body axes into inertial axes."""
-    c, s = np.cos(angle), np.sin(angle)
-    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
-
-
 def normal(a: Array) -> Array:
     """Turn planar vectors (..., 2) by a quarter turn: (a, b) becomes (-b, a)."""
     return np.asarray(a @ QUARTER_TURN)

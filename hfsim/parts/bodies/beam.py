@@ -88,10 +88,10 @@ class BeamSpec(BodySpec):
 
     def assemble(self, name: str, start: int, deck: Any, model: "Model | None") -> "Body":
         """Return the body of a model whose coordinates begin at a column."""
-        from hfsim.parts.bodies.blueprint import blueprint
+        from hfsim.parts.bodies.blueprint import Blueprint
 
         assert model is not None
-        return model.assemble(blueprint(self, name, start, deck))
+        return model.assemble(Blueprint.of(self, name, start, deck))
 
     @property
     def size(self) -> int:

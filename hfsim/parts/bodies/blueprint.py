@@ -11,7 +11,6 @@ from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.body import Place, places
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import ConstantForce
-from hfsim.parts.bodies.beam import BeamSpec
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELEMENTS, ElasticLaw, Inertia, Measures, Stiffness, elastic_law
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
@@ -51,6 +50,35 @@ class Blueprint(NamedTuple):
     points: dict[str, Place]
     whole: bool
     form: str
+
+    @classmethod
+    def of(cls, spec: Any, name: str, start: int, deck: Any) -> Blueprint:
+        """Return what a beam of a deck, a `BeamSpec`, is made of; its coordinates begin at a column."""
+        numbers: BeamProperties = deck.properties(name)
+        inertia = Inertia(
+            numbers.mass_per_length, numbers.rotary_inertia if spec.rotary_inertia else 0.0, numbers.height
+        )
+        element = ELEMENTS[spec.element].of(spec.length / spec.elements, spec.degree)
+        quadrature = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
+        return cls(
+            name=name,
+            start=start,
+            mesh=BeamMesh(element, spec.elements, inertia),
+            stiffness=Stiffness(
+                axial=numbers.axial_stiffness,
+                bending=numbers.bending_stiffness,
+                lame_lambda=numbers.lame_lambda,
+                lame_mu=numbers.lame_mu,
+                height=numbers.height,
+                width=numbers.width,
+            ),
+            measures=Measures(spec.strain, spec.curvature, *quadrature),
+            damping=(numbers.axial_damping, numbers.bending_damping),
+            gravity=np.array(deck.gravity),
+            points={**places(spec.points), "root": (0.0, 0.0), "tip": (spec.length, 0.0)},
+            whole=spec.truncation == "none",
+            form=deck.solve.elastic_form,
+        )
 
     @property
     def item(self) -> str:
@@ -109,32 +137,3 @@ class Blueprint(NamedTuple):
         force = np.zeros(n)
         force[self.nodal_columns] = np.kron(self.mesh.vector_masses, self.gravity)
         return ConstantForce(force, item=self.item)
-
-
-def blueprint(spec: BeamSpec, name: str, start: int, deck: Any) -> Blueprint:
-    """Return what a beam of a deck is made of; its coordinates begin at a column."""
-    numbers: BeamProperties = deck.properties(name)
-    inertia = Inertia(
-        numbers.mass_per_length, numbers.rotary_inertia if spec.rotary_inertia else 0.0, numbers.height
-    )
-    element = ELEMENTS[spec.element].of(spec.length / spec.elements, spec.degree)
-    quadrature = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
-    return Blueprint(
-        name=name,
-        start=start,
-        mesh=BeamMesh(element, spec.elements, inertia),
-        stiffness=Stiffness(
-            axial=numbers.axial_stiffness,
-            bending=numbers.bending_stiffness,
-            lame_lambda=numbers.lame_lambda,
-            lame_mu=numbers.lame_mu,
-            height=numbers.height,
-            width=numbers.width,
-        ),
-        measures=Measures(spec.strain, spec.curvature, *quadrature),
-        damping=(numbers.axial_damping, numbers.bending_damping),
-        gravity=np.array(deck.gravity),
-        points={**places(spec.points), "root": (0.0, 0.0), "tip": (spec.length, 0.0)},
-        whole=spec.truncation == "none",
-        form=deck.solve.elastic_form,
-    )
