@@ -11,10 +11,13 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import reduce
+from itertools import product
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from hfsim.parts.bodies.beam import BeamSpec
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.schema import Deck
 
@@ -160,9 +163,11 @@ def vary(text: str) -> Axis:
     return Axis(path, numbers, lambda deck, value: (f"{path}={written(value)}",), solver, logarithmic)
 
 
-def _named(
-    name: str, changes: Callable[[Deck, float], Iterator[tuple[str, object]]]
-) -> Callable[[str], Axis]:
+_Changes: TypeAlias = Callable[[Deck, float], Iterator[tuple[str, object]]]
+"""(deck, value) -> entries of the deck and what each becomes."""
+
+
+def _named(name: str, changes: _Changes) -> Callable[[str], Axis]:
     def read(text: str) -> Axis:
         values, logarithmic = parse_values(text)
 
@@ -178,46 +183,24 @@ def _named(
     return read
 
 
-def _stiffness(deck: Deck, factor: float) -> Iterator[tuple[str, object]]:
-    for name, material in deck.materials.items():
-        yield f"materials.{name}.youngs_modulus", factor * material.youngs_modulus
-    for name, spring in deck.springs.items():
-        yield f"springs.{name}.stiffness", factor * spring.stiffness
+def _scaled(**fields: tuple[str, ...]) -> _Changes:
+    """Return changes that multiply those of the given keys, by part of the deck, which entries have."""
 
+    def changes(deck: Deck, factor: float) -> Iterator[tuple[str, object]]:
+        for part, keys in fields.items():
+            for (name, entry), key in product(getattr(deck, part).items(), keys):
+                value: Any = reduce(lambda at, step: getattr(at, step, None), key.split("."), entry)
+                if value is not None:
+                    new = [factor * v for v in value] if isinstance(value, tuple) else factor * value
+                    yield f"{part}.{name}.{key}", new
 
-def _speed(deck: Deck, factor: float) -> Iterator[tuple[str, object]]:
-    for name, start in deck.initial.items():
-        if start.angular_velocity is not None:
-            yield f"initial.{name}.angular_velocity", factor * start.angular_velocity
-        if start.velocity is not None:
-            yield f"initial.{name}.velocity", [factor * v for v in start.velocity]
-    for name, joint in deck.joints.items():
-        for kind in ("angle", "position"):
-            law: Any = getattr(joint, kind, None)
-            if law is not None and getattr(law, "type", "") in ("constant_rate", "spin_up"):
-                yield f"joints.{name}.{kind}.rate", factor * law.rate
-
-
-def _amplitude(deck: Deck, factor: float) -> Iterator[tuple[str, object]]:
-    for name, start in deck.initial.items():
-        if start.angle is not None:
-            yield f"initial.{name}.angle", factor * start.angle
-    for name, load in deck.loads.items():
-        if load.type == "force":
-            yield f"loads.{name}.force", [factor * f for f in load.force]
-        else:
-            yield f"loads.{name}.moment", factor * load.moment
-    for name, joint in deck.joints.items():
-        for kind in ("angle", "position"):
-            law: Any = getattr(joint, kind, None)
-            if getattr(law, "type", "") == "sine":
-                yield f"joints.{name}.{kind}.amplitude", factor * law.amplitude
+    return changes
 
 
 def _slenderness(deck: Deck, ratio: float) -> Iterator[tuple[str, object]]:
     """Give each beam a section of its own, alike in shape, whose height is its length over `ratio`."""
     for name, body in deck.bodies.items():
-        if body.type != "beam":
+        if not isinstance(body, BeamSpec):
             continue
         section = deck.sections[body.section]
         k = body.length / ratio / section.height
@@ -232,18 +215,21 @@ def _step(deck: Deck, step: float) -> Iterator[tuple[str, object]]:
 
 def _elements(deck: Deck, count: float) -> Iterator[tuple[str, object]]:
     for name, body in deck.bodies.items():
-        if body.type == "beam":
+        if isinstance(body, BeamSpec):
             yield f"bodies.{name}.elements", round(count)
 
 
-NAMED: dict[str, Callable[[str], Axis]] = {
-    "stiffness": _named("stiffness", _stiffness),
-    "speed": _named("speed", _speed),
-    "amplitude": _named("amplitude", _amplitude),
-    "slenderness": _named("slenderness", _slenderness),
-    "step": _named("step", _step),
-    "elements": _named("elements", _elements),
+_CHANGES: dict[str, _Changes] = {
+    "stiffness": _scaled(materials=("youngs_modulus",), springs=("stiffness",)),
+    "speed": _scaled(initial=("angular_velocity", "velocity"), joints=("angle.rate", "position.rate")),
+    "amplitude": _scaled(
+        initial=("angle",), loads=("force", "moment"), joints=("angle.amplitude", "position.amplitude")
+    ),
+    "slenderness": _slenderness,
+    "step": _step,
+    "elements": _elements,
 }
+NAMED: dict[str, Callable[[str], Axis]] = {name: _named(name, changes) for name, changes in _CHANGES.items()}
 """Axes by name: factors on all moduli and springs, on all speeds, on loads and initial angles; length over
 section height of all beams; fixed step [s]; elements of all beams."""
 

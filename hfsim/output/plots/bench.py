@@ -12,16 +12,30 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.style import COLOURS, dress_log, new_figure, outside_legend, save, set_title, slug
+from hfsim.output.plots.style import (
+    BLUE,
+    COLOURS,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    RED,
+    SKY,
+    dress_log,
+    new_figure,
+    outside_legend,
+    save,
+    set_title,
+    slug,
+)
 from hfsim.studies.bench import Bench, Cell, Point, observed_order, pareto, tidy
 
 _METHOD_STYLES = {
-    "gauss": ("#0072B2", "o"),
-    "radau": ("#009E73", "s"),
-    "energy": ("#56B4E9", "v"),
-    "gear": ("#D55E00", "^"),
-    "generalized_alpha": ("#CC79A7", "D"),
-    "explicit": ("#E69F00", "P"),
+    "gauss": (BLUE, "o"),
+    "radau": (GREEN, "s"),
+    "energy": (SKY, "v"),
+    "gear": (RED, "^"),
+    "generalized_alpha": (PURPLE, "D"),
+    "explicit": (ORANGE, "P"),
 }
 
 

@@ -11,7 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hfsim.output.plots.style import (
+    BLUE,
     COLOURS,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    RED,
     dress,
     dress_log,
     ended,
@@ -26,11 +31,11 @@ from hfsim.run.solution import Channel, Run
 from hfsim.studies.compare import Comparison, ending, percent
 
 _MODEL_COLOURS = {
-    "rigid": "#E69F00",
-    "linear": "#D55E00",
-    "lowOrder": "#0072B2",
-    "exact": "#CC79A7",
-    "ancf": "#009E73",
+    "rigid": ORANGE,
+    "linear": RED,
+    "lowOrder": BLUE,
+    "exact": PURPLE,
+    "ancf": GREEN,
 }
 _OFF_SCALE = 1e3
 """Relative differences above this are drawn here."""

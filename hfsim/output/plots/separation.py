@@ -12,15 +12,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogFormatter
 
-from hfsim.output.plots.style import new_figure, outside_legend, save, set_title
+from hfsim.output.plots.style import BLUE, GREEN, ORANGE, RED, new_figure, outside_legend, save, set_title
 from hfsim.studies.separation.beams import STEPS
 from hfsim.studies.separation.results import PAPER_RATIO, SeparationBench
 
 _FORM_STYLES = {
-    "direct": ("#D55E00", "s"),
-    "tabulated": ("#E69F00", "D"),
-    "separated": ("#0072B2", "o"),
-    "gram": ("#009E73", "^"),
+    "direct": (RED, "s"),
+    "tabulated": (ORANGE, "D"),
+    "separated": (BLUE, "o"),
+    "gram": (GREEN, "^"),
 }
 
 

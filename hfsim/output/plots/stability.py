@@ -11,16 +11,16 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.transforms import Affine2D
 
-from hfsim.output.plots.style import new_figure, save, set_title
+from hfsim.output.plots.style import GREEN, ORANGE, PURPLE, RED, SKY, YELLOW, new_figure, save, set_title
 from hfsim.studies.stability.results import StabilityMap
 
 _CLASS_STYLES = {
-    "accurate": ("#009E73", "A"),
-    "wrong": ("#E69F00", "W"),
-    "numerical": ("#D55E00", "N"),
-    "model": ("#CC79A7", "M"),
-    "physical": ("#56B4E9", "P"),
-    "deck": ("#F0E442", "D"),
+    "accurate": (GREEN, "A"),
+    "wrong": (ORANGE, "W"),
+    "numerical": (RED, "N"),
+    "model": (PURPLE, "M"),
+    "physical": (SKY, "P"),
+    "deck": (YELLOW, "D"),
     "no result": ("0.75", "?"),
     "not computed": ("white", ""),
 }

@@ -19,8 +19,11 @@ from hfsim.studies.compare import ending
 _DPI = 110
 SIZE = (8.0, 4.6)
 """Width and height of a plot against time [inch]."""
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-"""Okabe and Ito's colours, which colour-blind readers can tell apart."""
+BLUE, RED, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
+    *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442"),
+)
+COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
+"""Okabe and Ito's colours, which colour-blind readers can tell apart; the yellow is too pale for lines."""
 
 
 def slug(name: str) -> str:
