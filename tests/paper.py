@@ -14,10 +14,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hfsim.maths.rotations import normal, rotate, rotation_matrix
+from hfsim.maths.rotations import normal, rotate
 from hfsim.parts.bodies.mesh import BeamMesh
 
 Array = NDArray[np.float64]
+
+
+def turned(angle):
+    """Return the matrices A(angle), shape (..., 2, 2), that turn body axes into inertial axes."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
 
 
 def elastic_columns(mesh: BeamMesh) -> NDArray[np.intp]:
@@ -66,7 +72,7 @@ def mass_matrix(mesh: BeamMesh, q: Array) -> Array:
     M = np.zeros((*q.shape, q.shape[1]))
     M[:, 0, 0] = M[:, 1, 1] = N @ mesh.positions
     M[:, :2, 2] = rotate(q[:, 2], normal(N @ s))
-    M[:, :2, 3:] = rotation_matrix(q[:, 2]) @ np.kron(N, np.eye(2))[:, keep]
+    M[:, :2, 3:] = turned(q[:, 2]) @ np.kron(N, np.eye(2))[:, keep]
     M[:, 2, 2] = np.sum(s * weighted, axis=(1, 2))
     M[:, 2, 3:] = normal(weighted).reshape(len(q), -1)[:, keep]
     M[:, 3:, 3:] = np.kron(mesh.mass, np.eye(2))[np.ix_(keep, keep)]
