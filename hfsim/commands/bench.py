@@ -5,8 +5,9 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,6 +17,7 @@ from hfsim.commands.options import (
     names,
     output_options,
     refuse_unknown,
+    repeats_option,
     setting_options,
     talk_options,
     time_option,
@@ -29,82 +31,61 @@ if TYPE_CHECKING:
 
 _DRAWING = (2.0, 0.1)
 """Time kept back for pictures: so many seconds, at most this part of the budget."""
-_Number = TypeVar("_Number", int, float)
 
 
-def _listed(kind: Callable[[str], _Number], what: str) -> Callable[..., tuple[_Number, ...]]:
-    """Return a click callback that reads positive numbers separated by commas."""
+def _words(name: str, words: str) -> Callable[[Any], Any]:
+    """Return an option that takes names separated by commas."""
+    return click.option(f"--{name}", metavar="A,B,...", callback=lambda _, __, text: names(text), help=words)
 
-    def read(_: click.Context, __: click.Parameter, text: str | None) -> tuple[_Number, ...]:
+
+def _numbers(name: str, kind: type, metavar: str, words: str, what: str = "") -> Callable[[Any], Any]:
+    """Return an option that takes positive numbers separated by commas."""
+
+    def read(_: click.Context, __: click.Parameter, text: str | None) -> tuple[float, ...]:
         try:
             numbers = tuple(dict.fromkeys(kind(part) for part in names(text)))
         except ValueError:
-            raise click.BadParameter(f"'{text}' is no list of {what}") from None
+            raise click.BadParameter(f"'{text}' is no list of {what or name}") from None
         if not all(0 < number < float("inf") for number in numbers):
-            raise click.BadParameter(f"'{text}': {what} are positive")
+            raise click.BadParameter(f"'{text}': {what or name} are positive")
         return numbers
 
-    return read
+    return click.option(f"--{name}", metavar=metavar, callback=read, help=words)
+
+
+_ELEMENTS = "Elements of each beam; the deck's without it. Several: mesh errors too."
+_SEPARATION = "Time the ways to the elastic force (the paper's Table 1) instead; takes no DECK."
+_DEGREES = (
+    "Degrees of the cable elements, 3 to 12; the deck's without it. Beside --elements, meshes finer "
+    "than the finest of the lowest degree are left out."
+)
 
 
 @click.command()
 @click.argument("deck", metavar="[DECK]", required=False)
-@click.option("--methods", metavar="A,B,...", help="Methods; all without it.")
-@click.option(
-    "--tolerances",
-    metavar="X,Y,...",
-    callback=_listed(float, "tolerances"),
-    help="Tolerances; 1e-3 to 1e-10 by decades without it.",
-)
-@click.option(
-    "--steps", metavar="X,Y,...", callback=_listed(float, "steps"), help="Fixed steps [s] in their place."
-)
-@click.option("--models", metavar="A,B,...", help="Models; the deck's without it.")
-@click.option(
-    "--elements",
-    metavar="N,M,...",
-    callback=_listed(int, "element counts"),
-    help="Elements of each beam; the deck's without it. Several: mesh errors too.",
-)
-@click.option(
-    "--separation",
-    is_flag=True,
-    help="Time the ways to the elastic force (the paper's Table 1) instead; takes no DECK.",
-)
-@click.option("--element", metavar="A,B,...", help="With --separation: kinds of element; all without it.")
-@click.option(
-    "--states",
-    metavar="N,M,...",
-    callback=_listed(int, "states"),
-    help="With --separation: beams that move at once; 1 and 64 without it.",
-)
-@click.option(
-    "--degrees",
-    metavar="P,Q,...",
-    callback=_listed(int, "degrees"),
-    help="Degrees of the cable elements, 3 to 12; the deck's without it. Beside --elements, meshes finer "
-    "than the finest of the lowest degree are left out.",
-)
+@_words("methods", "Methods; all without it.")
+@_numbers("tolerances", float, "X,Y,...", "Tolerances; 1e-3 to 1e-10 by decades without it.")
+@_numbers("steps", float, "X,Y,...", "Fixed steps [s] in their place.")
+@_words("models", "Models; the deck's without it.")
+@_numbers("elements", int, "N,M,...", _ELEMENTS, "element counts")
+@click.option("--separation", is_flag=True, help=_SEPARATION)
+@_words("element", "With --separation: kinds of element; all without it.")
+@_numbers("states", int, "N,M,...", "With --separation: beams that move at once; 1 and 64 without it.")
+@_numbers("degrees", int, "P,Q,...", _DEGREES)
 @time_option("budget", "Time all may take, e.g. 90s or 2min.", "60s")
-@click.option(
-    "--repeats",
-    type=click.IntRange(min=1),
-    default=3,
-    show_default=True,
-    help="Time short points so often and take the median.",
-)
+@repeats_option("Time short points so often and take the median.")
 @output_options
 @setting_options()
 @talk_options
 def bench(
     deck: str | None,
-    methods: str | None,
+    methods: tuple[str, ...],
     tolerances: tuple[float, ...],
     steps: tuple[float, ...],
-    models: str | None,
+    models: tuple[str, ...],
     elements: tuple[int, ...],
     separation: bool,
-    element: str | None,
+    element: tuple[str, ...],
     states: tuple[int, ...],
     degrees: tuple[int, ...],
     budget: float,
@@ -131,7 +112,7 @@ def bench(
         plan = bench_separation.Plan(
             elements=elements or bench_separation.ELEMENTS,
             states=states or bench_separation.STATES,
-            kinds=bench_separation.known_kinds(names(element)),
+            kinds=bench_separation.known_kinds(element),
             repeats=repeats, seconds=budget, started=started,
             study=Study.claim("bench", to, "separation", talk),
         )  # fmt: skip
@@ -143,8 +124,9 @@ def bench(
         raise click.UsageError("give --tolerances or --steps, not both")
     loaded = load_numbered(deck, overrides, talk)
     assemble(loaded)
-    levels = (tolerances, steps)
-    sweep = make_sweep(loaded, names(methods), levels, names(models), (elements, degrees), repeats)
+    from hfsim.studies.bench import Sweep
+
+    sweep = complete(Sweep(methods, models, tolerances, steps, elements, degrees, repeats), loaded)
     about = provenance_of(loaded, deck, overrides).facts()
     study = Study.claim("bench", to, loaded.deck.name, talk, about)
     raise click.exceptions.Exit(do_bench(loaded, sweep, budget, started, study))
@@ -156,17 +138,8 @@ def _refuse_given(options: Mapping[str, object], why: str) -> None:
             raise click.UsageError(f"{name} {why}")
 
 
-def make_sweep(
-    loaded: LoadedDeck,
-    methods: tuple[str, ...],
-    levels: tuple[tuple[float, ...], tuple[float, ...]],
-    models: tuple[str, ...],
-    meshes: tuple[tuple[int, ...], tuple[int, ...]],
-    repeats: int,
-) -> Sweep:
-    """Return what is varied, with the defaults filled in.
-
-    Levels are tolerances and steps; meshes are elements and degrees.
+def complete(sweep: Sweep, loaded: LoadedDeck) -> Sweep:
+    """Return what is varied with the defaults filled in where nothing is named.
 
     Raises
     ------
@@ -175,26 +148,21 @@ def make_sweep(
     """
     from hfsim.integrators import METHODS
     from hfsim.parts.bodies.models import MODELS
-    from hfsim.studies.bench import Sweep
 
-    (tolerances, steps), (elements, degrees) = levels, meshes
-    refuse_unknown("method", methods, METHODS)
-    refuse_unknown("model", models, MODELS)
+    refuse_unknown("method", sweep.methods, METHODS)
+    refuse_unknown("model", sweep.models, MODELS)
     solve = loaded.deck.solve
-    if any(tolerance > 0.1 for tolerance in tolerances):
+    if any(tolerance > 0.1 for tolerance in sweep.tolerances):
         raise click.UsageError("a tolerance above 0.1 says nothing")
-    if any(not 3 <= degree <= 12 for degree in degrees):
+    if any(not 3 <= degree <= 12 for degree in sweep.degrees):
         raise click.UsageError("degrees go from 3 to 12")
-    if any(step > solve.duration for step in steps):
+    if any(step > solve.duration for step in sweep.steps):
         raise click.UsageError(f"a step is longer than the run, {solve.duration:g} s")
-    return Sweep(
-        methods=methods or tuple(METHODS),
-        models=models or (solve.model,),
-        steps=steps,
-        elements=tuple(sorted(elements)),
-        degrees=tuple(sorted(degrees)),
-        repeats=repeats,
-        **({"tolerances": tolerances} if tolerances else {}),
+    return replace(
+        sweep,
+        methods=sweep.methods or tuple(METHODS),
+        models=sweep.models or (solve.model,),
+        tolerances=sweep.tolerances or type(sweep).tolerances,
     )
 
 

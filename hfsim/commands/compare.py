@@ -13,7 +13,13 @@ import click
 
 from hfsim.commands import STARTED
 from hfsim.commands.decks import assemble, command_line, find_deck, load_decks, provenance_of, with_numbers
-from hfsim.commands.options import output_options, setting_options, talk_options, with_settings
+from hfsim.commands.options import (
+    output_options,
+    repeats_option,
+    setting_options,
+    talk_options,
+    with_settings,
+)
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 
@@ -60,13 +66,7 @@ class Plan:
 @click.option(
     "--require", multiple=True, metavar="MODEL", help="Exit with 4 if this model misses --max-error."
 )
-@click.option(
-    "--repeats",
-    type=click.IntRange(min=1),
-    default=3,
-    show_default=True,
-    help="Time short solves so often and take the median.",
-)
+@repeats_option("Time short solves so often and take the median.")
 @output_options
 @setting_options("keep_all")
 @click.option(

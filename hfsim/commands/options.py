@@ -127,6 +127,14 @@ def time_option(name: str, words: str, default: str | None = None) -> _Option:
     )
 
 
+def repeats_option(
+    words: str = "Time short solves so often and take the median.", default: int = 3
+) -> _Option:
+    """Return the option that says how often something is timed."""
+    kind = click.IntRange(min=1)
+    return click.option("--repeats", type=kind, default=default, show_default=True, help=words)
+
+
 jobs_option = click.option(
     "--jobs",
     type=click.IntRange(min=1),

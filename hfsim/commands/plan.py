@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands.decks import CASES, load_numbered, shipped_cases
-from hfsim.commands.options import setting_options, talk_options
+from hfsim.commands.options import repeats_option, setting_options, talk_options
 from hfsim.output.talk import Talk
 from hfsim.output.text import Column, table
 
@@ -28,13 +28,7 @@ _PROOF_SHARE = 0.1
 @click.option(
     "--proof", is_flag=True, help="Only the table of all rules: sizes, times, differences; all shipped cases."
 )
-@click.option(
-    "--repeats",
-    type=click.IntRange(min=1),
-    default=5,
-    show_default=True,
-    help="Runs of which the median counts.",
-)
+@repeats_option("Runs of which the median counts.", 5)
 @talk_options
 def plan(
     decks: tuple[str, ...],

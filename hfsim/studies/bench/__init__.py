@@ -15,18 +15,6 @@ from hfsim.studies.bench.study import bench
 from hfsim.studies.bench.sweep import Sweep
 
 __all__ = [
-    "Bench",
-    "Cell",
-    "Point",
-    "Sweep",
-    "advice",
-    "as_facts",
-    "bench",
-    "channel_error",
-    "mesh_words",
-    "model_advice",
-    "observed_order",
-    "pareto",
-    "recommend",
-    "tidy",
-]
+    "Bench", "Cell", "Point", "Sweep", "advice", "as_facts", "bench", "channel_error", "mesh_words",
+    "model_advice", "observed_order", "pareto", "recommend", "tidy",
+]  # fmt: skip
