@@ -49,6 +49,12 @@ def normal(a: Array) -> Array:
     return np.asarray(a @ QUARTER_TURN)
 
 
+def across(axis: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+    """Return the directions perpendicular to an axis: one in the plane."""
+    x, y = axis
+    return ((-y, x),)
+
+
 def spun(spin: Array, a: Array) -> Array:
     """Return the rates of vectors (..., 2) that turn with angular velocities (..., 1): spin x a."""
     return np.asarray(spin * normal(a))

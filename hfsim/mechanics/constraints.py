@@ -93,6 +93,8 @@ class Constraint:
         The part that depends on time, by which the constraint can do work.
     item : str
         Deck path of its joint, such as ``joints.elbow``.
+    holds_place, holds_turn : bool
+        Whether both points are one; whether the whole turn of the second against the first is the target.
     unit, why_kept : str
         Unit of the gap; why equations of this kind need multipliers where `elimination` leaves them.
     """
@@ -102,6 +104,8 @@ class Constraint:
     offset: float = field(default=0.0, kw_only=True)
     law: Law | None = field(default=None, kw_only=True)
     item: str = field(default="", kw_only=True)
+    holds_place: ClassVar[bool] = False
+    holds_turn: ClassVar[bool] = False
     unit: ClassVar[str] = "m"
     why_kept: ClassVar[str] = "not linear in the coordinates"
 
@@ -234,6 +238,7 @@ class _Quantity(NamedTuple):
 class Coincide(_Difference):
     """Both points stay in the same place."""
 
+    holds_place: ClassVar[bool] = True
     why_kept: ClassVar[str] = "not at nodes or centres of mass, or it closes a loop"
 
     @property
@@ -264,6 +269,7 @@ class Coincide(_Difference):
 class RelativeAngle(_Difference):
     """The second frame is turned against the first by an offset plus a law of time, in the plane."""
 
+    holds_turn: ClassVar[bool] = True
     unit: ClassVar[str] = "rad"
     why_kept: ClassVar[str] = "an angle between moving bodies is not linear in the coordinates"
 

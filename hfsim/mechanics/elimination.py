@@ -18,7 +18,7 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import Entries, assemble
 from hfsim.maths.rotations import rotate
 from hfsim.mechanics.body import Body
-from hfsim.mechanics.constraints import Coincide, Constraint, RelativeAngle
+from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.increments import Mount, Tie
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.reduction import Reduction
@@ -154,7 +154,7 @@ def _fixed_slope(child: Marker, parent: Marker, constraints: tuple[Constraint, .
 def _held_slopes(constraints: Iterable[Constraint]) -> Iterator[tuple[IntArray, Marker, float]]:
     """Yield (columns of a slope vector, marker it does not turn against, angle that is held)."""
     for c in constraints:
-        if isinstance(c, RelativeAngle) and not c.driven:
+        if c.holds_turn and not c.driven:
             for beam, other, angle in ((c.first, c.second, -c.offset), (c.second, c.first, c.offset)):
                 if beam.slope_columns is not None:
                     yield beam.slope_columns, other, angle
@@ -176,7 +176,7 @@ def _tree(
     """Yield (constraint, marker of the body taken in, marker it is attached to), from the ground outwards."""
     meeting: dict[str | None, list[tuple[int, Marker, Marker]]] = {}
     for k, c in constraints.items():
-        if isinstance(c, Coincide):
+        if c.holds_place:
             for child, parent in ((c.first, c.second), (c.second, c.first)):
                 if child.place_columns is not None and _carries(parent, child):
                     meeting.setdefault(_owner(parent, owners), []).append((k, child, parent))

@@ -19,7 +19,7 @@ from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.body import Body
-from hfsim.mechanics.constraints import Constraint, RelativeAngle
+from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.scene.schema import InitialSpec
@@ -131,7 +131,7 @@ def _hand_on(start: Start, rigid: _Rigid, step: Callable[[Constraint], Array]) -
     """Take turns that are not stated from other bodies, along the constraints that fix them."""
     known: dict[int | None, Array] = {GROUND: np.zeros(rigid.turns.shape[1])}
     known |= {k: rigid.turns[k] for k, stated in enumerate(rigid.stated[:, -1]) if stated}
-    ties = [c for c in start.constraints if isinstance(c, RelativeAngle)]
+    ties = [c for c in start.constraints if c.holds_turn]
     for _ in ties:
         for tie in ties:
             a, b = (start.owner(marker) for marker in tie.ends)

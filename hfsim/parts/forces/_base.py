@@ -37,7 +37,7 @@ class Spring(PointPart):
     stiffness, damping : float
         k and d, in newtons or newton metres per deflection and per its rate.
     rest : float
-        What `length` is without force.
+        Distance [m] or angle [rad] without force.
     """
 
     first: Marker

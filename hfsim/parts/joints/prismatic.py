@@ -3,6 +3,7 @@
 from typing import Literal
 
 from hfsim.deck.fields import Angle, Axis, Between
+from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
 
@@ -26,5 +27,4 @@ class PrismaticSpec(JointSpec):
 
     def held(self) -> tuple[Held, ...]:
         """Return what the joint holds: no distance across the axis, no turning."""
-        x, y = self.axis
-        return Shift((-y, x)), Turn(self.angle)
+        return *(Shift(side) for side in across(self.axis)), Turn(self.angle)
