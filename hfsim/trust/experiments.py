@@ -14,7 +14,6 @@ from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS, integrator
 from hfsim.maths.arrays import Array
 from hfsim.maths.rank import Dependence, dependence
-from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.bodies.models import LADDER, MODELS
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import Integration, run_integration
@@ -155,8 +154,7 @@ class Experiments:
 
     def command_exact(self, name: str, force: bool = False) -> str:
         """Return the command that runs the deck with a beam in the model exact."""
-        spec = self.scene.deck.bodies[name]
-        own = isinstance(spec, BeamSpec) and spec.model is not None
+        own = getattr(self.scene.deck.bodies[name], "model", None) is not None
         key = f"bodies.{name}.model" if own else "solve.model"
         return command(self.scene.loaded, {key: LADDER[-1]}, force)
 

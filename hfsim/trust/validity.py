@@ -27,7 +27,6 @@ from hfsim.maths.arrays import Array, cumulative, distinct
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.deformation import Deformation, size
 from hfsim.mechanics.pose import Pose
-from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import Scene
 
@@ -134,12 +133,12 @@ def _judge(scene: Scene, body: Body, t: Array, x: Array, u: Array) -> dict[str, 
     beam, length = _beam(scene, body.name), _length(scene, body.name)
     scale = max(tip_range(scene, body.name, x), 1e-9 * length)
     terms = tip_error(scene, body.name, scene.models[body.name], seen, t)
-    error = sum(terms.values(), np.zeros(len(t))) / scale
+    error, strain = sum(terms.values(), np.zeros(len(t))) / scale, np.abs(seen.axial).max()
     largest = {
         "estimated_error": float(error.max()),
         "slope": float(seen.steepness.max()),
         "foreshortening": float(seen.shortening.max() / length),
-        "axial_strain": _over(0.5 * float((seen.steepness**2).max()), float(np.abs(seen.axial).max())),
+        "axial_strain": float(0.5 * seen.steepness.max() ** 2 / strain) if strain > 0.0 else 0.0,
         "stiffening": float(_stiffening(beam, seen, t).max()),
         "inertia": body.third_order_inertia(x),
         "spin": float(size(seen.spin).max() / beam.frequency),
@@ -151,14 +150,8 @@ def _judge(scene: Scene, body: Body, t: Array, x: Array, u: Array) -> dict[str, 
     return {"left_at": float(t[at]), "reason": error_reason(terms, at, seen, error), "largest": largest}
 
 
-def _over(a: float, b: float) -> float:
-    return a / b if b > 0.0 else 0.0
-
-
 def _length(scene: Scene, name: str) -> float:
-    spec = scene.deck.bodies[name]
-    assert isinstance(spec, BeamSpec)
-    return spec.length
+    return scene.bodies[name].points["tip"][0]
 
 
 def _beam(scene: Scene, name: str) -> Beam:
