@@ -5,13 +5,15 @@ An entry says what is wrong with it as a whole in `Spec.complaints`.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from pkgutil import resolve_name
+from importlib import import_module
+from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
-from pydantic_core import CoreSchema, InitErrorDetails, PydanticCustomError
+from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError
 from pydantic_core.core_schema import no_info_plain_validator_function, no_info_wrap_validator_function
 
 from hfsim.deck.source import Path, did_you_mean
@@ -91,8 +93,6 @@ class Spec(BaseModel):
         try:
             return read(value)
         except ValidationError as error:
-            from hfsim.deck.explain import explained
-
             raise refused(explained(cls, error)) from None
 
     def complaints(self) -> Iterable[Complaint]:
@@ -191,7 +191,7 @@ class OneOf:
         if self.key not in value:
             spec = self.otherwise
         if isinstance(spec, str):
-            spec = resolve_name(spec)
+            spec = _at(spec)
         if spec is not None:
             return spec.model_validate(value)
         if self.key not in value:
@@ -215,11 +215,17 @@ def named_in(registry: str, *others: str) -> ReadBy:
 
 
 def _read_name_in(registry: str, others: tuple[str, ...], value: object) -> object:
-    choices = [*resolve_name(registry), *others]
+    choices = [*_at(registry), *others]
     if value not in choices:
         wrong = wrong_choice((), value, choices)
         raise refusal(wrong.message, wrong.hint)
     return value
+
+
+def _at(place: str) -> Any:
+    """Return what stands at ``module.NAME``; the module is imported if need be."""
+    module, _, name = place.rpartition(".")
+    return getattr(import_module(module), name)
 
 
 def wrong_choice(path: Path, given: object, choices: list[str]) -> Complaint:
@@ -243,3 +249,65 @@ def shown(value: object) -> str:
         return f"{value:g}"
     text = f"'{value}'" if isinstance(value, str) else str(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+# Pydantic's refusals in deck words --------------------------------------------------------------------
+
+_MESSAGES = {
+    "string_type": "must be text",
+    "dict_type": "must be a map",
+    "model_type": "must be a map",
+    "model_attributes_type": "must be a map",
+    "list_type": "must be a list",
+    "tuple_type": "must be a list",
+}
+
+
+def explained(spec: type[Spec], error: ValidationError) -> list[Complaint]:
+    """Return what pydantic refused of an entry, in deck words.
+
+    Parameters
+    ----------
+    spec : type
+        The class that the entry was read as.
+    error : pydantic.ValidationError
+        What entries inside it refused is in deck words already.
+    """
+    return [_explained(spec, item) for item in error.errors(include_url=False)]
+
+
+def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:
+    kind, context = item["type"], item.get("ctx", {})
+    path = tuple(step for step in item["loc"] if step != "[key]")
+    on_key = len(path) < len(item["loc"])
+    if kind == REFUSED:
+        return Complaint(path, context["message"], context["hint"], on_key or context["on_key"])
+    if kind == "extra_forbidden":
+        return Complaint(path, "unknown key", did_you_mean(str(path[-1]), spec.keys()), True)
+    if kind == "missing":
+        field = dict(zip(spec.keys(), spec.model_fields, strict=True))[str(path[-1])]
+        return Complaint(path, "missing key", field_docstrings(spec).get(field, "").rstrip("."), True)
+    if kind == "literal_error":
+        return wrong_choice(path, item["input"], re.findall(r"'([^']*)'", context["expected"]))
+    message = _MESSAGES[kind].format(**context) if kind in _MESSAGES else item["msg"]
+    return Complaint(path, f"{message}, not {shown(item['input'])}", "", on_key)
+
+
+def field_docstrings(spec: type[Spec]) -> dict[str, str]:
+    """Return the text under each field of a class, from its source: pydantic would read it at every start."""
+    import ast
+    import inspect
+    import textwrap
+
+    found: dict[str, str] = {}
+    for one in reversed(spec.__mro__):
+        if not issubclass(one, Spec):
+            continue
+        body = ast.parse(textwrap.dedent(inspect.getsource(one))).body[0]
+        assert isinstance(body, ast.ClassDef)
+        for field, text in pairwise(body.body):
+            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
+                continue
+            if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+                found[field.target.id] = " ".join(str(text.value.value).split())
+    return found

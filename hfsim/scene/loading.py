@@ -15,6 +15,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from hfsim.deck.source import DeckSource, parse_source, read_source
+from hfsim.deck.spec import explained
 from hfsim.errors import DeckError
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
 from hfsim.scene.checks import complaints_of
@@ -113,8 +114,6 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         deck = Deck.model_validate(data)
         entries = {key: getattr(deck, key) for key in Deck.model_fields}
     except ValidationError as error:
-        from hfsim.deck.explain import explained
-
         complaints = explained(Deck, error)
         entries = _readable_entries(data)
     complaints += complaints_of(data, entries)
