@@ -21,7 +21,7 @@ from hfsim.cli import COMMANDS, app
 from hfsim.deck.fields import Between
 from hfsim.deck.laws import LAWS
 from hfsim.errors import SolverFailure
-from hfsim.integrators import METHODS
+from hfsim.integrators import METHODS, Attempt, Integrator, Stability
 from hfsim.mechanics.constraints import Shift
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, joint_support
@@ -35,6 +35,7 @@ from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.scene.rules import RULES
+from hfsim.studies.methods import candidates
 from hfsim.trust.diagnosis import diagnose
 
 SCENE = {
@@ -267,6 +268,62 @@ def test_one_of_your_own_takes_one_file_and_one_name(
 ):
     monkeypatch.setitem(registry, name, entry)
     goes_all_the_way(scene_with(kind, name, example), tmp_path)
+
+
+@dataclass(frozen=True)
+class RungeKutta:
+    """The classical method of order four, with steps of one length."""
+
+    step: float
+    name: str = "classical"
+    stages: int | None = None
+
+    def start(self, problem, t, q, v):
+        return RungeKuttaStepper(self, problem)
+
+
+class RungeKuttaStepper:
+    def __init__(self, method, problem):
+        self.name, self.first, self.problem = method.name, method.step, problem
+
+    def attempt(self, t, q, v, h):
+        y, a = np.stack([q, v]), self.problem.single(t, q, v)
+        slopes = [np.stack([v, a])]
+        for share in (0.5, 0.5, 1.0):
+            place, rate = y + share * h * slopes[-1]
+            slopes.append(np.stack([rate, self.problem.single(t + share * h, place, rate)]))
+        q1, v1 = y + h / 6.0 * (slopes[0] + 2.0 * slopes[1] + 2.0 * slopes[2] + slopes[3])
+        mean = (v1 - v) / h
+        swerve = 6.0 * (0.5 * (v + v1) - (q1 - q) / h) / h
+        return Attempt(0.5, 1.0, q1, v1, np.stack([mean, swerve]))
+
+    def accept(self, t, q, v):
+        pass
+
+
+def growth_of_runge_kutta(y, order):
+    z = 1j * y
+    return np.abs(1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0)
+
+
+def test_an_integrator_of_your_own_takes_one_file_and_one_name(tmp_path, monkeypatch):
+    own = Integrator(lambda solve: RungeKutta(solve.step or 1e-4), Stability("", growth_of_runge_kutta))
+    monkeypatch.setitem(METHODS, "classical", own)
+    text = scene_with("integrator", "classical", {})
+    results = goes_all_the_way(text, tmp_path)
+    assert json.loads((results / "summary.json").read_text())["method"] == "classical"
+    gauss = build(parse_deck(text, "deck", ["solve.method=gauss", "solve.tolerance=1e-9"]))
+    own = build(parse_deck(text))
+    ends = [run_integration(scene, scene.deck.solve).trajectory.q for scene in (gauss, own)]
+    assert ends[1] == pytest.approx(ends[0], abs=1e-7)
+    deck = tmp_path / "example.yaml"
+    short = ("--budget", "4s", "--no-plots")
+    told = hfsim("bench", deck, "--methods", "classical,gauss", *short, "-o", tmp_path / "bench")
+    assert "classical" in told
+    limits = ("stability", deck, "--limits", "--models", "linear", "--methods", "classical")
+    told = hfsim(*limits, *short, "-o", tmp_path / "limits")
+    assert "|R(iwh)| = 1 at wh = 2.8" in told
+    assert "classical" in candidates("gauss")
 
 
 def test_a_command_of_your_own_takes_one_file_and_one_name(monkeypatch):

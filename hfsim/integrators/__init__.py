@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from importlib import import_module
+from pkgutil import resolve_name
 
 from hfsim.integrators._base import Attempt, Integrator, Method, Options, Stability, Stepper
 from hfsim.integrators._loop import Limits, integrate
@@ -26,8 +27,7 @@ def integrator(name: str) -> Integrator:
     entry = METHODS[name]
     if isinstance(entry, Integrator):
         return entry
-    module, _, variable = entry.rpartition(".")
-    found: Integrator = getattr(import_module(module), variable)
+    found: Integrator = resolve_name(entry)
     return found
 
 

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from hfsim.deck.fields import split_point
+from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import DENSE_UP_TO, assemble
 from hfsim.maths.rank import dependence
@@ -183,7 +184,7 @@ def _moving_columns(bodies: dict[str, Body], still: tuple[str, ...]) -> IntArray
 
 
 def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "absolute"]:
-    """Return the coordinates to make steps in: those with a constant mass matrix for the method energy.
+    """Return the coordinates to make steps in: those with a constant mass matrix where a method needs it.
 
     Raises
     ------
@@ -191,10 +192,10 @@ def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "ab
         If the model has none.
     """
     solve = loaded.deck.solve
-    if solve.method != "energy":
+    if not steps_in_absolute_coordinates(solve.method):
         return solve.coordinates
     if MODELS[model].strain == "low_order":
-        why = f"energy needs a constant mass matrix, and that of {model} changes with the motion"
+        why = f"{solve.method} needs a constant mass matrix, and that of {model} changes with the motion"
         raise loaded.problem("solve.method", why, "take gauss, or another model")
     return "absolute"
 

@@ -27,6 +27,7 @@ from hfsim.deck.fields import (
 from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionSpec
 from hfsim.deck.source import did_you_mean
 from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, named_in, refusal, shown
+from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.forces import AnyLoad, AnySpring
 from hfsim.parts.joints import AnyJoint
@@ -144,8 +145,8 @@ class SolveSpec(Spec):
             yield Complaint(
                 ("step",), "target_error and elements: auto choose the steps", "remove one of them"
             )
-        if self.method == "energy" and self.coordinates == "frame":
-            why = "method energy makes its steps in absolute coordinates"
+        if self.coordinates == "frame" and steps_in_absolute_coordinates(self.method):
+            why = f"method {self.method} makes its steps in absolute coordinates"
             yield Complaint(("coordinates",), why, "leave this entry out")
         if self.step is not None and self.step > self.duration:
             yield Complaint(

@@ -12,6 +12,7 @@ Nothing is printed or written here.
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -20,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import DeckError, LimitReached, SolverFailure
-from hfsim.integrators import METHODS
+from hfsim.integrators import METHODS, integrator
 from hfsim.run.integration import Integration
 from hfsim.run.stop import Halted, Progress
 from hfsim.scene.build import Scene
@@ -32,10 +33,8 @@ SURE = 3.0
 """Factor from which one measurement is enough; below it both are timed again, and the shorter times count."""
 SLACK = 0.1
 """Part of the time allowed for a race by which it may be behind."""
-LIKELY_FIRST = ("gear", "generalized_alpha", "radau", "gauss", "energy", "explicit")
-"""Order of races: what was seen to win comes first, as it makes the others short."""
-SCIPY = 0.4
-"""CPU time of importing what the method explicit takes its coefficients from [s]."""
+IMPORT = 0.4
+"""CPU time of importing what a method cannot do without [s]."""
 TRIES = 4
 """Tolerances of one method in a contest."""
 _ORDER = 0.7
@@ -49,8 +48,7 @@ _TIGHTEST = 1e-13
 
 def candidates(but: str) -> list[str]:
     """Return all methods but one, the likeliest first."""
-    names = [*LIKELY_FIRST, *(name for name in METHODS if name not in LIKELY_FIRST)]
-    return [name for name in names if name != but]
+    return [name for name in sorted(METHODS, key=lambda name: integrator(name).rank) if name != but]
 
 
 @dataclass(frozen=True)
@@ -207,7 +205,7 @@ class Contest:
         seen: list[tuple[float, float]] = []
         while len(seen) < TRIES:
             turn = self.open[name]
-            if self.allowance() < (turn.needs or 0.5 * limit + (SCIPY if _imports(name) else 0.0)):
+            if self.allowance() < (turn.needs or 0.5 * limit + (IMPORT if _imports(name) else 0.0)):
                 return None
             probe, entry = self._race(name, turn.tolerance, limit, best or self.mark)
             self.probes.append(probe)
@@ -293,9 +291,8 @@ class Contest:
 
 
 def _imports(name: str) -> bool:
-    import sys
-
-    return name == "explicit" and "scipy.integrate" not in sys.modules
+    needed = integrator(name).imports
+    return bool(needed) and needed not in sys.modules
 
 
 def _tighter(seen: Sequence[tuple[float, float]], goal: float) -> float:

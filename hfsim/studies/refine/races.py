@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
+from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.run.clock import PhaseClock
 from hfsim.run.integration import Integration
 from hfsim.run.stop import Progress
@@ -145,10 +146,10 @@ class Races:
         def scene_for(method: str, tolerance: float) -> Scene:
             assert level.scene is not None
             setting = replace(level.setting, method=method, tolerance=tolerance)
-            if method != "energy":
+            if not steps_in_absolute_coordinates(method):
                 return replace(level.scene, loaded=setting.applied(search.loaded))
             if search.loaded.deck.solve.coordinates == "frame":
-                why = "method energy makes its steps in absolute coordinates"
+                why = f"method {method} makes its steps in absolute coordinates"
                 raise search.loaded.problem("solve.coordinates", why)
             return build(replace(setting, coordinates="absolute").applied(search.loaded), search.model)
 

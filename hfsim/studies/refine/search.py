@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
+from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.run.distance import channel_errors, farthest
 from hfsim.run.integration import run_integration
 from hfsim.run.stop import Budget, Progress, TimeUp
@@ -187,7 +188,7 @@ class Search:
     def _in_cheaper_coordinates(self, setting: Setting) -> Setting:
         """Return the setting with those coordinates in which the first part of its motion takes less time."""
         free = self.loaded.deck.solve.coordinates == "auto" and self.model in ("exact", "linear")
-        free = free and setting.method != "energy"
+        free = free and not steps_in_absolute_coordinates(setting.method)
         if not free or setting.vectors < STALE * self.tried_at:
             return replace(setting, coordinates=self.current.setting.coordinates) if self.current else setting
         self.tried_at = setting.vectors
