@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -33,17 +32,6 @@ _DRAWING = (2.0, 0.1)
 """Time kept back for pictures: so many seconds, at most this part of the budget."""
 _MOST_AXES = 2
 _DEFAULT_MODELS = ("linear", "lowOrder", "exact")
-
-
-@dataclass(frozen=True)
-class Order:
-    """What is to be mapped and where the results go."""
-
-    deck: LoadedDeck
-    plan: Plan
-    bisect: float | None
-    ending: str
-    study: Study
 
 
 def _named_axis(name: str, words: str) -> Callable[[Any], Any]:
@@ -138,8 +126,10 @@ def stability(
         raise click.UsageError("--limits takes no axis; change the deck with --set")
     about = provenance_of(loaded, deck, overrides).facts()
     study = Study.claim("stability", to, loaded.deck.name, talk, about)
-    order = Order(loaded, plan, bisect, ending, study)
-    raise click.exceptions.Exit(do_limits(order, names(models)) if measure else do_map(order))
+    if measure:
+        do_limits(loaded, plan, study, names(models))
+        return
+    raise click.exceptions.Exit(do_map(loaded, plan, study, bisect, ending))
 
 
 def read_axes(vary: Sequence[str], named: dict[str, str | None]) -> tuple[Axis, ...]:
@@ -208,23 +198,22 @@ def refuse_bisection(width: float | None, axes: Sequence[Axis]) -> None:
         raise click.UsageError("--bisect needs an axis without gaps, not elements")
 
 
-def do_map(order: Order) -> int:
+def do_map(loaded: LoadedDeck, plan: Plan, study: Study, bisect: float | None, ending: str) -> int:
     """Run the study, write and tell it, and return the exit code."""
     from hfsim.output import stability as report
     from hfsim.output.progress import Progress
     from hfsim.studies.axes import AxisError
     from hfsim.studies.stability.maps import stability_map
 
-    study = order.study
-    with Progress(f"{order.deck.deck.name}, stability", sys.stderr, study.talk.quiet) as progress:
+    with Progress(f"{loaded.deck.name}, stability", sys.stderr, study.talk.quiet) as progress:
         try:
-            result = stability_map(order.deck, order.plan, order.bisect, progress, order.ending)
+            result = stability_map(loaded, plan, bisect, progress, ending)
         except AxisError as error:
             raise click.UsageError(str(error)) from None
     study.publish(
         report.map_facts(result),
         {"stability": (report.map_columns(result), result.points)},
-        report.map_text(result, study.path, study.talk.verbose, order.ending),
+        report.map_text(result, study.path, study.talk.verbose, ending),
         partial(report.draw_map, result),
     )
     if result.status == "interrupted":
@@ -233,20 +222,19 @@ def do_map(order: Order) -> int:
     return 0
 
 
-def do_limits(order: Order, models: tuple[str, ...]) -> int:
+def do_limits(loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, ...]) -> None:
     """Measure the longest stable steps with the models named, or the deck's; write and tell them."""
     from hfsim.output import limits as report
     from hfsim.studies.limits import limits
 
-    plan, deadline = order.plan, time.perf_counter() + order.plan.seconds
-    results, wanted = [], models or (order.deck.deck.solve.model,)
+    deadline = time.perf_counter() + plan.seconds
+    results, wanted = [], models or (loaded.deck.solve.model,)
     for k, model in enumerate(wanted):
         share = (deadline - time.perf_counter()) / (len(wanted) - k)
-        results.append(limits(order.deck, model, plan.methods, share, plan.limit, plan.jobs))
+        results.append(limits(loaded, model, plan.methods, share, plan.limit, plan.jobs))
     rows = [{"model": result.model, **one.facts()} for result in results for one in result.limits]
-    order.study.publish(
+    study.publish(
         {"status": "done", "results": [result.facts() for result in results]},
         {"limits": (report.LIMIT_COLUMNS, rows)},
-        report.limits_text(results, order.study.path),
+        report.limits_text(results, study.path),
     )
-    return 0
