@@ -108,7 +108,7 @@ REGISTERED = {
     "element": ELEMENTS,
     "model": MODELS,
     "integrator": METHODS,
-    "channel": CHANNELS,
+    "channel": [name for name, kind in CHANNELS.items() if len(SCENE["gravity"]) in kind.dimensions],
     "rule": RULES,
 }
 NEVER_DRAWN = ("law", "integrator", "rule")

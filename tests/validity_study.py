@@ -11,9 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from hfsim.run.integration import run_integration
+from hfsim.run.sampling import sample
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
-from hfsim.simulate import sample, validity
+from hfsim.trust.doubt import validity
 from hfsim.trust.validity import LEFT
 
 CASES = Path(__file__).parent.parent / "cases"

@@ -10,16 +10,13 @@ Nothing is solved here.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.parts.channels import Samples, is_judged
 from hfsim.run.solution import Channel
-from hfsim.scene.schema import is_judged
-
-if TYPE_CHECKING:
-    from hfsim.parts.channels import Samples
 
 SMALL = 1e-3
 """Range of a channel, relative to the size of its unit, below which it is too small to be judged by."""

@@ -1,18 +1,12 @@
 """Which channels a deck may ask for."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from hfsim.deck.fields import split_point
 from hfsim.deck.source import Path, did_you_mean
 from hfsim.deck.spec import Complaint, shown
+from hfsim.parts.channels import CHANNELS, ChannelKind, scene_words
 from hfsim.scene.declared import Declared
-
-_ENERGIES = ("kinetic", "strain", "potential", "total")
-_RESIDUALS = ("position", "velocity")
-_POINT_QUANTITIES = ("x", "y", "vx", "vy", "speed")
-_BEAM_QUANTITIES = ("deflection", "elongation")
-_BODY_QUANTITIES = ("angle", "angular_velocity")
-_REACTIONS = ("force_x", "force_y", "moment")
 
 
 class ChannelNames:
@@ -45,43 +39,48 @@ class ChannelNames:
 
     def _channel_complaint(self, path: Path, channel: str) -> Iterator[Complaint]:
         owner, _, rest = channel.partition(".")
-        fixed = {"energy": _ENERGIES, "constraint": _RESIDUALS}.get(owner)
-        joints, bodies = self.declared.names("joints"), self.declared.names("bodies")
-        if fixed is None and owner in (joints or ()) and owner not in (bodies or ()):
-            fixed = _REACTIONS
-        if fixed is not None:
-            if rest not in fixed:
-                yield _unknown_quantity(path, owner, rest, fixed)
+        points, joints = self.declared.points, self.declared.names("joints")
+        subject = owner if owner in scene_words() else ""
+        if not subject and owner in (joints or ()) and owner not in (self.declared.names("bodies") or ()):
+            subject = "joint"
+        if subject:
+            known = self._known(lambda kind: kind.subject == subject)
+            if rest not in known:
+                yield _unknown_quantity(path, owner, rest, known)
         elif owner == "ground":
             yield Complaint(path, "the ground does not move", "name a point of a body")
-        elif self.declared.points is not None and joints is not None and owner not in self.declared.points:
-            known = [*self.declared.points, *joints, "energy", "constraint"]
-            known.remove("ground")
-            yield Complaint(path, f"there is no body or joint '{owner}'", did_you_mean(owner, known))
-        elif self.declared.points is not None and joints is not None:
+        elif points is not None and joints is not None and owner not in points:
+            owners = [*(name for name in points if name != "ground"), *joints, *scene_words()]
+            yield Complaint(path, f"there is no body or joint '{owner}'", did_you_mean(owner, owners))
+        elif points is not None and joints is not None:
             yield from self._motion_complaint(path, channel)
+
+    def _known(self, fits: Callable[[ChannelKind], bool]) -> list[str]:
+        """Return the quantities that space has, of those kinds that fit."""
+        space = self.dimension or 2
+        return [name for name, kind in CHANNELS.items() if space in kind.dimensions and fits(kind)]
 
     def _motion_complaint(self, path: Path, channel: str) -> Iterator[Complaint]:
         """Yield what is wrong with a channel of a body or of one of its points."""
         point, _, quantity = channel.rpartition(".")
         owner, name = split_point(point or channel)
-        if not point:
-            quantity = ""
         body = self.declared.maps("bodies").get(owner, {})
         beam, points = body.get("type") == "beam", self.declared.points
-        if quantity in _BODY_QUANTITIES and name:
+        kind = CHANNELS.get(quantity) if point else None
+        if kind is None or kind.subject not in ("point", "body"):
+            of = ("point",) if name else ("point", "body")
+            known = self._known(lambda one: one.subject in of and (beam or not one.only_beams))
+            yield _unknown_quantity(path, point or channel, quantity if point else "", known)
+        elif kind.subject == "body" and name:
             yield Complaint(path, f"{quantity} belongs to a body, not to a point", f"'{owner}.{quantity}'")
-        elif quantity == "z" and self.dimension != 3:
-            yield Complaint(path, "a planar scene has no z", f"'{point}.x' or '{point}.y'")
-        elif quantity in _BEAM_QUANTITIES and not beam and points and points[owner] is not None:
+        elif (self.dimension or 2) not in kind.dimensions:
+            others = self._known(lambda one: (one.subject, one.plot) == (kind.subject, kind.plot))
+            hint = " or ".join(f"'{point}.{other}'" for other in others)
+            yield Complaint(path, f"a planar scene has no {quantity}", hint)
+        elif kind.only_beams and not beam and points and points[owner] is not None:
             yield Complaint(path, f"only a beam has {quantity}, '{owner}' is {shown(body.get('type'))}")
-        elif quantity in (*_POINT_QUANTITIES, *_BEAM_QUANTITIES, *_BODY_QUANTITIES, "z"):
-            yield from self.declared.point_complaint(path, point)
         else:
-            known = (
-                _POINT_QUANTITIES + (_BEAM_QUANTITIES if beam else ()) + (() if name else _BODY_QUANTITIES)
-            )
-            yield _unknown_quantity(path, point or channel, quantity, known)
+            yield from self.declared.point_complaint(path, point)
 
 
 def _unknown_quantity(path: Path, owner: str, quantity: str, known: Sequence[str]) -> Complaint:

@@ -9,11 +9,10 @@ from typing import Any
 from hfsim.deck.fields import split_point
 from hfsim.deck.source import Path, did_you_mean
 from hfsim.deck.spec import Around, Complaint, Spec
+from hfsim.parts.channels import scene_words
 from hfsim.scene.channel_names import ChannelNames
 from hfsim.scene.declared import Declared
 from hfsim.scene.rules import RULES
-
-_RESERVED = ("energy", "constraint", "t")
 
 
 def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Complaint]:
@@ -64,7 +63,7 @@ def _names(declared: Declared) -> Iterator[Complaint]:
         yield Complaint(("bodies",), "a scene needs at least one body", "", True)
     for key in ("bodies", "joints"):
         for name in declared.names(key) or ():
-            if name in _RESERVED:
+            if name in ("t", *scene_words()):
                 message = f"'{name}' is taken by the output's columns"
                 yield Complaint((key, name), message, "choose another name", True)
     for name in declared.names("joints") or ():

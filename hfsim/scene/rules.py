@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from hfsim.deck.fields import split_point
+from hfsim.parts.channels import kind_of
 
 if TYPE_CHECKING:
     from hfsim.mechanics.system import System
@@ -351,14 +352,10 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     passes_over_all_steps=1,
 )
 def _turns(deck: Deck, models: Models) -> Items:
-    asked = {channel.split(".")[0] for channel in deck.channels if channel.rpartition(".")[2] in _NEED_ANGLE}
+    asked = {channel.split(".")[0] for channel in deck.channels if kind_of(channel).in_frame}
     # elsewhere the angle is a coordinate
     nodal = (name for name, model in models.items() if model.strain == "exact" and not model.frame)
     return tuple(f"turns of bodies.{name}" for name in nodal if name not in asked)
-
-
-_NEED_ANGLE = ("angle", "deflection", "elongation")
-"""Channels that are measured in a body's frame."""
 
 
 @_rule("outlines of the bodies and pictures", "output.plots is false", "nothing would read them", outlines=1)

@@ -29,6 +29,7 @@ from hfsim.deck.source import did_you_mean
 from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, named_in, refusal, shown
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.parts.bodies import AnyBody, BeamSpec
+from hfsim.parts.channels import is_judged
 from hfsim.parts.forces import AnyLoad, AnySpring
 from hfsim.parts.joints import AnyJoint
 
@@ -264,11 +265,6 @@ class Deck(Spec):
     def resolved(self) -> dict[str, Any]:
         """Return the deck as plain data with defaults filled in and SI numbers; it loads as an equal deck."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
-
-
-def is_judged(channel: str, conserved: bool = True) -> bool:
-    """Return whether errors of a channel count: not those of residuals, nor of a conserved energy."""
-    return not channel.startswith("constraint.") and not (conserved and channel == "energy.total")
 
 
 def default_channels(bodies: dict[str, AnyBody]) -> tuple[str, ...]:

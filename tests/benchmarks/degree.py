@@ -23,9 +23,9 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import numpy as np
 
 from hfsim.run.integration import run_integration
+from hfsim.run.sampling import sample
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
-from hfsim.simulate import sample
 
 CASES = Path(__file__).parents[2] / "cases"
 TOLERANCES = (1e-3, 1e-4, 3e-5)

@@ -39,9 +39,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hfsim.run.integration import run_integration
+from hfsim.run.sampling import samples_at
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, load_deck
-from hfsim.simulate import samples_at
 
 LEVELS = tuple(10.0**-k for k in range(3, 11))
 TOLERANCES = {

@@ -20,13 +20,13 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors
 from hfsim.run.integration import run_integration
+from hfsim.run.sampling import compute_channels, sample
 from hfsim.run.solution import Channel
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck, load_deck
-from hfsim.scene.schema import is_judged
-from hfsim.simulate import compute_channels, sample
 from hfsim.studies.refine import refine
 
 CASES = Path(__file__).parents[2] / "cases"

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors, channel_scales, gap
 from hfsim.run.solution import Channel
-from hfsim.scene.schema import is_judged
 
 T = np.linspace(0.0, 1.0, 101)
 

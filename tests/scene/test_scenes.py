@@ -623,11 +623,10 @@ output: {channels: [b.tip.x, b.tip.y, b.tip.vx, b.tip.vy, c.root.x, c.root.y, c.
 def start(text, model="exact"):
     """Return the values of the channels at the start."""
     built = build(scene(text), model)
-    from hfsim.parts.channels import Samples
-    from hfsim.simulate import compute_channels
+    from hfsim.run.sampling import SceneSamples, compute_channels
 
     turns = {name: np.array([angle]) for name, angle in built.start_angles.items()}
-    samples = Samples(built, np.zeros(1), built.q[None], built.v[None], turns)
+    samples = SceneSamples(built, np.zeros(1), built.q[None], built.v[None], turns)
     x, u = samples.x, samples.u
     if built.system.unreduced.n_rows:
         assert np.abs(built.system.residual(np.zeros(1), x)).max() < 1e-13

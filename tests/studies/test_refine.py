@@ -12,10 +12,10 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError
+from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
-from hfsim.scene.schema import is_judged
 from hfsim.simulate import simulate
 from hfsim.studies.refine import refine
 from hfsim.studies.refine.part import Part

@@ -20,11 +20,13 @@ from hfsim.output.plots.style import (
     PURPLE,
     RED,
     SKY,
+    colour,
+    decades,
+    dress_counts,
     dress_log,
-    new_figure,
-    outside_legend,
+    finished,
+    log_figure,
     save,
-    set_title,
     slug,
 )
 from hfsim.studies.bench import Bench, Cell, Point, observed_order, pareto, tidy
@@ -37,6 +39,7 @@ _METHOD_STYLES = {
     "generalized_alpha": (PURPLE, "D"),
     "explicit": (ORANGE, "P"),
 }
+_CPU, _TOTAL = "CPU time of the integration [s]", "largest error, mesh included / range [-]"
 
 
 def draw_bench(result: Bench, folder: Path) -> list[str]:
@@ -54,13 +57,11 @@ def draw_bench(result: Bench, folder: Path) -> list[str]:
     list of str
         File names written.
     """
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Figure | None] = {}
     for cell in result.cells:
-        figure = _precision_figure(result, cell)
-        if figure is not None:
-            mesh = f"{cell.elements}" if cell.degree == 3 else f"{cell.elements}_degree_{cell.degree}"
-            which = f"_{cell.model}_{mesh}" if len(result.cells) > 1 else ""
-            figures[slug(f"work_precision{which}")] = figure
+        mesh = f"{cell.elements}" if cell.degree == 3 else f"{cell.elements}_degree_{cell.degree}"
+        which = f"_{cell.model}_{mesh}" if len(result.cells) > 1 else ""
+        figures[slug(f"work_precision{which}")] = _precision_figure(result, cell)
     for model in dict.fromkeys(cell.model for cell in result.cells if cell.mesh_error):
         degrees = sorted({cell.degree for cell in result.meshed(model)})
         several = len(degrees) > 1
@@ -69,16 +70,6 @@ def draw_bench(result: Bench, folder: Path) -> list[str]:
             figures[slug(f"mesh_error_{model}{which}")] = _mesh_figure(result, model, degree)
         figures[slug(f"total_error_{model}")] = (_degree_figure if several else _total_figure)(result, model)
     return save(figures, folder)
-
-
-def _log_figure(size: tuple[float, float] = (9.0, 5.0), columns: int = 1) -> tuple[Figure, list[Axes]]:
-    """Return a figure with logarithmic axes side by side."""
-    figure = new_figure(size)
-    row = list(figure.subplots(1, columns, squeeze=False)[0])
-    for axes in row:
-        axes.set_xscale("log")
-        axes.set_yscale("log")
-    return figure, row
 
 
 def _costs(points: Sequence[Point], error: str = "error") -> tuple[Array, Array]:
@@ -92,7 +83,7 @@ def _precision_figure(result: Bench, cell: Cell) -> Figure | None:
     points = [p for p in mine if p.cpu and p.error is not None]
     if not points:
         return None
-    figure, (axes,) = _log_figure()
+    figure, (axes,) = log_figure()
     front = pareto(points)
     axes.plot(
         *_costs(front), color="0.8", linewidth=9, solid_capstyle="round", solid_joinstyle="round", zorder=1,
@@ -104,21 +95,19 @@ def _precision_figure(result: Bench, cell: Cell) -> Figure | None:
         _draw_method(axes, [p for p in points if p.method == method], method, label)
     _label_levels(axes, front)
     _draw_floor(axes, cell, min(p.error or 1.0 for p in points))
-    _dress_precision(axes, "largest time error / range [-]")
-    outside_legend(figure, [axes])
-    set_title(figure, f"{result.name}, {cell.model}, {cell.mesh}: error against run time")
-    return figure
+    dress_log(axes, _CPU, "largest time error / range [-]")
+    return finished(figure, f"{result.name}, {cell.model}, {cell.mesh}: error against run time", [axes])
 
 
 def _draw_method(axes: Axes, points: Sequence[Point], method: str, label: str) -> None:
-    colour, marker = _METHOD_STYLES.get(method, ("0.3", "o"))
+    own, marker = _METHOD_STYLES.get(method, ("0.3", "o"))
     cpu, error = _costs(points)
     spread = [cpu - [p.cpu_min or 0.0 for p in points], [p.cpu_max or 0.0 for p in points] - cpu]
-    axes.errorbar(cpu, error, xerr=spread, color=colour, linewidth=1.5, elinewidth=1.0)
+    axes.errorbar(cpu, error, xerr=spread, color=own, linewidth=1.5, elinewidth=1.0)
     below = np.array([p.below_floor for p in points])
-    axes.plot(cpu[~below], error[~below], marker, color=colour, markersize=6)
-    axes.plot(cpu[below], error[below], "v", color=colour, markersize=8, markerfacecolor="white", zorder=5)
-    axes.plot([], [], color=colour, marker=marker, linewidth=1.5, label=label)
+    axes.plot(cpu[~below], error[~below], marker, color=own, markersize=6)
+    axes.plot(cpu[below], error[below], "v", color=own, markersize=8, markerfacecolor="white", zorder=5)
+    axes.plot([], [], color=own, marker=marker, linewidth=1.5, label=label)
 
 
 def _label_levels(axes: Axes, front: Sequence[Point]) -> None:
@@ -147,16 +136,9 @@ def _draw_floor(axes: Axes, cell: Cell, least: float) -> None:
     axes.set_ylim(bottom=bottom)
 
 
-def _dress_precision(axes: Axes, y_label: str) -> None:
-    dress_log(axes)
-    axes.set_ylabel(y_label)
-    axes.set_xlabel("CPU time of the integration [s]")
-
-
 def _mesh_figure(result: Bench, model: str, degree: int) -> Figure:
     """Draw the mesh error of every channel, with the order observed between meshes."""
-    figure, (axes,) = _log_figure()
-    axes.set_xscale("log", base=2)
+    figure, (axes,) = log_figure()
     cells = result.meshed(model, degree)
     counts = [c.elements for c in cells]
     for i, name in enumerate(cells[0].mesh_errors):
@@ -165,51 +147,36 @@ def _mesh_figure(result: Bench, model: str, degree: int) -> Figure:
         known = ", ".join(f"{order:.1f}" for order in orders if order is not None)
         style = "o-" if i < len(COLOURS) else "s--"
         label = f"{name}\n(order {known})" if known else name
-        axes.plot(counts, errors, style, color=COLOURS[i % len(COLOURS)], linewidth=1.6, label=label)
+        axes.plot(counts, errors, style, color=colour(i), linewidth=1.6, label=label)
     least = {c.elements: [p.error for p in result.points_of(c) if p.error is not None] for c in cells}
     best = {count: min(errors) for count, errors in least.items() if errors}
     if best:
         axes.plot(list(best), list(best.values()), "v:", color="0.5", label="smallest time error reached")
-    _whole_decades(axes)
-    axes.set_xlabel("elements of all beams together")
-    axes.set_ylabel("mesh error / range [-]")
-    axes.set_xticks(counts, [str(count) for count in counts])
-    axes.grid(True, color="0.9", linewidth=0.8)
-    axes.spines[["top", "right"]].set_visible(False)
-    outside_legend(figure, [axes])
+    dress_counts(axes, counts, "elements of all beams together", "mesh error / range [-]")
+    axes.set_ylim(decades(axes.get_ylim()))
     against = f"against {cells[0].mesh_reference_words}"
     of = f", degree {degree}" if degree != 3 else ""
-    set_title(figure, f"{result.name}, {model}{of}: error against number of elements\n({against})")
-    return figure
-
-
-def _whole_decades(axes: Axes) -> None:
-    low, high = axes.get_ylim()
-    axes.set_ylim(10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high)))
+    title = f"{result.name}, {model}{of}: error against number of elements\n({against})"
+    return finished(figure, title, [axes])
 
 
 def _total_figure(result: Bench, model: str) -> Figure:
     """Draw the best points of every mesh with the error of the mesh included."""
-    figure, (axes,) = _log_figure()
+    figure, (axes,) = log_figure()
     for i, cell in enumerate(c for c in result.cells if c.model == model):
         best = _costs(pareto(result.points_of(cell)), "total_error")
-        axes.plot(*best, "o-", color=COLOURS[i % len(COLOURS)], linewidth=1.6, label=cell.mesh)
-    _dress_precision(axes, "largest error, mesh included / range [-]")
-    _whole_decades(axes)
-    outside_legend(figure, [axes])
-    set_title(figure, f"{result.name}, {model}: total error against run time, best method of each mesh")
-    return figure
+        axes.plot(*best, "o-", color=colour(i), linewidth=1.6, label=cell.mesh)
+    dress_log(axes, _CPU, _TOTAL)
+    axes.set_ylim(decades(axes.get_ylim()))
+    title = f"{result.name}, {model}: total error against run time, best method of each mesh"
+    return finished(figure, title, [axes])
 
 
 def _degree_figure(result: Bench, model: str) -> Figure:
     """Draw refinement by elements and by degree: mesh error against unknowns, total error against time."""
-    figure, (left, right) = _log_figure((11.0, 5.0), 2)
+    figure, (left, right) = log_figure((11.0, 5.0), 2)
     for i, degree in enumerate(result.degrees(model)):
-        style: dict[str, Any] = {
-            "color": COLOURS[i % len(COLOURS)],
-            "linewidth": 1.6,
-            "label": f"degree {degree}",
-        }
+        style: dict[str, Any] = {"color": colour(i), "linewidth": 1.6, "label": f"degree {degree}"}
         cells = result.meshed(model, degree)
         left.plot([c.unknowns for c in cells], [c.mesh_error or np.nan for c in cells], "o-", **style)
         for cell in cells:
@@ -220,10 +187,8 @@ def _degree_figure(result: Bench, model: str) -> Figure:
         best = pareto(result.points_of_degree(model, degree), total=True)
         right.plot(*_costs(best, "total_error"), "o-", **style)
     for axes in (left, right):
-        _dress_precision(axes, "largest error, mesh included / range [-]")
-        _whole_decades(axes)
-    left.set_ylabel("mesh error / range [-]")
-    left.set_xlabel("unknowns (numbers: elements of all beams)")
+        dress_log(axes, _CPU, _TOTAL)
+        axes.set_ylim(decades(axes.get_ylim()))
+    left.set(xlabel="unknowns (numbers: elements of all beams)", ylabel="mesh error / range [-]")
     left.legend(frameon=False, fontsize=9)
-    set_title(figure, f"{result.name}, {model}: refinement by elements and by degree")
-    return figure
+    return finished(figure, f"{result.name}, {model}: refinement by elements and by degree")

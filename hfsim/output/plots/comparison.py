@@ -20,10 +20,10 @@ from hfsim.output.plots.style import (
     dress,
     dress_log,
     ended,
+    finished,
+    log_figure,
     new_figure,
-    outside_legend,
     save,
-    set_title,
     slug,
     with_unit,
 )
@@ -80,10 +80,8 @@ def _overlay_figure(runs: Sequence[Run], truth: Run, channel: Channel) -> Figure
     axes.plot(truth.t, channel.values, "--", color="black", linewidth=1.5, label=label, zorder=5)
     axes.set_ylim(low, high)
     dress(axes, "time [s]", with_unit(channel.name, channel.unit))
-    outside_legend(figure, [axes])
     note = f"\n(axis cut at {_CLIP:.0f} x the reference's range)" if clipped else ""
-    set_title(figure, f"{truth.name}: {channel.name} by model{note}")
-    return figure
+    return finished(figure, f"{truth.name}: {channel.name} by model{note}", [axes])
 
 
 def _values(run: Run, name: str) -> np.ndarray | None:
@@ -145,8 +143,7 @@ def _cost_figure(comparison: Comparison) -> Figure | None:
     shown = [m for m in others if m.worst and m.solve_cpu > 0.0]
     if not shown:
         return None
-    figure = new_figure((8.4, 4.6))
-    axes = figure.subplots()
+    figure, (axes,) = log_figure((8.4, 4.6))
     for m in shown:
         assert m.worst
         error = float(np.clip(m.worst.max_relative, 1e-16, _OFF_SCALE))
@@ -155,13 +152,11 @@ def _cost_figure(comparison: Comparison) -> Figure | None:
         label = f"{m.model} ({ending(m.status)} at {m.stop_time:.3g} s)" if m.broke_down else m.model
         if error == _OFF_SCALE:
             label += ", off scale"
-        axes.loglog([m.solve_cpu], [error], marker, color=colour, markersize=10, label=label)
+        axes.plot([m.solve_cpu], [error], marker, color=colour, markersize=10, label=label)
     cost = comparison.result(comparison.reference).solve_cpu
     if cost > 0.0:
         axes.axvline(cost, color="black", linestyle="--", label=f"cost of {comparison.reference} (reference)")
     bound = comparison.max_error
     axes.axhline(bound, color="0.5", linestyle=":", label=f"bound {percent(bound)}")
-    dress_log(axes)
-    outside_legend(figure, [axes])
-    set_title(figure, f"{comparison.name}: error against cost")
-    return figure
+    dress_log(axes, "CPU time of the solution [s]", "largest relative difference [-]")
+    return finished(figure, f"{comparison.name}: error against cost", [axes])

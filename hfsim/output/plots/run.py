@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -14,37 +13,24 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
 from hfsim.output.plots.style import (
-    COLOURS,
     SIZE,
+    colour,
     dress,
     ended,
+    finished,
     new_figure,
-    outside_legend,
     save,
-    set_title,
     slug,
     stacked,
     with_unit,
 )
+from hfsim.parts.channels import CHANNELS, kind_of
 from hfsim.run.solution import Channel, Run
 
 _FRAMES = 20
 """Number of shapes in a stroboscopic picture."""
 _TIME_COLOURS = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
 """Early to late, without the palest yellow, which is lost on white."""
-_QUANTITIES = {
-    "position": (r"\.[xyz]", "position"),
-    "deflection": (r"\.deflection", "deflection"),
-    "elongation": (r"\.elongation", "elongation"),
-    "angle": (r"\.angle", "angle"),
-    "angular_velocity": (r"\.angular_velocity", "angular velocity"),
-    "energy": (r"energy\.\w+", "energy"),
-    "constraint": (r"constraint\.\w+", "constraint violation"),
-}
-"""File stem: (pattern of the end of a channel's name, words for titles and axes)."""
-_UNIT_WORDS = {"m/s": "velocity", "m": "length", "N": "force", "N m": "moment"}
-"""Words for channels that only their unit tells apart."""
-
 
 def draw_run(run: Run, folder: Path) -> list[str]:
     """Draw one run: channels against time, paths of points, shapes of the bodies.
@@ -63,12 +49,7 @@ def draw_run(run: Run, folder: Path) -> list[str]:
     """
     if not len(run.t):
         return []
-    figures = {
-        **_time_figures(run),
-        "path": _path_figure(run),
-        "shapes": _shapes_figure(run),
-    }
-    return save({name: figure for name, figure in figures.items() if figure is not None}, folder)
+    return save({**_time_figures(run), "path": _path_figure(run), "shapes": _shapes_figure(run)}, folder)
 
 
 def _headline(run: Run, words: str) -> str:
@@ -79,53 +60,57 @@ def _headline(run: Run, words: str) -> str:
 # --- against time ---------------------------------------------------------------------------------
 
 
-def _time_figures(run: Run) -> dict[str, Figure | None]:
-    figures: dict[str, Figure | None] = {}
-    rest = list(run.channels)
-    for stem, (pattern, words) in _QUANTITIES.items():
-        chosen = [c for c in rest if re.search(rf"{pattern}$", c.name)]
-        rest = [c for c in rest if c not in chosen]
+def _time_figures(run: Run) -> dict[str, Figure]:
+    """Return a picture for each plot that channels name, then one for each unit of the others."""
+    figures: dict[str, Figure] = {}
+    kinds = [(channel, kind_of(channel.name).plot) for channel in run.channels]
+    for stem in dict.fromkeys(kind.plot.stem for kind in CHANNELS.values() if kind.plot.stem):
+        chosen = [channel for channel, plot in kinds if plot.stem == stem]
         if chosen:
-            draw = _position_figure if stem == "position" else _channels_figure
-            figures[stem] = draw(run, chosen, words)
+            figures[stem] = _time_figure(run, chosen)
+    rest = [channel for channel, plot in kinds if not plot.stem]
     for unit in dict.fromkeys(channel.unit for channel in rest):
-        chosen = [c for c in rest if c.unit == unit]
         name = slug("other_" + (unit or "number").replace("/", "_per_"))
-        figures[name] = _channels_figure(run, chosen, _UNIT_WORDS.get(unit, "other outputs"))
+        figures[name] = _time_figure(run, [channel for channel in rest if channel.unit == unit])
     return figures
 
 
-def _position_figure(run: Run, channels: Sequence[Channel], words: str) -> Figure:
-    directions = sorted({channel.name[-1] for channel in channels})
-    figure = new_figure((SIZE[0], 1.4 + 2.4 * len(directions)))
-    rows = stacked(figure, len(directions))
-    points = list(dict.fromkeys(channel.name[:-2] for channel in channels))
-    for axes, direction in zip(rows, directions, strict=True):
-        for channel in (c for c in channels if c.name.endswith(f".{direction}")):
-            colour = COLOURS[points.index(channel.name[:-2]) % len(COLOURS)]
-            axes.plot(run.t, channel.values, color=colour, label=channel.name[:-2])
-        dress(axes, "", with_unit(direction, channels[0].unit))
-    rows[-1].set_xlabel("time [s]")
-    outside_legend(figure, rows)
-    what = f"{words} of {points[0]}" if len(points) == 1 else f"{words} of points"
-    set_title(figure, _headline(run, what))
-    return figure
+def _time_figure(run: Run, channels: Sequence[Channel]) -> Figure:
+    plot = kind_of(channels[0].name).plot
+    return (_quantities_figure if plot.rows else _units_figure)(run, channels, plot.words)
 
 
-def _channels_figure(run: Run, channels: Sequence[Channel], words: str) -> Figure:
+def _quantities_figure(run: Run, channels: Sequence[Channel], words: str) -> Figure:
+    """Draw a row for each quantity and a colour for each subject."""
+    parts = [(*channel.name.rpartition(".")[::2], channel) for channel in channels]
+    quantities = sorted({quantity for _, quantity, _ in parts})
+    subjects = list(dict.fromkeys(subject for subject, _, _ in parts))
+    figure = new_figure((SIZE[0], 1.4 + 2.4 * len(quantities)))
+    rows = stacked(figure, len(quantities))
+    for axes, wanted in zip(rows, quantities, strict=True):
+        for subject, quantity, channel in parts:
+            if quantity == wanted:
+                axes.plot(run.t, channel.values, color=colour(subjects.index(subject)), label=subject)
+        dress(axes, "", with_unit(wanted, channels[0].unit))
+    what = f"{words} of {subjects[0]}" if len(subjects) == 1 else f"{words} of points"
+    return _over_time(figure, rows, _headline(run, what))
+
+
+def _units_figure(run: Run, channels: Sequence[Channel], words: str) -> Figure:
+    """Draw a row for each unit and a colour for each channel."""
     units = list(dict.fromkeys(channel.unit for channel in channels))
     figure = new_figure((SIZE[0], 2.2 + 2.4 * len(units)))
     rows = stacked(figure, len(units))
     for axes, unit in zip(rows, units, strict=True):
         for i, channel in enumerate(c for c in channels if c.unit == unit):
-            axes.plot(run.t, channel.values, color=COLOURS[i % len(COLOURS)], label=channel.name)
+            axes.plot(run.t, channel.values, color=colour(i), label=channel.name)
         dress(axes, "", with_unit(words, unit))
+    return _over_time(figure, rows, _headline(run, channels[0].name if len(channels) == 1 else words))
+
+
+def _over_time(figure: Figure, rows: Sequence[Axes], title: str) -> Figure:
     rows[-1].set_xlabel("time [s]")
-    single = len(channels) == 1
-    if not single:
-        outside_legend(figure, rows)
-    set_title(figure, _headline(run, channels[0].name if single else words))
-    return figure
+    return finished(figure, title, rows)
 
 
 # --- in the plane ---------------------------------------------------------------------------------
@@ -139,16 +124,13 @@ def _path_figure(run: Run) -> Figure | None:
     tracks = [np.column_stack([columns[f"{point}.x"], columns[f"{point}.y"]]) for point in points]
     figure, axes = _plane(np.vstack(tracks))
     for i, (point, track) in enumerate(zip(points, tracks, strict=True)):
-        colour = COLOURS[i % len(COLOURS)]
-        axes.plot(*track.T, color=colour, linewidth=1.3, label=point)
-        axes.plot(*track[0], "o", color=colour, markerfacecolor="white")
-        axes.plot(*track[-1], "s", color=colour)
+        axes.plot(*track.T, color=colour(i), linewidth=1.3, label=point)
+        axes.plot(*track[0], "o", color=colour(i), markerfacecolor="white")
+        axes.plot(*track[-1], "s", color=colour(i))
     axes.plot([], [], "o", color="0.3", markerfacecolor="white", label="start")
     axes.plot([], [], "s", color="0.3", label="end")
-    outside_legend(figure, [axes])
     what = f"path of {points[0]}" if len(points) == 1 else "paths of points"
-    set_title(figure, _headline(run, what))
-    return figure
+    return finished(figure, _headline(run, what), [axes])
 
 
 def _shapes_figure(run: Run) -> Figure | None:
@@ -165,8 +147,7 @@ def _shapes_figure(run: Run) -> Figure | None:
         ends = points[frames][:, [0, -1]].reshape(-1, 2)
         axes.scatter(ends[:, 0], ends[:, 1], s=7, c=np.repeat(run.t[frames], 2), cmap=_TIME_COLOURS, zorder=3)
     figure.colorbar(lines, ax=axes, label="time [s]", fraction=0.04, pad=0.02)
-    set_title(figure, _headline(run, "shapes of the bodies"))
-    return figure
+    return finished(figure, _headline(run, "shapes of the bodies"))
 
 
 def _plane(points: np.ndarray) -> tuple[Figure, Axes]:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogFormatter
 
-from hfsim.output.plots.style import BLUE, GREEN, ORANGE, RED, new_figure, outside_legend, save, set_title
+from hfsim.output.plots.style import BLUE, GREEN, ORANGE, RED, dress_counts, finished, new_figure, save
 from hfsim.studies.separation.beams import STEPS
 from hfsim.studies.separation.results import PAPER_RATIO, SeparationBench
 
@@ -66,14 +64,14 @@ def _separation_figure(result: SeparationBench, kind: str) -> Figure:
             below.plot(sizes, [100.0 * getattr(one, f"{name}_ratio") for one in forms], **style)
         below.axhline(100.0 * PAPER_RATIO, color="0.5", linestyle=":", label="the paper's ratio, 10 %")
         above.text(0.04, 0.96, words, transform=above.transAxes, va="top")
-        _dress_counts(above, counts)
-        _dress_counts(below, counts)
-        below.set_xlabel("elements")
+        for axes, x_label in ((above, ""), (below, "elements")):
+            dress_counts(axes, counts, x_label, "")
+            axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
+            # within one decade, ticks between its ends are labelled too
+            axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.5)))
     grid[0, 0].set_ylabel("CPU time [us]")
     grid[1, 0].set_ylabel("CPU time / direct [%]")
-    outside_legend(figure, [grid[1, 0]])
-    set_title(figure, f"ways to the elastic force, element {kind}")
-    return figure
+    return finished(figure, f"ways to the elastic force, element {kind}", [grid[1, 0]])
 
 
 _SEPARATION_TIMES = {"force": "force", "both": "force and tangent", "run": "a step of the whole run"}
@@ -81,14 +79,3 @@ _SEPARATION_TIMES = {"force": "force", "both": "force and tangent", "run": "a st
 
 def _per_run(name: str) -> int:
     return STEPS if name == "run" else 1
-
-
-def _dress_counts(axes: Axes, counts: Sequence[int]) -> None:
-    axes.set_xscale("log", base=2)
-    axes.set_yscale("log")
-    axes.set_xticks(counts, [str(count) for count in counts])
-    axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
-    # within one decade, ticks between its ends are labelled too
-    axes.yaxis.set_minor_formatter(LogFormatter(minor_thresholds=(2.0, 0.5)))
-    axes.grid(True, color="0.9", linewidth=0.8)
-    axes.spines[["top", "right"]].set_visible(False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,8 @@ from hfsim.studies.compare import ending
 _DPI = 110
 SIZE = (8.0, 4.6)
 """Width and height of a plot against time [inch]."""
+WIDE = (9.0, 5.0)
+"""Those of a plot of errors."""
 BLUE, RED, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
     *("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442"),
 )
@@ -46,31 +48,71 @@ def new_figure(size: tuple[float, float] = SIZE) -> Figure:
     return Figure(figsize=size, dpi=_DPI, layout="constrained")
 
 
+def log_figure(size: tuple[float, float] = WIDE, columns: int = 1) -> tuple[Figure, list[Axes]]:
+    """Return a figure of a size [inch] with logarithmic axes beside one another."""
+    figure = new_figure(size)
+    logarithmic = {"xscale": "log", "yscale": "log"}
+    return figure, list(figure.subplots(1, columns, squeeze=False, subplot_kw=logarithmic)[0])
+
+
 def stacked(figure: Figure, count: int) -> list[Axes]:
     """Return axes one below the other that share their time axis."""
     return list(figure.subplots(count, 1, sharex=True, squeeze=False)[:, 0])
 
 
+def colour(index: int) -> str:
+    """Return the colour of one of several curves; they begin again where there are no more."""
+    return COLOURS[index % len(COLOURS)]
+
+
+def bare(axes: Axes, **grid: Any) -> None:
+    """Give axes a grid and no frame; ``grid`` goes to `Axes.grid`."""
+    axes.grid(True, color="0.9", linewidth=0.8, **grid)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
 def dress(axes: Axes, x_label: str, y_label: str) -> None:
     """Give linear axes their labels and grid."""
-    axes.set_xlabel(x_label)
-    axes.set_ylabel(y_label)
-    axes.grid(True, color="0.9", linewidth=0.8)
+    axes.set(xlabel=x_label, ylabel=y_label)
+    bare(axes)
     axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
     axes.ticklabel_format(axis="y", scilimits=(-3, 4))
 
 
-def dress_log(axes: Axes) -> None:
-    """Give axes of relative differences over CPU time their labels and grid."""
-    axes.set_xlabel("CPU time of the solution [s]")
-    axes.set_ylabel("largest relative difference [-]")
-    axes.grid(True, which="major", color="0.9", linewidth=0.8)
-    axes.spines[["top", "right"]].set_visible(False)
+def dress_log(axes: Axes, x_label: str, y_label: str) -> None:
+    """Give logarithmic axes their labels, grid, and whole decades of x."""
+    axes.set(xlabel=x_label, ylabel=y_label)
+    bare(axes, which="major")
     axes.margins(0.15)
-    low, high = axes.get_xlim()
-    axes.set_xlim(10 ** np.floor(np.log10(low)), 10 ** np.ceil(np.log10(high)))  # whole decades: few ticks
+    axes.set_xlim(decades(axes.get_xlim()))  # few ticks
     axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def dress_counts(axes: Axes, counts: Sequence[int], x_label: str, y_label: str) -> None:
+    """Give axes over numbers of elements, doubled from one to the next, their labels, ticks and grid."""
+    axes.set_xscale("log", base=2)
+    axes.set(yscale="log", xlabel=x_label, ylabel=y_label)
+    axes.set_xticks(counts, [str(count) for count in counts])
+    bare(axes)
+
+
+def decades(limits: tuple[float, float]) -> tuple[float, float]:
+    """Return the powers of ten around the limits of an axis.
+
+    Examples
+    --------
+    >>> decades((0.02, 3.0))
+    (0.01, 10.0)
+    """
+    low, high = np.log10(limits)
+    return float(10.0 ** np.floor(low)), float(10.0 ** np.ceil(high))
+
+
+def finished(figure: Figure, title: str, rows: Sequence[Axes] = ()) -> Figure:
+    """Return a figure with its title, and a legend of the curves in some of its axes."""
+    outside_legend(figure, rows)
+    set_title(figure, title)
+    return figure
 
 
 def set_title(figure: Figure, text: str) -> None:
@@ -89,11 +131,12 @@ def outside_legend(figure: Figure, rows: Sequence[Axes]) -> None:
         figure.legend(list(found.values()), list(found), loc="outside right upper", frameon=False)
 
 
-def save(figures: dict[str, Figure], folder: Path) -> list[str]:
+def save(figures: Mapping[str, Figure | None], folder: Path) -> list[str]:
     """Write figures as PNG files, the folder made if there are any; return the file names."""
-    if figures:
+    drawn = {f"{name}.png": figure for name, figure in figures.items() if figure is not None}
+    if drawn:
         folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in figures.items():
+    for name, figure in drawn.items():
         canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(folder / f"{name}.png")  # savefig would draw everything twice
-    return [f"{name}.png" for name in figures]
+        canvas.print_png(folder / name)  # savefig would draw everything twice
+    return list(drawn)

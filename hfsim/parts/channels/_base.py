@@ -2,16 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import wrap
-from hfsim.scene.build import Scene
+from hfsim.mechanics.body import Body
+from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.system import System
+
+
+class Sampled(Protocol):
+    """What channels read of a scene."""
+
+    @property
+    def system(self) -> System:
+        """The equations."""
+
+    @property
+    def bodies(self) -> Mapping[str, Body]:
+        """Bodies by their names."""
+
+    @property
+    def joints(self) -> Mapping[str, tuple[int, ...]]:
+        """Which constraints of the system each joint is made of."""
+
+    def marker(self, point: str) -> Marker:
+        """Return the marker of a point such as ``b1.tip``."""
 
 
 @dataclass(frozen=True)
@@ -20,14 +41,14 @@ class Samples:
 
     Attributes
     ----------
-    scene : Scene
+    scene : Sampled
     t : ndarray, shape (n_times,)
     q, v : ndarray, shape (n_times, n)
     turns : dict of str to ndarray, shape (n_times,)
         For bodies without a frame coordinate: an angle close to theirs, full turns included.
     """
 
-    scene: Scene
+    scene: Sampled
     t: Array
     q: Array
     v: Array
@@ -58,8 +79,58 @@ class Samples:
         return np.asarray(near + wrap(measured - near))
 
 
+class Plot(NamedTuple):
+    """A picture of channels against time.
+
+    Attributes
+    ----------
+    words : str
+        Title, and label of the axis before the unit.
+    stem : str
+        Name of its file. Without one, all channels of the same unit share a picture ``other_<unit>``.
+    rows : bool
+        Whether each quantity has a row of its own and each subject a colour; else each unit and each channel.
+    """
+
+    words: str = "other outputs"
+    stem: str = ""
+    rows: bool = False
+
+
 class ChannelKind(NamedTuple):
-    """A unit and the function (samples, subject, quantity) -> one value per time."""
+    """All that is known of channels that end in the same word.
+
+    Attributes
+    ----------
+    unit : str
+        SI unit.
+    compute : callable
+        The function (samples, subject) -> one value per time.
+    subject : str
+        What such a channel is of: ``point`` (or body, which is its origin), ``body``, ``joint``; or the word
+        that stands for the whole scene in its name, such as ``energy``.
+    plot : Plot
+        The picture it is drawn in.
+    dimensions : tuple of int
+        Of the spaces that have it.
+    only_beams : bool
+        Whether the body must be a beam.
+    in_frame : bool
+        Whether it is measured in the body's frame, and so needs the frame's full turns.
+    judged : str
+        When errors in it count: residuals never do, nor does an energy that is conserved.
+    """
 
     unit: str
-    compute: Callable[[Samples, str, str], Array]
+    compute: Callable[[Samples, str], Array]
+    subject: str
+    plot: Plot = Plot()
+    dimensions: tuple[int, ...] = (2, 3)
+    only_beams: bool = False
+    in_frame: bool = False
+    judged: Literal["always", "unless conserved", "never"] = "always"
+
+    @property
+    def of_scene(self) -> bool:
+        """Whether it is of the whole scene."""
+        return self.subject not in ("point", "body", "joint")

@@ -7,7 +7,7 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import rotate
-from hfsim.parts.channels._base import Samples
+from hfsim.parts.channels._base import ChannelKind, Plot, Samples
 
 
 def _relative(samples: Samples, point: str) -> Array:
@@ -18,13 +18,22 @@ def _relative(samples: Samples, point: str) -> Array:
     return rotate(-samples.frame_angle(body), gap)
 
 
-def deflection(samples: Samples, point: str, quantity: str) -> Array:
-    """Return the distance of a point from the first axis of its body frame, across it [m]."""
+def _deflection(samples: Samples, point: str) -> Array:
     return _relative(samples, point)[:, 1]
 
 
-def elongation(samples: Samples, point: str, quantity: str) -> Array:
-    """Return the displacement of a point along the first axis of its body frame [m]."""
+def _elongation(samples: Samples, point: str) -> Array:
     body, name = split_point(point)
     place = samples.scene.bodies[body].points[name][0] if name else 0.0
     return np.asarray(_relative(samples, point)[:, 0] - place)
+
+
+DEFLECTION = ChannelKind(
+    "m", _deflection, "point", Plot("deflection", "deflection"), only_beams=True, in_frame=True
+)
+"""Distance of a point from the first axis of its body frame, across it."""
+
+ELONGATION = ChannelKind(
+    "m", _elongation, "point", Plot("elongation", "elongation"), only_beams=True, in_frame=True
+)
+"""Displacement of a point along the first axis of its body frame."""

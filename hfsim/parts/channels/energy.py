@@ -5,16 +5,29 @@ from __future__ import annotations
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.parts.channels._base import Samples
+from hfsim.parts.channels._base import ChannelKind, Plot, Samples
+
+_PLOT = Plot("energy", "energy")
 
 
-def energy(samples: Samples, subject: str, quantity: str) -> Array:
-    """Return kinetic, strain, potential (weight and springs) or total energy [J]."""
-    system = samples.scene.system
-    parts = {
-        "kinetic": lambda: system.kinetic_energy(samples.x, samples.u),
-        "strain": lambda: system.strain_energy(samples.x),
-        "potential": lambda: system.potential_energy(samples.t, samples.x),
-    }
-    wanted = list(parts) if quantity == "total" else [quantity]
-    return np.asarray(sum((parts[name]() for name in wanted), np.zeros(len(samples.t))))
+def _kinetic(samples: Samples, subject: str) -> Array:
+    return samples.scene.system.kinetic_energy(samples.x, samples.u)
+
+
+def _strain(samples: Samples, subject: str) -> Array:
+    return samples.scene.system.strain_energy(samples.x)
+
+
+def _potential(samples: Samples, subject: str) -> Array:
+    return samples.scene.system.potential_energy(samples.t, samples.x)
+
+
+def _total(samples: Samples, subject: str) -> Array:
+    return np.asarray(sum(part(samples, subject) for part in (_kinetic, _strain, _potential)))
+
+
+KINETIC = ChannelKind("J", _kinetic, "energy", _PLOT)
+STRAIN = ChannelKind("J", _strain, "energy", _PLOT)
+POTENTIAL = ChannelKind("J", _potential, "energy", _PLOT)
+"""Of weight and springs."""
+TOTAL = ChannelKind("J", _total, "energy", _PLOT, judged="unless conserved")

@@ -2,50 +2,47 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.parts.channels._base import Samples
+from hfsim.parts.channels._base import ChannelKind, Plot, Samples
+
+_POSITION, _VELOCITY = Plot("position", "position", rows=True), Plot("velocity")
 
 
-def _position(samples: Samples, point: str, axis: int) -> Array:
-    return samples.scene.marker(point).position(samples.x)[:, axis]
+def _position(axis: int) -> Callable[[Samples, str], Array]:
+    return lambda samples, point: samples.scene.marker(point).position(samples.x)[:, axis]
 
 
-def _velocity(samples: Samples, point: str) -> Array:
+def _velocities(samples: Samples, point: str) -> Array:
+    """Return the velocity of a point [m/s], shape (n_times, n_dim)."""
     return samples.scene.marker(point).velocity(samples.x, samples.u)
 
 
-def x(samples: Samples, point: str, quantity: str) -> Array:
-    """Return the absolute x position of a point [m]."""
-    return _position(samples, point, 0)
+def _velocity(axis: int) -> Callable[[Samples, str], Array]:
+    return lambda samples, point: _velocities(samples, point)[:, axis]
 
 
-def y(samples: Samples, point: str, quantity: str) -> Array:
-    """Return the absolute y position of a point [m]."""
-    return _position(samples, point, 1)
+def _speed(samples: Samples, point: str) -> Array:
+    return np.asarray(np.linalg.norm(_velocities(samples, point), axis=1))
 
 
-def vx(samples: Samples, point: str, quantity: str) -> Array:
-    """Return the x component of the velocity of a point [m/s]."""
-    return _velocity(samples, point)[:, 0]
-
-
-def vy(samples: Samples, point: str, quantity: str) -> Array:
-    """Return the y component of the velocity of a point [m/s]."""
-    return _velocity(samples, point)[:, 1]
-
-
-def speed(samples: Samples, point: str, quantity: str) -> Array:
-    """Return the magnitude of the velocity of a point [m/s]."""
-    return np.asarray(np.linalg.norm(_velocity(samples, point), axis=1))
-
-
-def angle(samples: Samples, body: str, quantity: str) -> Array:
-    """Return the angle of a body frame [rad], continuous over full turns."""
-    return samples.frame_angle(body)
-
-
-def angular_velocity(samples: Samples, body: str, quantity: str) -> Array:
-    """Return the angular velocity of a body frame [rad/s]."""
+def _angular_velocity(samples: Samples, body: str) -> Array:
     return samples.scene.marker(body).spin(samples.x, samples.u)[:, 0]
+
+
+X, Y = (ChannelKind("m", _position(axis), "point", _POSITION) for axis in (0, 1))
+Z = ChannelKind("m", _position(2), "point", _POSITION, dimensions=(3,))
+"""Absolute position of a point."""
+
+VX, VY = (ChannelKind("m/s", _velocity(axis), "point", _VELOCITY) for axis in (0, 1))
+SPEED = ChannelKind("m/s", _speed, "point", _VELOCITY)
+"""Magnitude of the velocity of a point."""
+
+ANGLE = ChannelKind("rad", Samples.frame_angle, "body", Plot("angle", "angle"), in_frame=True)
+"""Angle of a body frame, continuous over full turns."""
+ANGULAR_VELOCITY = ChannelKind(
+    "rad/s", _angular_velocity, "body", Plot("angular velocity", "angular_velocity")
+)

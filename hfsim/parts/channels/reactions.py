@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.parts.channels._base import Samples
+from hfsim.parts.channels._base import ChannelKind, Plot, Samples
 
 
 def _reaction(samples: Samples, joint: str) -> tuple[Array, Array]:
@@ -18,16 +18,18 @@ def _reaction(samples: Samples, joint: str) -> tuple[Array, Array]:
     return force, moment
 
 
-def force_x(samples: Samples, joint: str, quantity: str) -> Array:
-    """Return the x component of the force on the second body of a joint [N]."""
+def _force_x(samples: Samples, joint: str) -> Array:
     return _reaction(samples, joint)[0][:, 0]
 
 
-def force_y(samples: Samples, joint: str, quantity: str) -> Array:
-    """Return the y component of the force on the second body of a joint [N]."""
+def _force_y(samples: Samples, joint: str) -> Array:
     return _reaction(samples, joint)[0][:, 1]
 
 
-def moment(samples: Samples, joint: str, quantity: str) -> Array:
-    """Return the moment on the second body of a joint [N m]."""
+def _moment(samples: Samples, joint: str) -> Array:
     return _reaction(samples, joint)[1][:, 0]
+
+
+FORCE_X = ChannelKind("N", _force_x, "joint", Plot("force"))
+FORCE_Y = ChannelKind("N", _force_y, "joint", Plot("force"))
+MOMENT = ChannelKind("N m", _moment, "joint", Plot("moment"))

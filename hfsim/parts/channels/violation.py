@@ -5,11 +5,21 @@ from __future__ import annotations
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.parts.channels._base import Samples
+from hfsim.parts.channels._base import ChannelKind, Plot, Samples
+
+_PLOT = Plot("constraint violation", "constraint")
 
 
-def violation(samples: Samples, subject: str, quantity: str) -> Array:
-    """Return the largest violation of the joints at position or velocity level [m or rad, per second]."""
-    system, t, x = samples.scene.system, samples.t, samples.x
-    gap = system.residual(t, x) if quantity == "position" else system.drift(t, x, samples.u)
+def _position(samples: Samples, subject: str) -> Array:
+    gap = samples.scene.system.residual(samples.t, samples.x)
     return np.asarray(np.abs(gap).max(axis=1, initial=0.0))
+
+
+def _velocity(samples: Samples, subject: str) -> Array:
+    drift = samples.scene.system.drift(samples.t, samples.x, samples.u)
+    return np.asarray(np.abs(drift).max(axis=1, initial=0.0))
+
+
+POSITION = ChannelKind("m", _position, "constraint", _PLOT, judged="never")
+VELOCITY = ChannelKind("m/s", _velocity, "constraint", _PLOT, judged="never")
+"""Largest violation of the joints, of lengths and angles alike, at position and velocity level."""

@@ -11,12 +11,12 @@ import numpy as np
 from hfsim.errors import HfsimError
 from hfsim.parts.bodies import BeamSpec
 from hfsim.run.distance import ChannelScale, farthest, gap, reference_scales
+from hfsim.run.sampling import compute_channels, sample
 from hfsim.run.solution import Channel
 from hfsim.run.stop import Budget, Progress, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
-from hfsim.simulate import compute_channels, sample
 from hfsim.studies.bench.advice import true_model
 from hfsim.studies.bench.points import Cell, ChannelError, channel_error, observed_order, tidy
 from hfsim.studies.bench.sweep import Sweep, with_mesh

@@ -10,11 +10,11 @@ import numpy as np
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.distance import farthest
 from hfsim.run.integration import Integration
+from hfsim.run.sampling import compute_channels, sample
 from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
-from hfsim.simulate import compute_channels, sample
 from hfsim.studies.bench.points import Point
 from hfsim.studies.bench.reference import Work, references, solve_of
 from hfsim.studies.bench.result import Bench

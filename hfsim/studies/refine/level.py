@@ -8,9 +8,9 @@ from typing import Any
 from hfsim.integrators import METHODS
 from hfsim.run.clock import PhaseClock
 from hfsim.run.integration import Integration
+from hfsim.run.sampling import compute_channels, sample
 from hfsim.run.solution import Channel
 from hfsim.scene.build import Scene
-from hfsim.simulate import compute_channels, sample
 from hfsim.studies.methods import Entry
 from hfsim.studies.refine.setting import Setting
 

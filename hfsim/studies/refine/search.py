@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from hfsim.integrators import steps_in_absolute_coordinates
+from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors, farthest
 from hfsim.run.integration import run_integration
 from hfsim.run.stop import Budget, Progress, TimeUp
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck
-from hfsim.scene.schema import is_judged
 from hfsim.studies.methods import MARGIN
 from hfsim.studies.refine.level import Level
 from hfsim.studies.refine.part import Part, parts_of

@@ -16,18 +16,18 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import DeckError, SolverFailure
-from hfsim.parts.channels import Samples
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.distance import reference_scales
 from hfsim.run.integration import Integration, run_integration
+from hfsim.run.sampling import SceneSamples, compute_channels, sample
 from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import parse_deck
 from hfsim.scene.schema import SolveSpec
-from hfsim.simulate import compute_channels, sample, validity
 from hfsim.studies.stability.verdict import REFUSED, Trial, Truth, distance
 from hfsim.studies.timing import solved
 from hfsim.trust.diagnosis import diagnose
+from hfsim.trust.doubt import validity
 from hfsim.trust.experiments import time_for
 from hfsim.trust.growth import disturbed_growth
 from hfsim.trust.suspicion import instability, suspect
@@ -174,7 +174,9 @@ def _stopped(job: Job, scene: Scene, done: Integration, left: float) -> Trial:
     return Trial("failed", kind, reason, end, item)
 
 
-def _doubt(scene: Scene, done: Integration, samples: Samples, drift: float, left: float) -> dict[str, Any]:
+def _doubt(
+    scene: Scene, done: Integration, samples: SceneSamples, drift: float, left: float
+) -> dict[str, Any]:
     """Return what makes a completed run suspicious; empty if nothing does."""
     facts = {"energy_drift": drift, "validity": validity(samples, done.trajectory)}
     return suspect(scene, done, facts, min(time_for(0.0), max(left, 0.0))) or {}

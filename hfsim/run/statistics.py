@@ -1,0 +1,41 @@
+"""What a run has cost and how well it kept energy and joints, over all its legs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from hfsim.run.balance import balance, step_samples
+from hfsim.run.integration import Leg
+
+_SUMS = (
+    *("steps", "rejected", "newton_iterations", "evaluations", "evaluation_calls", "factorisations"),
+    "work_done",
+)
+_LARGEST = ("unknowns", "multipliers", "energy_drift", "constraint_position", "constraint_velocity")
+
+
+def leg_statistics(leg: Leg) -> dict[str, Any]:
+    """Return counts, sizes, models, energy balance and constraint drift of one leg."""
+    counts, system = leg.done.problem.counts, leg.scene.system
+    return {
+        "steps": counts.steps,
+        "rejected": counts.rejected,
+        "newton_iterations": counts.iterations,
+        "evaluations": counts.evaluations,
+        "evaluation_calls": counts.calls,
+        "factorisations": counts.factorisations,
+        "unknowns": system.n,
+        "multipliers": system.n_rows,
+        "models": leg.scene.models,
+        **balance(system, step_samples(leg.done.trajectory)),
+    }
+
+
+def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Return the statistics of a run: sums or the largest over its legs, the rest of the last."""
+    facts = dict(parts[-1])
+    facts |= {key: sum(part[key] for part in parts) for key in _SUMS}
+    facts |= {key: max(part[key] for part in parts) for key in _LARGEST}
+    warnings = [warning for part in parts for warning in part["warnings"]]
+    return facts | {"energy_initial": parts[0]["energy_initial"], "warnings": warnings}

@@ -1,0 +1,43 @@
+"""What a user should know before trusting the curves of a run."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfsim.integrators import Trajectory
+from hfsim.run.balance import step_samples
+from hfsim.run.integration import Leg
+from hfsim.run.sampling import SceneSamples
+from hfsim.trust.validity import validity_warnings, watch_validity
+
+LARGE_DRIFT = 1e-3
+"""Energy drift from which a run warns."""
+
+
+def doubts(leg: Leg, samples: SceneSamples, drift: float) -> dict[str, Any]:
+    """Return ``validity``, where models of beams stand, and ``warnings`` for one leg."""
+    found = validity(samples, leg.done.trajectory)
+    warnings = [*_drift_warnings(leg, drift), *validity_warnings(leg.scene.models, found)]
+    return {"validity": found, "warnings": warnings}
+
+
+def validity(samples: SceneSamples, trajectory: Trajectory) -> dict[str, Any]:
+    """Return what `watch_validity` finds at the output times and at the ends of the steps."""
+    steps = step_samples(trajectory)
+    times, first = np.unique(np.concatenate([samples.t, steps.t]), return_index=True)
+    q, v = (np.concatenate(pair)[first] for pair in ((samples.q, steps.q), (samples.v, steps.v)))
+    return watch_validity(samples.scene, times, q, v)
+
+
+def _drift_warnings(leg: Leg, drift: float) -> list[str]:
+    scene, done = leg
+    if drift < LARGE_DRIFT or done.stop is not None:
+        return []
+    truncated = [body.name for body in scene.system.variable_mass if body.truncated]
+    if truncated:
+        why = f"lowOrder leaves out inertia terms of {', '.join(truncated)}; compare with exact"
+    else:
+        why = f"method {done.method} does not resolve the motion; lower the tolerance or take gauss"
+    return [f"the energy balance is off by {drift:.2g} of the energies that change: {why}"]
