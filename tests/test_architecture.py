@@ -12,8 +12,6 @@ from pathlib import Path
 
 import pytest
 
-from hfsim.maths.arrays import random_signs
-
 PACKAGE = Path(__file__).parent.parent / "hfsim"
 ROOMS = (
     *("__init__", "errors", "maths", "deck", "mechanics", "integrators"),
@@ -226,12 +224,6 @@ def test_a_deck_builds_only_the_classes_it_uses():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
     assert done.stdout.split() == ["BeamSpec"]
-
-
-def test_signs_in_no_order_are_both_there_and_always_the_same():
-    signs = random_signs((7, 30))
-    assert signs.shape == (7, 30) and set(signs.ravel()) == {-1.0, 1.0}
-    assert abs(signs.sum()) < 60 and (signs == random_signs((7, 30))).all()
 
 
 # README and .ci/run ----------------------------------------------------------------------------------

@@ -210,7 +210,7 @@ def test_dense_output_is_as_good_as_the_steps(name):
     times = np.linspace(0.0, 5.0, 400)
     q, v = trajectory.at(times)
     ends = trajectory.step_ends()
-    at_ends = trajectory.at(ends)[0]
+    at_ends = np.array([*(step.q for step in trajectory.segments), trajectory.q])
     error_at_ends = np.abs(at_ends - np.stack([np.cos(ends), np.sin(ends)], 1)).max()
     allowed = 3.0 * error_at_ends + 1e-7
     assert np.abs(q - np.stack([np.cos(times), np.sin(times)], 1)).max() < allowed

@@ -571,3 +571,21 @@ def test_a_free_body_accelerates_alike_in_a_turned_and_shifted_frame(model, opti
         moved[:, column] += angle
     tolerance = 1e-9 if column is None else 1e-11
     close(system.acceleration(t, moved, rates), expected, tolerance)
+
+
+# ---------------------------------------------------------------- stretch
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_the_smallest_stretch_is_found_along_the_whole_beam(element):
+    """Along x + a x^2 the stretch is 1 + 2 a x: smallest at the root, or at the tip."""
+    scene = scene_of("ancf", f"element: {element}")
+    body, system = scene.bodies["b1"], scene.system
+    for a, smallest in ((0.1, 1.0), (-0.2, 1.0 - 2 * 0.2 * 1.5)):
+        places = np.linspace(0.0, 1.5, 4)
+        nodes = np.zeros((4, body.mesh.n_vectors // 4, 2))
+        nodes[:, 0, 0], nodes[:, 1, 0] = places + a * places**2, 1.0 + 2.0 * a * places
+        nodes[:, 2:, 1] = 1.0
+        x = np.zeros((1, system.n_x))
+        x[0, body.columns] = nodes.ravel()
+        assert body.smallest_stretch(x @ np.eye(system.n_x))[0] == pytest.approx(smallest, rel=1e-12)
