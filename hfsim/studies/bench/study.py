@@ -194,9 +194,9 @@ def _repeated(scene: Scene, solve: SolveSpec, sweep: Sweep, budget: Budget, cpu:
     times = [cpu]
     while len(times) < sweep.repeats and len(times) * cpu < _REPEAT_SHARE * budget.seconds:
         again, seconds = solved(scene, solve, budget.guard(budget.left))
-        if isinstance(again.stop, KeyboardInterrupt):
-            raise again.stop
-        if isinstance(again.stop, TimeUp):
+        try:
+            again.in_time()
+        except TimeUp:
             break
         times.append(seconds)
     return times
