@@ -9,6 +9,7 @@ from analytical import crossed, jacobian
 from zoo import MARKERS, PAIRS
 
 from hfsim.deck.laws import LinearLaw, StepLaw
+from hfsim.maths.matrices import assemble
 from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.forces import LOADS as LOAD_KINDS
 from hfsim.parts.forces import SPRINGS as SPRING_KINDS
@@ -85,6 +86,28 @@ def test_damper_power_is_its_force_times_rates_and_never_positive(spring, rng):
         assert power < 0
         assert damping @ u == pytest.approx(power, rel=1e-10)
         assert damping == pytest.approx(force_of(part, x, -u) * -1 + force_of(part, x), abs=1e-10)
+
+
+def test_tangents_are_slopes_of_the_force(spring, rng):
+    """By coordinates and by rates, minus; with a damper the first comes from differences itself."""
+    x, u = zoo.random_state(rng), rng.normal(size=zoo.N)
+    for part in (spring(), spring(3.0)):
+        try:
+            by_x, by_u = (kind(T, x[None], u[None]) for kind in (part.tangent, part.rate_tangent))
+        except NotImplementedError:
+            pytest.skip("scenes with such a body are linearised as a whole")
+        slope = jacobian(lambda s, p=part: forces_of(p, s, np.repeat(u[None], len(s), axis=0)), x)
+        scale = np.abs(slope).max()
+        assert assemble([by_x], (zoo.N, zoo.N), False) == pytest.approx(-slope, abs=2e-5 * scale)
+        slope = jacobian(lambda s, p=part: forces_of(p, np.repeat(x[None], len(s), axis=0), s), u)
+        assert assemble([by_u], (zoo.N, zoo.N), False) == pytest.approx(-slope, abs=1e-7)
+
+
+def forces_of(part, x, u):
+    """Forces in a batch of states."""
+    out = np.zeros_like(x)
+    part.add_force(np.repeat(T, len(x)), x, u, out)
+    return out
 
 
 def test_springs_and_dampers_do_not_resist_a_common_rigid_motion(spring, rng):

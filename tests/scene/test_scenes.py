@@ -751,6 +751,15 @@ def test_full_turns_of_a_stated_angle_are_kept():
         assert start(text, model)["c.angle"] == pytest.approx(4 * np.pi + 0.3, abs=1e-12)
 
 
+@pytest.mark.parametrize("ends", ["ground, c", "c, ground"])
+def test_full_turns_of_a_driver_are_handed_on_in_either_direction(ends):
+    turn = 4 * np.pi + 0.3
+    law = f"{{type: constant_rate, rate: 2.0, start: {turn}}}"
+    found = start(CHAIN + f"  d: {{type: driver, between: [{ends}], angle: {law}}}\n" + TAIL, "exact")
+    sign = 1.0 if ends == "ground, c" else -1.0
+    assert found["c.angle"] == pytest.approx(sign * turn, abs=1e-12)
+
+
 def test_a_run_that_loses_its_energy_says_so():
     coarse = simulate(load_deck(CASES / "pendulum.yaml", ("solve.method=gear", "solve.tolerance=1e-3")))
     assert coarse.statistics["energy_drift"] > 1e-3
