@@ -5,6 +5,7 @@ import pytest
 from analytical import along, cable_row, cable_row_x, cable_row_xx, gauss, jacobian, turned, twice_along
 
 from hfsim.maths.matrices import assemble
+from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.parts.bodies.low_order import LowOrderBeam
@@ -589,3 +590,24 @@ def test_the_smallest_stretch_is_found_along_the_whole_beam(element):
         x = np.zeros((1, system.n_x))
         x[0, body.columns] = nodes.ravel()
         assert body.smallest_stretch(x @ np.eye(system.n_x))[0] == pytest.approx(smallest, rel=1e-12)
+
+
+@pytest.mark.parametrize("element", ELEMENTS)
+def test_a_beam_bent_as_another_one_was_has_its_slopes_and_sections(element):
+    body = scene_of("exact", f"element: {element}").bodies["b1"]
+    places = body.mesh.axis.places
+    slope = 0.02 * places**2
+    none = np.zeros((1, 1))
+    seen = Deformation(
+        places, body.mesh.axis.weights, np.zeros((1, len(places))), slope[None, :, None],
+        0.04 * places[None, :, None], none, none,
+    )  # fmt: skip
+    x, u = body.deformed(Pose.planar((0.3, -0.2), 0.7), Twist(np.zeros(2), np.zeros(1)), seen)
+    assert not u.any()
+    found = body.deformation(x[None], u[None])
+    # from the last place to the tip the slope is held: quadratic deflections show it
+    assert found.slope[0, :, 0] == pytest.approx(slope, abs=5e-3)
+    vectors = x.reshape(-1, 2)
+    for k in range(0, len(vectors), body.mesh.element.stride):
+        for across in vectors[k + 2 : k + body.mesh.element.per_node]:
+            assert across @ vectors[k + 1] == pytest.approx(0.0, abs=1e-4)
