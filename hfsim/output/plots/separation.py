@@ -64,6 +64,7 @@ def _separation_figure(result: SeparationBench, kind: str) -> Figure:
             below.plot(sizes, [100.0 * getattr(one, f"{name}_ratio") for one in forms], **style)
         below.axhline(100.0 * PAPER_RATIO, color="0.5", linestyle=":", label="the paper's ratio, 10 %")
         above.text(0.04, 0.96, words, transform=above.transAxes, va="top")
+        above.margins(y=0.15)  # room for the words above the data
         for axes, x_label in ((above, ""), (below, "elements")):
             dress_counts(axes, counts, x_label, "")
             axes.yaxis.set_major_formatter(FormatStrFormatter("%g"))
