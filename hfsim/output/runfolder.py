@@ -28,10 +28,8 @@ from hfsim.output.writers import (
 from hfsim.run.clock import PhaseClock
 from hfsim.run.solution import Run
 
-_STUDIES = ("compare", "bench", "stability", "extreme")
-_STUDY_FILES = tuple(f"{study}.{kind}" for study in _STUDIES for kind in ("csv", "json"))
 SUMMARY = "summary.json"
-_OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log", *_STUDY_FILES)
+_OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log")
 _OWN_NAME = re.compile(r"(plots/)?[\w+-][\w.+-]*\.(csv|json|yaml|log|png)")
 _UNFINISHED = ("failed", "interrupted")
 
@@ -59,7 +57,7 @@ class RunFolder:
     replaces : str
         What stands there now and will be replaced, for a message; empty when nothing does.
     stale : tuple of str
-        Files of the older run, relative to `path`.
+        Files of the older run, relative to `path`; the one that tells it is whole comes first.
     """
 
     path: Path
@@ -76,7 +74,7 @@ class RunFolder:
         """
         with disk(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
-            for name in sorted(self.stale, key=lambda name: name not in ("compare.json", SUMMARY)):
+            for name in self.stale:
                 (self.path / name).unlink(missing_ok=True)
 
 
@@ -160,7 +158,7 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         If a finished run or files of unknown origin stand there, or it cannot be written to.
     """
     _refuse_unwritable(path)
-    present = [name for name in _OWN_FILES if (path / name).exists()]
+    present = _present(path, marker)
     if not present:
         return RunFolder(path)
     summary = _read_summary(path / marker)
@@ -172,6 +170,13 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         )
     stale = tuple(name for name in _listed_files(summary, marker) if (path / name).is_file())
     return RunFolder(path, replaces=f"a run with status {status}", stale=stale)
+
+
+def _present(path: Path, marker: str) -> list[str]:
+    """Return the results of a run or of a study in a folder; those of other studies tell who wrote them."""
+    names = (*_OWN_FILES, marker.replace(".json", ".csv"), marker)
+    studies = (file for file in sorted(path.glob("*.json")) if _read_summary(file).get("versions"))
+    return [name for name in names if (path / name).exists()] or [file.name for file in studies]
 
 
 def _refuse_unwritable(path: Path) -> None:

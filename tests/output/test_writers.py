@@ -159,6 +159,15 @@ def test_files_of_unknown_origin_are_protected(tmp_path):
         claim(tmp_path, force=False)
 
 
+def test_results_of_any_study_are_protected_from_a_run(tmp_path):
+    (tmp_path / "data.json").write_text("[1, 2]")
+    assert claim(tmp_path, force=False).stale == ()
+    (tmp_path / "race.json").write_text(json.dumps({"versions": {"hfsim": "1"}, "files": ["race.json"]}))
+    with pytest.raises(FolderError, match=r"race\.json"):
+        claim(tmp_path, force=False)
+    assert claim(tmp_path, force=True, marker="race.json").stale == ("race.json",)
+
+
 def test_an_edited_summary_cannot_make_force_remove_other_files(tmp_path):
     victim = tmp_path / "precious.csv"
     victim.write_text("keep")
