@@ -19,29 +19,23 @@ from hfsim.maths.arrays import Array
 class Options(Protocol):
     """What methods read of how a scene is to be solved; a deck's ``solve`` has it all."""
 
-    @property
-    def method(self) -> str:
-        """Name in `METHODS`, or ``auto``."""
+    method: str
+    """Name in `METHODS`, or ``auto``."""
 
-    @property
-    def tolerance(self) -> float:
-        """Local error per step: metre, radian or slope, relative above 1."""
+    tolerance: float
+    """Local error per step: metre, radian or slope, relative above 1."""
 
-    @property
-    def step(self) -> float | None:
-        """Fixed step length [s]."""
+    step: float | None
+    """Fixed step length [s]."""
 
-    @property
-    def order(self) -> int | None:
-        """Order, where a method has several."""
+    order: int | None
+    """Order, where a method has several."""
 
-    @property
-    def stages(self) -> int | None:
-        """Stages of a collocation method."""
+    stages: int | None
+    """Stages of a collocation method."""
 
-    @property
-    def rho_inf(self) -> float:
-        """Spectral radius at infinite frequency."""
+    rho_inf: float
+    """Spectral radius at infinite frequency."""
 
 
 class Attempt(NamedTuple):
@@ -81,13 +75,11 @@ def unsolved(growth: float = 0.5) -> Attempt:
 class Stepper(Protocol):
     """A method at work on a problem; what it remembers between steps is its own."""
 
-    @property
-    def name(self) -> str:
-        """What it makes its steps with now."""
+    name: str
+    """What it makes its steps with now."""
 
-    @property
-    def first(self) -> float:
-        """First step length to try [s]."""
+    first: float
+    """First step length to try [s]."""
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -31,33 +31,6 @@ class Start(NamedTuple):
     """What velocities alone make of the second ones, (n,)."""
 
 
-class Derivative(Protocol):
-    """Derivatives J_q and J_v of the accelerations at a state, in some coordinates for corrections."""
-
-    increments: Increments
-    """The coordinates it is written in."""
-    fastest: float
-    """Largest circular frequency in it [rad/s]."""
-
-    def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
-        """Return displacements at the stages, (s, n), in natural increments."""
-
-    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Return by how much accelerations ``a`` fail the equations, (s, n_r), in columns of its own.
-
-        ``at`` is the geometry of the states ``q``.
-        """
-
-    def reading(self, r: Array) -> Array:
-        """Return accelerations that are missing, (s, n) in natural increments, in these columns."""
-
-    def correction(self, table: Collocation, h: float) -> Correction:
-        """Return the map from residuals at the stages to corrections."""
-
-    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
-        """Return the map r -> (I - by_q J_q - by_v J_v)^-1 r of single residuals (n,)."""
-
-
 _Value = TypeVar("_Value")
 
 
@@ -74,23 +47,43 @@ class ByStep(Generic[_Value]):
         return self._value
 
 
-class MissingAccelerations:
-    """Residuals that are accelerations in natural increments, one column for each.
+class Derivative:
+    """Derivatives J_q and J_v of the accelerations at a state, in some coordinates for corrections.
 
     Attributes
     ----------
     increments : Increments
+        The coordinates it is written in.
+    fastest : float
+        Largest circular frequency in it [rad/s].
     """
 
     increments: Increments
+    fastest: float
+
+    def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
+        """Return displacements at the stages, (s, n), in natural increments."""
+        raise NotImplementedError
 
     def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
-        """Return missing accelerations in natural increments."""
+        """Return by how much accelerations ``a`` fail the equations, (s, n_r), in columns of its own.
+
+        They are missing accelerations in natural increments unless said otherwise; ``at`` is the geometry
+        of the states ``q``.
+        """
         return self.increments.to_natural(at, problem.evaluate(t, q, v) - a)
 
     def reading(self, r: Array) -> Array:
-        """Return ``r``."""
+        """Return accelerations that are missing, (s, n) in natural increments, in these columns."""
         return r
+
+    def correction(self, table: Collocation, h: float) -> Correction:
+        """Return the map from residuals at the stages to corrections."""
+        raise NotImplementedError
+
+    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
+        """Return the map r -> (I - by_q J_q - by_v J_v)^-1 r of single residuals (n,)."""
+        raise NotImplementedError
 
 
 def in_natural(natural: Increments, q: Array, J: Array) -> Array:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._derivative import ByStep, Correction, MissingAccelerations, Start
+from hfsim.integrators._derivative import ByStep, Correction, Derivative, Start
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
@@ -44,7 +44,7 @@ class Joints:
 
 
 @dataclass
-class ModalDerivative(MissingAccelerations):
+class ModalDerivative(Derivative):
     """J_q = -R S with S R = diag(w2), where nothing dissipates: every mode is corrected by itself.
 
     Where the mass matrix is known, a residual has a column for each mode and then one for each joint

@@ -13,14 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._derivative import (
-    ByStep,
-    Correction,
-    Derivative,
-    MissingAccelerations,
-    Start,
-    in_natural,
-)
+from hfsim.integrators._derivative import ByStep, Correction, Derivative, Start, in_natural
 from hfsim.integrators._modal import ModalDerivative
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
@@ -71,7 +64,7 @@ def _of_imbalance(natural: Increments, q: Array, at: Linearized) -> tuple[Array,
 
 
 @dataclass
-class DenseDerivative(MissingAccelerations):
+class DenseDerivative(Derivative):
     """J_q and J_v as matrices: one complex inverse for each pole of the method and step length.
 
     Attributes
@@ -129,7 +122,7 @@ class DenseDerivative(MissingAccelerations):
 
 
 @dataclass
-class SparseDerivative(MissingAccelerations):
+class SparseDerivative(Derivative):
     """A sparse linearised system: one complex factor for each pole of the method and step length.
 
     Attributes

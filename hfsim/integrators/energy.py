@@ -267,9 +267,5 @@ def _make(solve: Options) -> EnergyMethod:
     return EnergyMethod("energy", gauss(solve.stages or DEFAULT_STAGES), solve.tolerance)
 
 
-ENERGY = Integrator(
-    _make,
-    Stability("A-stable, |R(iwh)| = 1; keeps the energy of any motion"),
-    constant_mass=True,
-    rank=5,
-)
+_STABILITY = Stability("A-stable, |R(iwh)| = 1; keeps the energy of any motion")
+ENERGY = Integrator(_make, _STABILITY, constant_mass=True, rank=5)
