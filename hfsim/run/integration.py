@@ -10,7 +10,6 @@ from typing import NamedTuple
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose, integrate, joined
 from hfsim.maths.arrays import Array
-from hfsim.run.culprit import non_finite
 from hfsim.run.runaway import EnergyWatch, PartsWatch
 from hfsim.run.stop import Progress, TimeUp
 from hfsim.scene.build import Scene
@@ -103,13 +102,19 @@ def problem_of(scene: Scene) -> Problem:
         dissipates=system.dissipates,
         admissible=system.admissible,
         breakdown=system.breakdown,
-        culprit=lambda t, q, v: non_finite(scene, t, q, v),
+        culprit=partial(_culprit, scene),
         linearized=system.linearized if system.linearizes else None,
         increments=system.natural or PlainIncrements(),
         imbalance=system.imbalance if system.balances else None,
         constant_mass=system.linearizes,
         quartic=system.quartic,
     )
+
+
+def _culprit(scene: Scene, t: float, q: Array, v: Array) -> SolverFailure | None:
+    from hfsim.run.culprit import non_finite
+
+    return non_finite(scene, t, q, v)
 
 
 def _run_parts(scene: Scene, solve: SolveSpec, progress: Progress | None) -> Integration:

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators import Trajectory
+from hfsim.parts.bodies.models import MODELS
 from hfsim.run.balance import step_samples
 from hfsim.run.integration import Leg
 from hfsim.run.sampling import SceneSamples
-from hfsim.trust.validity import validity_warnings, watch_validity
 
 LARGE_DRIFT = 1e-3
 """Energy drift from which a run warns."""
@@ -18,13 +18,20 @@ LARGE_DRIFT = 1e-3
 
 def doubts(leg: Leg, samples: SceneSamples, drift: float) -> dict[str, Any]:
     """Return ``validity``, where models of beams stand, and ``warnings`` for one leg."""
-    found = validity(samples, leg.done.trajectory)
-    warnings = [*_drift_warnings(leg, drift), *validity_warnings(leg.scene.models, found)]
+    found, warnings = validity(samples, leg.done.trajectory), _drift_warnings(leg, drift)
+    if found:
+        from hfsim.trust.validity import validity_warnings
+
+        warnings += validity_warnings(leg.scene.models, found)
     return {"validity": found, "warnings": warnings}
 
 
 def validity(samples: SceneSamples, trajectory: Trajectory) -> dict[str, Any]:
     """Return what `watch_validity` finds at the output times and at the ends of the steps."""
+    if not any(MODELS[model].truncated for model in samples.scene.models.values()):
+        return {}
+    from hfsim.trust.validity import watch_validity
+
     steps = step_samples(trajectory)
     times, first = np.unique(np.concatenate([samples.t, steps.t]), return_index=True)
     q, v = (np.concatenate(pair)[first] for pair in ((samples.q, steps.q), (samples.v, steps.v)))

@@ -113,7 +113,7 @@ def watch_validity(scene: Scene, times: Array, q: Array, v: Array) -> dict[str, 
 def truncated_beams(scene: Scene) -> Iterator[Body]:
     """Yield the flexible beams whose model leaves terms out."""
     for name, model in scene.models.items():
-        if MODELS[model].flexible and MODELS[model].leaves_out:
+        if MODELS[model].truncated:
             yield scene.bodies[name]
 
 

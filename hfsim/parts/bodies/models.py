@@ -48,6 +48,11 @@ class Model(NamedTuple):
         """Whether its body deforms."""
         return self.strain != "none"
 
+    @property
+    def truncated(self) -> bool:
+        """Whether its body deforms, but terms of that are left out."""
+        return self.flexible and bool(self.leaves_out)
+
     def assemble(self, beam: Blueprint) -> Body:
         """Return the body of a beam in this model."""
         module, name = self.body.split(":")
