@@ -760,6 +760,15 @@ def test_full_turns_of_a_driver_are_handed_on_in_either_direction(ends):
     assert found["c.angle"] == pytest.approx(sign * turn, abs=1e-12)
 
 
+def test_a_driven_body_drags_others_along_without_turning_them():
+    text = CHAIN + """  r: {type: revolute, between: [b.tip, c.tip]}
+  d: {type: driver, between: [ground, a], angle: {type: constant_rate, rate: 2.0}}
+"""
+    found = start(text + TAIL)
+    assert found["c.angular_velocity"] == pytest.approx(0.0, abs=1e-12)
+    assert (found["b.tip.vx"], found["b.tip.vy"]) == pytest.approx((0.0, 2.0), abs=1e-12)
+
+
 def test_a_run_that_loses_its_energy_says_so():
     coarse = simulate(load_deck(CASES / "pendulum.yaml", ("solve.method=gear", "solve.tolerance=1e-3")))
     assert coarse.statistics["energy_drift"] > 1e-3
