@@ -12,14 +12,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, IntArray, Places, run_of
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
-from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.constraints import Constraint, End
 from hfsim.mechanics.markers import joint_support
 from hfsim.mechanics.reduction import Reduction
 
@@ -54,46 +54,6 @@ class VariableMass(Protocol):
 
     def breakdown(self, t: float, inertia: float, straight: float) -> SolverFailure | None:
         """Return why no step leads on, where the smallest inertia is too far below that when straight."""
-
-
-class _End(NamedTuple):
-    """One end of a constraint: a block of the Jacobian.
-
-    Attributes
-    ----------
-    number : int
-        0 for the first end, 1 for the second.
-    rows : slice
-        Of the constraint in Phi.
-    columns : ndarray of int
-        Coordinates in x that the end depends on.
-    kept, place : slice or ndarray of int
-        Where these stand among the coordinates of the body, and among those at the joints.
-    """
-
-    constraint: Constraint
-    number: int
-    rows: slice
-    columns: IntArray
-    kept: Places
-    place: Places
-
-    @classmethod
-    def of(cls, constraint: Constraint, number: int, rows: slice, support: IntArray) -> _End:
-        """Return an end of a constraint, ``support`` being the coordinates at the joints."""
-        marker = constraint.ends[number]
-        kept = run_of(marker.support - marker.columns.start)
-        place = run_of(np.searchsorted(support, marker.support))
-        return cls(constraint, number, rows, marker.support, kept, place)
-
-    @property
-    def still(self) -> bool:
-        """Whether the block never changes."""
-        return self.constraint.still[self.number]
-
-    def jacobian(self, x: Array) -> Array:
-        """Return the block, shape (n_batch or 1, rows, k)."""
-        return self.constraint.jacobian(self.number, x)[..., self.kept]
 
 
 @dataclass(frozen=True)
@@ -351,10 +311,10 @@ class Equations:
         return joint_support(*(marker for c in self.constraints for marker in c.ends))
 
     @cached_property
-    def _ends(self) -> tuple[_End, ...]:
+    def _ends(self) -> tuple[End, ...]:
         """The ends of all constraints that are on bodies."""
         return tuple(
-            _End.of(c, k, rows, self._support)
+            End.of(c, k, rows, self._support)
             for c, rows in zip(self.constraints, self.rows, strict=True)
             for k, marker in enumerate(c.ends)
             if not marker.grounded
