@@ -574,6 +574,16 @@ def test_a_free_body_accelerates_alike_in_a_turned_and_shifted_frame(model, opti
     close(system.acceleration(t, moved, rates), expected, tolerance)
 
 
+@pytest.mark.parametrize("options", [*CABLES, "degree: 5"])
+def test_the_derivative_of_damping_by_place_is_the_slope_of_its_force(options, rng):
+    scene = scene_of("ancf", options, damping=0.02)
+    part = part_of(scene, KelvinVoigtForce)
+    x = scene.system.absolute(deformed(scene, rng, 1, 0.05)[0])[0]
+    u = rng.normal(size=x.shape)
+    slope = jacobian(lambda s: force_of(part, s, np.repeat(u[None], len(s), axis=0)), x)
+    close(stiffness_of(part, x, u), -slope, 1e-5)
+
+
 # ---------------------------------------------------------------- stretch
 
 
@@ -609,5 +619,7 @@ def test_a_beam_bent_as_another_one_was_has_its_slopes_and_sections(element):
     assert found.slope[0, :, 0] == pytest.approx(slope, abs=5e-3)
     vectors = x.reshape(-1, 2)
     for k in range(0, len(vectors), body.mesh.element.stride):
+        # bending alone stretches nothing, to third order of the slope
+        assert np.linalg.norm(vectors[k + 1]) == pytest.approx(1.0, abs=1e-5)
         for across in vectors[k + 2 : k + body.mesh.element.per_node]:
             assert across @ vectors[k + 1] == pytest.approx(0.0, abs=1e-4)
