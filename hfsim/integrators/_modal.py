@@ -15,7 +15,7 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.mechanics.linearized import Linearized
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Joints:
     """What joints forbid, in the coordinates of a derivative.
 
@@ -43,7 +43,7 @@ class Joints:
         return np.asarray(gaps @ self.closing)
 
 
-@dataclass
+@dataclass(eq=False)
 class ModalDerivative(Derivative):
     """J_q = -R S with S R = diag(w2), where nothing dissipates: every mode is corrected by itself.
 

@@ -13,7 +13,7 @@ from hfsim.maths.arrays import Array
 from hfsim.mechanics.linearized import Linearized, by_differences
 
 
-@dataclass
+@dataclass(eq=False)
 class Counts:
     """What a run cost, in calls."""
 
@@ -60,7 +60,7 @@ class Increments(Protocol):
         """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlainIncrements:
     """The state coordinates themselves."""
 
@@ -86,7 +86,7 @@ class PlainIncrements:
         return v, a, np.zeros_like(a)
 
 
-@dataclass
+@dataclass(eq=False)
 class Problem:
     """Equations of motion q'' = a(t, q, v) with the manifold their solutions stay on.
 

@@ -48,7 +48,7 @@ def _legendre_values(x: Array, count: int) -> Array:
     return P
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Collocation:
     """A collocation method for q'' = a(t, q, q').
 

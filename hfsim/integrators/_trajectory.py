@@ -51,7 +51,7 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
     return np.asarray(np.linalg.solve(matrix, rhs))
 
 
-@dataclass
+@dataclass(eq=False)
 class Trajectory:
     """All kept steps of a run, readable at any time between its start and its end.
 

@@ -69,7 +69,7 @@ class Damping(NamedTuple):
     table: Callable[[], Collocation]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class CollocationMethod:
     """A collocation method whose steps follow the decay of the Legendre series of the positions.
 

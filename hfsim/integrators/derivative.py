@@ -63,7 +63,7 @@ def _of_imbalance(natural: Increments, q: Array, at: Linearized) -> tuple[Array,
     return mobility, natural.to_natural(geometry, closing) if len(closing) else closing
 
 
-@dataclass
+@dataclass(eq=False)
 class DenseDerivative(Derivative):
     """J_q and J_v as matrices: one complex inverse for each pole of the method and step length.
 
@@ -121,7 +121,7 @@ class DenseDerivative(Derivative):
         return np.linalg.inv(np.eye(len(self.by_q)) - mu**2 * self.by_q - mu * self.by_v)
 
 
-@dataclass
+@dataclass(eq=False)
 class SparseDerivative(Derivative):
     """A sparse linearised system: one complex factor for each pole of the method and step length.
 

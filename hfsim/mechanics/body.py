@@ -32,7 +32,7 @@ def places(points: Mapping[str, Sequence[float]]) -> dict[str, Place]:
     return {name: (point[0], point[1]) for name, point in points.items()}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Body:
     """A body of an assembled scene.
 

@@ -11,7 +11,7 @@ from hfsim.maths.arrays import Array, IntArray, component_rows
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Connectivity:
     """How the difference vectors of elements follow from the coordinates of a scene.
 

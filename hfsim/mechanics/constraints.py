@@ -80,7 +80,7 @@ def constraints_of(
     return tuple(replace(one.between(first, second), item=item) for one in held)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Constraint:
     """Rows of Phi that tie a second marker to a first.
 
@@ -234,7 +234,7 @@ class _Quantity(NamedTuple):
     stiffness: Callable[[Array, Array], Entries]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Coincide(_Difference):
     """Both points stay in the same place."""
 
@@ -265,7 +265,7 @@ class Coincide(_Difference):
         return -multipliers, np.zeros((len(x), self.first.n_spin))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RelativeAngle(_Difference):
     """The second frame is turned against the first by an offset plus a law of time, in the plane."""
 
@@ -289,7 +289,7 @@ class RelativeAngle(_Difference):
         return np.zeros((len(x), self.first.n_dim)), -multipliers
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Along(Constraint):
     """The distance along a direction fixed to the first body, a unit vector in its frame."""
 

@@ -27,7 +27,7 @@ GROUND = None
 """Owner of the points of the ground."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FreeCoordinates:
     """What is left when joints have been eliminated.
 
@@ -74,7 +74,7 @@ def eliminate(
     return work.result(sparse)
 
 
-@dataclass
+@dataclass(eq=False)
 class _Elimination:
     """Where each coordinate comes from, while joints are taken in."""
 

@@ -56,7 +56,7 @@ class VariableMass(Protocol):
         """Return why no step leads on, where the smallest inertia is too far below that when straight."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equations:
     """Mass and constraints of a scene, with a choice of free coordinates.
 

@@ -42,7 +42,7 @@ def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -
     return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ForcePart:
     """A source of generalised force together with the energy it stores and the power it puts in.
 
@@ -152,7 +152,7 @@ class ForcePart:
         return np.zeros(len(x))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ConstantForce(ForcePart):
     """Weight of bodies whose mass matrix is constant: one vector for all states (eq. 31).
 

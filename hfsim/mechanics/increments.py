@@ -46,7 +46,7 @@ class BodyIncrements(AlikeBodies):
         raise NotImplementedError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Tie:
     """A beam or mass point whose place follows from a body nearer to the ground.
 
@@ -101,7 +101,7 @@ class Tie:
         return None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mount(Tie):
     """A beam on a point of a rigid body, hinged or fixed to it.
 
@@ -170,7 +170,7 @@ class Mount(Tie):
             f[:, self.rigid[2]] += f[:, self.slope]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NaturalIncrements:
     """Natural increments of a whole state; coordinates outside the beams stay as they are.
 

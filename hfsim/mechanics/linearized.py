@@ -20,7 +20,7 @@ _STEP = 1e-7
 """Step of differences, relative for values above 1: half the digits remain."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linearized:
     """M y'' + D y' + K y + Phi^T lambda = 0 with Phi y = 0, for small changes y of a state.
 

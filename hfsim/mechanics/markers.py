@@ -124,7 +124,7 @@ def joint_support(*markers: Marker) -> IntArray:
     return distinct(np.concatenate([np.zeros(0, dtype=np.intp), *(marker.support for marker in markers)]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GroundMarker(Marker):
     """A point of the ground, or of a body welded to it; it never moves."""
 
@@ -148,7 +148,7 @@ class GroundMarker(Marker):
         return np.zeros((1, self.n_spin, 0))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NodalMarker(Marker):
     """A material point of a planar body whose coordinates are absolute nodal vectors.
 
@@ -244,7 +244,7 @@ class NodalMarker(Marker):
         return Entries.of_block(self.support, self.support, np.kron(np.outer(row, row), turn))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RigidMarker(Marker):
     """A point of a rigid body with coordinates (x, y, angle)."""
 

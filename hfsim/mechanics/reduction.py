@@ -16,7 +16,7 @@ from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reduction:
     """The map x = B z + x0 from free coordinates.
 

@@ -31,7 +31,7 @@ ROUNDING = 1e-13
 """Violation, relative to the largest coordinate or rate (or 1), at which projection ends."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class System:
     """Everything that the equations of motion of a scene are made of.
 

@@ -17,7 +17,7 @@ ROUNDING = 1e-12
 """Share of the energies at the start below which energy out of nothing is round-off."""
 
 
-@dataclass
+@dataclass(eq=False)
 class EnergyWatch:
     """Ends a run whose energy grows without a source, as that of truncated models can.
 
@@ -73,7 +73,7 @@ class EnergyWatch:
         )
 
 
-@dataclass
+@dataclass(eq=False)
 class PartsWatch:
     """Ends a run in which a part has run away: what follows is neither mechanics nor worth the steps."""
 

@@ -16,7 +16,7 @@ from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SceneSamples(Samples):
     """Samples of a whole scene, its deck included."""
 

@@ -27,7 +27,7 @@ class Channel(NamedTuple):
     values: ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run:
     """What one simulated model of one scene gives.
 

@@ -30,7 +30,7 @@ from hfsim.scene.schema import Deck
 from hfsim.scene.start import Start, starting_state
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A deck with a model for each of its beams, ready to be simulated.
 

@@ -28,7 +28,7 @@ DEFAULT_TARGET = 1e-2
 """Target error of decks that leave elements to `run` and state no target [-]."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LoadedDeck:
     """A deck and where it came from.
 

@@ -34,7 +34,7 @@ AT_START = np.zeros(1)
 _Frame = TypeVar("_Frame", Pose, Twist)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
     """What the starting state is found from.
 
@@ -79,7 +79,7 @@ class Start:
         return np.concatenate([np.zeros(0), *gaps])
 
 
-@dataclass
+@dataclass(eq=False)
 class _Rigid:
     """Poses or twists of all bodies as rows (n_bodies, n_freedoms), and what of them is stated."""
 

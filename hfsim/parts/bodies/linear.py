@@ -22,7 +22,7 @@ LIMIT_LENGTHS = 10.0
 """Displacement over length at which a beam of the model linear has broken down."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearBeam(NodalBeam):
     """A beam whose elastic force is linearised about the undeformed state in the body frame."""
 
@@ -62,7 +62,7 @@ def linearised(beam: Blueprint) -> LinearElasticForce:
     return LinearElasticForce(beam.name, columns, K, damping, mesh.undeformed, mesh.positions, item=beam.item)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LinearElasticForce(ForcePart):
     """Elastic force of one beam linearised about its undeformed state in the body frame (eq. 42-43).
 

@@ -28,7 +28,7 @@ NEARLY_SINGULAR = 0.2
 down to it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LowOrderBeam(ForcePart):
     """One beam in the coordinates (r0, theta, w, v).
 

@@ -21,7 +21,7 @@ from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.low_order import PLACE, RIGID, TURN, LowOrderBeam
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LowOrderMarker(Marker):
     """A point of the centre line of a `LowOrderBeam`, its direction along the slope (1 + w', v')."""
 
@@ -129,7 +129,7 @@ class LowOrderMarker(Marker):
         raise NotImplementedError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LowOrderBody(Body):
     """A beam of the model lowOrder."""
 

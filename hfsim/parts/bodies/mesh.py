@@ -32,7 +32,7 @@ class AxisRows(NamedTuple):
     tip: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BeamMesh:
     """Equal elements in a row; the vectors are those of node 0, the interior of element 0, node 1, ...
 

@@ -94,7 +94,7 @@ class BeamIncrements(BodyIncrements):
         out[:, self.columns] = z.reshape(len(out), -1).view(np.float64)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Geometry:
     """Nodal vectors of alike beams in a batch of states.
 

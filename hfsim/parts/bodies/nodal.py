@@ -22,7 +22,7 @@ from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.natural import BeamIncrements, NaturalBeams
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class NodalBeam(Body):
     """A beam in absolute nodal coordinates.
 

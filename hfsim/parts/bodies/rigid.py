@@ -45,7 +45,7 @@ class RigidSpec(BodySpec):
         return RigidBody(name, columns, places(self.points), self.mass, self.inertia, gravity)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RigidBody(Body):
     """A rigid body with coordinates (x, y, angle); its origin is its centre of mass.
 
@@ -101,7 +101,7 @@ class RigidBody(Body):
         return FoldedBody(self.name, slice(0, 0), self.points, pose, self.mass * self.gravity)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class FoldedBody(Body):
     """A body that cannot move: it has no coordinates, and its points are points of the ground.
 

@@ -21,7 +21,7 @@ POINTS = 33
 """Equidistant places along the beam at which it would be bent."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class RigidBeam(RigidBody):
     """A beam of the model rigid: its frame is at the root, its coordinates are those of its mid-point.
 

@@ -35,7 +35,7 @@ class Sampled(Protocol):
         """Return the marker of a point such as ``b1.tip``."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Samples:
     """States at the output times, with what several channels need of them.
 

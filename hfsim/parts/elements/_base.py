@@ -167,7 +167,7 @@ class Element(Protocol):
         """Return the law of the polynomial energy as a form in products of vectors."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class QuadraticMap:
     """Sums of products of two components of a vector, and constants.
 
@@ -208,7 +208,7 @@ class QuadraticMap:
         return np.asarray(out)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GramLaw(RowLaw):
     """An energy that is quadratic in the products of difference vectors.
 

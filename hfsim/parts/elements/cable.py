@@ -91,7 +91,7 @@ def _in_products(axial: Array, bending: Array, degree: int) -> GramLaw:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class QuadratureLaw(RowLaw):
     """Energy of any strain and curvature measure by Gauss quadrature.
 

@@ -21,7 +21,7 @@ AT_ONCE = 1024
 processor's cache."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ElasticForce(ForcePart):
     """Elastic force of all elements that share a law, of one or several beams.
 
@@ -72,7 +72,7 @@ class ElasticForce(ForcePart):
         return self.elements.entries(self.law.hessian(self.elements.vectors(x))[0])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class KelvinVoigtForce(ForcePart):
     """Damping proportional to the rates of axial strain and curvature, of cable elements.
 
