@@ -1,6 +1,8 @@
 # ruff: noqa: E501
 """Every integrator on small problems of known solution: order, tolerance, stability, cost, failure."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,8 +15,9 @@ from hfsim.integrators.energy import EnergyMethod
 from hfsim.integrators.explicit import Explicit
 from hfsim.integrators.gear import Gear
 from hfsim.integrators.generalized_alpha import GeneralizedAlpha
+from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.loading import parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 
 TIGHT = 1e-13
 
@@ -475,3 +478,22 @@ def test_steps_too_long_are_rejected_and_counted(name):
     problem = problem_of(pushed)
     _, stop = run(problem, FREE[name](1e-8), [0.0], [0.1], 3.0)
     assert stop is None and 0 < problem.counts.rejected <= 2 * problem.counts.steps
+
+
+COSTS = {
+    ("pendulum", 0.3): (58, 6),
+    ("two_beams_relative", 0.05): (215, 22),
+    ("hub_beams", 0.1): (63, 11),
+    ("hub_beams_soft", 0.3): (38, 5),
+}
+"""Iterations and derivatives of the default method: what ends an iteration, and when a derivative is renewed."""
+
+
+@pytest.mark.parametrize(("scene", "duration"), COSTS)
+def test_scenes_cost_no_more_iterations_than_they_did(scene, duration):
+    deck = Path(__file__).parents[2] / "cases" / f"{scene}.yaml"
+    built = build(load_deck(deck, [f"solve.duration={duration}"]))
+    counts = run_integration(built, built.deck.solve).problem.counts
+    iterations, derivatives = COSTS[scene, duration]
+    assert counts.iterations <= 1.01 * iterations + 1
+    assert counts.factorisations <= derivatives + 1
