@@ -250,8 +250,8 @@ class CubicSpring(ForcePart):
 class Sandwich(Continuum):
     """An element of one's own: two thirds of the mass lie in the faces."""
 
-    def mass(self, inertia):
-        return super().mass(inertia._replace(height=1.5 * inertia.height))
+    def mass(self, properties):
+        return super().mass(properties._replace(height=1.5 * properties.height))
 
 
 @pytest.mark.parametrize(

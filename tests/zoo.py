@@ -2,15 +2,18 @@
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.mechanics.markers import GroundMarker, NodalMarker, RigidMarker
 from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.low_order import LowOrderBeam
 from hfsim.parts.bodies.low_order_body import LowOrderMarker
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import Cable, Continuum, Inertia, Stiffness
+from hfsim.parts.elements import Cable, Continuum
 
-STIFFNESS = Stiffness(axial=300.0, bending=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2)
-INERTIA = Inertia(per_length=1.7, rotary=0.0, height=0.3)
+STIFFNESS = BeamProperties(
+    axial_stiffness=300.0, bending_stiffness=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2
+)
+INERTIA = BeamProperties(mass_per_length=1.7, rotary_inertia=0.0, height=0.3)
 
 CABLE = BeamMesh(Cable(0.6), 2, INERTIA)
 CONTINUUM = BeamMesh(Continuum(0.6), 2, INERTIA)

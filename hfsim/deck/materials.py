@@ -206,16 +206,16 @@ class BeamProperties(NamedTuple):
         Of the (equivalent) rectangle [m]; the height lies in the bending plane.
     """
 
-    mass_per_length: float
-    rotary_inertia: float
-    axial_stiffness: float
-    bending_stiffness: float
-    axial_damping: float
-    bending_damping: float
-    lame_lambda: float
-    lame_mu: float
-    height: float
-    width: float
+    mass_per_length: float = 0.0
+    rotary_inertia: float = 0.0
+    axial_stiffness: float = 0.0
+    bending_stiffness: float = 0.0
+    axial_damping: float = 0.0
+    bending_damping: float = 0.0
+    lame_lambda: float = 0.0
+    lame_mu: float = 0.0
+    height: float = 0.0
+    width: float = 0.0
 
     @classmethod
     def of(cls, material: MaterialSpec, section: AnySection) -> Self:

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from analytical import cable_row_xx, gauss, jacobian, quintic_row
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.errors import DeckError
 from hfsim.maths.shapes import hierarchic, interior
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import ELASTIC_FORMS, Cable, Inertia, Measures, Stiffness, elastic_form
+from hfsim.parts.elements import ELASTIC_FORMS, Cable, Measures, elastic_form
 from hfsim.parts.elements.cable import (
     LAST_GRAM_DEGREE,
     QuadratureLaw,
@@ -22,8 +23,10 @@ from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 
 LENGTH = 0.7
-STIFFNESS = Stiffness(axial=300.0, bending=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2)
-INERTIA = Inertia(per_length=1.7, rotary=0.05, height=0.3)
+STIFFNESS = BeamProperties(
+    axial_stiffness=300.0, bending_stiffness=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2
+)
+INERTIA = BeamProperties(mass_per_length=1.7, rotary_inertia=0.05, height=0.3)
 HIGH = [4, 5, 7, 12]
 
 
@@ -97,7 +100,8 @@ def test_mass_is_the_integral_of_the_shapes(degree):
     element, M = Cable(LENGTH, degree), 0.0
     for x, weight in zip(*gauss(25, 0, 1), strict=True):
         N, Nx = element.shape(x), element.shape(x, 0.0, (1, 0))
-        M = M + weight * LENGTH * (INERTIA.per_length * np.outer(N, N) + INERTIA.rotary * np.outer(Nx, Nx))
+        line = INERTIA.mass_per_length * np.outer(N, N) + INERTIA.rotary_inertia * np.outer(Nx, Nx)
+        M = M + weight * LENGTH * line
     assert np.abs(element.mass(INERTIA) - M).max() < 1e-14 * np.abs(M).max()
 
 
@@ -124,7 +128,8 @@ def test_both_forms_of_the_polynomial_energy_are_exact(degree, rng):
     products = green_linear_law(STIFFNESS, LENGTH, 3, degree)
 
     def by_points(n):
-        axial, bending = np.full(3, STIFFNESS.axial * LENGTH), np.full(3, STIFFNESS.bending / LENGTH)
+        axial = np.full(3, STIFFNESS.axial_stiffness * LENGTH)
+        bending = np.full(3, STIFFNESS.bending_stiffness / LENGTH)
         return QuadratureLaw(axial, bending, False, False, n, n, degree)
 
     enough, more = by_points(exact_points(degree)), by_points(exact_points(degree) + 7)
@@ -167,8 +172,8 @@ def test_the_forms_of_the_stiffness_agree(degree, rng):
 
 def assembled(count, degree, measures):
     """Mesh of a beam of length 1 with gather matrix and law."""
-    mesh = BeamMesh(Cable(1.0 / count, degree), count, Inertia(1.0, 0.0, 0.1))
-    stiffness = Stiffness(axial=300.0, bending=1.0, lame_lambda=0.0, lame_mu=0.0, height=0.1, width=0.1)
+    mesh = BeamMesh(Cable(1.0 / count, degree), count, BeamProperties(mass_per_length=1.0))
+    stiffness = BeamProperties(axial_stiffness=300.0, bending_stiffness=1.0)
     return mesh, mesh.element.law(stiffness, count, measures)
 
 

@@ -16,12 +16,15 @@ from analytical import (
     turned,
 )
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import ELEMENTS, Inertia, Measures, Stiffness, join_laws
+from hfsim.parts.elements import ELEMENTS, Measures, join_laws
 
 LENGTH = 0.7
-STIFFNESS = Stiffness(axial=300.0, bending=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2)
-INERTIA = Inertia(per_length=1.7, rotary=0.05, height=0.3)
+STIFFNESS = BeamProperties(
+    axial_stiffness=300.0, bending_stiffness=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2
+)
+INERTIA = BeamProperties(mass_per_length=1.7, rotary_inertia=0.05, height=0.3)
 
 CABLE_OPTIONS = [(strain, bend) for strain in ("green", "engineering") for bend in ("linear", "exact")]
 OPTIONS = [("cable", *o) for o in CABLE_OPTIONS] + [("continuum", "green", "linear")]
@@ -81,7 +84,7 @@ def test_rigid_motion_strains_nothing(option, rng):
     for angle in (0.0, 0.3, 2.0, -3.0):
         moved = P @ turned(angle).T + positions(option.element)[:, None] * rng.normal(size=2)
         p = moved.reshape(1, -1)
-        scale = STIFFNESS.axial * LENGTH
+        scale = STIFFNESS.axial_stiffness * LENGTH
         assert abs(option.energy(p)[0]) < 1e-14 * scale
         assert np.abs(option.gradient(p)).max() < 1e-12 * scale / LENGTH
 
@@ -141,14 +144,14 @@ def test_cable_energy_is_the_integral_of_strain_and_curvature(strain, curvature,
         stretch = np.linalg.norm(s)
         e = stretch - 1 if strain == "engineering" else (stretch**2 - 1) / 2
         kappa2 = ((s[0] * c[1] - s[1] * c[0]) / stretch**2) ** 2 if curvature == "exact" else c @ c
-        total += weight * (STIFFNESS.axial * e**2 + STIFFNESS.bending * kappa2) / 2
+        total += weight * (STIFFNESS.axial_stiffness * e**2 + STIFFNESS.bending_stiffness * kappa2) / 2
     assert whole == pytest.approx(total, rel=1e-9)
 
 
 def test_laws_of_many_elements_act_one_by_one(rng):
     for name, strain, curvature in OPTIONS:
         element = ELEMENTS[name](LENGTH)
-        other = Stiffness(**{**STIFFNESS.__dict__, "bending": 5.0, "axial": 80.0})
+        other = STIFFNESS._replace(bending_stiffness=5.0, axial_stiffness=80.0)
         if name == "continuum":
             other = STIFFNESS
         laws = [element.law(s, n, Measures(strain, curvature)) for s, n in ((STIFFNESS, 2), (other, 1))]
@@ -169,10 +172,10 @@ def test_mass_is_the_integral_of_the_shapes():
     line, section = np.zeros((4, 4)), np.zeros((6, 6))
     for a, p in zip(x, wx, strict=True):
         N, Nx = cable_row(a, LENGTH), cable_row_x(a, LENGTH)
-        line += p * (INERTIA.per_length * np.outer(N, N) + INERTIA.rotary * np.outer(Nx, Nx))
+        line += p * (INERTIA.mass_per_length * np.outer(N, N) + INERTIA.rotary_inertia * np.outer(Nx, Nx))
         for b, q in zip(y, wy, strict=True):
             N = continuum_row(a, b, LENGTH)
-            section += p * q * INERTIA.per_length / INERTIA.height * np.outer(N, N)
+            section += p * q * INERTIA.mass_per_length / INERTIA.height * np.outer(N, N)
     expected = {"cable": line, "continuum": section}
     for name, element in ELEMENTS.items():
         M = element(LENGTH).mass(INERTIA)
@@ -180,7 +183,7 @@ def test_mass_is_the_integral_of_the_shapes():
 
 
 def test_mass_and_rotary_inertia_of_a_rigid_beam():
-    own = {"cable": INERTIA.rotary, "continuum": INERTIA.per_length * INERTIA.height**2 / 12}
+    own = {"cable": INERTIA.rotary_inertia, "continuum": INERTIA.mass_per_length * INERTIA.height**2 / 12}
     for name, element in ELEMENTS.items():
         mesh = BeamMesh(element(LENGTH / 3), 3, INERTIA)
         assert mesh.positions @ mesh.mass @ mesh.positions == pytest.approx(1.7 * LENGTH, rel=1e-13)
@@ -258,6 +261,6 @@ def test_refinement_of_a_circular_arc_converges(strain, curvature):
         mesh = BeamMesh(ELEMENTS["cable"](length / count), count, INERTIA)
         law = mesh.element.law(STIFFNESS, count, Measures(strain, curvature))
         V = (mesh.differences @ arc(mesh.element, count, k, length)).reshape(1, count, -1, 2)
-        errors.append(abs(law.energy(V).sum() - arc_energy(k, STIFFNESS.bending, length)))
+        errors.append(abs(law.energy(V).sum() - arc_energy(k, STIFFNESS.bending_stiffness, length)))
     rates = np.log2(np.array(errors[:-1]) / errors[1:])
     assert rates[-1] == pytest.approx(4.0, abs=0.15), rates

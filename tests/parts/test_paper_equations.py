@@ -16,15 +16,18 @@ from analytical import (
     tilde,
 )
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, Cable, Inertia, Stiffness, elastic_form
+from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, Cable, elastic_form
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.studies.separation.gram import GramStiffness
 from hfsim.studies.separation.separated import SeparatedStiffness
 
-INERTIA = Inertia(per_length=1.7, rotary=0.0, height=0.3)
-STIFFNESS = Stiffness(axial=300.0, bending=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2)
+INERTIA = BeamProperties(mass_per_length=1.7, rotary_inertia=0.0, height=0.3)
+STIFFNESS = BeamProperties(
+    axial_stiffness=300.0, bending_stiffness=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2
+)
 COUNT, LE = 3, 0.5
 
 
@@ -65,7 +68,7 @@ def material_points(mesh):
                 row[start : start + len(local)] = local
                 N = np.zeros((3, 2 * mesh.n_vectors))
                 N[:2] = np.kron(row, np.eye(2))
-                yield INERTIA.per_length / 0.3 * p * q, np.delete(N, [0, 1, 3], axis=1)
+                yield INERTIA.mass_per_length / 0.3 * p * q, np.delete(N, [0, 1, 3], axis=1)
 
 
 def spatial_sums(mesh, q, v, f):
@@ -144,9 +147,9 @@ solve: {{model: exact, duration: 1.0, coordinates: frame}}
 def system_of(element, joints):
     scene = build(parse_deck(DECK.format(element=element, joints=joints)))
     material, section = scene.deck.materials["soft"], scene.deck.sections["bar"]
-    stiffness = Stiffness(
-        axial=material.youngs_modulus * section.area,
-        bending=material.youngs_modulus * section.second_moment,
+    stiffness = BeamProperties(
+        axial_stiffness=material.youngs_modulus * section.area,
+        bending_stiffness=material.youngs_modulus * section.second_moment,
         lame_lambda=material.lame_lambda,
         lame_mu=material.lame_mu,
         height=section.height,

@@ -10,8 +10,9 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
+from hfsim.deck.materials import BeamProperties
 from hfsim.errors import DeckError
-from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, Stiffness, join_laws
+from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, join_laws
 from hfsim.parts.elements._base import QuadraticMap
 from hfsim.parts.elements.forces import ElasticForce
 from hfsim.run.integration import run_integration
@@ -23,7 +24,9 @@ from hfsim.studies.separation.measure import held_bytes, measure
 from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows
 from hfsim.studies.separation.separated import SeparatedStiffness
 
-STIFFNESS = Stiffness(1260.0, 8.5e-3, 1.0e5, 3.5e5, 0.009, 0.2)
+STIFFNESS = BeamProperties(
+    axial_stiffness=1260.0, bending_stiffness=8.5e-3, lame_lambda=1e5, lame_mu=3.5e5, height=0.009, width=0.2
+)
 
 
 @pytest.fixture

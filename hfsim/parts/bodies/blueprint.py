@@ -12,7 +12,7 @@ from hfsim.mechanics.body import Place, places
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import ELEMENTS, ElasticLaw, Inertia, Measures, Stiffness, elastic_law
+from hfsim.parts.elements import ELEMENTS, ElasticLaw, Measures, elastic_law
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 
 
@@ -26,10 +26,7 @@ class Blueprint(NamedTuple):
     start : int
         Column of x where its coordinates begin.
     mesh : BeamMesh
-    stiffness : Stiffness
     measures : Measures
-    damping : tuple of float
-        Retardation times of axial strain and curvature [s].
     gravity : ndarray, shape (n_dim,)
         [m/s^2].
     points : dict of str to Place
@@ -43,9 +40,7 @@ class Blueprint(NamedTuple):
     name: str
     start: int
     mesh: BeamMesh
-    stiffness: Stiffness
     measures: Measures
-    damping: tuple[float, float]
     gravity: Array
     points: dict[str, Place]
     whole: bool
@@ -54,26 +49,16 @@ class Blueprint(NamedTuple):
     @classmethod
     def of(cls, spec: Any, name: str, start: int, deck: Any) -> Blueprint:
         """Return what a beam of a deck, a `BeamSpec`, is made of; its coordinates begin at a column."""
-        numbers: BeamProperties = deck.properties(name)
-        inertia = Inertia(
-            numbers.mass_per_length, numbers.rotary_inertia if spec.rotary_inertia else 0.0, numbers.height
-        )
+        properties: BeamProperties = deck.properties(name)
+        if not spec.rotary_inertia:
+            properties = properties._replace(rotary_inertia=0.0)
         element = ELEMENTS[spec.element].of(spec.length / spec.elements, spec.degree)
         quadrature = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
         return cls(
             name=name,
             start=start,
-            mesh=BeamMesh(element, spec.elements, inertia),
-            stiffness=Stiffness(
-                axial=numbers.axial_stiffness,
-                bending=numbers.bending_stiffness,
-                lame_lambda=numbers.lame_lambda,
-                lame_mu=numbers.lame_mu,
-                height=numbers.height,
-                width=numbers.width,
-            ),
+            mesh=BeamMesh(element, spec.elements, properties),
             measures=Measures(spec.strain, spec.curvature, *quadrature),
-            damping=(numbers.axial_damping, numbers.bending_damping),
             gravity=np.array(deck.gravity),
             points={**places(spec.points), "root": (0.0, 0.0), "tip": (spec.length, 0.0)},
             whole=spec.truncation == "none",
@@ -84,6 +69,11 @@ class Blueprint(NamedTuple):
     def item(self) -> str:
         """Deck path of the body."""
         return f"bodies.{self.name}"
+
+    @property
+    def properties(self) -> BeamProperties:
+        """What follows from material and section; without rotary inertia where that does not count."""
+        return self.mesh.properties
 
     @property
     def n_dim(self) -> int:
@@ -111,24 +101,24 @@ class Blueprint(NamedTuple):
         local = np.kron(vectors, np.eye(self.n_dim))
         return Connectivity(n, self.element_columns, np.tile(local, (self.mesh.count, 1, 1)))
 
-    def law(self, stiffness: Stiffness, measures: Measures) -> ElasticLaw:
+    def law(self, properties: BeamProperties, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""
-        return self.mesh.element.law(stiffness, self.mesh.count, measures)
+        return self.mesh.element.law(properties, self.mesh.count, measures)
 
     def elastic_force(self, n: int) -> ElasticForce:
         """Return the elastic force on its nodal vectors in the form asked for."""
         mesh = self.mesh
-        law, vectors = elastic_law(self.form, mesh.element, self.stiffness, mesh.count, self.measures)
+        law, vectors = elastic_law(self.form, mesh.element, self.properties, mesh.count, self.measures)
         return ElasticForce(self.connectivity(n, vectors), law, item=self.item)
 
     def kelvin_voigt(self, n: int) -> KelvinVoigtForce:
         """Return the damping force on its nodal vectors."""
-        element, (axial, bending) = self.mesh.element, self.damping
+        element, own = self.mesh.element, self.properties
         return KelvinVoigtForce.of(
             elements=self.connectivity(n, element.differences()),
             degree=element.degree,
-            axial=self.stiffness.axial * element.length * axial,
-            bending=self.stiffness.bending / element.length * bending,
+            axial=own.axial_stiffness * element.length * own.axial_damping,
+            bending=own.bending_stiffness / element.length * own.bending_damping,
             item=self.item,
         )
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, ComplexArray, IntArray
 from hfsim.maths.rotations import as_complex, as_vectors
@@ -16,7 +17,6 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.frame import relative_nodes
 from hfsim.parts.bodies.nodal import NodalBeam
-from hfsim.parts.elements import Stiffness
 
 LIMIT_LENGTHS = 10.0
 """Displacement over length at which a beam of the model linear has broken down."""
@@ -48,16 +48,16 @@ def linearised(beam: Blueprint) -> LinearElasticForce:
     local = np.kron(mesh.differences, np.eye(beam.n_dim)).reshape(count, -1, beam.n_dim * mesh.n_vectors)
     straight = (mesh.differences @ mesh.undeformed).reshape(1, count, -1, beam.n_dim)
 
-    def matrix(stiffness: Stiffness, curvature: str) -> Array:
-        H = beam.law(stiffness, beam.measures._replace(curvature=curvature)).hessian(straight)[0]
+    def matrix(properties: BeamProperties, curvature: str) -> Array:
+        H = beam.law(properties, beam.measures._replace(curvature=curvature)).hessian(straight)[0]
         return np.asarray(sum(part.T @ own @ part for part, own in zip(local, H, strict=True)))
 
-    K, (axial_time, bending_time) = matrix(beam.stiffness, beam.measures.curvature), beam.damping
+    own, K = beam.properties, matrix(beam.properties, beam.measures.curvature)
     damping = np.zeros_like(K)
-    if axial_time or bending_time:
+    if own.damped:
         # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
-        axial = matrix(beam.stiffness.without_bending(), "exact")
-        damping = axial_time * axial + bending_time * (matrix(beam.stiffness, "exact") - axial)
+        axial = matrix(own._replace(bending_stiffness=0.0), "exact")
+        damping = own.axial_damping * axial + own.bending_damping * (matrix(own, "exact") - axial)
     columns = beam.nodal_columns
     return LinearElasticForce(beam.name, columns, K, damping, mesh.undeformed, mesh.positions, item=beam.item)
 

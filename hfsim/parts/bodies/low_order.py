@@ -68,15 +68,14 @@ class LowOrderBeam(ForcePart):
     @classmethod
     def of(cls, beam: Blueprint) -> LowOrderBeam:
         """Return the beam of a deck."""
-        axial_damping, bending_damping = beam.damping
         return cls(
             name=beam.name,
             mesh=beam.mesh,
             columns=beam.columns(RIGID + 2 * beam.mesh.n_vectors - 3),
-            axial=beam.stiffness.axial,
-            bending=beam.stiffness.bending,
-            axial_damping=axial_damping,
-            bending_damping=bending_damping,
+            axial=beam.properties.axial_stiffness,
+            bending=beam.properties.bending_stiffness,
+            axial_damping=beam.properties.axial_damping,
+            bending_damping=beam.properties.bending_damping,
             gravity=tuple(beam.gravity),
             whole=beam.whole,
             item=beam.item,
@@ -162,7 +161,7 @@ class LowOrderBeam(ForcePart):
         le = self.mesh.element.length
         xi, w = gauss_legendre(2 * self.mesh.element.degree)
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
-        mass = np.tile(w, self.mesh.count) * le * self.mesh.inertia.per_length
+        mass = np.tile(w, self.mesh.count) * le * self.mesh.properties.mass_per_length
         N = np.array([self.mesh.shape(float(a)) for a in x])
         H = np.array([self.foreshortening(float(a)) for a in x])
         return x, mass, N[:, 1:], N[:, 2:], H.transpose(1, 0, 2).reshape(self.n_v, -1)

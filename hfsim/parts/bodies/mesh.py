@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.elements import Element
-from hfsim.parts.elements._base import Inertia
 
 
 class AxisRows(NamedTuple):
@@ -45,13 +45,13 @@ class BeamMesh:
     element : Element
     count : int
         Number of elements.
-    inertia : Inertia
+    properties : BeamProperties
         Mass per length and the like.
     """
 
     element: Element
     count: int
-    inertia: Inertia
+    properties: BeamProperties
 
     @property
     def length(self) -> float:
@@ -106,7 +106,7 @@ class BeamMesh:
     def mass(self) -> Array:
         """Mass matrix of one vector component, int rho N^T N dV of eq. (12), shape (n_vectors, n_vectors)."""
         M = np.zeros((self.n_vectors, self.n_vectors))
-        block = self.element.mass(self.inertia)
+        block = self.element.mass(self.properties)
         for e in range(self.count):
             M[self._span(e), self._span(e)] += block
         return M
@@ -117,7 +117,7 @@ class BeamMesh:
         element = self.element
         places = np.zeros(element.stride + element.per_node)
         places[:: element.stride] = 1.0
-        own = element.mass(self.inertia) @ places
+        own = element.mass(self.properties) @ places
         vectors = element.stride * np.arange(self.count)[:, None] + np.arange(len(own))
         masses = np.bincount(vectors.ravel(), weights=np.tile(own, self.count), minlength=self.n_vectors)
         return np.asarray(masses, dtype=float)

@@ -151,7 +151,7 @@ class NodalBeam(Body):
 
     def mass_entries(self) -> Entries:
         """Return those of its elements."""
-        block = np.kron(self.mesh.element.mass(self.mesh.inertia), np.eye(self.beam.n_dim))
+        block = np.kron(self.mesh.element.mass(self.mesh.properties), np.eye(self.beam.n_dim))
         columns = self.beam.element_columns
         return Entries.of_block(columns, columns, np.broadcast_to(block, (len(columns), *block.shape)))
 

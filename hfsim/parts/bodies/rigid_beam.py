@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, cumulative
 from hfsim.maths.rotations import freedoms, rotate
 from hfsim.mechanics.body import Load, Place
@@ -15,7 +16,6 @@ from hfsim.mechanics.markers import Marker, RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.rigid import RigidBody
-from hfsim.parts.elements import Stiffness
 
 POINTS = 33
 """Equidistant places along the beam at which it would be bent."""
@@ -29,12 +29,12 @@ class RigidBeam(RigidBody):
     ----------
     length : float
         [m].
-    stiffness : Stiffness
+    properties : BeamProperties
         By which it would stretch and bend.
     """
 
     length: float
-    stiffness: Stiffness
+    properties: BeamProperties
 
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> RigidBeam:
@@ -44,7 +44,7 @@ class RigidBeam(RigidBody):
         about_root = float(np.sum(mesh.undeformed * (mesh.mass @ mesh.undeformed)))
         inertia = about_root - mass * (0.5 * mesh.length) ** 2
         columns = beam.columns(freedoms(beam.n_dim))
-        return cls(beam.name, columns, beam.points, mass, inertia, beam.gravity, mesh.length, beam.stiffness)
+        return cls(beam.name, columns, beam.points, mass, inertia, beam.gravity, mesh.length, beam.properties)
 
     @property
     def _centre(self) -> Array:
@@ -96,12 +96,12 @@ class RigidBeam(RigidBody):
             M += (moment[:, None] + local[:, 1:] * (at + half - places)) * beyond
         weights = np.full(POINTS, self.length / (POINTS - 1))
         weights[[0, -1]] *= 0.5
-        curvature = M / self.stiffness.bending
+        curvature = M / self.properties.bending_stiffness
         slope = cumulative(curvature.T, places).T
         return Deformation(
             places=places,
             weights=weights,
-            axial=N / self.stiffness.axial,
+            axial=N / self.properties.axial_stiffness,
             slope=slope[..., None],
             curvature=curvature[..., None],
             tip=slope @ weights[:, None],

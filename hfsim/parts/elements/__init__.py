@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
-from hfsim.parts.elements._base import ElasticLaw, Element, Inertia, Measures, Stiffness, join_laws
+from hfsim.parts.elements._base import ElasticLaw, Element, Measures, join_laws
 from hfsim.parts.elements.cable import Cable
 from hfsim.parts.elements.continuum import Continuum
 
@@ -33,12 +34,12 @@ def elastic_form(name: str) -> Any:
 
 
 def elastic_law(
-    form: str, element: Element, stiffness: Stiffness, count: int, measures: Measures
+    form: str, element: Element, properties: BeamProperties, count: int, measures: Measures
 ) -> tuple[ElasticLaw, Array]:
     """Return the law of equal elements in one of the forms, and the matrix to its vectors from nodal ones."""
     if form == "gram":
-        return element.law(stiffness, count, measures), element.differences()
-    law: ElasticLaw = elastic_form(form).law_of(element, stiffness, count)
+        return element.law(properties, count, measures), element.differences()
+    law: ElasticLaw = elastic_form(form).law_of(element, properties, count)
     return law, np.eye(element.differences().shape[1])
 
 
@@ -49,9 +50,7 @@ __all__ = [
     "Continuum",
     "ElasticLaw",
     "Element",
-    "Inertia",
     "Measures",
-    "Stiffness",
     "elastic_form",
     "elastic_law",
     "join_laws",

@@ -17,43 +17,8 @@ from typing import Any, ClassVar, NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, component_rows, from_component_rows
-
-
-@dataclass(frozen=True)
-class Stiffness:
-    """Numbers of material and section that an elastic law needs.
-
-    Attributes
-    ----------
-    axial : float
-        EA [N].
-    bending : float
-        EI [N m^2].
-    lame_lambda, lame_mu : float
-        Lame constants [Pa].
-    height, width : float
-        Of the (equivalent) rectangular section [m]; the height lies in the bending plane.
-    """
-
-    axial: float
-    bending: float
-    lame_lambda: float
-    lame_mu: float
-    height: float
-    width: float
-
-    def without_bending(self) -> Stiffness:
-        """Return the same with EI = 0."""
-        return replace(self, bending=0.0)
-
-
-class Inertia(NamedTuple):
-    """Mass data of a beam: mass per length [kg/m], rotary inertia per length [kg m], section height [m]."""
-
-    per_length: float
-    rotary: float
-    height: float
 
 
 class Measures(NamedTuple):
@@ -157,13 +122,13 @@ class Element(Protocol):
     def shape(self, xi: float, eta: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
         """Return the shape row, shape (n,), or a derivative of it with respect to (x, y)."""
 
-    def mass(self, inertia: Inertia) -> Array:
+    def mass(self, properties: BeamProperties) -> Array:
         """Return the mass matrix of one vector component, shape (n, n) [kg]."""
 
-    def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
+    def law(self, properties: BeamProperties, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` equal elements."""
 
-    def gram_law(self, stiffness: Stiffness, count: int) -> GramLaw:
+    def gram_law(self, properties: BeamProperties, count: int) -> GramLaw:
         """Return the law of the polynomial energy as a form in products of vectors."""
 
 

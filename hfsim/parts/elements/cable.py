@@ -13,9 +13,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre, hierarchic, interior
-from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Inertia, Measures, RowLaw, Stiffness
+from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures, RowLaw
 
 LAST_GRAM_DEGREE = 4
 """Highest degree at which the products of vectors are the cheaper form of the polynomial energy: their
@@ -72,10 +73,10 @@ def strain_moments(degree: int) -> Array:
     return np.asarray(np.einsum("q,qk,qa,qb->kab", w, tests, slope, slope))
 
 
-def green_linear_law(stiffness: Stiffness, length: float, count: int, degree: int = 3) -> GramLaw:
+def green_linear_law(properties: BeamProperties, length: float, count: int, degree: int = 3) -> GramLaw:
     """Energy with Green strain (eq. 47 on the centre line) and curvature r''; polynomial, so exact."""
-    axial, bending = np.full(count, stiffness.axial * length), np.full(count, stiffness.bending / length)
-    return _in_products(axial, bending, degree)
+    axial = np.full(count, properties.axial_stiffness * length)
+    return _in_products(axial, np.full(count, properties.bending_stiffness / length), degree)
 
 
 def _in_products(axial: Array, bending: Array, degree: int) -> GramLaw:
@@ -360,24 +361,24 @@ class Cable:
         row = hierarchic(xi, self.degree, derivative[0])[0]
         return np.asarray(row * self._scale / self.length ** derivative[0])
 
-    def mass(self, inertia: Inertia) -> Array:
+    def mass(self, properties: BeamProperties) -> Array:
         """Return the consistent mass matrix [kg]; section rotary inertia acts on the slopes if given."""
         x, w = gauss_legendre(self.degree + 1)
         N = hierarchic(x, self.degree) * self._scale
         Nx = hierarchic(x, self.degree, 1) * self._scale / self.length
-        line = inertia.per_length * (N.T * w) @ N + inertia.rotary * (Nx.T * w) @ Nx
+        line = properties.mass_per_length * (N.T * w) @ N + properties.rotary_inertia * (Nx.T * w) @ Nx
         return np.asarray(self.length * line)
 
-    def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
+    def law(self, properties: BeamProperties, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` equal elements."""
         enough = exact_points(self.degree)
         if measures.strain == "green" and measures.curvature == "linear":
             if self.degree <= LAST_GRAM_DEGREE:
-                return self.gram_law(stiffness, count)
+                return self.gram_law(properties, count)
             measures = measures._replace(axial_points=enough, bending_points=self.degree - 1)
         return QuadratureLaw(
-            axial=np.full(count, stiffness.axial * self.length),
-            bending=np.full(count, stiffness.bending / self.length),
+            axial=np.full(count, properties.axial_stiffness * self.length),
+            bending=np.full(count, properties.bending_stiffness / self.length),
             engineering=measures.strain == "engineering",
             exact_curvature=measures.curvature == "exact",
             axial_points=measures.axial_points or enough,
@@ -385,6 +386,6 @@ class Cable:
             degree=self.degree,
         )
 
-    def gram_law(self, stiffness: Stiffness, count: int) -> GramLaw:
+    def gram_law(self, properties: BeamProperties, count: int) -> GramLaw:
         """Return the law of Green strain and curvature r'' as a form in products of vectors."""
-        return green_linear_law(stiffness, self.length, count, self.degree)
+        return green_linear_law(properties, self.length, count, self.degree)

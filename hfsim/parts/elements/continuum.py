@@ -11,9 +11,10 @@ from typing import ClassVar
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre, hermite
-from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Inertia, Measures, Stiffness
+from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 
 
 @dataclass(frozen=True)
@@ -62,18 +63,18 @@ class Continuum:
             row[[2, 5]] = linear
         return row
 
-    def mass(self, inertia: Inertia) -> Array:
+    def mass(self, properties: BeamProperties) -> Array:
         """Return the consistent mass matrix of the rectangular section [kg]."""
         x, wx = gauss_legendre(4)
         y, wy = gauss_legendre(2)
         M = np.zeros((6, 6))
         for xi, a in zip(x, wx, strict=True):
             for eta, b in zip(y, wy, strict=True):
-                N = self.shape(float(xi), float(inertia.height * (eta - 0.5)))
+                N = self.shape(float(xi), float(properties.height * (eta - 0.5)))
                 M += a * b * np.outer(N, N)
-        return np.asarray(inertia.per_length * self.length * M)
+        return np.asarray(properties.mass_per_length * self.length * M)
 
-    def strain_table(self, stiffness: Stiffness) -> tuple[Array, Array, Array]:
+    def strain_table(self, properties: BeamProperties) -> tuple[Array, Array, Array]:
         """Shape derivatives at the Gauss points of the section, exact for the energy's polynomial.
 
         Returns
@@ -85,24 +86,24 @@ class Continuum:
         """
         x, wx = gauss_legendre(5)
         y, wy = gauss_legendre(3)
-        volume = self.length * stiffness.height * stiffness.width
-        places = [(xi, stiffness.height * (eta - 0.5)) for xi in x for eta in y]
+        volume = self.length * properties.height * properties.width
+        places = [(xi, properties.height * (eta - 0.5)) for xi in x for eta in y]
         by_x = np.array([self.shape(float(a), float(b), (1, 0)) for a, b in places])
         by_y = np.array([self.shape(float(a), float(b), (0, 1)) for a, b in places])
         return volume * np.outer(wx, wy).ravel(), by_x, by_y
 
-    def law(self, stiffness: Stiffness, count: int, measures: Measures = USUAL) -> ElasticLaw:
+    def law(self, properties: BeamProperties, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the energy of ``count`` equal elements."""
-        return self.gram_law(stiffness, count)
+        return self.gram_law(properties, count)
 
-    def gram_law(self, stiffness: Stiffness, count: int) -> GramLaw:
+    def gram_law(self, properties: BeamProperties, count: int) -> GramLaw:
         """Return the energy (21)-(23) of ``count`` equal elements as a form in products of vectors."""
-        weights, by_x, by_y = self.strain_table(stiffness)
+        weights, by_x, by_y = self.strain_table(properties)
         to_nodes = np.linalg.pinv(self.differences())
         a, b = by_x @ to_nodes, by_y @ to_nodes
         products = [_symmetric_product(a, a), _symmetric_product(b, b), _symmetric_product(a, b)]
-        normal, lame = stiffness.lame_lambda + 2.0 * stiffness.lame_mu, stiffness.lame_lambda
-        E = np.array([[normal, lame, 0.0], [lame, normal, 0.0], [0.0, 0.0, stiffness.lame_mu]])
+        normal, lame = properties.lame_lambda + 2.0 * properties.lame_mu, properties.lame_lambda
+        E = np.array([[normal, lame, 0.0], [lame, normal, 0.0], [0.0, 0.0, properties.lame_mu]])
         # a normal strain is half the change of its product, the shear strain 2 e12 the whole
         half = np.array([0.5, 0.5, 1.0])
         E = E * np.outer(half, half)
@@ -112,7 +113,7 @@ class Continuum:
             for j in range(3):
                 quadratic += E[i, j] * (products[i].T * weights) @ products[j]
         undeformed = np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
-        scale = stiffness.axial * self.length
+        scale = properties.axial_stiffness * self.length
         return GramLaw(
             quadratic=quadratic / scale,
             linear=np.zeros((count, size)),

@@ -20,9 +20,10 @@ from typing import Any, Self, cast
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre
-from hfsim.parts.elements import ElasticLaw, Element, Stiffness, join_laws
+from hfsim.parts.elements import ElasticLaw, Element, join_laws
 from hfsim.parts.elements._base import RowLaw
 
 
@@ -30,15 +31,15 @@ class StiffnessForm:
     """One way to the stiffness of an element; p has shape (n, n_columns)."""
 
     @classmethod
-    def of(cls, element: Element, stiffness: Stiffness) -> Self:
+    def of(cls, element: Element, properties: BeamProperties) -> Self:
         """Return the form of an element."""
         raise NotImplementedError
 
     @classmethod
-    def law_of(cls, element: Element, stiffness: Stiffness, count: int) -> NodalLaw:
+    def law_of(cls, element: Element, properties: BeamProperties, count: int) -> NodalLaw:
         """Return the elastic law of ``count`` equal elements over their nodal vectors."""
-        form = _made_once(cast(Any, cls), cast(Any, element), stiffness)
-        return NodalLaw(form, element.law(stiffness, count), element.differences())
+        form = _made_once(cast(Any, cls), cast(Any, element), properties)
+        return NodalLaw(form, element.law(properties, count), element.differences())
 
     def stiffness(self, p: Array) -> Array:
         """Return K, shape (n_columns, n, n)."""
@@ -103,8 +104,8 @@ class NodalLaw(RowLaw):
 
 
 @lru_cache(maxsize=16)
-def _made_once(kind: Any, element: Any, stiffness: Stiffness) -> StiffnessForm:
-    form: StiffnessForm = kind.of(element, stiffness)
+def _made_once(kind: Any, element: Any, properties: BeamProperties) -> StiffnessForm:
+    form: StiffnessForm = kind.of(element, properties)
     return form
 
 
@@ -142,10 +143,10 @@ class StrainTable:
     bending: Array
 
     @classmethod
-    def of(cls, element: Element, stiffness: Stiffness) -> StrainTable:
+    def of(cls, element: Element, properties: BeamProperties) -> StrainTable:
         """Return the table of an element with a section (three vectors a node) or of a centre line."""
         table = _continuum_table if element.per_node == 3 else _cable_table
-        return table(element, stiffness)
+        return table(element, properties)
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
@@ -173,21 +174,21 @@ class StrainTable:
         return np.asarray(0.5 * (products + products.swapaxes(-1, -2)))
 
 
-def _continuum_table(element: Element, stiffness: Stiffness) -> StrainTable:
+def _continuum_table(element: Element, properties: BeamProperties) -> StrainTable:
     x, wx = gauss_legendre(5)
     y, wy = gauss_legendre(3)
-    places = [(float(xi), float(stiffness.height * (eta - 0.5))) for xi in x for eta in y]
+    places = [(float(xi), float(properties.height * (eta - 0.5))) for xi in x for eta in y]
     rows = np.array([[element.shape(*place, by) for place in places] for by in ((1, 0), (0, 1))])
-    volume = element.length * stiffness.height * stiffness.width
-    elasticity = stiffness.lame_mu * np.diag([2.0, 2.0, 1.0])
-    elasticity[:2, :2] += stiffness.lame_lambda
+    volume = element.length * properties.height * properties.width
+    elasticity = properties.lame_mu * np.diag([2.0, 2.0, 1.0])
+    elasticity[:2, :2] += properties.lame_lambda
     flat = np.zeros((rows.shape[2], rows.shape[2]))
     return StrainTable(np.asarray(volume * np.outer(wx, wy).ravel()), rows, elasticity, flat)
 
 
-def _cable_table(element: Element, stiffness: Stiffness) -> StrainTable:
+def _cable_table(element: Element, properties: BeamProperties) -> StrainTable:
     x, w = gauss_legendre(2 * element.degree - 1)
     weights = np.asarray(w * element.length)
     rows, bend = (np.array([element.shape(float(xi), 0.0, (k, 0)) for xi in x]) for k in (1, 2))
-    bending = stiffness.bending * (bend.T * weights) @ bend
-    return StrainTable(weights, rows[None], np.array([[stiffness.axial]]), np.asarray(bending))
+    bending = properties.bending_stiffness * (bend.T * weights) @ bend
+    return StrainTable(weights, rows[None], np.array([[properties.axial_stiffness]]), np.asarray(bending))

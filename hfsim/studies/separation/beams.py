@@ -13,8 +13,9 @@ from functools import cached_property
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
-from hfsim.parts.elements import ELEMENTS, Element, Stiffness
+from hfsim.parts.elements import ELEMENTS, Element
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
 
@@ -51,9 +52,15 @@ class Beams:
         return ELEMENTS[self.kind].of(LENGTH / self.count, 3)
 
     @property
-    def stiffness(self) -> Stiffness:
+    def properties(self) -> BeamProperties:
         """Of every element."""
-        return Stiffness(MODULUS * AREA, MODULUS * SECOND_MOMENT, 0.0, 0.5 * MODULUS, _HEIGHT, AREA / _HEIGHT)
+        return BeamProperties(
+            axial_stiffness=MODULUS * AREA,
+            bending_stiffness=MODULUS * SECOND_MOMENT,
+            lame_mu=0.5 * MODULUS,
+            height=_HEIGHT,
+            width=AREA / _HEIGHT,
+        )
 
     @property
     def step(self) -> float:

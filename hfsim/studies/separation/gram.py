@@ -7,8 +7,9 @@ from functools import cached_property
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
-from hfsim.parts.elements import Element, Stiffness
+from hfsim.parts.elements import Element
 from hfsim.parts.elements._base import GramLaw, QuadraticMap
 from hfsim.studies.separation._base import StiffnessForm, both_components
 
@@ -28,9 +29,9 @@ class GramStiffness(StiffnessForm):
     differences: Array
 
     @classmethod
-    def of(cls, element: Element, stiffness: Stiffness) -> GramStiffness:
+    def of(cls, element: Element, properties: BeamProperties) -> GramStiffness:
         """Return the form of an element."""
-        return cls(element.gram_law(stiffness, 1), np.asarray(element.differences()))
+        return cls(element.gram_law(properties, 1), np.asarray(element.differences()))
 
     @cached_property
     def _columns(self) -> Array:

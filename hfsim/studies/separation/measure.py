@@ -162,7 +162,7 @@ class _Way:
 
 def _cell(beams: Beams, repeats: int, budget: Budget) -> Cell:
     p = beams.components
-    forms = {name: elastic_form(name).of(beams.element, beams.stiffness) for name in ELASTIC_FORMS}
+    forms = {name: elastic_form(name).of(beams.element, beams.properties) for name in ELASTIC_FORMS}
     ways = {name: _Way(form, p, beams.scene(name)) for name, form in forms.items()}
     direct, *_ = ways.values()
     results = [way.results() for way in ways.values()]

@@ -8,8 +8,9 @@ from typing import Self
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
-from hfsim.parts.elements import Element, Stiffness
+from hfsim.parts.elements import Element
 from hfsim.studies.separation._base import StiffnessForm, StrainTable, times
 
 
@@ -25,9 +26,9 @@ class DirectStiffness(StiffnessForm):
     table: StrainTable
 
     @classmethod
-    def of(cls, element: Element, stiffness: Stiffness) -> Self:
+    def of(cls, element: Element, properties: BeamProperties) -> Self:
         """Return the form of an element."""
-        return cls(StrainTable.of(element, stiffness))
+        return cls(StrainTable.of(element, properties))
 
     def _matrices(self) -> Array:
         """Return A_r at each point, shape (n_strains * n_points, n, n)."""

@@ -8,8 +8,9 @@ from functools import cached_property
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.parts.elements import Element, Stiffness
+from hfsim.parts.elements import Element
 from hfsim.parts.elements._base import QuadraticMap
 from hfsim.studies.separation._base import StiffnessForm, StrainTable, times
 
@@ -106,9 +107,9 @@ class SeparatedStiffness(StiffnessForm):
     c: Array
 
     @classmethod
-    def of(cls, element: Element, stiffness: Stiffness) -> SeparatedStiffness:
+    def of(cls, element: Element, properties: BeamProperties) -> SeparatedStiffness:
         """Return the separated form of an element."""
-        table = StrainTable.of(element, stiffness)
+        table = StrainTable.of(element, properties)
         weighted = 0.5 * np.einsum("rs,g,sgab->rgab", table.elasticity, table.weights, table.strains())
         c = table.constant - np.einsum("r,rgab->ab", table.unit, weighted)
         C = np.tensordot(weighted, table.products(), axes=([0, 1], [0, 1]))
