@@ -497,3 +497,10 @@ def test_scenes_cost_no_more_iterations_than_they_did(scene, duration):
     iterations, derivatives = COSTS[scene, duration]
     assert counts.iterations <= 1.01 * iterations + 1
     assert counts.factorisations <= derivatives + 1
+
+
+def test_steps_through_a_stiffness_that_grows_in_time_take_its_derivative_where_it_counts():
+    """The derivative of the start does not serve a step over which stiffness grows: one inside the step does."""
+    problem = problem_of(lambda t, q, v: -(1.0 + 500.0 * (1.0 + np.tanh(t[:, None] - 2.0))) * q)
+    end_of(problem, CollocationMethod("gauss", gauss(16), 1e-8), [1.0], [0.0], 4.0, step=0.5)
+    assert problem.counts.iterations <= 70
