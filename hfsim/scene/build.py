@@ -132,8 +132,9 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     angles = {name: pose.angle for name, pose in poses.items()}
     left_out = apply_rules(deck, kinds)
     if left_out.fires("fixed_bodies"):
-        moving = _moving_columns(bodies, still_bodies(deck, kinds))
-        folded = {name: bodies[name].folded(poses[name]) for name in still_bodies(deck, kinds)}
+        still = still_bodies(deck, kinds)
+        moving = _moving_columns(bodies, still)
+        folded = {name: bodies[name].folded(poses[name]) for name in still}
         bodies = _bodies(deck, kinds, folded)
         joints, constraints = _joints(deck, bodies, left_out)
         x, u = x[moving], u[moving]

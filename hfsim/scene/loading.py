@@ -10,9 +10,9 @@ import typing
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path as FilePath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from hfsim.deck.source import DeckSource, parse_source, read_source
 from hfsim.deck.spec import explained
@@ -20,9 +20,6 @@ from hfsim.errors import DeckError
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
 from hfsim.scene.checks import complaints_of
 from hfsim.scene.schema import Deck
-
-if TYPE_CHECKING:
-    from pydantic import TypeAdapter
 
 DEFAULT_TARGET = 1e-2
 """Target error of decks that leave elements to `run` and state no target [-]."""
@@ -136,8 +133,6 @@ def _auto_elements(data: dict[str, Any]) -> tuple[str, ...]:
 
 def _readable_entries(data: dict[str, Any]) -> dict[str, Any]:
     """Return of each top-level key what can be read, though other parts of the deck are bad."""
-    from pydantic import TypeAdapter  # milliseconds, for bad decks only
-
     entries: dict[str, Any] = {}
     for key, info in Deck.model_fields.items():
         value, annotation = data.get(key), typing.cast(Any, info.annotation)
@@ -151,7 +146,7 @@ def _readable_entries(data: dict[str, Any]) -> dict[str, Any]:
     return entries
 
 
-def _read_or_none(adapter: "TypeAdapter[Any]", value: Any) -> Any:
+def _read_or_none(adapter: TypeAdapter[Any], value: Any) -> Any:
     try:
         return adapter.validate_python(value)
     except ValidationError:

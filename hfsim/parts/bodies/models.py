@@ -5,7 +5,7 @@ The page to read before adding a model: a file with its body, and an entry in `M
 
 from __future__ import annotations
 
-from importlib import import_module
+from pkgutil import resolve_name
 from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 
 if TYPE_CHECKING:
@@ -55,9 +55,7 @@ class Model(NamedTuple):
 
     def assemble(self, beam: Blueprint) -> Body:
         """Return the body of a beam in this model."""
-        module, name = self.body.split(":")
-        kind = getattr(import_module(f"hfsim.parts.bodies.{module}"), name)
-        return cast("Body", kind.of(beam, self.frame))
+        return cast("Body", resolve_name(f"hfsim.parts.bodies.{self.body}").of(beam, self.frame))
 
     def stepping_in(self, coordinates: Literal["auto", "frame", "absolute"]) -> Model:
         """Return the model with its state in the coordinates asked for, where it has them.
