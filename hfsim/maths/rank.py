@@ -8,9 +8,16 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import DENSE_UP_TO, Matrix, factorised, is_sparse
 
 LOST = 1e-9
 """Singular value over the largest below which rows count as dependent."""
+SHIFT, FLOOR = 1e-8, 1e-14
+"""Sizes of the blocks on the diagonal beside rows of unit length: what they hide is below `LOST`."""
+SWEEPS = 3
+"""Inverse iterations: each parts dependent rows from others by far more than a factor of 1e3."""
+BLOCK = 4
+"""Null vectors that are looked for at first."""
 
 
 class Dependence(NamedTuple):
@@ -32,13 +39,13 @@ class Dependence(NamedTuple):
 
 
 def dependence(
-    Phi_x: Array, rows: Sequence[slice], joints: Mapping[str, Sequence[int]], share: float = 1e-6
+    Phi_x: Matrix, rows: Sequence[slice], joints: Mapping[str, Sequence[int]], share: float = 1e-6
 ) -> Dependence:
     """Measure the dependence of joint equations in one state.
 
     Parameters
     ----------
-    Phi_x : ndarray, shape (n_rows, n)
+    Phi_x : Matrix, shape (n_rows, n)
     rows : sequence of slice
         Rows of each constraint.
     joints : mapping of str to sequence of int
@@ -46,13 +53,72 @@ def dependence(
     share : float
         Component of a null vector from which a joint takes part.
     """
-    if not len(Phi_x):
+    if not Phi_x.shape[0]:
         return Dependence(0, 1.0, ())
-    unit = Phi_x / np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
-    left, sizes, _ = np.linalg.svd(unit, full_matrices=True)
-    rank = int(np.sum(sizes > LOST * sizes[0]))
-    null = left[:, rank:] if rank < len(Phi_x) else left[:, -1:]
-    weight = np.abs(null).max(axis=1)
+    left, sizes = _weakest(_touched(Phi_x))
+    missing = int(np.sum(sizes <= LOST))
+    weight = np.abs(left[:, : max(missing, 1)]).max(axis=1)
     involved = (n for n, members in joints.items() if any(weight[rows[k]].max() > share for k in members))
-    size = float(sizes[-1] / sizes[0]) if len(sizes) == len(Phi_x) and sizes[0] > 0.0 else 0.0
-    return Dependence(len(Phi_x) - rank, size, tuple(involved))
+    return Dependence(missing, float(sizes[0]), tuple(involved))
+
+
+def _touched(Phi_x: Matrix) -> Matrix:
+    """Return rows of unit length and only those columns that are not zero; sparse if there are many rows."""
+    if is_sparse(Phi_x):
+        unit = Phi_x.multiply(1.0 / np.maximum(np.sqrt(Phi_x.power(2).sum(axis=1)), 1e-300)[:, None]).tocsc()
+        unit = unit[:, np.flatnonzero(np.diff(unit.indptr))]
+        return unit if unit.shape[0] > DENSE_UP_TO else unit.toarray()
+    unit = Phi_x / np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
+    return unit[:, unit.any(axis=0)]
+
+
+def _weakest(unit: Matrix) -> tuple[Array, Array]:
+    """Return left singular vectors (n_rows, k) and their values over the largest (k,), from the smallest on.
+
+    All vectors that count as null are among them, and one more if there is.
+    """
+    if is_sparse(unit):
+        return _by_factors(unit)
+    left, sizes = _decomposed(unit)
+    return left, sizes / max(sizes[-1], 1e-300)
+
+
+def _decomposed(unit: Array) -> tuple[Array, Array]:
+    """Return all left singular vectors and their values, zeros included, from the smallest on."""
+    n_rows, n = unit.shape
+    left, sizes, _ = np.linalg.svd(unit, full_matrices=n_rows > n)
+    return left[:, ::-1], np.concatenate([np.zeros(n_rows - len(sizes)), sizes[::-1]])
+
+
+def _by_factors(unit: Matrix) -> tuple[Array, Array]:
+    """Find the weakest vectors by inverse iteration with (J J^T)^-1, never forming J J^T."""
+    from scipy.sparse import block_array, eye_array
+
+    n_rows, n = unit.shape
+    solve = factorised(block_array([[SHIFT * eye_array(n), unit.T], [unit, -FLOOR * eye_array(n_rows)]]))
+
+    def inverse(Y: Array) -> Array:
+        return solve(np.vstack([np.zeros((n, Y.shape[1])), Y]).T).T[n:]
+
+    largest, count = _largest(unit), BLOCK
+    while True:
+        Y = _in_no_order(n_rows, min(count, n_rows))
+        for _ in range(SWEEPS):
+            Y = np.linalg.qr(inverse(Y))[0]
+        mixed, sizes = _decomposed((unit.T @ Y).T)
+        if sizes[-1] > LOST * largest or len(sizes) == n_rows:
+            return np.asarray(Y @ mixed), sizes / largest
+        count *= 4
+
+
+def _largest(unit: Matrix) -> float:
+    """Return the largest singular value, near enough, by power iteration."""
+    y = _in_no_order(unit.shape[0], 1)[:, 0]
+    for _ in range(20):
+        y = unit @ (unit.T @ (y / np.linalg.norm(y)))
+    return float(np.sqrt(np.linalg.norm(y)))
+
+
+def _in_no_order(n_rows: int, count: int) -> Array:
+    """Return a matrix without order, always the same: `numpy.random` would take long to import."""
+    return np.asarray(np.sin(np.arange(1.0, n_rows * count + 1.0) ** 2)).reshape(n_rows, count)

@@ -192,8 +192,9 @@ class NodalMarker(Marker):
 
     def _vector_columns(self, row: Array) -> IntArray | None:
         k = int(np.argmax(np.abs(row)))
-        alone = np.abs(row - np.eye(len(row))[k]).max() <= ROUNDING
-        return self._columns_of(np.array([k])) if alone else None
+        rest = row.copy()
+        rest[k] -= 1.0
+        return self._columns_of(np.array([k])) if np.abs(rest).max() <= ROUNDING else None
 
     def _combined(self, x: Array, row: Array) -> Array:
         """Return a combination of the nodal vectors, shape (n_batch, n_dim)."""

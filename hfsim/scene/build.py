@@ -289,11 +289,11 @@ def _check_independent(
         Naming the joints whose equations depend on one another.
     """
     own = system.equations
-    rows = own.jacobians(x[None])[0] @ own.reduction.basis
+    rows = own.jacobian_at(x[None]) @ own.reduction.basis
     if not dependence(rows, own.rows, {}).missing:
         return
     equations = system.unreduced
-    found = dependence(equations.jacobians(x[None])[0], equations.rows, joints)
+    found = dependence(equations.jacobian_at(x[None]), equations.rows, joints)
     *others, last = found.joints
     raise loaded.problem(
         f"joints.{last}",

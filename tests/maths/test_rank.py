@@ -1,0 +1,56 @@
+"""Dependent joint equations: few by a dense decomposition, many by sparse factors."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array
+
+from hfsim.maths.rank import dependence
+
+ROWS = 400
+
+
+def chain(rows=ROWS):
+    """Rows of a long chain: each touches five columns, and its neighbours three of these."""
+    J, rng = np.zeros((rows, 2 * rows + 3)), np.random.default_rng(1)
+    for k in range(rows):
+        J[k, 2 * k : 2 * k + 5] = rng.normal(size=5)
+    return J
+
+
+def measured(J):
+    n_rows = J.shape[0]
+    rows = [slice(k, k + 2) for k in range(0, n_rows, 2)]
+    return dependence(J, rows, {f"j{k}": [k] for k in range(len(rows))})
+
+
+@pytest.mark.parametrize("repeated", [0, 1, 30])
+def test_sparse_factors_find_what_the_decomposition_finds(repeated):
+    J = chain()
+    for k in range(10, 10 + 10 * repeated, 10):
+        J[k + 2] = 2.0 * J[k] - J[k + 1]
+    dense, sparse = measured(J), measured(csr_array(J))
+    assert dense.missing == sparse.missing == repeated
+    if repeated:
+        assert sparse.joints == dense.joints
+        assert max(sparse.size, dense.size) < 1e-14
+
+
+@pytest.mark.parametrize("apart", [1e-4, 1e-7])
+def test_sparse_factors_tell_how_near_to_dependence_rows_are(apart):
+    J = chain()
+    J[100] = J[90] + apart * J[100]
+    dense, sparse = measured(J), measured(csr_array(J))
+    assert sparse.missing == 0
+    assert sparse.size == pytest.approx(dense.size, rel=0.1)
+    assert apart / 10 < sparse.size < apart
+
+
+def test_more_rows_than_columns():
+    J = csr_array(np.random.default_rng(2).normal(size=(300, 60)))
+    assert measured(J).missing == measured(J.toarray()).missing == 240
+
+
+def test_rows_of_zeros_are_dependent():
+    J = np.vstack([chain(300), np.zeros((2, 603))])
+    assert measured(J).missing == measured(csr_array(J)).missing == 2
+    assert measured(csr_array(J)).joints == ("j150",)
