@@ -21,7 +21,7 @@ from hfsim.cli import COMMANDS, app
 from hfsim.deck.fields import Between
 from hfsim.deck.laws import LAWS
 from hfsim.errors import SolverFailure
-from hfsim.integrators import METHODS, Attempt, Integrator, Stability
+from hfsim.integrators import METHODS, Attempt, Integrator, Stability, Stepper
 from hfsim.mechanics.constraints import Shift
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, joint_support
@@ -282,7 +282,7 @@ class RungeKutta:
         return RungeKuttaStepper(self, problem)
 
 
-class RungeKuttaStepper:
+class RungeKuttaStepper(Stepper):
     def __init__(self, method, problem):
         self.name, self.first, self.problem = method.name, method.step, problem
 

@@ -7,7 +7,7 @@ from importlib import import_module
 from pkgutil import resolve_name
 
 from hfsim.integrators._base import Attempt, Integrator, Method, Options, Stability, Stepper
-from hfsim.integrators._loop import Limits, integrate
+from hfsim.integrators._loop import Limits, Stepping, integrate
 from hfsim.integrators._problem import Counts, PlainIncrements, Problem
 from hfsim.integrators._trajectory import Segment, Trajectory, joined
 
@@ -69,6 +69,7 @@ __all__ = [
     "Segment",
     "Stability",
     "Stepper",
+    "Stepping",
     "Trajectory",
     "choose",
     "import_for",

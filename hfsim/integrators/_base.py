@@ -12,6 +12,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from hfsim.integrators._memory import Remembering
 from hfsim.integrators._problem import Problem
 from hfsim.maths.arrays import Array
 
@@ -72,8 +73,14 @@ def unsolved(growth: float = 0.5) -> Attempt:
     return Attempt(np.inf, growth, nothing, nothing, nothing)
 
 
-class Stepper(Protocol):
-    """A method at work on a problem; what it remembers between steps is its own."""
+class Stepper(Remembering):
+    """A method at work on a problem; what it remembers between steps is its own.
+
+    A run can be put down after any step and taken up again in another process: by a stepper that was
+    started anew in the state reached there and then told to `recall`.  The attributes that it recalls are
+    named in ``remembers``; derivatives are not kept but taken again where they were
+    (`hfsim.integrators.derivative.taken_again`).
+    """
 
     name: str
     """What it makes its steps with now."""
@@ -83,6 +90,7 @@ class Stepper(Protocol):
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h."""
+        raise NotImplementedError
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take note that the step was kept and, after projection, ended in this state."""

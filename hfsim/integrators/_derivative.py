@@ -56,10 +56,13 @@ class Derivative:
         The coordinates it is written in.
     fastest : float
         Largest circular frequency in it [rad/s].
+    taken : ndarray, shape (1 + 2 n,)
+        Where: t, q and v.
     """
 
     increments: Increments
     fastest: float
+    taken: Array
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Return displacements at the stages, (s, n), in natural increments."""

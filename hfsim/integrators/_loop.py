@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._base import Attempt, Method, Stepper, unsolved
+from hfsim.integrators._memory import Memory, Remembering, packed, unpacked
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import Segment, Trajectory
 from hfsim.maths.arrays import Array
@@ -46,8 +47,11 @@ AHEAD = 1e-4
 """Length of a step, relative to the duration, up to which what lies at its end is to blame."""
 
 
+Watch = Callable[[float, Array, Array], None]
+
+
 @dataclass
-class _Pace:
+class _Pace(Remembering):
     """Ends a run that crawls: two windows in a row at whose pace the end is out of reach.
 
     Steps that are short at first and grow, as in a stiff start, gain in each window and are left alone.
@@ -58,8 +62,9 @@ class _Pace:
     attempts: int = 0
     rejected: int = 0
     unsolved: int = 0
-    before: float | None = None
+    before: float = -np.inf
     """Progress of the window before, if that was hopeless too."""
+    remembers = ("t", "attempts", "rejected", "unsolved", "before")
 
     def note(self, t: float, rejected: bool, unsolved: bool) -> None:
         """Count one attempt that ended at t.
@@ -78,8 +83,8 @@ class _Pace:
         share, self.rejected = self.rejected / WINDOW, 0
         left = (self.t_end - t) / progress * WINDOW if progress > 0.0 else np.inf
         if left <= HOPELESS:
-            self.before = None
-        elif self.before is None or progress > GAINING * self.before:
+            self.before = -np.inf
+        elif progress > GAINING * self.before:
             self.before = progress
         else:
             raise _crawl(t, progress, share)
@@ -100,9 +105,32 @@ def integrate(
     start: tuple[float, Array, Array],
     t_end: float,
     limits: Limits,
-    watch: Callable[[float, Array, Array], None],
+    watch: Watch,
 ) -> tuple[Trajectory, HfsimError | KeyboardInterrupt | None]:
-    """Make steps until ``t_end``.
+    """Make all steps of a `Stepping`, whose arguments these are.
+
+    Returns
+    -------
+    trajectory : Trajectory
+        All kept steps, also those before a failure.
+    stop : exception or None
+        What ended the run before ``t_end``: `SolverFailure`, `LimitReached` or KeyboardInterrupt.
+    """
+    stepping = Stepping(problem, method, start, t_end, limits, watch)
+    try:
+        for _ in stepping:
+            pass
+    except KeyboardInterrupt as between:
+        return stepping.path, between
+    return stepping.path, stepping.stop
+
+
+class Stepping:
+    """The steps from a state to a time, each made when it is asked for.
+
+    Iterating gives the kept steps; it ends at ``t_end``, or when something has stopped the run.  Between two
+    steps the run can be put down: another one of the same problem, method and start that recalls its memory
+    makes the same steps, to the last bit.
 
     Parameters
     ----------
@@ -112,66 +140,131 @@ def integrate(
     t_end : float
     limits : Limits
     watch : callable
-        Called with every kept state; may raise to end the run.
-
-    Returns
-    -------
-    trajectory : Trajectory
-        All kept steps, also those before a failure.
-    stop : exception or None
-        What ended the run before ``t_end``: `SolverFailure`, `LimitReached` or KeyboardInterrupt.
-    """
-    run = _Run(problem, limits, start, t_end)
-    try:
-        with np.errstate(all="ignore"):
-            run.go(method, watch)
-    except (SolverFailure, LimitReached, KeyboardInterrupt) as stop:
-        return run.path, stop
-    return run.path, None
-
-
-class _Run:
-    """The steps from a state to a time.
+        Called with (t, q, v) of every kept step's end; may raise to end the run.
 
     Attributes
     ----------
     path : Trajectory
-        The steps kept so far; its end is where the next one starts.
+        The steps kept so far, since the last recall; its end is where the next one starts.
+    stop : exception or None
+        What ended the run before ``t_end``: `SolverFailure`, `LimitReached` or KeyboardInterrupt.
     """
 
     def __init__(
-        self, problem: Problem, limits: Limits, start: tuple[float, Array, Array], t_end: float
+        self,
+        problem: Problem,
+        method: Method,
+        start: tuple[float, Array, Array],
+        t_end: float,
+        limits: Limits,
+        watch: Watch,
     ) -> None:
         self.path = Trajectory(start[0], *start)
-        self._problem, self._limits, self._t_end = problem, limits, t_end
-        self._duration = t_end - start[0]
+        self.stop: HfsimError | KeyboardInterrupt | None = None
+        self._problem, self._method, self._limits, self._watch = problem, method, limits, watch
+        self._t_end, self._duration = t_end, t_end - start[0]
         self._pace = _Pace(start[0], t_end)
+        self._stepper: Stepper | None = None
+        self._wish = 0.0
+        self._kept = self._memories()
 
-    def go(self, method: Method, watch: Callable[[float, Array, Array], None]) -> None:
-        """Make the steps; raise what ends them early."""
+    def __iter__(self) -> Stepping:
+        return self
+
+    def __next__(self) -> Segment:
+        """Make a step and return it.
+
+        Raises
+        ------
+        StopIteration
+            At the end, or where no step could be made.
+        """
+        if self.stop is not None or self.path.t_end >= self._t_end * (1.0 - 1e-14):
+            raise StopIteration
+        made = len(self.path.segments)
+        try:
+            with np.errstate(all="ignore"):
+                self._step()
+                self._watch(self.path.t_end, self.path.q, self.path.v)
+        except (SolverFailure, LimitReached, KeyboardInterrupt) as stop:
+            self.stop = stop
+            self._drop_unkept()
+        if len(self.path.segments) == made:
+            raise StopIteration
+        return self.path.segments[-1]
+
+    def memory(self) -> Memory:
+        """Return all that the steps after the last kept one depend on; valid between any two steps.
+
+        A step that was interrupted leaves nothing in it.
+        """
+        return packed(self._kept)
+
+    def recall(self, memory: Mapping[str, Array]) -> None:
+        """Take up a run where its memory was taken, its counts included."""
+        self._kept = {owner: unpacked(memory, owner) for owner in self._kept}
+        state = self._kept["state"]
+        t, q, v = state["t"], state["q"], state["v"]
+        self.path, self.stop, self._stepper = Trajectory(t, t, q, v), None, None
+        self.path.methods.extend(map(str, state["methods"]))
+        self._pace.recall(self._kept["pace"])
+        self._problem.counts.recall(self._kept["counts"])
+
+    def _memories(self) -> dict[str, dict[str, Any]]:
+        path, stepper = self.path, self._stepper
+        return {
+            "state": {"t": path.t_end, "q": path.q, "v": path.v, "methods": tuple(path.methods)},
+            "pace": self._pace.memory(),
+            "counts": self._problem.counts.memory(),
+            "stepper": {} if stepper is None else {"wish": self._wish} | stepper.memory(),
+        }
+
+    def _drop_unkept(self) -> None:
+        """Go back to the last kept step: an interruption may come anywhere."""
+        path, state = self.path, self._kept["state"]
+        path.t_end, path.q, path.v = state["t"], state["q"], state["v"]
+        while path.segments and path.segments[-1].t >= path.t_end:
+            path.segments.pop()
+
+    def _step(self) -> None:
+        """Make attempts until a step is kept; raise what prevents that."""
         path, fixed, most = self.path, self._limits.step, self._limits.max_steps
-        stepper = self._started(method)
-        path.methods.append(stepper.name)
-        wish = stepper.first
-        while path.t_end < self._t_end * (1.0 - 1e-14):
+        stepper = self._stepper or self._begin()
+        steps = path.segments
+        made = len(steps)
+        while len(steps) == made:
             if most is not None and self._problem.counts.steps >= most:
                 raise LimitReached(f"{most} steps were made", path.t_end)
-            h = _fitted(fixed or wish, self._t_end - path.t_end, fixed is not None)
+            h = _fitted(fixed or self._wish, self._t_end - path.t_end, fixed is not None)
             attempt = self._attempt(stepper, h)
-            if stepper.name not in path.methods:
-                path.methods.append(stepper.name)
+            self._name(stepper)
             if not attempt.solved or (fixed is None and attempt.error > 1.0):
-                wish = self._shortened(attempt, h)
+                self._wish = self._shortened(attempt, h)
                 continue
-            if h >= 0.5 * wish:
-                wish = h * min(max(attempt.growth, 0.2), 5.0)
+            if h >= 0.5 * self._wish:
+                self._wish = float(h * min(max(attempt.growth, 0.2), 5.0))
             self._keep(stepper, attempt, h)
-            watch(path.t_end, path.q, path.v)
 
-    def _started(self, method: Method) -> Stepper:
+    def _begin(self) -> Stepper:
+        """Start the method, or take it up where it was put down."""
+        stepper, remembered = self._started(), self._kept["stepper"]
+        self._wish = stepper.first
+        if remembered:
+            stepper.recall(remembered)
+            self._wish = remembered["wish"]
+            self._problem.counts.recall(self._kept["counts"])
+        self._stepper = stepper
+        self._name(stepper)
+        return stepper
+
+    def _name(self, stepper: Stepper) -> None:
+        if stepper.name not in self.path.methods:
+            self.path.methods.append(stepper.name)
+
+    def _started(self) -> Stepper:
         path = self.path
         try:
-            stepper = method.start(self._problem, path.t_end, path.q, path.v)
+            stepper = self._method.start(self._problem, path.t_end, path.q, path.v)
             if np.isfinite(stepper.first):
                 return stepper
         except np.linalg.LinAlgError:
@@ -203,6 +296,7 @@ class _Run:
             self._pace.note(t, False, False)
         path.segments.append(Segment(path.t_end, h, path.q, path.v, attempt.series))
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
+        self._kept = self._memories()
 
     def _shortened(self, attempt: Attempt, h: float) -> float:
         """Return the step to try after one that was not kept.

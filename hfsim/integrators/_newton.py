@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
 from hfsim.integrators._derivative import ByStep, Derivative
 from hfsim.integrators._problem import Problem
-from hfsim.integrators.derivative import derivative
+from hfsim.integrators.derivative import derivative, taken_again
 from hfsim.maths.arrays import Array
 
 SLOW = 0.9
@@ -31,6 +31,18 @@ class Newton:
         self.problem = problem
         self._derivative: Derivative | None = None
         self._solver: ByStep[_Solver] = ByStep()
+        self._by = 0.0, 0.0
+
+    def memory(self) -> dict[str, Array]:
+        """Return where the derivative was taken, and for which corrections it was factorised last."""
+        taken = np.zeros(0) if self._derivative is None else self._derivative.taken
+        return {"taken": taken, "by": np.array(self._by)}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Take the same derivative again and factorise it."""
+        if memory["taken"].size:
+            self._derivative = taken_again(self.problem, memory["taken"])
+            self._solver_for(*memory["by"].tolist())
 
     def solution(
         self,
@@ -53,13 +65,17 @@ class Newton:
         for fresh in (self._derivative is None, True):
             if fresh:
                 self._derivative, self._solver = derivative(self.problem, *at), ByStep()
-            found = iterate(self._solver.of(by_v, lambda: self._factorised(by_q, by_v)))
+            found = iterate(self._solver_for(by_q, by_v))
             if found is not None:
                 return found
             if fresh:
                 break
         self._derivative = None
         return None
+
+    def _solver_for(self, by_q: float, by_v: float) -> _Solver:
+        self._by = by_q, by_v
+        return self._solver.of(by_v, lambda: self._factorised(by_q, by_v))
 
     def _factorised(self, by_q: float, by_v: float) -> _Solver:
         assert self._derivative is not None

@@ -9,12 +9,13 @@ from typing import Any, Protocol
 import numpy as np
 
 from hfsim.errors import SolverFailure
+from hfsim.integrators._memory import Remembering
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.linearized import Linearized, by_differences
 
 
 @dataclass(eq=False)
-class Counts:
+class Counts(Remembering):
     """What a run cost, in calls."""
 
     steps: int = 0
@@ -25,6 +26,7 @@ class Counts:
     calls: int = 0
     """Batches in which they were."""
     factorisations: int = 0
+    remembers = ("steps", "rejected", "iterations", "evaluations", "calls", "factorisations")
 
     def add(self, other: Counts) -> None:
         """Add what another run cost."""

@@ -15,18 +15,18 @@ large steps.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Integrator, Options, Stability, relative, unsolved
+from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, relative, unsolved
 from hfsim.integrators._derivative import Start
-from hfsim.integrators._problem import Problem
+from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._tableau import Collocation, gauss, radau
-from hfsim.integrators.derivative import derivative
+from hfsim.integrators.derivative import derivative, taken_again
 from hfsim.maths.arrays import Array
 
 MAX_ITERATIONS = 20
@@ -98,7 +98,7 @@ class CollocationMethod:
         return CollocationStepper(self, problem, t, q, v)
 
 
-class CollocationStepper:
+class CollocationStepper(Stepper):
     """Collocation at work.
 
     Attributes
@@ -111,13 +111,15 @@ class CollocationStepper:
         The time in which the fastest mode turns by one radian a stage.
     """
 
+    remembers = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known")
+
     def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._tolerance = method, problem, method.tolerance
-        self.name, self.table = method.name, method.table
+        self.name, self.table, self._stiff = method.name, method.table, False
         self._derivative = derivative(problem, t, q, v)
         self._old, self._served, self._iterations = False, 0, 0
         self._cap = np.inf
-        self._known: tuple[float, Array] | None = None
+        self._known_at, self._known = np.nan, q
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
@@ -150,13 +152,24 @@ class CollocationStepper:
         self._served += 1
         self._old = self._served >= SERVES or self._iterations > SERVES_WELL
         self._cap *= REGROWTH
-        self._known = (t, self._last) if self.table.nodes[-1] == 1.0 else None
+        if self.table.nodes[-1] == 1.0:
+            self._known_at, self._known = t, self._last
+
+    def memory(self) -> dict[str, Any]:
+        """Return where the derivative was taken, how it serves, and the accelerations known at the end."""
+        return super().memory() | {"taken": self._derivative.taken}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Take the same derivative again."""
+        super().recall(memory)
+        self._choose()
+        self._derivative = taken_again(self._problem, memory["taken"], self._natural)
 
     def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations at the start of a step, known if the last one had a stage at its end."""
-        if self._known is None or self._known[0] != t:
-            self._known = t, self._problem.single(t, q, v)
-        return self._known[1]
+        if self._known_at != t:
+            self._known_at, self._known = t, self._problem.single(t, q, v)
+        return self._known
 
     def _error(self, a: Array, q: Array, h: float) -> float:
         """Return the size of the last terms in the Legendre series of the positions, over the tolerance."""
@@ -189,12 +202,20 @@ class CollocationStepper:
 
     def _renew(self, t: float, q: Array, v: Array, h: float) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
-        stiff = h * self._derivative.fastest > STIFF * self.table.stages
-        if (damping := self._method.damping) is not None:
-            self.name = damping.name if stiff else self._method.name
-            self.table = damping.table() if stiff else self._method.table
-        self._derivative = derivative(self._problem, t, q, v, self._problem.increments if stiff else None)
+        self._stiff = bool(h * self._derivative.fastest > STIFF * self.table.stages)
+        self._choose()
+        self._derivative = derivative(self._problem, t, q, v, self._natural)
         self._old, self._served = False, 0
+
+    def _choose(self) -> None:
+        """Take the method for damping in stiff steps and the other one else."""
+        if (damping := self._method.damping) is not None:
+            self.name = damping.name if self._stiff else self._method.name
+            self.table = damping.table() if self._stiff else self._method.table
+
+    @property
+    def _natural(self) -> Increments | None:
+        return self._problem.increments if self._stiff else None
 
     def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         """Return the stage accelerations, or None if the iteration does not converge."""

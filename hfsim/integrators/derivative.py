@@ -37,8 +37,18 @@ def derivative(
         The state's own coordinates without it.
     """
     problem.counts.factorisations += 1
-    natural = natural or PlainIncrements()
-    at = problem.near(t, q, v)
+    found = _in_its_form(problem.near(t, q, v), q, natural or PlainIncrements())
+    found.taken = np.concatenate([[t], q, v])
+    return found
+
+
+def taken_again(problem: Problem, taken: Array, natural: Increments | None = None) -> Derivative:
+    """Compute a derivative where one was taken, shape (1 + 2 n,)."""
+    q, v = np.split(taken[1:], 2)
+    return derivative(problem, float(taken[0]), q, v, natural)
+
+
+def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:
     if at.sparse:
         return SparseDerivative(natural, q, at)
     if at.damping is None and not at.solved:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Integrator, Options, Stability, aimed
+from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, aimed
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import legendre
 from hfsim.maths.arrays import Array
@@ -52,8 +52,10 @@ class Explicit:
         return ExplicitStepper(self, problem, t, q, v)
 
 
-class ExplicitStepper:
+class ExplicitStepper(Stepper):
     """DOP853 at work; its first step is cautious."""
+
+    remembers = ("_f",)
 
     def __init__(self, method: Explicit, problem: Problem, t: float, q: Array, v: Array) -> None:
         self.name, self._tolerance, self._problem = method.name, method.tolerance, problem

@@ -8,8 +8,9 @@ collocation, so that the order asked for holds from the start.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +80,7 @@ class Gear:
         return GearStepper(self, problem, h, 1, differences, a)
 
 
-class GearStepper:
+class GearStepper(Stepper):
     """Backward differentiation at work.
 
     Parameters
@@ -94,6 +95,8 @@ class GearStepper:
     a : ndarray, shape (n,)
         Accelerations.
     """
+
+    remembers = ("_h", "_k", "_a", "_D", "_same")
 
     def __init__(
         self, method: Gear, problem: Problem, h: float, order: int, differences: Array, a: Array
@@ -130,8 +133,9 @@ class GearStepper:
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Update the differences, and the order when it pays."""
-        D, k = self._D, self._k
+        self._D, k = self._D.copy(), self._k
         d, self._a = self._end
+        D = self._D
         D[k + 2] = d - D[k + 1]
         D[k + 1] = d
         for i in range(k, -1, -1):
@@ -141,7 +145,17 @@ class GearStepper:
         if self._next_order != k:
             self._k, self._same = self._next_order, 0
 
+    def memory(self) -> dict[str, Any]:
+        """Return the differences and what belongs to them, and where the derivative was taken."""
+        return super().memory() | self._newton.memory()
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on with these differences and this derivative."""
+        super().recall(memory)
+        self._newton.recall(memory)
+
     def _rescale(self, h: float) -> None:
+        self._D = self._D.copy()
         mine = self._D[: self._k + 1]
         mine[:] = (rescaling(self._k, h / self._h) @ mine.reshape(len(mine), -1)).reshape(mine.shape)
         self._h, self._same = h, 0
@@ -194,14 +208,14 @@ class GearStepper:
         return np.stack([c * (predicted[1] + dv) - psi[0], dv]), (psi[1] + dv) / c
 
 
-class _StartedByGauss:
+class _StartedByGauss(Stepper):
     """Fixed steps, of Gauss collocation until there are differences enough."""
 
     def __init__(self, method: Gear, h: float, problem: Problem, t: float, q: Array, v: Array) -> None:
         self.name, self.first = method.name, h
         self._method, self._problem = method, problem
         self._order = method.order or MAX_ORDER
-        self._states = [np.stack([q, v])]
+        self._states = np.stack([q, v])[None]
         starter = CollocationMethod("gauss", gauss(6), min(method.tolerance, 1e-10))
         self._now: Stepper = starter.start(problem, t, q, v)
 
@@ -212,13 +226,30 @@ class _StartedByGauss:
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Go over to backward differentiation as soon as it has all it needs."""
         self._now.accept(t, q, v)
-        if len(self._states) > self._order + 1:
+        if self._started:
             return
-        self._states.append(np.stack([q, v]))
-        if len(self._states) > self._order + 1:
-            differences = backward_differences(np.array(self._states[::-1]))
-            a = self._problem.single(t, q, v)
-            self._now = GearStepper(self._method, self._problem, self.first, self._order, differences, a)
+        self._states = np.concatenate([self._states, [[q, v]]])
+        if self._started:
+            self._now = self._differentiating(self._problem.single(t, q, v))
+
+    @property
+    def _started(self) -> bool:
+        return len(self._states) > self._order + 1
+
+    def _differentiating(self, a: Array) -> GearStepper:
+        differences = backward_differences(self._states[::-1])
+        return GearStepper(self._method, self._problem, self.first, self._order, differences, a)
+
+    def memory(self) -> dict[str, Any]:
+        """Return the first states and what the stepper of now remembers."""
+        return {"states": self._states} | self._now.memory()
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on with the stepper of that time."""
+        self._states = memory["states"]
+        if self._started:
+            self._now = self._differentiating(memory["_a"])
+        self._now.recall(memory)
 
 
 def backward_differences(values: Array) -> Array:

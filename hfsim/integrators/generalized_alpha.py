@@ -5,9 +5,9 @@ Second order, with numerical damping of high frequencies set by the spectral rad
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from hfsim.integrators._base import (
     Integrator,
     Options,
     Stability,
+    Stepper,
     aimed,
     cautious_step,
     relative,
@@ -60,7 +61,7 @@ class _End(NamedTuple):
     smooth: Array
 
 
-class GeneralizedAlphaStepper:
+class GeneralizedAlphaStepper(Stepper):
     """Generalised-alpha at work.
 
     Attributes
@@ -69,6 +70,8 @@ class GeneralizedAlphaStepper:
     a, smooth : ndarray, shape (n,)
         Accelerations at the start of a step, and the method's own, which it averages.
     """
+
+    remembers = ("a", "smooth")
 
     def __init__(self, method: GeneralizedAlpha, problem: Problem, t: float, q: Array, v: Array) -> None:
         rho = method.rho_inf
@@ -96,6 +99,15 @@ class GeneralizedAlphaStepper:
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take over the accelerations of the step."""
         self.a, self.smooth = self._end.a, self._end.smooth
+
+    def memory(self) -> dict[str, Any]:
+        """Return the accelerations, and where the derivative was taken."""
+        return super().memory() | self._newton.memory()
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on with these accelerations and this derivative."""
+        super().recall(memory)
+        self._newton.recall(memory)
 
     def _iterate(
         self, solve: Callable[[Array], Array], t: float, q: Array, v: Array, h: float

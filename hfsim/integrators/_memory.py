@@ -1,0 +1,63 @@
+"""What a run remembers between two steps, as plain arrays that a file can hold."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+
+Memory = dict[str, Array]
+"""Arrays of numbers, truth values and texts by name; scalars have no axis."""
+
+
+class Remembering:
+    """Base of what goes on, from one step to the next, with some of its attributes alone.
+
+    The arrays among them are replaced, never changed in place: memories share them.
+    """
+
+    remembers: ClassVar[tuple[str, ...]] = ()
+    """Names of these attributes: numbers, truth values, texts and arrays."""
+
+    def memory(self) -> dict[str, Any]:
+        """Return all that the next step depends on, beside the state."""
+        return {name: getattr(self, name) for name in self.remembers}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as the one did whose memory this is."""
+        for name in self.remembers:
+            setattr(self, name, memory[name])
+
+
+def packed(memories: Mapping[str, Mapping[str, Any]]) -> Memory:
+    """Return the memories of several things as one of arrays.
+
+    Examples
+    --------
+    >>> packed({"pace": {"attempts": 3}, "state": {"t": 0.5}})
+    {'pace.attempts': array(3), 'state.t': array(0.5)}
+    """
+    return {
+        f"{owner}.{name}": np.asarray(value)
+        for owner, memory in memories.items()
+        for name, value in memory.items()
+    }
+
+
+def unpacked(memory: Mapping[str, Array], owner: str) -> dict[str, Any]:
+    """Return what one thing remembers, scalars as Python's own.
+
+    Examples
+    --------
+    >>> unpacked(packed({"pace": {"attempts": 3}, "state": {"t": 0.5}}), "state")
+    {'t': 0.5}
+    """
+    start = f"{owner}."
+    return {
+        name.removeprefix(start): value if value.ndim else value.item()
+        for name, value in memory.items()
+        if name.startswith(start)
+    }

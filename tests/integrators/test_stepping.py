@@ -1,0 +1,202 @@
+"""Runs that are put down after some steps and taken up again by other objects, or in another process."""
+
+import subprocess
+import sys
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hfsim.errors import LimitReached
+from hfsim.integrators import METHODS, Limits, Stepping, _loop, choose
+from hfsim.run.integration import problem_of
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+
+TESTS = Path(__file__).parents[1]
+STEPS = 12
+PUT_DOWN = (0, 1, 4, 9)
+HEAD = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e9}}
+sections: {bar: {shape: rectangle, width: 1.0e-2, height: 1.0e-2}}
+"""
+BEAM = "{type: beam, material: alloy, section: bar, length: 1.0, elements: %d}"
+SCENES = {
+    "plain": f"""{HEAD}
+bodies: {{b: {BEAM % 2}}}
+joints: {{pin: {{type: revolute, between: [ground, b.root]}}}}
+solve: {{duration: 1.0, tolerance: 1.0e-6}}
+""",
+    "damped": f"""{HEAD}
+bodies: {{b: {BEAM % 2}, disc: {{type: rigid, mass: 0.2, inertia: 1.0e-3}}}}
+joints:
+  pin: {{type: revolute, between: [ground, b.root]}}
+  hinge: {{type: revolute, between: [b.tip, disc]}}
+springs:
+  coil: {{type: rotational, between: [ground, b.root], stiffness: 3.0, damping: 0.4}}
+  line: {{type: two_point, between: [ground, disc], stiffness: 20.0, damping: 2.0}}
+solve: {{duration: 1.0, tolerance: 1.0e-6}}
+""",
+    "loaded": f"""{HEAD}
+bodies: {{b: {BEAM % 2}}}
+joints:
+  pin: {{type: revolute, between: [ground, b.root]}}
+  motor: {{type: driver, between: [ground, b.root], angle: {{type: spin_up, rate: 2.0, time: 0.03}}}}
+loads:
+  push:
+    {{type: force, at: b.tip, force: [0.0, 3.0],
+     law: {{type: smooth_step, from: 0.0, to: 1.0, start: 0.02, end: 0.021}}}}
+  twist:
+    {{type: moment, at: b.tip, moment: 0.3,
+     law: {{type: table, times: [0.0, 0.01, 0.05, 2.0], values: [0.0, 1.0, -1.0, 0.0]}}}}
+solve: {{duration: 1.0, tolerance: 1.0e-6}}
+""",
+    "loop": f"""{HEAD}
+ground: {{points: {{far: [1.0, 0.0]}}}}
+bodies:
+  crank: {{type: rigid, mass: 0.3, inertia: 2.0e-3, points: {{a: [-0.15, 0.0], b: [0.15, 0.0]}}}}
+  coupler: {BEAM % 2}
+  rocker: {{type: rigid, mass: 0.3, inertia: 2.0e-3, points: {{a: [-0.15, 0.0], b: [0.15, 0.0]}}}}
+joints:
+  axle: {{type: revolute, between: [ground, crank.a]}}
+  left: {{type: revolute, between: [crank.b, coupler.root]}}
+  right: {{type: revolute, between: [coupler.tip, rocker.b]}}
+  foot: {{type: revolute, between: [ground.far, rocker.a]}}
+initial: {{crank: {{angle: 1.5707963267948966}}}}
+solve: {{duration: 1.0, tolerance: 1.0e-6}}
+""",
+    "sparse": f"""{HEAD}
+bodies: {{b: {BEAM % 60}}}
+joints: {{pin: {{type: revolute, between: [ground, b.root]}}}}
+solve: {{duration: 1.0, tolerance: 1.0e-6}}
+""",
+}
+FIXED = {"explicit": 1e-6, "gear": 2e-5, "generalized_alpha": 2e-4}
+"""Lengths of fixed steps [s] of methods that would not hold at 4 ms."""
+
+
+def stepping(scene, method, step, max_steps=STEPS):
+    """Return new objects, from the deck on, and the problem with the counts."""
+    built = build(parse_deck(SCENES[scene], overrides=[f"solve.method={method}"]))
+    solve = built.deck.solve.model_copy(update={"step": step})
+    problem = problem_of(built)
+    start = (0.0, built.q, built.v)
+    limits = Limits(step, max_steps)
+    run = Stepping(problem, choose(solve, built.system.dissipates), start, 1.0, limits, lambda t, q, v: None)
+    return run, problem.counts
+
+
+def written(memory):
+    file = BytesIO()
+    np.savez(file, **memory)
+    return file.getvalue()
+
+
+def read(file):
+    return dict(np.load(BytesIO(file), allow_pickle=False))
+
+
+def same(one, other):
+    """Whether all is equal bit for bit."""
+    pairs = zip(one, other, strict=True)
+    return all(np.array_equal(a, b) and np.asarray(a).dtype == np.asarray(b).dtype for a, b in pairs)
+
+
+@pytest.mark.parametrize("fixed", [False, True], ids=["free", "fixed"])
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize("method", ["auto", *METHODS])
+def test_a_run_that_was_put_down_goes_on_to_the_last_bit(method, scene, fixed):
+    step = FIXED.get(method, 4e-3) if fixed else None
+    whole, counts = stepping(scene, method, step)
+    memories = [written(whole.memory())]
+    for _ in whole:
+        memories.append(written(whole.memory()))
+    steps = whole.path.segments
+    assert isinstance(whole.stop, LimitReached)
+    assert len(steps) == STEPS
+    for k in PUT_DOWN:
+        again, again_counts = stepping(scene, method, step)
+        again.recall(read(memories[k]))
+        assert all(same(one, other) for one, other in zip(again, steps[k:], strict=True)), k
+        assert vars(again_counts) == vars(counts), k
+        assert again.path.methods == whole.path.methods
+        assert same(
+            (again.path.t_end, again.path.q, again.path.v), (whole.path.t_end, whole.path.q, whole.path.v)
+        )
+        assert written(again.memory()) == memories[-1], k
+
+
+SCRIPT = """
+import sys
+sys.path[:0] = [{tests!r}]
+from integrators.test_stepping import read, stepping, written
+run, _ = stepping({scene!r}, {method!r}, None)
+run.recall(read(sys.stdin.buffer.read()))
+for _ in run:
+    pass
+sys.stdout.buffer.write(written(run.memory()))
+"""
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_another_process_goes_on_to_the_last_bit(method):
+    whole, _ = stepping("damped", method, None)
+    memories = [written(whole.memory()) for _ in whole]
+    script = SCRIPT.format(tests=str(TESTS), scene="damped", method=method)
+    done = subprocess.run([sys.executable, "-c", script], input=memories[4], capture_output=True, timeout=60)
+    assert done.stdout == memories[-1], done.stderr.decode()
+
+
+@pytest.mark.parametrize("broken", ["_attempt", "_memories"])
+@pytest.mark.parametrize("method", METHODS)
+def test_an_interrupted_step_leaves_nothing_behind(method, broken):
+    """The interruption comes when a step was tried, or while it is being kept."""
+    whole, _ = stepping("damped", method, None)
+    memories = [written(whole.memory()) for _ in whole]
+    run, _ = stepping("damped", method, None)
+    for k in range(STEPS - 1):
+        run.recall(read(memories[k]))
+        interrupted(run, broken)
+        assert next(run, None) is None
+        assert isinstance(run.stop, KeyboardInterrupt)
+        assert not run.path.segments
+        assert written(run.memory()) == memories[k]
+        run.recall(run.memory())
+        assert same(next(run), whole.path.segments[k + 1])
+
+
+def interrupted(run, name):
+    """Let a method of a run end, once, in an interruption."""
+    through = getattr(run, name)
+
+    def ends(*arguments):
+        setattr(run, name, through)
+        through(*arguments)
+        raise KeyboardInterrupt
+
+    setattr(run, name, ends)
+
+
+def test_a_watch_that_ends_the_run_leaves_the_step_it_saw():
+    run, _ = stepping("plain", "gauss", None)
+    run._watch = lambda t, q, v: (_ for _ in ()).throw(KeyboardInterrupt)
+    assert len(list(run)) == len(run.path.segments) == 1
+    assert isinstance(run.stop, KeyboardInterrupt)
+    assert read(written(run.memory()))["state.t"] == run.path.t_end > 0.0
+
+
+def test_a_crawling_run_ends_where_it_would_have(monkeypatch):
+    monkeypatch.setattr(_loop, "WINDOW", 4)
+    monkeypatch.setattr(_loop, "HOPELESS", 0.0)
+    monkeypatch.setattr(_loop, "GAINING", np.inf)
+    whole, _ = stepping("plain", "explicit", None, max_steps=50)
+    memories = [written(whole.memory()) for _ in whole]
+    assert "crawl" in str(whole.stop)
+    for memory in memories:
+        run, _ = stepping("plain", "explicit", None, max_steps=50)
+        run.recall(read(memory))
+        assert all(True for _ in run)
+        assert (run.path.t_end, str(run.stop)) == (whole.path.t_end, str(whole.stop))
