@@ -127,8 +127,7 @@ def stability(
     about = provenance_of(loaded, deck, overrides).facts()
     study = Study.claim("stability", to, loaded.deck.name, talk, about)
     if measure:
-        do_limits(loaded, plan, study, names(models))
-        return
+        raise click.exceptions.Exit(do_limits(loaded, plan, study, names(models)))
     raise click.exceptions.Exit(do_map(loaded, plan, study, bisect, ending))
 
 
@@ -216,14 +215,18 @@ def do_map(loaded: LoadedDeck, plan: Plan, study: Study, bisect: float | None, e
         report.map_text(result, study.path, study.talk.verbose, ending),
         partial(report.draw_map, result),
     )
-    if result.status == "interrupted":
+    return _exit_code(result.status)
+
+
+def _exit_code(status: str) -> int:
+    if status == "interrupted":
         print_error("interrupted; what was computed until then is kept")
         return 130
     return 0
 
 
-def do_limits(loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, ...]) -> None:
-    """Measure the longest stable steps with the models named, or the deck's; write and tell them."""
+def do_limits(loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, ...]) -> int:
+    """Measure the longest stable steps with the models named, or the deck's; return the exit code."""
     from hfsim.output import limits as report
     from hfsim.studies.limits import limits
 
@@ -232,9 +235,13 @@ def do_limits(loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, .
     for k, model in enumerate(wanted):
         share = (deadline - time.perf_counter()) / (len(wanted) - k)
         results.append(limits(loaded, model, plan.methods, share, plan.limit, plan.jobs))
+        if results[-1].interrupted:
+            break
+    status = "interrupted" if results[-1].interrupted else "done"
     rows = [{"model": result.model, **one.facts()} for result in results for one in result.limits]
     study.publish(
-        {"status": "done", "results": [result.facts() for result in results]},
+        {"status": status, "results": [result.facts() for result in results]},
         {"limits": (report.LIMIT_COLUMNS, rows)},
         report.limits_text(results, study.path),
     )
+    return _exit_code(status)

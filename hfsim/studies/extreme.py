@@ -295,19 +295,22 @@ def extreme_set(
         Told the share of the decks that is done, 0 to 1.
     """
     start = time.perf_counter()
-    farm, cases = Farm(jobs, start + seconds), {one.name: Case(one, _UNREACHED) for one in expectations}
+    farm, cases = Farm(jobs, start + seconds), {one.name: Case(one, _WAITING) for one in expectations}
 
     def take(outcome: Outcome) -> None:
         one = outcome.key
         cases[one.name] = outcome.value or Case(one, Verdict("no result", outcome.lost))
-        report(sum(case.verdict is not _UNREACHED for case in cases.values()) / len(cases))
+        report(sum(case.verdict is not _WAITING for case in cases.values()) / len(cases))
 
     for one in expectations:
         path = folder / f"{one.name}.yaml"
         job = Job(path.read_text(encoding="utf-8"), str(path), (), TRUTH_MODEL, limit, tolerance=_TIGHTER)
         farm.add(Task(one, examine, (job, one), limit))
-    ended = farm.serve(take)
-    return Extreme(tuple(cases.values()), seconds, time.perf_counter() - start, not ended)
+    farm.serve(take)
+    for one in expectations:
+        if cases[one.name].verdict is _WAITING:
+            cases[one.name] = Case(one, Verdict("not computed", farm.why_unreached))
+    return Extreme(tuple(cases.values()), seconds, time.perf_counter() - start, farm.interrupted)
 
 
-_UNREACHED = Verdict("not computed", "the budget was used up")
+_WAITING = Verdict("not computed")

@@ -1,16 +1,20 @@
 """Jobs in worker processes: each has its own time limit, all share a deadline, and none can end the study.
 
 One process serves one job and is gone: a crash, a hang or a lack of memory there costs that job only.
+However the study ends, killed without a word included, its workers end with it.
 """
 
 from __future__ import annotations
 
 import multiprocessing
 import multiprocessing.connection
+import os
 import signal
+import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -77,10 +81,13 @@ class Farm:
         Processes at a time.
     deadline : float
         Reading of ``time.perf_counter`` at which all is ended [s].
+    interrupted : bool
+        Whether a signal has ended `serve`.
     """
 
     jobs: int
     deadline: float = float("inf")
+    interrupted: bool = False
     _queue: deque[Task] = field(default_factory=deque)
     _workers: list[_Worker] = field(default_factory=list)
 
@@ -91,7 +98,7 @@ class Farm:
         else:
             self._queue.append(task)
 
-    def outcomes(self) -> Iterator[Outcome]:
+    def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue, also what is added meanwhile; yield outcomes as they come in.
 
         Ends when nothing is left or the deadline has come; what had no result by then is `unreached`.
@@ -106,18 +113,23 @@ class Farm:
         finally:
             self._stop()
 
-    def serve(self, take: Callable[[Outcome], None]) -> bool:
-        """Hand every outcome to a function as it comes in; return False if the keyboard ended it before."""
+    def serve(self, take: Callable[[Outcome], None]) -> None:
+        """Hand every outcome to a function as it comes in; a signal ends that, and is noted."""
         try:
-            for outcome in self.outcomes():
-                take(outcome)
+            with closing(self.outcomes()) as outcomes:
+                for outcome in outcomes:
+                    take(outcome)
         except KeyboardInterrupt:
-            return False
-        return True
+            self.interrupted = True
 
     def unreached(self) -> list[Any]:
-        """Return the keys of tasks that were still waiting, or cut off, at the deadline."""
+        """Return the keys of tasks that were still waiting, or cut off, at the end."""
         return [task.key for task in self._queue]
+
+    @property
+    def why_unreached(self) -> str:
+        """Why there are any."""
+        return "interrupted" if self.interrupted else "the budget was used up"
 
     def _start(self, task: Task) -> None:
         kinds = multiprocessing.get_all_start_methods()
@@ -175,6 +187,7 @@ def _death(code: int | None) -> str:
 def _serve(pipe: Any, function: Callable[[Any], Any], argument: Any) -> None:
     """Do one job; what goes wrong is an answer too."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the study decides what an interrupt ends
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     try:
         answer: tuple[Any, str] = function(argument), ""
     except MemoryError:
@@ -183,3 +196,11 @@ def _serve(pipe: Any, function: Callable[[Any], Any], argument: Any) -> None:
         answer = None, f"{type(error).__name__}: {error}"
     pipe.send(answer)
     pipe.close()
+
+
+def _end_with_parent() -> None:
+    """End this process as soon as the one that started it is gone, whatever has ended that."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -25,7 +25,7 @@ from hfsim.run.integration import run_integration
 from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
-from hfsim.studies.farm import Farm, Task
+from hfsim.studies.farm import Farm, Outcome, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
 
 STEPS = 400
@@ -299,6 +299,7 @@ class Limits:
     limits : tuple of Limit
     lost : dict of str to str
         What was not measured, and why.
+    interrupted : bool
     """
 
     name: str
@@ -306,6 +307,7 @@ class Limits:
     spectra: tuple[Spectrum, ...]
     limits: tuple[Limit, ...]
     lost: dict[str, str]
+    interrupted: bool = False
 
     def facts(self) -> dict[str, Any]:
         """Return it as plain data, times in seconds and steps in fastest periods."""
@@ -355,12 +357,13 @@ def limits(
     for (method, order), left in zip(wanted, turns[1:], strict=True):
         job = replace(base, method=method, order=order, turns=left)
         farm.add(Task((method, order), measure, job, limit))
-    found = {outcome.key: outcome for outcome in farm.outcomes()}
+    found: dict[Any, Outcome] = {}
+    farm.serve(lambda outcome: found.update({outcome.key: outcome}))
     lost = {_title(key): outcome.lost for key, outcome in found.items() if outcome.lost}
-    lost |= {_title(key): "the budget was used up" for key in farm.unreached()}
+    lost |= {_title(key): farm.why_unreached for key in farm.unreached()}
     spectra = found["spectra"].value if "spectra" in found else None
     measured = [found[key].value for key in wanted if key in found and found[key].value is not None]
-    return Limits(loaded.deck.name, model, spectra or (start,), tuple(measured), lost)
+    return Limits(loaded.deck.name, model, spectra or (start,), tuple(measured), lost, farm.interrupted)
 
 
 def _title(key: Any) -> str:

@@ -2,6 +2,9 @@
 
 import json
 import os
+import signal
+import subprocess
+import sys
 import time
 from dataclasses import replace
 
@@ -83,6 +86,38 @@ def test_jobs_run_side_by_side():
     start = time.perf_counter()
     served([Task(k, sleep, 0.6, 60.0) for k in range(4)], jobs=4)
     assert time.perf_counter() - start < 1.8
+
+
+STUDY = """
+import os, sys
+from hfsim.studies.farm import Farm, Task
+
+def work(number):
+    print(os.getpid(), flush=True)
+    while True:
+        pass
+
+if __name__ == "__main__":
+    farm = Farm(2)
+    for number in range(2):
+        farm.add(Task(number, work, number, 60.0))
+    farm.serve(print)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_no_worker_outlives_its_study(tmp_path, number):
+    script = tmp_path / "study.py"
+    script.write_text(STUDY)
+    study = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True)
+    workers = [int(study.stdout.readline()) for _ in range(2)]
+    study.send_signal(number)
+    try:
+        study.communicate(timeout=20.0)  # as long as a worker lives, it holds the other end
+    except subprocess.TimeoutExpired:
+        for worker in workers:
+            os.kill(worker, signal.SIGKILL)
+        pytest.fail("workers are left")
 
 
 # --- axes ----------------------------------------------------------------------------------------

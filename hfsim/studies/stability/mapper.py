@@ -62,13 +62,17 @@ class Mapper:
         self._job = Job(loaded.source.text, loaded.source.file, (), TRUTH_MODEL, plan.limit, plan.tolerance)
         self._cells: dict[tuple[str, ...], _Cell] = {}
         self._found: dict[Wanted, MapPoint] = {}
-        self.interrupted = False
         import_for(plan.methods)  # once here, not in every worker
 
     @property
     def used(self) -> float:
         """Wall time used so far [s]."""
         return time.perf_counter() - self._start
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether a signal has ended the work."""
+        return self._farm.interrupted
 
     @property
     def over_budget(self) -> bool:
@@ -85,7 +89,11 @@ class Mapper:
             outcome.key(outcome)
             self._report(sum(self._found[one].outcome != "not computed" for one in asked) / len(asked))
 
-        self.interrupted = not self._farm.serve(take)
+        self._farm.serve(take)
+        for one in asked:
+            if self._found[one].outcome == "not computed":
+                unreached = Verdict("not computed", self._farm.why_unreached)
+                self._found[one] = replace(self._found[one], verdict=unreached)
         return {one: self._found[one] for one in asked}
 
     def _queue(self, one: Wanted) -> None:
@@ -96,8 +104,7 @@ class Mapper:
         except DeckError as error:
             self._found[one] = MapPoint(*one, Verdict("deck", REFUSED + error.problems[0].message, "deck"))
             return
-        unreached = Verdict("not computed", "the budget was used up")
-        self._found[one] = MapPoint(*one, unreached, overrides=overrides)
+        self._found[one] = MapPoint(*one, Verdict("not computed"), overrides=overrides)
         cell = self._cell(values)
         cell.waiting.append((one, replace(self._job, overrides=overrides, model=model, method=method)))
         for name in (TRUTH_MODEL, model):

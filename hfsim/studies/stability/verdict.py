@@ -24,7 +24,7 @@ CLASSES = {
     "physical": "the scene itself fails or is unstable: a tiny disturbance grows, whatever method and model",
     "deck": "the numbers or joints of the deck make it: refused, not finite, redundant, without mass",
     "no result": "no answer: time limit, crash or no reference",
-    "not computed": "the budget was used up before",
+    "not computed": "not reached: the budget was used up, or a signal ended the study",
 }
 """Classes of points, in words."""
 

@@ -1,0 +1,77 @@
+"""What a study has found when a signal ends it is written, marked, and told with the exit code."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.studies.farm import Farm
+
+WHEEL = """
+hfsim: 1
+name: wheel
+bodies: {hub: {type: rigid, mass: 1.0, inertia: 1.0, points: {rim: [1.0, 0.0]}}}
+joints: {pin: {type: revolute, between: [ground, hub]}}
+springs: {coil: {type: rotational, between: [ground, hub], stiffness: 100.0}}
+initial: {hub: {angular_velocity: 1.0}}
+solve: {duration: 0.5, tolerance: 1.0e-6}
+output: {channels: [hub.angle, hub.rim.x]}
+"""
+
+
+@pytest.fixture
+def wheel(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wheel.yaml").write_text(WHEEL)
+    return tmp_path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def interrupt_at(monkeypatch, owner, name, count):
+    """Let a function end in an interrupt at a call of it."""
+    whole, calls = getattr(owner, name), []
+
+    def cut(*arguments, **options):
+        calls.append(name)
+        if len(calls) == count:
+            raise KeyboardInterrupt
+        return whole(*arguments, **options)
+
+    monkeypatch.setattr(owner, name, cut)
+
+
+def test_a_map_keeps_the_points_that_were_there(wheel, monkeypatch):
+    interrupt_at(monkeypatch, Farm, "_collect", 3)
+    order = ("--methods", "gauss,explicit,gear", "--models", "exact", "--jobs", 1, "--no-plots")
+    assert call("stability", "wheel.yaml", *order).exit_code == 130
+    facts = json.loads((wheel / "wheel.stability/stability.json").read_text())
+    assert facts["status"] == "interrupted"
+    found = {point["method"]: (point["class"], point["reason"]) for point in facts["points"]}
+    assert [one[0] for one in found.values()].count("accurate") == 1
+    assert ("not computed", "interrupted") in found.values()
+
+
+def test_limits_keep_what_was_measured(wheel, monkeypatch):
+    interrupt_at(monkeypatch, Farm, "_collect", 3)
+    order = ("--limits", "--methods", "explicit,generalized_alpha,gauss", "--jobs", 1)
+    assert call("stability", "wheel.yaml", *order).exit_code == 130
+    facts = json.loads((wheel / "wheel.stability/stability.json").read_text())
+    assert facts["status"] == "interrupted"
+    (result,) = facts["results"]
+    assert [one["method"] for one in result["limits"]] == ["explicit"]
+    assert set(result["lost"].values()) == {"interrupted"}
+
+
+def test_the_extreme_set_keeps_the_decks_that_ended(wheel, monkeypatch):
+    interrupt_at(monkeypatch, Farm, "_collect", 2)
+    order = ("free_fall", "settling", "--jobs", 1, "-o", wheel / "o")
+    assert call("extreme", *order).exit_code == 130
+    facts = json.loads((wheel / "o/extreme.json").read_text())
+    assert facts["status"] == "interrupted"
+    cases = {case["name"]: (case["class"], case["reason"]) for case in facts["cases"]}
+    assert cases["free_fall"][0] == "accurate"
+    assert cases["settling"] == ("not computed", "interrupted")
