@@ -56,15 +56,18 @@ def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
     facts = plan_of(build(loaded))
     facts["keep_all"] = {"sizes": sizes(build(keeping(loaded, "all")))}
     costs: list[RuleCost] = []
-    if measured:
-        from hfsim.studies.plan import measure
+    try:
+        if measured:
+            from hfsim.studies.plan import measure
 
-        costs = list(measure(loaded, repeats))
-        facts["measured"] = [cost.facts() for cost in costs]
-    talk.facts({"name": loaded.deck.name, **facts})
-    talk.result(as_text(loaded.deck.name, facts))
-    if costs:
-        talk.result(f"\nmeasured, CPU, medians of {repeats}:\n{table(_COSTS, costs)}")
+            costs.extend(measure(loaded, repeats))
+    finally:  # what is known when a signal comes is told
+        if measured:
+            facts["measured"] = [cost.facts() for cost in costs]
+        talk.facts({"name": loaded.deck.name, **facts})
+        talk.result(as_text(loaded.deck.name, facts))
+        if costs:
+            talk.result(f"\nmeasured, CPU, medians of {repeats}:\n{table(_COSTS, costs)}")
 
 
 def as_text(name: str, facts: Mapping[str, Any]) -> str:
@@ -123,23 +126,31 @@ _COSTS = (
 
 
 def _prove(decks: Sequence[LoadedDeck], repeats: int, talk: Talk) -> None:
-    from hfsim.scene.rules import RULES
-    from hfsim.studies.plan import ALL, measure
+    from hfsim.studies.plan import measure
 
-    costs = []
-    for loaded in decks:
-        for cost in measure(loaded, repeats, _PROOF_SHARE):
-            costs.append(cost)
-            talk.note(
-                f"{cost.scene}, {cost.rule}: {cost.run_s[0] / cost.run_s[1]:.2f}, {cost.difference:.0e}"
-            )
+    costs: list[RuleCost] = []
+    try:
+        for loaded in decks:
+            for cost in measure(loaded, repeats, _PROOF_SHARE):
+                costs.append(cost)
+                ratio = cost.run_s[0] / cost.run_s[1]
+                talk.note(f"{cost.scene}, {cost.rule}: {ratio:.2f}, {cost.difference:.0e}")
+    finally:
+        _tell_proof(costs, len(decks), repeats, talk)
+
+
+def _tell_proof(costs: list[RuleCost], scenes: int, repeats: int, talk: Talk) -> None:
+    from hfsim.scene.rules import RULES
+    from hfsim.studies.plan import ALL
+
     order = [*RULES, ALL]
     costs.sort(key=lambda cost: order.index(cost.rule))
     whole = {cost.scene: cost.run_s[0] / cost.run_s[1] for cost in costs if cost.rule == ALL}
     silent = [name for name in RULES if name not in {cost.rule for cost in costs}]
     talk.facts({"proof": [cost.facts() for cost in costs], "ratios": whole, "never_fired": silent})
     talk.result(f"without / with each rule, CPU, medians of {repeats} taken in turns\n{table(_COSTS, costs)}")
-    talk.result(
-        f"all rules together: {median(whole.values()):.2f} times less CPU, median of {len(whole)} scenes"
-    )
-    talk.result(f"fired in none of them: {', '.join(silent) or 'none'}")
+    if whole:
+        factor = median(whole.values())
+        talk.result(f"all rules together: {factor:.2f} times less CPU, median of {len(whole)} scenes")
+    if len(whole) == scenes:
+        talk.result(f"fired in none of them: {', '.join(silent) or 'none'}")

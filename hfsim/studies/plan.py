@@ -17,7 +17,7 @@ from hfsim.run.solution import Run
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.simulate import simulate
-from hfsim.studies.timing import clocked, in_turns
+from hfsim.studies.timing import clocked, in_turns, uninterrupted
 
 ALL = "all"
 """Stands for all rules together, against ``solve.keep_all``."""
@@ -112,7 +112,7 @@ def _medians(tasks: Sequence[Callable[[], float]], repeats: int) -> tuple[float,
 
 
 def _timed(loaded: LoadedDeck) -> Callable[[], float]:
-    return lambda: simulate(loaded, error_estimate=False).phase_cpu("solve")
+    return lambda: uninterrupted(simulate(loaded, error_estimate=False)).phase_cpu("solve")
 
 
 def _calls(scene: Scene) -> Callable[[], float]:
@@ -147,7 +147,7 @@ def largest_difference(loaded: LoadedDeck, rule: str, steps: int = STEPS) -> tup
         Largest difference of any other channel over the largest value with its unit (or 1).
     """
     one, other = (_tight(deck, loaded, rule, steps) for deck in (loaded, keeping(loaded, rule)))
-    runs = [simulate(deck, error_estimate=False) for deck in (one, other)]
+    runs = [uninterrupted(simulate(deck, error_estimate=False)) for deck in (one, other)]
     return differences(*runs)
 
 

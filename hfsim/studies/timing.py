@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.run.integration import Integration, run_integration
+from hfsim.run.solution import Run
 from hfsim.run.stop import Budget, Progress
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
@@ -47,6 +48,18 @@ def solved(scene: Scene, solve: SolveSpec, guard: Progress | None = None) -> tup
     start = time.process_time()
     done = run_integration(scene, solve, guard)
     return done, time.process_time() - start
+
+
+def uninterrupted(run: Run) -> Run:
+    """Return a run, unless a signal has ended it: what is timed or compared must be whole.
+
+    Raises
+    ------
+    KeyboardInterrupt
+    """
+    if run.status == "interrupted":
+        raise KeyboardInterrupt
+    return run
 
 
 def in_turns(

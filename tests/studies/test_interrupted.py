@@ -1,6 +1,11 @@
 """What a study has found when a signal ends it is written, marked, and told with the exit code."""
 
 import json
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
 
 import pytest
 from click.testing import CliRunner
@@ -75,3 +80,40 @@ def test_the_extreme_set_keeps_the_decks_that_ended(wheel, monkeypatch):
     cases = {case["name"]: (case["class"], case["reason"]) for case in facts["cases"]}
     assert cases["free_fall"][0] == "accurate"
     assert cases["settling"] == ("not computed", "interrupted")
+
+
+def command(*arguments):
+    words = [sys.executable, "-m", "hfsim", *map(str, arguments)]
+    own = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # else as of who calls
+    return subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **own)
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)])
+def test_a_proof_ends_at_a_signal_and_tells_the_rules_so_far(number, code):
+    with command("plan", "two_beams", "--proof", "--set", "solve.duration=1") as proof:
+        proof.stderr.readline()  # which deck it is
+        rule = proof.stderr.readline().split(":")[0].removeprefix("two_beams, ")
+        time.sleep(0.3)
+        proof.send_signal(number)
+        told, _ = proof.communicate(timeout=20.0)
+    assert proof.returncode == code
+    assert rule in told and "fired in none" not in told
+
+
+def test_a_measured_plan_keeps_what_it_has(wheel, monkeypatch):
+    """A simulation that a signal ends says so in its run and raises nothing."""
+    from hfsim.studies import plan
+
+    whole, calls = plan.simulate, []
+
+    def cut(*arguments, **options):
+        calls.append(1)
+        run = whole(*arguments, **options)
+        return replace(run, status="interrupted") if len(calls) > 10 else run
+
+    monkeypatch.setattr(plan, "simulate", cut)
+    result = call("plan", "pendulum", "--measure", "--repeats", 1, "--json", "--set", "solve.duration=0.01")
+    assert result.exit_code == 130
+    facts = json.loads(result.stdout)
+    assert 0 < len(facts["measured"]) < len(facts["left_out"])
+    assert len(calls) == 11
