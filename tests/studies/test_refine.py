@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
-from hfsim.errors import DeckError
+from hfsim.errors import DeckError, Terminated
 from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors
 from hfsim.scene.build import build
@@ -243,6 +243,57 @@ def test_a_budget_below_one_level_keeps_what_was_computed():
     run, _ = refine(pendulum(1e-2, "solve.budget=1e-6", "solve.duration=0.7"))
     assert (run.status, run.exit_code) == ("limit", 5)
     assert "budget" in run.reason and run.end_time < 0.7
+
+
+def test_a_level_that_would_not_fit_is_not_begun(monkeypatch):
+    """The coarse mesh fails; the deck's own would need 512 matrices of 1024 x 1024 and minutes."""
+    deck = ("solve.model=lowOrder", "bodies.b1.elements=512")
+    start = time.perf_counter()
+    run, _ = refine(pendulum(1e-3, *deck, "solve.budget=5.0"))
+    assert time.perf_counter() - start < 4.0
+    assert (run.status, run.exit_code) == ("limit", 5)
+    assert "mass matrix" in run.reason and "the next level would take about" in run.reason
+    run, _ = refine(pendulum(1e-3, *deck, "solve.budget=1e5"))
+    assert "GB of memory" in run.reason or "TB of memory" in run.reason
+    monkeypatch.setattr("hfsim.studies.refine.search.available", lambda: 1e4)
+    run, _ = refine(pendulum(1e-3, "solve.model=linear"))
+    assert (run.status, run.exit_code) == ("limit", 5) and "of which there are 8 kB" in run.reason
+    assert run.end_time == 0.2, "the first level is kept"
+
+
+def stopped_at(monkeypatch, count, stop):
+    """Let a level end in an exception, after some whole ones."""
+    integrate, calls = Search._integrate, []
+
+    def fragile(self, level):
+        calls.append(level)
+        if len(calls) == count:
+            raise stop
+        integrate(self, level)
+
+    monkeypatch.setattr(Search, "_integrate", fragile)
+
+
+def test_a_lack_of_memory_keeps_the_best_level(monkeypatch):
+    stopped_at(monkeypatch, 4, MemoryError())
+    run, _ = refine(pendulum(1e-3, TIPS))
+    assert (run.status, run.exit_code, run.end_time) == ("limit", 5, 0.2)
+    assert "memory" in run.reason and run.statistics["error_estimate"] > 1e-3
+    assert run.statistics["refinement"]["levels"][-1]["reason"] == "not enough memory"
+
+
+@pytest.mark.parametrize(
+    ("stop", "code", "words"),
+    [(Terminated(), 143, "SIGTERM"), (KeyboardInterrupt(), 130, "from the keyboard")],
+)
+def test_a_signal_keeps_the_best_level_and_says_which_it_was(monkeypatch, stop, code, words):
+    stopped_at(monkeypatch, 3, stop)
+    run, _ = refine(pendulum(1e-3, TIPS))
+    assert (run.status, run.exit_code, run.end_time) == ("interrupted", code, 0.2)
+    assert words in run.reason
+    stopped_at(monkeypatch, 1, stop)
+    with pytest.raises(type(stop)):
+        refine(pendulum(1e-3, TIPS))
 
 
 # --- pieces --------------------------------------------------------------------------------------

@@ -39,6 +39,8 @@ class Level:
         Error as it is known in the end [-].
     base : int
         Number of the level that was refined.
+    held : int
+        Memory that it has taken and keeps [byte].
     clock : PhaseClock
         CPU and wall time of building and solving.
     channels : tuple of Channel
@@ -56,6 +58,7 @@ class Level:
     channel: str = ""
     estimate: float | None = None
     base: int = 0
+    held: int = 0
     scene: Scene | None = field(default=None, repr=False)
     done: Integration | None = field(default=None, repr=False)
     clock: PhaseClock = field(default_factory=PhaseClock, repr=False)

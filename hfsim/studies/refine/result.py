@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
+from hfsim.errors import LimitReached, Terminated
 from hfsim.run.distance import channel_errors
 from hfsim.run.integration import Leg
 from hfsim.run.solution import Run
@@ -48,7 +49,8 @@ class Refinement:
     @property
     def exit_code(self) -> int:
         """As documented for the program."""
-        return {"reached": 0, "missed": 4, "limit": 5, "interrupted": 130, "failed": 3}[self.status]
+        interrupted = 143 if isinstance(self.search.signal, Terminated) else 130
+        return {"reached": 0, "missed": 4, "limit": 5, "interrupted": interrupted, "failed": 3}[self.status]
 
     @property
     def method(self) -> str:
@@ -83,7 +85,8 @@ class Refinement:
         """Return the run of the chosen level as `simulate` would, with the refinement in its statistics."""
         chosen, current = self.chosen, self.search.current
         if chosen.scene is None or chosen.done is None:
-            raise KeyboardInterrupt  # before there was anything
+            raise self.search.signal or LimitReached(self.reason)  # before there was anything
+        diagnosis = diagnosis and self.search.signal is None
         clock = chosen.clock
         clock.cpu["refinement"] = self.cpu - sum(clock.cpu.values())
         clock.wall["refinement"] = self.used - sum(clock.wall.values())
@@ -94,10 +97,11 @@ class Refinement:
             facts["error_by_channel"] = channel_errors(chosen.channels, other.channels)[0]
             facts["error_estimate_by"] = f"refinement: {self.why}"
         run = replace(run, statistics={**run.statistics, **facts})
-        if self.status == "reached" or current is None:
+        if self.status == "reached" or (current is None and self.reason == run.reason):
             return run
         status = "done" if self.status == "missed" else self.status
-        return replace(run, status=status, exit_code=self.exit_code, reason=self._verdict())
+        reason = self._verdict() if current else f"{run.reason}; {self.reason}"
+        return replace(run, status=status, exit_code=self.exit_code, reason=reason)
 
     def _verdict(self) -> str:
         """Return in a sentence how far it came without reaching its target."""

@@ -11,7 +11,8 @@ from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors, farthest
 from hfsim.run.integration import run_integration
-from hfsim.run.stop import Budget, Progress, TimeUp
+from hfsim.run.memory import available, in_bytes, resident
+from hfsim.run.stop import Budget, Halted, Progress, TimeUp
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.methods import MARGIN
@@ -31,6 +32,10 @@ _TRIAL_FROM = 20
 """Nodal and interior vectors of all beams from which this is tried."""
 _COST_ORDER = 1.7
 """Power of the unknowns that the time of a run is expected to grow with."""
+_STAGES = 24
+"""Dense matrices of the size of the mass matrix that a step holds at most, unless there are more elements."""
+_MEMORY_SHARE = 0.8
+"""Part of the memory there is that a level may take."""
 
 
 class Search:
@@ -46,6 +51,7 @@ class Search:
         self.time = Part(("tolerance",))
         self.levels: list[Level] = []
         self.current: Level | None = None
+        self.signal: KeyboardInterrupt | None = None
         self.tried_at: float = _TRIAL_FROM / STALE
         self.races = Races(self)
 
@@ -56,16 +62,20 @@ class Search:
 
         Raises
         ------
-        KeyboardInterrupt, TimeUp
+        KeyboardInterrupt, TimeUp, MemoryError
             The level is noted then too.
         """
         level = Level(len(self.levels), words, setting)
         self.levels.append(level)
-        cpu, wall = time.process_time(), time.perf_counter()
+        cpu, wall, held = time.process_time(), time.perf_counter(), resident()
         try:
             self._integrate(level)
+        except MemoryError:
+            level.status, level.reason = "failed", "not enough memory"
+            raise
         finally:
             level.cpu, level.wall = time.process_time() - cpu, time.perf_counter() - wall
+            level.held = max(0, resident() - held)
         return level
 
     def _integrate(self, level: Level) -> None:
@@ -162,15 +172,15 @@ class Search:
 
         Raises
         ------
-        TimeUp
-            If it would take, or has taken, more time than there is.
+        Halted
+            If it would take, or has taken, more time or memory than there is.
         """
         base = self.current
         assert base is not None
         kind = part.choices(base.setting)[0]
         setting = refined(base.setting, kind, part.bodies)
         assert setting is not None
-        self._refuse_too_long(base, setting)
+        self.refuse_too_large(base, setting)
         setting = self._in_cheaper_coordinates(setting)
         level = self.solve(f"{kind}{part.whose}", setting)
         if level.status != "done":
@@ -203,10 +213,29 @@ class Search:
         done, cpu = solved(scene, short, self.guard())
         return cpu if done.stop is None else math.inf
 
-    def _refuse_too_long(self, base: Level, setting: Setting) -> None:
+    def refuse_too_large(self, base: Level, setting: Setting) -> None:
+        """Refuse a setting that would not fit into the time or the memory left, judged by a level that ran.
+
+        Raises
+        ------
+        Halted
+        """
         before, after = base.setting.vectors, setting.vectors
         growth = 1.4 if before == after else (after / before) ** _COST_ORDER
         left = max(self.budget.left, 0.0)
         if growth * base.wall > left:
             words = f"the next level would take about {growth * base.wall:.2g} s"
             raise TimeUp(f"{words}, of {self.budget.seconds:g} s are left {left:.2g}")
+        needed, there = self._memory(base, setting), _MEMORY_SHARE * available()
+        if needed > there:
+            words = f"the next level would take about {in_bytes(needed)} of memory"
+            raise Halted(f"{words}, of which there are {in_bytes(there)}")
+
+    def _memory(self, base: Level, setting: Setting) -> float:
+        """Return the memory that a setting is expected to take [byte]: its motion, and dense matrices."""
+        growth = setting.vectors / max(base.setting.vectors, 1)
+        if base.scene is None or base.scene.system.linearizes:
+            return growth * base.held
+        elements = sum(count for _, count, _ in setting.mesh)
+        matrix = 8.0 * (growth * base.unknowns) ** 2
+        return growth * base.held + max(_STAGES, elements) * matrix

@@ -5,8 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
+from hfsim.errors import Terminated
 from hfsim.run.solution import Run
-from hfsim.run.stop import Budget, Progress, TimeUp
+from hfsim.run.stop import Budget, Halted, Progress
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.bench.points import tidy
 from hfsim.studies.refine.part import Part
@@ -85,10 +86,14 @@ def _search(search: Search) -> tuple[str, str]:
             answer = search.answer()
             if answer is not None and not search.stale(answer):
                 return "reached", ""
-    except TimeUp as stop:
+    except Halted as stop:
         return "limit", str(stop)
-    except KeyboardInterrupt:
-        return "interrupted", "interrupted from the keyboard"
+    except MemoryError:
+        return "limit", "the next level would not fit into the memory there is"
+    except KeyboardInterrupt as stop:
+        search.signal = stop
+        by_signal = isinstance(stop, Terminated)
+        return "interrupted", "ended by the signal SIGTERM" if by_signal else "interrupted from the keyboard"
 
 
 def _begin(search: Search) -> bool:
@@ -97,7 +102,9 @@ def _begin(search: Search) -> bool:
     if first.status != "done":
         mesh = tuple((name, spec.elements, spec.degree) for name, spec in beams_of(search.loaded).items())
         tolerance = min(first.setting.tolerance, search.loaded.deck.solve.tolerance)
-        first = search.solve("as in the deck", replace(first.setting, mesh=mesh, tolerance=tolerance))
+        own = replace(first.setting, mesh=mesh, tolerance=tolerance)
+        search.refuse_too_large(first, own)
+        first = search.solve("as in the deck", own)
     search.current = first if first.status == "done" else None
     return search.current is not None
 
