@@ -144,7 +144,7 @@ def assess(
 
 
 def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
-    """Assemble a scene without running it and return its sizes.
+    """Assemble a scene without running it and return its sizes, how its joints close, and what looks wrong.
 
     Raises
     ------
@@ -165,6 +165,8 @@ def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
         "unknowns": system.n,
         "multipliers": system.n_rows,
         "degrees_of_freedom": system.n - system.n_rows,
+        "assembly": {**scene.assembly.facts(), "branches": scene.assembly.branches()},
+        "warnings": scene.assembly.warnings(),
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import click
@@ -25,6 +25,8 @@ _NOUNS = {
 """Facts of an assembled scene in the order they are told: their noun."""
 _ALWAYS = ("unknowns", "multipliers")
 """Facts that are told even when they are zero."""
+_MOST = 4
+"""Other ways to close the joints that are told."""
 
 
 @click.command()
@@ -46,10 +48,24 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
         talk.facts({"deck": argument, "ok": False, "error": str(error)})
         return code
     talk.facts({"deck": argument, "ok": True, **facts})
-    talk.result(f"{argument}: ok: {describe(facts)}")
+    talk.result("\n  ".join([f"{argument}: ok: {describe(facts)}", *_assembled(facts.get("assembly") or {})]))
+    for warning in facts.get("warnings", ()):
+        talk.note(f"{argument}: warning: {warning}")
     for key, value in facts.items():
         talk.detail(f"  {key}: {value}")
     return 0
+
+
+def _assembled(facts: Mapping[str, Any]) -> Iterator[str]:
+    """Yield how the joints were closed, and how else they could be."""
+    from hfsim.scene.start import angles_of
+
+    yield from facts.get("notes", ())
+    branches = facts.get("branches", ())
+    for branch in branches[:_MOST]:
+        yield f"or with {angles_of(branch)}: a rough angle under 'initial' takes this one"
+    if len(branches) > _MOST:
+        yield f"or in {len(branches) - _MOST} other ways (--json lists them)"
 
 
 def describe(facts: Mapping[str, Any]) -> str:

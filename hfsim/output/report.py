@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk) -> None:
     """Print the results of one run, and what the user should be warned of."""
+    for note in (summary.get("assembly") or {}).get("notes", ()):
+        talk.note(f"{run.name}: {note}")
     for warning in summary["warnings"]:
         talk.note(f"{run.name}: warning: {warning}")
     if run.status != "done":

@@ -271,6 +271,8 @@ def _draw(run: Run, folder: Path) -> list[str]:
 
 
 def _log_end(log: RunLog, summary: dict[str, Any]) -> None:
+    for note in (summary.get("assembly") or {}).get("notes", ()):
+        log.add(note)
     for warning in summary["warnings"]:
         log.add(f"warning: {warning}")
     for key in ("steps", "rejected", "newton_iterations", "energy_drift", "error_estimate", "cpu_s"):

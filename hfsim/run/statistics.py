@@ -28,6 +28,7 @@ def leg_statistics(leg: Leg) -> dict[str, Any]:
         "unknowns": system.n,
         "multipliers": system.n_rows,
         "models": leg.scene.models,
+        "assembly": leg.scene.assembly.facts(),
         **balance(system, step_samples(leg.done.trajectory)),
     }
 
@@ -37,5 +38,5 @@ def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     facts = dict(parts[-1])
     facts |= {key: sum(part[key] for part in parts) for key in _SUMS}
     facts |= {key: max(part[key] for part in parts) for key in _LARGEST}
-    warnings = [warning for part in parts for warning in part["warnings"]]
+    warnings = list(dict.fromkeys(warning for part in parts for warning in part["warnings"]))
     return facts | {"energy_initial": parts[0]["energy_initial"], "warnings": warnings}

@@ -24,10 +24,11 @@ from hfsim.mechanics.markers import GroundMarker, Marker
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
+from hfsim.scene.closing import Frame, Linkage
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
 from hfsim.scene.schema import Deck
-from hfsim.scene.start import Start, starting_state
+from hfsim.scene.start import Assembly, Start, assembled
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +52,8 @@ class Scene:
         Angle of each body frame at the start, with the full turns the deck states [rad].
     left_out : LeftOut
         What the rules found that the scene does not need.
+    assembly : Assembly
+        How the bodies were put together.
     parts : tuple of Part
         Parts that nothing connects and that are integrated by themselves; none where all is one.
     """
@@ -65,6 +68,7 @@ class Scene:
     v: Array
     start_angles: dict[str, float]
     left_out: LeftOut
+    assembly: Assembly
     parts: tuple[Part, ...] = ()
 
     @property
@@ -121,20 +125,17 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     kinds = {beam: MODELS[one].stepping_in(_coordinates(loaded, one)) for beam, one in named.items()}
     bodies = _bodies(deck, kinds)
     joints, constraints = _joints(deck, bodies)
-    start = Start(
-        bodies=bodies,
-        initial=deck.initial,
-        constraints=constraints,
-        n_dim=len(deck.gravity),
-        refuse=loaded.problem,
-    )
-    x, u, poses = starting_state(start)
-    angles = {name: pose.angle for name, pose in poses.items()}
+    start = _assembly(loaded, bodies)
+    poses, twists = start.poses.values(), start.twists.values()
+    every = tuple(zip(bodies.values(), poses, twists, strict=True))
+    x = np.concatenate([body.placed(pose) for body, pose, _ in every])
+    u = np.concatenate([body.moving(pose, twist) for body, pose, twist in every])
+    angles = {name: pose.angle for name, pose in start.poses.items()}
     left_out = apply_rules(deck, kinds)
     if left_out.fires("fixed_bodies"):
         still = still_bodies(deck, kinds)
         moving = _moving_columns(bodies, still)
-        folded = {name: bodies[name].folded(poses[name]) for name in still}
+        folded = {name: bodies[name].folded(start.poses[name]) for name in still}
         bodies = _bodies(deck, kinds, folded)
         joints, constraints = _joints(deck, bodies, left_out)
         x, u = x[moving], u[moving]
@@ -148,8 +149,17 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
             near[0, body.angle_column] = angles[body.name]
     q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
     q, v = system.project(np.zeros(1), q, v)
-    scene = Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out)
+    scene = Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start)
     return replace(scene, parts=_parts(scene, kinds)) if left_out.fires("parts") else scene
+
+
+def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
+    deck = loaded.deck
+    frames = Frame.of(bodies.values(), deck.dimension)
+    _, constraints = _joints(deck, frames)
+    n = max(frame.columns.stop for frame in frames.values())
+    linkage = Linkage(constraints, n, deck.dimension)
+    return assembled(Start(tuple(bodies), deck.initial, linkage, loaded.problem))
 
 
 def _parts(scene: Scene, kinds: Mapping[str, Model]) -> tuple[Part, ...]:
@@ -201,7 +211,7 @@ def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "ab
     return "absolute"
 
 
-def find_marker(point: str, bodies: dict[str, Body], deck: Deck) -> Marker:
+def find_marker(point: str, bodies: Mapping[str, Body], deck: Deck) -> Marker:
     """Return the marker of a point as decks name it: ``BODY``, ``BODY.tip``, ``ground.name``."""
     owner, name = split_point(point)
     if owner == "ground":
@@ -224,7 +234,7 @@ def _bodies(
 
 
 def _joints(
-    deck: Deck, bodies: dict[str, Body], left_out: LeftOut | None = None
+    deck: Deck, bodies: Mapping[str, Body], left_out: LeftOut | None = None
 ) -> tuple[dict[str, tuple[int, ...]], tuple[Constraint, ...]]:
     joints: dict[str, tuple[int, ...]] = {}
     constraints: list[Constraint] = []

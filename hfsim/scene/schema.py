@@ -78,6 +78,9 @@ class InitialSpec(Spec):
     velocity: VelocityVector | None = None
     """Velocity of the body's origin [m/s]."""
 
+    exact: Flag = False
+    """Whether these values must hold as they are; else they are guesses where joints miss them by little."""
+
 
 class SolveSpec(Spec):
     """What is solved, and how."""

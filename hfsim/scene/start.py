@@ -1,37 +1,124 @@
 """The starting state: what the deck says of each body, completed through the joints.
 
-Bodies start undeformed, so each has the freedom of a rigid body.  What is not stated follows from
-the joints: angles along joints that fix them, positions and velocities so that all joints hold, and
-in closed loops the unstated angles too.  What is stated is never changed.
+What is not stated follows from the joints: angles along joints that fix them, positions and velocities so
+that all joints hold, and in closed loops the unstated angles too.  What is stated stays as it is where the
+joints allow it.  Where they miss it by little, it is a guess, unless the deck calls it exact: the nearest
+start that fulfils the joints is taken, and what that changes is told.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
-from typing import TypeVar
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from hfsim.errors import DeckError
-from hfsim.maths.arrays import Array, BoolArray
-from hfsim.maths.rotations import freedoms
-from hfsim.mechanics.body import Body
+from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.rotations import freedoms, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
+from hfsim.scene.closing import CLOSED, Linkage, largest
 from hfsim.scene.schema import InitialSpec
-
-TOLERANCE = 1e-9
-"""Violation of a joint, in metres or radians and per second, that counts as a contradiction."""
-
 
 GROUND = None
 AT_START = np.zeros(1)
+APART = 1e-3
+"""Difference of an angle from which two ways to close loops are different ones [rad]."""
+ROUGH_ANGLE = 1.0
+"""Change of a stated angle up to which it is a guess of where a loop closes [rad]."""
+ROUGH_TURN = 0.2
+"""The same where a joint or driver fixes the angle outright [rad]."""
+ROUGH_PLACE = 0.05
+"""The same of a stated position, relative to the largest distance of a joint from what it is on."""
+ROUGH_RATE = 0.05
+"""The same of stated velocities, relative to the largest of their kind."""
+WORTH_A_WARNING = 0.02
+"""Part of these limits from which a change is warned of; below, it is only noted."""
 
-_Frame = TypeVar("_Frame", Pose, Twist)
+
+UNITS = {"angle": "rad", "position": "m", "angular_velocity": "rad/s", "velocity": "m/s"}
+"""What is stated under ``initial``, and its units."""
+Branches: TypeAlias = "Callable[[], list[dict[str, float]]]"
+
+
+class Change(NamedTuple):
+    """A stated value that the joints do not allow, and what they allow.
+
+    Attributes
+    ----------
+    body, quantity : str
+        As in ``initial``.
+    stated, taken : tuple of float
+        What the deck says, and what the run starts from.
+    rough : float
+        How far these are apart, relative to what may be a guess.
+    """
+
+    body: str
+    quantity: str
+    stated: tuple[float, ...]
+    taken: tuple[float, ...]
+    rough: float
+
+    def __str__(self) -> str:
+        unit = UNITS[self.quantity]
+        off = float(np.linalg.norm(np.subtract(self.taken, self.stated)))
+        return (
+            f"initial.{self.body}.{self.quantity}: {_listed(self.stated)} {unit} is taken as a guess: "
+            f"the joints allow {_listed(self.taken)} {unit}, {off:.3g} {unit} off"
+        )
+
+
+def _listed(values: tuple[float, ...]) -> str:
+    text = ", ".join(f"{value:.9g}" for value in values)
+    return text if len(values) == 1 else f"[{text}]"
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """How the bodies of a scene were put together.
+
+    Attributes
+    ----------
+    poses : dict of str to Pose
+        With full turns.
+    twists : dict of str to Twist
+    changes : tuple of Change
+        Stated values that were taken as guesses.
+    closed : dict of str to float
+        Angles of bodies that the deck does not state, as loops close with them [rad].
+    branches : callable
+        () -> the same angles in each of the other ways to close that are found; the search takes a while.
+    """
+
+    poses: dict[str, Pose]
+    twists: dict[str, Twist]
+    changes: tuple[Change, ...]
+    closed: dict[str, float]
+    branches: Branches
+
+    def warnings(self) -> list[str]:
+        """Return in words which stated values were changed by much."""
+        return [str(change) for change in self.changes if change.rough > WORTH_A_WARNING]
+
+    def notes(self) -> list[str]:
+        """Return in words how loops were closed, and which stated values were changed by little."""
+        closed = [f"the joints close with {angles_of(self.closed)}"] if self.closed else []
+        return [*closed, *(str(change) for change in self.changes if change.rough <= WORTH_A_WARNING)]
+
+    def facts(self) -> dict[str, Any]:
+        """Return what summaries say of it."""
+        changed = [{key: getattr(one, key) for key in Change._fields[:-1]} for one in self.changes]
+        return {"closed": self.closed, "changed": changed, "notes": self.notes()}
+
+
+def angles_of(closed: Mapping[str, float]) -> str:
+    """Return angles of bodies in words."""
+    return ", ".join(f"{name} {np.degrees(angle):.4g} deg" for name, angle in closed.items())
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,100 +127,111 @@ class Start:
 
     Attributes
     ----------
-    bodies : dict of str to Body
+    names : tuple of str
+        Of the bodies.
     initial : mapping of str to InitialSpec
-    constraints : tuple of Constraint
-    n_dim : int
+    linkage : Linkage
+        Of the frames of the bodies, in this order.
     refuse : callable
         (deck path, message, hint) -> DeckError.
     """
 
-    bodies: Mapping[str, Body]
+    names: tuple[str, ...]
     initial: Mapping[str, InitialSpec]
-    constraints: tuple[Constraint, ...]
-    n_dim: int
+    linkage: Linkage
     refuse: Callable[[str, str, str], DeckError]
 
     @cached_property
-    def _numbers(self) -> dict[int, int]:
-        return {body.columns.start: k for k, body in enumerate(self.bodies.values())}
+    def n_dim(self) -> int:
+        """Number of space dimensions."""
+        return self.linkage.n_dim
 
     def owner(self, marker: Marker) -> int | None:
         """Return the number of the body that a marker is on; None for the ground."""
-        return GROUND if marker.grounded else self._numbers[marker.columns.start]
+        return GROUND if marker.grounded else marker.columns.start // freedoms(self.n_dim)
 
-    def stated(self, origin: str, turn: str) -> _Rigid:
+    @cached_property
+    def ties(self) -> tuple[Constraint, ...]:
+        """The constraints that hold whole turns."""
+        return tuple(c for c in self.linkage.constraints if c.holds_turn)
+
+    def stated(self, origin: str, turn: str) -> _Stated:
         """Return the stated values of two quantities of each body, zero for the rest."""
-        values = np.zeros((len(self.bodies), freedoms(self.n_dim)))
-        rigid = _Rigid(values, np.zeros(values.shape, dtype=bool), self.n_dim)
-        for k, name in enumerate(self.bodies):
-            for quantity, part in ((origin, slice(self.n_dim)), (turn, slice(self.n_dim, None))):
+        values = np.zeros((len(self.names), freedoms(self.n_dim)))
+        stated, exact = np.zeros(values.shape, dtype=bool), np.zeros(values.shape, dtype=bool)
+        parts = {origin: slice(self.n_dim), turn: slice(self.n_dim, None)}
+        for k, name in enumerate(self.names):
+            for quantity, part in parts.items():
                 value = getattr(self.initial.get(name), quantity, None)
                 if value is not None:
-                    rigid.values[k, part], rigid.stated[k, part] = value, True
-        return rigid
+                    values[k, part], stated[k, part], exact[k, part] = value, True, self.initial[name].exact
+        return _Stated(parts, values.ravel(), stated.ravel(), exact.ravel())
 
-    def gap(self, x: Array) -> Array:
-        """Return the residual of all joints at coordinates (n,)."""
-        gaps = (c.residual(AT_START, x[None])[0] for c in self.constraints)
-        return np.concatenate([np.zeros(0), *gaps])
+    def frames(self, given: _Stated) -> Iterator[tuple[str, tuple[Array, Array]]]:
+        """Yield names of bodies with the values of both quantities."""
+        for name, row in zip(self.names, given.values.reshape(len(self.names), -1), strict=True):
+            yield name, (row[: self.n_dim], row[self.n_dim :])
 
 
 @dataclass(eq=False)
-class _Rigid:
-    """Poses or twists of all bodies as rows (n_bodies, n_freedoms), and what of them is stated."""
+class _Stated:
+    """Places or rates of all frames, (n,), what of them the deck states, and what of that is exact.
 
+    Attributes
+    ----------
+    parts : dict of str to slice
+        Where each quantity stands among the values of a frame.
+    values : ndarray, shape (n,)
+    stated, exact : ndarray of bool, shape (n,)
+    open : ndarray of bool, shape (n,)
+        What neither the deck states nor joints hand on.
+    """
+
+    parts: dict[str, slice]
     values: Array
     stated: BoolArray
-    n_dim: int
+    exact: BoolArray
 
-    @property
-    def turns(self) -> Array:
-        return self.values[:, self.n_dim :]
-
-    def frames(self, kind: type[_Frame]) -> list[_Frame]:
-        return [kind(row[: self.n_dim], row[self.n_dim :]) for row in self.values]
-
-    def free(self, with_turns: bool) -> BoolArray:
-        """Return which values may change."""
-        free = ~self.stated
-        free[:, self.n_dim :] &= with_turns
-        return free
+    def __post_init__(self) -> None:
+        self.given = self.values.copy()
+        self.open = ~self.stated
 
 
-def starting_state(start: Start) -> tuple[Array, Array, dict[str, Pose]]:
-    """Return absolute coordinates, their rates, and the pose of each body with its full turns.
-
-    Returns
-    -------
-    x, u : ndarray, shape (n,)
-    poses : dict of str to Pose
+def assembled(start: Start) -> Assembly:
+    """Return where the bodies of a scene are at the start, and how they move.
 
     Raises
     ------
     DeckError
-        Naming the joint that the stated angles, positions or velocities contradict, and by how much.
+        Naming the joint that the stated angles, positions or velocities contradict or that cannot close, and
+        by how much.
     """
     place = start.stated("position", "angle")
     _hand_on(start, place, lambda tie: tie.target(AT_START))
-    _settle(start, place)
+    _refuse_twists(start, place)
+    closed, branches = _settle(start, place)
     rates = start.stated("velocity", "angular_velocity")
     _hand_on(start, rates, lambda tie: -tie.rate(AT_START)[0])
-    x = _coordinates(start, place)
-    _settle_rates(start, _jacobian(start, x, place), rates)
-    poses = place.frames(Pose)
-    parts = zip(start.bodies.values(), poses, rates.frames(Twist), strict=True)
-    u = np.concatenate([body.moving(pose, twist) for body, pose, twist in parts])
-    return x, u, dict(zip(start.bodies, poses, strict=True))
+    _settle_rates(start, start.linkage.jacobian(place.values[None])[0], rates)
+    return Assembly(
+        poses={name: Pose(*parts) for name, parts in start.frames(place)},
+        twists={name: Twist(*parts) for name, parts in start.frames(rates)},
+        changes=(*_changes(start, place, place.values), *_changes(start, rates, rates.values)),
+        closed=closed,
+        branches=branches,
+    )
 
 
-def _hand_on(start: Start, rigid: _Rigid, step: Callable[[Constraint], Array]) -> None:
+def _hand_on(start: Start, given: _Stated, step: Callable[[Constraint], Array]) -> None:
     """Take turns that are not stated from other bodies, along the constraints that fix them."""
-    known: dict[int | None, Array] = {GROUND: np.zeros(rigid.turns.shape[1])}
-    known |= {k: rigid.turns[k] for k, stated in enumerate(rigid.stated[:, -1]) if stated}
-    ties = [c for c in start.constraints if c.holds_turn]
-    for _ in ties:
-        for tie in ties:
+    turns, stated, unknown = (
+        kind.reshape(len(start.names), -1)[:, start.n_dim :]
+        for kind in (given.values, given.stated, given.open)
+    )
+    known: dict[int | None, Array] = {GROUND: np.zeros(turns.shape[1])}
+    known |= {int(k): turns[k] for k in np.flatnonzero(stated[:, -1])}
+    for _ in start.ties:
+        for tie in start.ties:
             a, b = (start.owner(marker) for marker in tie.ends)
             if a in known and b not in known:
                 known[b] = known[a] + step(tie)
@@ -141,72 +239,154 @@ def _hand_on(start: Start, rigid: _Rigid, step: Callable[[Constraint], Array]) -
                 known[a] = known[b] - step(tie)
     for k, turn in known.items():
         if k is not GROUND:
-            rigid.turns[k] = turn
+            turns[k], unknown[k] = turn, False
 
 
-def _coordinates(start: Start, place: _Rigid) -> Array:
-    poses = zip(start.bodies.values(), place.frames(Pose), strict=True)
-    return np.concatenate([body.placed(pose) for body, pose in poses])
+def _refuse_twists(start: Start, place: _Stated) -> None:
+    """Refuse angles that a joint fixes outright and that miss it by far: no loop makes such guesses."""
+    for tie in start.ties:
+        off = largest(tie.residual(AT_START, place.values[None]))
+        known = not any((place.open & start.linkage.turns)[marker.columns].any() for marker in tie.ends)
+        if known and off > ROUGH_TURN:
+            raise _contradicted(start, place, tie, off)
 
 
-def _jacobian(start: Start, x: Array, place: _Rigid) -> Array:
-    """Return the derivative of all constraints by the rigid freedoms, shape (rows, n_bodies, n_freedoms)."""
-    motions = [
-        np.stack([body.moving(pose, twist) for twist in Twist.units(start.n_dim)], axis=1)
-        for body, pose in zip(start.bodies.values(), place.frames(Pose), strict=True)
-    ]
-    blocks = [np.zeros((0, *place.values.shape))]
-    for c in start.constraints:
-        block = np.zeros((c.rows, *place.values.shape))
-        for marker, J in zip(c.ends, c.jacobians(x[None]), strict=True):
-            k = start.owner(marker)
-            if k is not GROUND:
-                block[:, k] += J[0] @ motions[k]
-        blocks.append(block)
-    return np.concatenate(blocks)
+def _settle(start: Start, place: _Stated) -> tuple[dict[str, float], Branches]:
+    """Move what is not stated until the joints hold: origins first, then unstated turns, then guesses.
+
+    Returns
+    -------
+    closed, branches
+        As in `Assembly`.
+    """
+    link, x, free = start.linkage, place.values, ~place.stated
+    if link.close(x, free & ~link.turns) < CLOSED:
+        return {}, list
+    begin = x.copy()
+    starts = link.starts(begin, place.open & link.turns)
+    found = link.search(starts[:1], free) or link.search(starts[1:], free)
+    if not found:
+        found, free = _guesses(start, place, starts), ~place.exact
+    x[:] = _near(link, found[0], begin)
+
+    follow = _following(start, place.open & link.turns, np.abs(x - begin) > CLOSED)
+
+    def closed(at: Array) -> dict[str, float]:
+        return {start.names[k // freedoms(start.n_dim)]: float(at[k]) for k in follow}
+
+    def branches() -> list[dict[str, float]]:
+        if link.moves(x, free):
+            return []
+        ways = [x]
+        for one in link.search(starts, free):
+            if all(largest(wrap(one - way)[link.turns]) > APART for way in ways):
+                ways.append(_near(link, one, begin))
+        return [closed(way) for way in ways[1:]]
+
+    return closed(x), branches
 
 
-def _settle(start: Start, place: _Rigid) -> None:
-    """Move what is not stated until the joints hold: origins first, unstated turns if need be."""
-    for with_turns in (False, True):
-        free = place.free(with_turns)
-        for _ in range(30):
-            x = _coordinates(start, place)
-            gap = start.gap(x)
-            if _largest(gap) < 1e-14 * max(1.0, _largest(x)):
-                return
-            place.values[free] -= np.linalg.lstsq(_jacobian(start, x, place)[:, free], gap, rcond=1e-10)[0]
-        gap = start.gap(_coordinates(start, place))
-        if _largest(gap) < TOLERANCE:
-            return
-    _refuse(start, gap, "initial positions and angles", "")
+def _following(start: Start, free: BoolArray, moved: BoolArray) -> IntArray:
+    """Return the free turns, as columns, of bodies that have moved to close joints or are joined to such."""
+    reached = free & moved
+    for c in start.linkage.constraints:
+        both = [marker.columns for marker in c.ends]
+        if any((free & moved)[columns].any() for columns in both):
+            for columns in both:
+                reached[columns] = free[columns]
+    return np.flatnonzero(reached)
 
 
-def _settle_rates(start: Start, J: Array, rates: _Rigid) -> None:
-    """Change what is not stated until the joints hold, as `_settle`."""
-    explicit = np.concatenate([np.zeros(0), *(c.rate(AT_START)[0] for c in start.constraints)])
-    for with_turns in (False, True):
-        free = rates.free(with_turns)
-        gap = np.einsum("rkf,kf->r", J, rates.values) + explicit
-        rates.values[free] -= np.linalg.lstsq(J[:, free], gap, rcond=1e-10)[0]
-        gap = np.einsum("rkf,kf->r", J, rates.values) + explicit
-        if _largest(gap) < TOLERANCE:
-            return
-    _refuse(start, gap, "initial velocities", "/s")
+def _guesses(start: Start, place: _Stated, starts: Array) -> list[Array]:
+    """Return the places nearest to stated guesses in which the joints hold.
+
+    Raises
+    ------
+    DeckError
+        If there are none, or none that are near enough to be meant.
+    """
+    link, x = start.linkage, place.values
+    ends = link.descend(starts, ~place.stated)
+    best = link.nearest(ends)
+    found = link.search(best[None], ~place.exact) or link.search(ends, ~place.exact)
+    if not found:
+        raise _open(start, place, *link.cut(ends, ~place.exact))
+    near = min((_near(link, one, x) for one in found), key=lambda one: largest((one - x)[place.stated]))
+    allowed = _changes(start, place, near)
+    if any(change.rough > 1.0 for change in allowed):
+        raise _contradicted(start, place, *link.worst(best), allowed)
+    return [near]
 
 
-def _largest(values: Array) -> float:
-    return float(np.abs(values).max(initial=0.0))
+def _near(link: Linkage, x: Array, begin: Array) -> Array:
+    """Return places with turns within half a turn of those at the beginning."""
+    return np.where(link.turns, begin + wrap(x - begin), x)
 
 
-def _refuse(start: Start, gap: Array, what: str, per: str) -> None:
-    """Raise the error that names the joint with the largest violation."""
-    ends = np.cumsum([0] + [c.rows for c in start.constraints])
-    sizes = [float(np.abs(gap[a:b]).max()) for a, b in pairwise(ends)]
-    worst = int(np.argmax(sizes))
-    constraint = start.constraints[worst]
-    raise start.refuse(
-        constraint.item,
-        f"the {what} contradict this joint by {sizes[worst]:.6g} {constraint.unit}{per}",
-        "change what is stated under 'initial', or leave it out to let it follow from the joints",
-    )
+def _settle_rates(start: Start, J: Array, rates: _Stated) -> None:
+    """Change what is not stated until the joints hold, then guesses, as `_settle`."""
+    link, values = start.linkage, rates.values
+    gap = J @ values + link.drift
+    for free in (~rates.stated & ~link.turns, ~rates.stated, ~rates.exact):
+        before = gap
+        values[free] -= np.linalg.lstsq(J[:, free], gap, rcond=1e-10)[0]
+        gap = J @ values + link.drift
+        if largest(gap) < CLOSED:
+            break
+    allowed = _changes(start, rates, values)
+    if largest(gap) >= CLOSED or any(change.rough > 1.0 for change in allowed):
+        raise _contradicted(start, rates, *link.largest_of(before), allowed)
+
+
+def _changes(start: Start, given: _Stated, values: Array) -> tuple[Change, ...]:
+    """Return which stated values are changed by more than round-off."""
+    found = []
+    for k, name in enumerate(start.names):
+        for quantity, part in given.parts.items():
+            where = np.arange(len(values)).reshape(len(start.names), -1)[k, part]
+            off = float(np.linalg.norm((values - given.given)[where]))
+            if given.stated[where].all() and off > CLOSED:
+                before, after = (tuple(map(float, kind[where])) for kind in (given.given, values))
+                found.append(Change(name, quantity, before, after, off / _guess(start, quantity, values)))
+    return tuple(found)
+
+
+def _guess(start: Start, quantity: str, values: Array) -> float:
+    """Return by how much a stated value may be changed as a guess."""
+    link = start.linkage
+    if quantity == "angle":
+        return ROUGH_ANGLE
+    if quantity == "position":
+        return ROUGH_PLACE * link.size
+    of_spins, of_speeds = largest(values[link.turns]), largest(values[~link.turns])
+    return ROUGH_RATE * (of_spins if quantity == "angular_velocity" else of_speeds)
+
+
+def _contradicted(
+    start: Start, given: _Stated, joint: Constraint, size: float, allowed: Sequence[Change] = ()
+) -> DeckError:
+    """Return the refusal of what is stated, or of joints that contradict each other whatever is stated."""
+    rates = "velocity" in given.parts
+    unit = f"{joint.unit}/s" if rates else joint.unit
+    if not given.stated.any():
+        hint = "the start or the rate of a driver, or an angle of a joint, must be another"
+        return start.refuse(
+            joint.item, f"other joints and drivers contradict this one by {size:.6g} {unit}", hint
+        )
+    what = "velocities" if rates else "positions and angles"
+    nearest = [f"{c.body}.{c.quantity} {_listed(c.taken)} {UNITS[c.quantity]}" for c in allowed]
+    hint = f"nearest that the joints allow: {', '.join(nearest)}; " if nearest else ""
+    hint += "correct what is stated under 'initial', or leave it out to let it follow from the joints"
+    return start.refuse(joint.item, f"the initial {what} contradict this joint by {size:.6g} {unit}", hint)
+
+
+def _open(start: Start, place: _Stated, joint: Constraint, size: float) -> DeckError:
+    """Return the refusal of joints that close at no angles."""
+    held = {start.names[k // freedoms(start.n_dim)] for k in np.flatnonzero(place.exact)}
+    if held:
+        message = f"cannot be closed with what is exact: at least {size:.6g} {joint.unit} are left"
+        hint = f"leave out 'exact' of {', '.join(sorted(held))}, or correct what is stated there"
+    else:
+        message = f"cannot be closed: at least {size:.6g} {joint.unit} are left, whatever the angles"
+        hint = "make a link longer, move a point, or let a driver start elsewhere"
+    return start.refuse(joint.item, message, hint)

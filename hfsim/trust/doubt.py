@@ -18,7 +18,8 @@ LARGE_DRIFT = 1e-3
 
 def doubts(leg: Leg, samples: SceneSamples, drift: float) -> dict[str, Any]:
     """Return ``validity``, where models of beams stand, and ``warnings`` for one leg."""
-    found, warnings = validity(samples, leg.done.trajectory), _drift_warnings(leg, drift)
+    found = validity(samples, leg.done.trajectory)
+    warnings = [*leg.scene.assembly.warnings(), *_drift_warnings(leg, drift)]
     if found:
         from hfsim.trust.validity import validity_warnings
 

@@ -1,0 +1,201 @@
+"""Where rigid bodies are so that their joints hold: damped least squares from many starts at once.
+
+Bodies start undeformed, so each has the freedom of its frame and points of it are those of a rigid body.  The
+places of all frames, one after the other, are a vector x: that of an assembled scene of rigid bodies.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, BoolArray
+from hfsim.maths.rotations import freedoms
+from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.markers import Marker, RigidMarker
+
+CLOSED = 1e-9
+"""Gap of a joint, in metres or radians, that counts as none."""
+SWEEPS = 80
+"""Steps of the damped iteration."""
+STARTS = 48
+"""Starts of the search for loops, fewer in scenes of many bodies."""
+CUT = 1e-4
+"""Weight of the joint at which a loop that cannot close is cut, over that of all others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frame(Body):
+    """A body at the start, when it is undeformed: only its frame moves."""
+
+    @classmethod
+    def of(cls, bodies: Iterable[Body], n_dim: int) -> dict[str, Frame]:
+        """Return the frames of bodies by name."""
+        size = freedoms(n_dim)
+        return {b.name: cls(b.name, slice(k * size, (k + 1) * size), b.points) for k, b in enumerate(bodies)}
+
+    def marker(self, place: Place) -> Marker:
+        """Return the marker of a point that turns with the frame."""
+        return RigidMarker(self.columns, place)
+
+
+@dataclass(frozen=True, eq=False)
+class Linkage:
+    """The joints of a scene between the frames of its bodies.
+
+    Attributes
+    ----------
+    constraints : tuple of Constraint
+    n : int
+        Number of coordinates of all frames.
+    n_dim : int
+    """
+
+    constraints: tuple[Constraint, ...]
+    n: int
+    n_dim: int
+
+    @cached_property
+    def rows(self) -> tuple[slice, ...]:
+        """Rows of each constraint in the gaps."""
+        ends = np.cumsum([0] + [c.rows for c in self.constraints])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @cached_property
+    def turns(self) -> BoolArray:
+        """Which coordinates are turns, (n,)."""
+        return np.tile(np.arange(freedoms(self.n_dim)) >= self.n_dim, self.n // freedoms(self.n_dim))
+
+    @cached_property
+    def size(self) -> float:
+        """Largest distance of a joint from the origin of what it is on [m]; 1 where all is zero."""
+        at_origin = np.zeros((1, self.n))
+        marks = [marker.position(at_origin)[0] for c in self.constraints for marker in c.ends]
+        return max([float(np.linalg.norm(mark)) for mark in marks], default=0.0) or 1.0
+
+    @cached_property
+    def _units(self) -> Array:
+        """Size of a step of each coordinate: turns move points by about as much as shifts do."""
+        return np.where(self.turns, 1.0 / self.size, 1.0)
+
+    def gaps(self, x: Array) -> Array:
+        """Return what joints miss at the start in places (n_batch, n), shape (n_batch, n_rows)."""
+        t = np.zeros(len(x))
+        return np.concatenate([np.zeros((len(x), 0)), *(c.residual(t, x) for c in self.constraints)], axis=1)
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the derivative of the gaps, shape (n_batch, n_rows, n)."""
+        J = np.zeros((len(x), len(self.drift), self.n))
+        for c, rows in zip(self.constraints, self.rows, strict=True):
+            for marker, block in zip(c.ends, c.jacobians(x), strict=True):
+                J[:, rows, marker.columns] += block
+        return J
+
+    @cached_property
+    def drift(self) -> Array:
+        """How fast the gaps grow at the start if nothing moves: drivers; shape (n_rows,)."""
+        return np.concatenate([np.zeros(0), *(c.rate(np.zeros(1))[0] for c in self.constraints)])
+
+    def worst(self, x: Array) -> tuple[Constraint, float]:
+        """Return the constraint with the largest gap at places (n,), and its size."""
+        return self.largest_of(self.gaps(x[None])[0])
+
+    def largest_of(self, values: Array) -> tuple[Constraint, float]:
+        """Return the last constraint with the largest of values (n_rows,), or nearly so, and its size."""
+        sizes = np.array([np.linalg.norm(values[rows]) for rows in self.rows])
+        k = int(np.flatnonzero(sizes >= 0.999 * sizes.max())[-1])
+        return self.constraints[k], float(sizes[k])
+
+    def close(self, x: Array, free: BoolArray) -> float:
+        """Close joints by Newton's steps of least size, in place (n,); return the largest gap left."""
+        left = largest(self.gaps(x[None]))
+        while left >= 1e-14 * max(1.0, largest(x)) and free.any():
+            J, gap = self.jacobian(x[None])[0], self.gaps(x[None])[0]
+            trial = x.copy()
+            trial[free] -= (
+                self._units[free] * np.linalg.lstsq(J[:, free] * self._units[free], gap, rcond=1e-10)[0]
+            )
+            reached = largest(self.gaps(trial[None]))
+            if not reached < 0.5 * left:
+                break
+            x[:], left = trial, reached
+        return left
+
+    def descend(self, x: Array, free: BoolArray, weights: Array | None = None) -> Array:
+        """Return places where the gaps of (n_batch, n) are smallest nearby, by Levenberg and Marquardt.
+
+        Parameters
+        ----------
+        x : ndarray, shape (n_batch, n)
+        free : ndarray of bool, shape (n,)
+            Which coordinates may change.
+        weights : ndarray, shape (n_rows,), optional
+            Of the gaps.
+        """
+        w, units = 1.0 if weights is None else weights, self._units[free]
+        x, damping = x.copy(), np.full((len(x), 1, 1), 1e-2)
+        gaps = w * self.gaps(x)
+        for _ in range(SWEEPS):
+            J = (self.jacobian(x)[:, :, free] * units) * np.reshape(w, (-1, 1))
+            slope = gaps[:, None] @ J
+            A = J.swapaxes(1, 2) @ J + damping * np.eye(J.shape[2])
+            step = np.linalg.solve(A, slope.swapaxes(1, 2))[..., 0]
+            trial = x.copy()
+            trial[:, free] -= units * step
+            reached = w * self.gaps(trial)
+            better = np.sum(reached**2, axis=1) < np.sum(gaps**2, axis=1)
+            x[better], gaps[better] = trial[better], reached[better]
+            damping = np.clip(np.where(better[:, None, None], damping / 8.0, damping * 4.0), 1e-12, 1e6)
+            if largest(gaps) < CLOSED or (largest(step) < 1e-10 * self.size):
+                break
+        return x
+
+    def starts(self, x: Array, turns: BoolArray) -> Array:
+        """Return places (n_batch, n): x itself, then others with some turns spread evenly over all angles."""
+        turning = np.flatnonzero(turns)
+        count = int(np.clip(4e6 / self.n**2, 2, STARTS)) if len(turning) else 1
+        spread = np.repeat(x[None], count, axis=0)
+        spread[1:, turning] += 2.0 * np.pi * _evenly(count - 1, len(turning))
+        return spread
+
+    def search(self, x: Array, free: BoolArray) -> list[Array]:
+        """Return all places found near which, from places (n_batch, n) on, the joints hold."""
+        found = self.descend(x, free)
+        return [one for one in found if self.close(one, free) < CLOSED]
+
+    def cut(self, x: Array, free: BoolArray) -> tuple[Constraint, float]:
+        """Return the joint that stays open where all others close, from places (n_batch, n) on; its gap."""
+        x = self.descend(x, free)
+        opened, _ = self.worst(self.nearest(x))
+        weights = np.ones(len(self.drift))
+        weights[self.rows[self.constraints.index(opened)]] = CUT
+        return self.worst(
+            self.nearest(self.descend(x, free, weights), np.where(weights < 1.0, 1.0, 1.0 / CUT))
+        )
+
+    def moves(self, x: Array, free: BoolArray) -> bool:
+        """Return whether the joints leave the free coordinates a motion at places (n,)."""
+        J = self.jacobian(x[None])[0][:, free] * self._units[free]
+        return bool(np.linalg.matrix_rank(J, 1e-9) < free.sum())
+
+    def nearest(self, x: Array, weights: Array | float = 1.0) -> Array:
+        """Return of places (n_batch, n) those, (n,), with the smallest sum of weighted squares of gaps."""
+        return np.asarray(x[int(np.argmin(np.sum((weights * self.gaps(x)) ** 2, axis=1)))])
+
+
+def largest(values: Array) -> float:
+    """Return the largest size of any of some numbers; 0 without any."""
+    return float(np.abs(values).max(initial=0.0))
+
+
+def _evenly(count: int, n: int) -> Array:
+    """Return points (count, n) spread evenly over the unit cube: multiples of powers of a golden ratio."""
+    ratio = 2.0
+    for _ in range(40):
+        ratio = (1.0 + ratio) ** (1.0 / (n + 1))
+    return np.asarray(np.arange(1.0, count + 1.0)[:, None] * ratio ** -np.arange(1.0, n + 1.0) % 1.0)

@@ -1,0 +1,260 @@
+# ruff: noqa: E501
+"""Closing loops at the start: angles that are not stated, guesses, branches, and what cannot close."""
+
+import numpy as np
+import pytest
+
+from hfsim.errors import DeckError
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+
+HEAD = """hfsim: 1
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10}}
+sections: {bar: {area: 1.0e-4, second_moment: 1.0e-9}}
+"""
+
+
+def link(name, length, kind="rigid"):
+    if kind == "beam":
+        return f"  {name}: {{type: beam, material: alloy, section: bar, length: {length}, elements: 2}}\n"
+    half = length / 2
+    points = f"{{root: [{-half}, 0.0], tip: [{half}, 0.0]}}"
+    return f"  {name}: {{type: rigid, mass: 1.0, inertia: 0.01, points: {points}}}\n"
+
+
+def pins(*pairs):
+    return "".join(f"  {name}: {{type: revolute, between: [{ends}]}}\n" for name, ends in pairs)
+
+
+def mechanism(links, joints, ground="{}", extra="", kind="rigid", driven="crank", start=None):
+    """Return a loaded deck of links by name and length, and of pins."""
+    text = HEAD + f"ground: {{points: {ground}}}\nbodies:\n"
+    text += "".join(one if isinstance(one, str) else link(*one, kind) for one in links)
+    text += "joints:\n" + pins(*joints)
+    if start is not None:
+        text += f"  motor: {{type: driver, between: [ground, {driven}], angle: {{type: constant_rate, rate: 1.0, start: {start!r}}}}}\n"
+    return parse_deck(text + extra + "solve: {duration: 0.01}\n", "mechanism.yaml")
+
+
+def four_bar(start=None, lengths=(0.3, 0.9, 0.7), **options):
+    pairs = ("axle", "ground, crank.root"), ("left", "crank.tip, coupler.root")
+    pairs += ("right", "coupler.tip, rocker.tip"), ("foot", "ground.far, rocker.root")
+    links = zip(("crank", "coupler", "rocker"), lengths, strict=True)
+    return mechanism(links, pairs, "{far: [1.0, 0.0]}", start=start, **options)
+
+
+def closing(start, lengths=(0.3, 0.9, 0.7)):
+    """Angles of coupler and rocker in both ways to close the four-bar, in closed form."""
+    a, b, c = lengths
+    line = 1.0 - a * np.exp(1j * start)
+    d = abs(line)
+    lift = np.arccos((b * b + d * d - c * c) / (2 * b * d))
+    for side in (1.0, -1.0):
+        coupler = np.angle(line) + side * lift
+        rocker = np.angle(a * np.exp(1j * start) + b * np.exp(1j * coupler) - 1.0)
+        yield float(coupler), float(rocker)
+
+
+def apart(first, second):
+    return max(abs((a - b + np.pi) % (2 * np.pi) - np.pi) for a, b in zip(first, second, strict=True))
+
+
+def assembled(loaded, model=None):
+    """Return the assembly of a deck, the joints of which hold."""
+    scene = build(loaded, model)
+    x = scene.system.absolute(scene.q[None])
+    assert np.abs(scene.system.residual(np.zeros(1), x)).max() < 1e-12
+    u = scene.system.absolute_velocity(scene.q[None], scene.v[None])
+    assert np.abs(scene.system.drift(np.zeros(1), x, u)).max() < 1e-11
+    return scene.assembly
+
+
+@pytest.mark.parametrize("kind", ["rigid", "beam"])
+@pytest.mark.parametrize("degrees", range(0, 360, 10))
+def test_every_angle_of_a_crank_that_can_close_does(degrees, kind):
+    start = np.radians(degrees)
+    found = assembled(four_bar(float(start), kind=kind))
+    ways = [tuple(one.values()) for one in (found.closed, *found.branches())]
+    assert list(found.closed) == ["coupler", "rocker"] and len(ways) == 2
+    for both in closing(start):
+        assert min(apart(both, way) for way in ways) < 1e-9, "each of the two ways is found"
+
+
+@pytest.mark.parametrize("model", ["linear", "lowOrder", "ancf", "rigid"])
+def test_the_way_to_close_does_not_depend_on_the_model(model):
+    found = assembled(four_bar(0.5, kind="beam"), model)
+    assert found.closed == assembled(four_bar(0.5, kind="beam"), "exact").closed
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_rough_angle_steers_to_the_nearest_way(side):
+    coupler, rocker = list(closing(0.5))[side]
+    found = assembled(four_bar(0.5, extra=f"initial: {{rocker: {{angle: {rocker + 0.2!r}}}}}\n"))
+    assert found.poses["coupler"].angle == pytest.approx(coupler, abs=1e-9)
+    assert found.poses["rocker"].angle == pytest.approx(rocker, abs=1e-9)
+    (warning,) = found.warnings()
+    assert "initial.rocker.angle" in warning and "0.2 rad off" in warning
+
+
+@pytest.mark.parametrize(("off", "told"), [(5.9e-7, "note"), (0.087, "warning")])
+def test_approximate_angles_are_guesses_and_told(off, told):
+    coupler, rocker = next(closing(1.0))
+    extra = f"initial: {{crank: {{angle: 1.0}}, coupler: {{angle: {coupler + off!r}}}, rocker: {{angle: {rocker - off!r}}}}}\n"
+    found = assembled(four_bar(1.0, extra=extra))
+    assert found.poses["coupler"].angle == pytest.approx(coupler, abs=1e-9)
+    notes, warnings = found.notes(), found.warnings()
+    lines = notes if told == "note" else warnings
+    assert len(notes) + len(warnings) == len(lines) == 2
+    for name, line in zip(("coupler", "rocker"), lines, strict=True):
+        assert f"initial.{name}.angle" in line and f"{off:.3g} rad off" in line
+
+
+def test_angles_that_agree_stay_as_they_are():
+    coupler, rocker = next(closing(1.0))
+    extra = f"initial: {{crank: {{angle: 1.0}}, coupler: {{angle: {coupler!r}}}, rocker: {{angle: {rocker!r}}}}}\n"
+    found = assembled(four_bar(1.0, extra=extra))
+    assert [pose.angle for pose in found.poses.values()] == [1.0, coupler, rocker]
+    assert not found.notes() and not found.warnings() and not found.closed
+
+
+def refused(loaded):
+    with pytest.raises(DeckError) as caught:
+        build(loaded)
+    (problem,) = caught.value.problems
+    assert caught.value.exit_code == 2 and problem.line > 0
+    return problem
+
+
+def test_exact_angles_are_no_guesses():
+    _, rocker = next(closing(1.0))
+    problem = refused(
+        four_bar(1.0, extra=f"initial: {{rocker: {{angle: {rocker + 0.01!r}, exact: true}}}}\n")
+    )
+    assert "exact" in problem.message and "rocker" in problem.hint
+    assert problem.path == "joints.foot"
+    guess = four_bar(
+        1.0, extra=f"initial: {{crank: {{angle: 1.01, exact: true}}, rocker: {{angle: {rocker!r}}}}}\n"
+    )
+    assert "0.01 rad" in refused(guess).message
+    found = assembled(
+        four_bar(
+            extra=f"initial: {{crank: {{angle: 1.0, exact: true}}, rocker: {{angle: {rocker + 0.1!r}}}}}\n"
+        )
+    )
+    assert found.poses["crank"].angle == 1.0
+    assert found.poses["rocker"].angle == pytest.approx(rocker, abs=1e-9)
+
+
+def test_what_is_far_off_is_refused_with_the_nearest_that_holds():
+    coupler, rocker = next(closing(1.0))
+    extra = f"initial: {{coupler: {{angle: {coupler + 1.5!r}}}, rocker: {{angle: {rocker + 1.5!r}}}}}\n"
+    problem = refused(four_bar(1.0, extra=extra))
+    assert f"rocker.angle {rocker:.9g} rad" in problem.hint and "'initial'" in problem.hint
+
+
+@pytest.mark.parametrize(
+    ("start", "lengths", "gap"),
+    [
+        (0.5, (0.3, 0.2, 0.1), abs(1.0 - 0.3 * np.exp(0.5j)) - 0.3),
+        (0.5, (0.3, 2.9, 0.7), 2.2 - abs(1.0 - 0.3 * np.exp(0.5j))),
+        (None, (0.3, 0.2, 0.1), 0.4),
+        (3.0, (1.0, 0.6, 0.3), abs(1.0 - np.exp(3.0j)) - 0.9),
+    ],
+)
+def test_a_loop_that_cannot_close_is_refused_with_the_smallest_gap(start, lengths, gap):
+    problem = refused(four_bar(start, lengths))
+    assert problem.path == "joints.foot" and f"at least {gap:.6g} m are left" in problem.message
+    assert "initial" not in problem.message + problem.hint, "there is nothing to change there"
+
+
+@pytest.mark.parametrize("degrees", range(0, 360, 30))
+def test_slider_cranks_close(degrees):
+    slider = "  slider: {type: rigid, mass: 1.0, inertia: 0.1}\n"
+    pairs = ("axle", "ground, crank.root"), ("knee", "crank.tip, rod.root"), ("wrist", "rod.tip, slider")
+    start = float(np.radians(degrees))
+    loaded = mechanism([("crank", 0.5), ("rod", 1.0), slider], [*pairs], start=start)
+    text = loaded.source.text.replace(
+        "solve:", "  guide: {type: prismatic, between: [ground, slider]}\nsolve:"
+    )
+    found = assembled(parse_deck(text))
+    assert np.sin(found.poses["rod"].angle) == pytest.approx(-0.5 * np.sin(start), abs=1e-9)
+
+
+@pytest.mark.parametrize("degrees", range(5, 360, 30))
+def test_parallelograms_close(degrees):
+    start = float(np.radians(degrees))
+    found = assembled(four_bar(start, (0.3, 1.0, 0.3)))
+    ways = [tuple(one.values()) for one in (found.closed, *found.branches())]
+    assert len(ways) == 2 and min(apart((0.0, start), way) for way in ways) < 1e-7
+
+
+@pytest.mark.parametrize("degrees", range(0, 360, 30))
+def test_a_six_bar_closes(degrees):
+    """Watt: a four-bar whose coupler and rocker carry two more links."""
+    plate = "  coupler: {type: rigid, mass: 1.0, inertia: 0.1, points: {root: [-0.45, 0.0], tip: [0.45, 0.0], side: [0.0, 0.4]}}\n"
+    arm = "  rocker: {type: rigid, mass: 1.0, inertia: 0.1, points: {root: [-0.35, 0.0], tip: [0.35, 0.0], side: [0.5, -0.4]}}\n"
+    pairs = ("axle", "ground, crank.root"), ("left", "crank.tip, coupler.root")
+    pairs += ("right", "coupler.tip, rocker.tip"), ("foot", "ground.far, rocker.root")
+    pairs += (
+        ("up", "coupler.side, stay.root"),
+        ("down", "rocker.side, strut.root"),
+        ("top", "stay.tip, strut.tip"),
+    )
+    links = [("crank", 0.3), plate, arm, ("stay", 0.8), ("strut", 0.8)]
+    found = assembled(mechanism(links, pairs, "{far: [1.0, 0.0]}", start=float(np.radians(degrees))))
+    assert set(found.closed) == {"coupler", "rocker", "stay", "strut"}
+    assert len(found.branches()) >= 2
+
+
+@pytest.mark.parametrize("degrees", [-30, -10, 0, 10, 30])
+def test_the_peaucellier_linkage_closes(degrees):
+    """Its point D runs along a straight line while its crank turns."""
+    pairs = ("o1", "ground, long1.root"), ("o2", "ground, long2.root"), ("q", "ground.q, crank.root")
+    pairs += ("a1", "long1.tip, near1.root"), ("a2", "long1.tip, far1.root")
+    pairs += ("c1", "long2.tip, near2.root"), ("c2", "long2.tip, far2.root")
+    pairs += ("b1", "crank.tip, near1.tip"), ("b2", "crank.tip, near2.tip"), ("d", "far1.tip, far2.tip")
+    names = ("long1", "long2", "near1", "near2", "far1", "far2", "crank")
+    links = list(zip(names, (1.0, 1.0, 0.4, 0.4, 0.4, 0.4, 0.35), strict=True))
+    start = float(np.radians(degrees))
+    loaded = mechanism(
+        links,
+        pairs,
+        "{q: [0.35, 0.0]}",
+        start=start,
+        extra="initial: {long1: {angle: 0.3}, long2: {angle: -0.3}}\n",
+    )
+    found = assembled(loaded)
+    tip = found.poses["far1"].placed(np.array([0.2, 0.0]))
+    tip2 = found.poses["far2"].placed(np.array([0.2, 0.0]))
+    assert tip == pytest.approx(tip2, abs=1e-12)
+    if np.linalg.norm(tip - found.poses["crank"].placed(np.array([0.175, 0.0]))) > 1e-6:
+        assert tip[0] == pytest.approx((1.0 - 0.16) / 0.7, abs=1e-9)
+
+
+def test_rough_velocities_are_guesses_and_false_ones_are_refused():
+    loaded = four_bar(1.0, extra="initial: {crank: {angular_velocity: 1.001}}\n")
+    found = assembled(loaded)
+    assert found.twists["crank"].spin[0] == pytest.approx(1.0, abs=1e-12)
+    (line,) = (one for one in (*found.notes(), *found.warnings()) if "angular_velocity" in one)
+    assert "1.001 rad/s is taken as a guess: the joints allow 1 rad/s" in line
+    problem = refused(four_bar(1.0, extra="initial: {crank: {angular_velocity: 1.5}}\n"))
+    assert problem.path == "joints.motor" and "0.5 rad/s" in problem.message
+
+
+def test_drivers_that_contradict_each_other_are_told_without_initial():
+    text = four_bar(1.0).source.text.replace(
+        "solve:",
+        "  brake: {type: driver, between: [ground, crank], angle: {type: constant_rate, rate: 2.0, start: 1.0}}\nsolve:",
+    )
+    problem = refused(parse_deck(text))
+    assert problem.path == "joints.brake" and "initial" not in problem.message + problem.hint
+
+
+def test_a_run_tells_how_it_was_put_together():
+    run = simulate(four_bar(1.0, extra="initial: {rocker: {angle: 1.4}}\n"), error_estimate=False)
+    told = run.statistics["assembly"]
+    assert list(told["closed"]) == ["coupler"]
+    (changed,) = told["changed"]
+    assert changed["body"] == "rocker" and changed["stated"] == (1.4,)
+    assert [line for line in run.statistics["warnings"] if "initial.rocker.angle" in line]
