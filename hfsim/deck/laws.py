@@ -24,7 +24,28 @@ from hfsim.maths.arrays import Array
 
 
 class Law(ABC):
-    """A function of time with its first two derivatives; times of any shape give results of that shape."""
+    """A function of time with its first two derivatives; times of any shape give results of that shape.
+
+    All laws are twice continuously differentiable.
+    """
+
+    @property
+    def period(self) -> float:
+        """Time after which it repeats itself [s]; infinite where it never does."""
+        return math.inf
+
+    def breaks(self, order: int) -> Array:
+        """Return the times [s] at which integrators have to end a step, lest they miss a part of the law.
+
+        Between two of them it is smooth, and its derivative of this order monotone: if it is the same at both
+        ends, it has not changed in between.  A law that repeats itself has none.
+
+        Parameters
+        ----------
+        order : int
+            0 where the law acts by its value, as a load does, or 2 where it does by its accelerations.
+        """
+        return np.zeros(0)
 
     def value(self, t: ArrayLike) -> Array:
         """Return the value at times t [s]."""
@@ -62,6 +83,14 @@ class SplineLaw(Law):
 
     spline: Any
 
+    def breaks(self, order: int) -> Array:
+        """Return the points and, between them, where the value turns round."""
+        points = np.asarray(self.spline.x)
+        if order:
+            return points
+        turns = self.spline.derivative().roots(extrapolate=False)
+        return np.concatenate([points, turns[np.isfinite(turns)]])
+
     def _derivative(self, t: Array, order: int) -> Array:
         return np.asarray(self.spline(t, order))
 
@@ -74,6 +103,12 @@ class StepLaw(Law):
     high: float
     start: float
     end: float
+
+    def breaks(self, order: int) -> Array:
+        """Return start and end and, between them, where the acceleration turns round."""
+        turn = math.sqrt(3.0) / 6.0
+        shares = np.array([0.0, 0.5 - turn, 0.5 + turn, 1.0] if order else [0.0, 1.0])
+        return self.start * (1.0 - shares) + self.end * shares
 
     def _derivative(self, t: Array, order: int) -> Array:
         duration = self.end - self.start
@@ -92,6 +127,10 @@ class SpinUpLaw(Law):
 
     final_rate: float
     time: float
+
+    def breaks(self, order: int) -> Array:
+        """Return the end and, before it, where the acceleration turns round."""
+        return np.array([0.5 * self.time, self.time] if order else [self.time])
 
     def _derivative(self, t: Array, order: int) -> Array:
         w = 2 * math.pi / self.time
@@ -115,6 +154,11 @@ class SineLaw(Law):
     w: float
     phase: float
     offset: float
+
+    @property
+    def period(self) -> float:
+        """Time of one oscillation [s]."""
+        return 2.0 * math.pi / self.w
 
     def _derivative(self, t: Array, order: int) -> Array:
         # Each derivative turns the phase by a quarter and brings one factor w.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -80,7 +80,17 @@ class Stepper(Remembering):
     started anew in the state reached there and then told to `recall`.  The attributes that it recalls are
     named in ``remembers``; derivatives are not kept but taken again where they were
     (`hfsim.integrators.derivative.taken_again`).
+
+    Steps end where a law of time has a break.  A method that looks back is started anew there if its first
+    step behind it fails or ``reach`` comes or goes, and always where steps are of fixed length.
     """
+
+    looks_back: ClassVar[bool] = False
+    """Whether a step depends on more than the state in which it begins."""
+
+    reach: float = 0.0
+    """Time over which errors of velocities count where breaks make steps short [s]: a push may be over soon,
+    but what it did to the velocities goes on."""
 
     name: str
     """What it makes its steps with now."""

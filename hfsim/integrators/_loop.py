@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._base import Attempt, Method, Stepper, unsolved
-from hfsim.integrators._memory import Memory, Remembering, packed, unpacked
+from hfsim.integrators._memory import Memory, packed, unpacked
+from hfsim.integrators._pace import Pace
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import Segment, Trajectory
 from hfsim.maths.arrays import Array
@@ -35,68 +35,17 @@ class Limits(NamedTuple):
     shortest: float = 1e-11
 
 
-WINDOW = 1000
-"""Attempted steps after which the pace is looked at."""
-HOPELESS = 1e7
-"""Attempted steps still to come, at the pace of two windows, from which a run ends."""
-GAINING = 1.2
-"""Progress over that of the window before from which steps are growing, and the run is left alone."""
 IN_A_ROW = 3
 """Unsolved steps one after another from which it is looked whether something is not finite."""
+UNLIKE = 1.3
+"""Periods of a law within which the first step behind a break ends: after one, all would look as before."""
+SAME_TIME = 1e-14
+"""Difference of two times, relative to the end of a run, that is rounding."""
 AHEAD = 1e-4
 """Length of a step, relative to the duration, up to which what lies at its end is to blame."""
 
 
 Watch = Callable[[float, Array, Array], None]
-
-
-@dataclass
-class _Pace(Remembering):
-    """Ends a run that crawls: two windows in a row at whose pace the end is out of reach.
-
-    Steps that are short at first and grow, as in a stiff start, gain in each window and are left alone.
-    """
-
-    t: float
-    t_end: float
-    attempts: int = 0
-    rejected: int = 0
-    unsolved: int = 0
-    before: float = -np.inf
-    """Progress of the window before, if that was hopeless too."""
-    remembers = ("t", "attempts", "rejected", "unsolved", "before")
-
-    def note(self, t: float, rejected: bool, unsolved: bool) -> None:
-        """Count one attempt that ended at t.
-
-        Raises
-        ------
-        SolverFailure
-            If the run crawls.
-        """
-        self.attempts += 1
-        self.rejected += rejected
-        self.unsolved = self.unsolved + 1 if unsolved else 0
-        if self.attempts % WINDOW:
-            return
-        progress, self.t = t - self.t, t
-        share, self.rejected = self.rejected / WINDOW, 0
-        left = (self.t_end - t) / progress * WINDOW if progress > 0.0 else np.inf
-        if left <= HOPELESS:
-            self.before = -np.inf
-        elif progress > GAINING * self.before:
-            self.before = progress
-        else:
-            raise _crawl(t, progress, share)
-
-
-def _crawl(t: float, progress: float, rejected: float) -> SolverFailure:
-    return SolverFailure(
-        f"the steps crawl: the last {WINDOW} of them, {100.0 * rejected:.0f} % rejected, gained "
-        f"{progress:.2g} s; at this pace more than {HOPELESS:.0e} would follow",
-        t,
-        evidence={"progress": progress, "rejected_share": rejected},
-    )
 
 
 def integrate(
@@ -163,9 +112,12 @@ class Stepping:
         self.stop: HfsimError | KeyboardInterrupt | None = None
         self._problem, self._method, self._limits, self._watch = problem, method, limits, watch
         self._t_end, self._duration = t_end, t_end - start[0]
-        self._pace = _Pace(start[0], t_end)
+        self._breaks = _stretches(problem.breaks, start[0], t_end)
+        self._pace = Pace(start[0], t_end)
         self._stepper: Stepper | None = None
-        self._wish = 0.0
+        self._wish = self._reach = 0.0
+        self._stretch = start[0], start[0]
+        self._behind_break = False
         self._kept = self._memories()
 
     def __iter__(self) -> Stepping:
@@ -179,7 +131,7 @@ class Stepping:
         StopIteration
             At the end, or where no step could be made.
         """
-        if self.stop is not None or self.path.t_end >= self._t_end * (1.0 - 1e-14):
+        if self.stop is not None or self.path.t_end >= self._t_end * (1.0 - SAME_TIME):
             raise StopIteration
         made = len(self.path.segments)
         try:
@@ -208,15 +160,19 @@ class Stepping:
         self.path, self.stop, self._stepper = Trajectory(t, t, q, v), None, None
         self.path.methods.extend(map(str, state["methods"]))
         self._pace.recall(self._kept["pace"])
+        k = int(np.searchsorted(self._breaks, t))
+        self._go_into(max(k - 1, 0), k)
         self._problem.counts.recall(self._kept["counts"])
 
     def _memories(self) -> dict[str, dict[str, Any]]:
-        path, stepper = self.path, self._stepper
+        path, stepper, own = self.path, self._stepper, dict[str, Any]()
+        if stepper is not None:
+            own = {"wish": self._wish, "reach": self._reach} | stepper.memory()
         return {
             "state": {"t": path.t_end, "q": path.q, "v": path.v, "methods": tuple(path.methods)},
             "pace": self._pace.memory(),
             "counts": self._problem.counts.memory(),
-            "stepper": {} if stepper is None else {"wish": self._wish} | stepper.memory(),
+            "stepper": own,
         }
 
     def _drop_unkept(self) -> None:
@@ -230,16 +186,21 @@ class Stepping:
         """Make attempts until a step is kept; raise what prevents that."""
         path, fixed, most = self.path, self._limits.step, self._limits.max_steps
         stepper = self._stepper or self._begin()
+        if path.t_end >= self._stretch[1]:
+            stepper = self._enter(stepper)
         steps = path.segments
         made = len(steps)
         while len(steps) == made:
             if most is not None and self._problem.counts.steps >= most:
                 raise LimitReached(f"{most} steps were made", path.t_end)
-            h = _fitted(fixed or self._wish, self._t_end - path.t_end, fixed is not None)
+            h = _fitted(fixed or self._wish, self._stretch[1] - path.t_end, fixed is not None)
             attempt = self._attempt(stepper, h)
             self._name(stepper)
             if not attempt.solved or (fixed is None and attempt.error > 1.0):
                 self._wish = self._shortened(attempt, h)
+                if self._behind_break and stepper.looks_back:
+                    stepper = self._restarted()
+                    self._wish = min(self._wish, stepper.first)
                 continue
             if h >= 0.5 * self._wish:
                 self._wish = float(h * min(max(attempt.growth, 0.2), 5.0))
@@ -252,10 +213,36 @@ class Stepping:
         if remembered:
             stepper.recall(remembered)
             self._wish = remembered["wish"]
+            self._reach = stepper.reach = remembered["reach"]
             self._problem.counts.recall(self._kept["counts"])
         self._stepper = stepper
         self._name(stepper)
         return stepper
+
+    def _enter(self, stepper: Stepper) -> Stepper:
+        """Go on into the stretch of time up to the next break; return what makes the steps there."""
+        t, fixed, before = self.path.t_end, self._limits.step, self._reach
+        k = int(np.searchsorted(self._breaks, t, side="right"))
+        self._go_into(k - 1, k)
+        self._behind_break = k > 1
+        reach = min(max(fixed or self._wish, before), self._t_end - t)
+        stepper.reach = self._reach = reach if reach > self._stretch[1] - t else 0.0
+        changes = fixed is not None or bool(before) != bool(self._reach)
+        if self._behind_break and stepper.looks_back and changes:
+            stepper = self._restarted()
+            self._wish = stepper.first
+        self._wish = min(self._wish, UNLIKE * self._problem.period)
+        return stepper
+
+    def _go_into(self, begin: int, end: int) -> None:
+        self._stretch = float(self._breaks[begin]), float(self._breaks[end])
+        self._pace.t_end = self._stretch[1]
+
+    def _restarted(self) -> Stepper:
+        """Start the method anew, without what it remembers of the time before a break."""
+        self._stepper, self._behind_break = self._started(), False
+        self._stepper.reach = self._reach
+        return self._stepper
 
     def _name(self, stepper: Stepper) -> None:
         if stepper.name not in self.path.methods:
@@ -289,13 +276,15 @@ class Stepping:
 
     def _keep(self, stepper: Stepper, attempt: Attempt, h: float) -> None:
         path = self.path
-        t = self._t_end if h == self._t_end - path.t_end else path.t_end + h
+        end = self._stretch[1]
+        t = end if h == end - path.t_end else path.t_end + h
         stepper.accept(t, attempt.q, attempt.v)
         self._problem.counts.steps += 1
         if self._limits.step is None:
             self._pace.note(t, False, False)
         path.segments.append(Segment(path.t_end, h, path.q, path.v, attempt.series))
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
+        self._behind_break = False
         self._kept = self._memories()
 
     def _shortened(self, attempt: Attempt, h: float) -> float:
@@ -319,18 +308,20 @@ class Stepping:
             if cause is not None:
                 raise cause
         wish = h * min(max(attempt.growth, 0.1), 0.9)
-        self._refuse_collapse(wish / self._duration)
+        self._refuse_collapse(wish)
         return wish
 
-    def _refuse_collapse(self, relative: float) -> None:
+    def _refuse_collapse(self, wish: float) -> None:
         """Raise the cause when steps have become too short to go on."""
-        if relative > self._limits.short:
+        begin, end = self._stretch
+        shortest = max(self._limits.shortest * (end - begin), float(np.spacing(self._t_end)))
+        if wish > max(self._limits.short * self._duration, shortest):
             return
         cause = self._problem.breakdown(self.path.t_end, self.path.q)
         if cause is not None:
             raise cause
-        if relative < self._limits.shortest:
-            why = f"the step length fell below {self._limits.shortest:g} of the duration"
+        if wish < shortest:
+            why = f"the step length fell below {shortest:.2g} s"
             raise SolverFailure(why, self.path.t_end)
 
     def _culprit(self, h: float) -> SolverFailure | None:
@@ -338,6 +329,15 @@ class Stepping:
         t, q, v = self.path.t_end, self.path.q, self.path.v
         found = self._problem.culprit(t, q, v)
         return found or (self._problem.culprit(t + h, q + h * v, v) if h else None)
+
+
+def _stretches(breaks: Array, start: float, t_end: float) -> Array:
+    """Return the start, those of the sorted breaks that differ from one another and the ends, and the end."""
+    times, least = [start], SAME_TIME * t_end
+    for t in breaks.tolist():
+        if t - times[-1] > least and t_end - t > least:
+            times.append(t)
+    return np.array([*times, t_end])
 
 
 def _fitted(wish: float, rest: float, fixed: bool) -> float:

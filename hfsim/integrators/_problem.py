@@ -117,6 +117,11 @@ class Problem:
         Whether the state are coordinates with a constant mass matrix.
     quartic : bool
         Whether, besides, joints are linear in them and the potential is a polynomial of degree four at most.
+    breaks : ndarray
+        Times at which a step has to end, sorted [s]: between them no law of time hides anything from a method
+        that looks at the ends of its steps alone, save those that repeat themselves.
+    period : float
+        The shortest time after which such a one does [s].
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
@@ -130,6 +135,8 @@ class Problem:
     imbalance: Callable[[Array, Array, Array, Array], tuple[Array, Array]] | None = None
     constant_mass: bool = True
     quartic: bool = False
+    breaks: Array = field(default_factory=lambda: np.zeros(0))
+    period: float = np.inf
     counts: Counts = field(default_factory=Counts)
 
     def evaluate(self, t: Array, q: Array, v: Array) -> Array:

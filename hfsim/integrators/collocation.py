@@ -172,9 +172,19 @@ class CollocationStepper(Stepper):
         return self._known
 
     def _error(self, a: Array, q: Array, h: float) -> float:
-        """Return the size of the last terms in the Legendre series of the positions, over the tolerance."""
-        tail = np.abs(self.table.to_legendre[-2:] @ (self.table.A2 @ a)).max(axis=0)
-        return relative(TAIL * tail * h * h, q, self._tolerance)
+        """Return the size of the last terms in the Legendre series of the positions, over the tolerance.
+
+        Those of the velocities count where they reach farther than the step.
+        """
+        table = self.table
+        error = relative(h * h * self._tail(table.A2, a), q, self._tolerance)
+        if not self.reach:
+            return error
+        return max(error, relative(h * self.reach * self._tail(table.A, a), q, self._tolerance))
+
+    def _tail(self, integrated: Array, a: Array) -> Array:
+        """Return the size of the last terms of what stage accelerations become when they are integrated."""
+        return np.asarray(TAIL * np.abs(self.table.to_legendre[-2:] @ (integrated @ a)).max(axis=0))
 
     def _growth(self, error: float, h: float) -> float:
         """Return the factor on the step: long steps with some more iterations cost less."""

@@ -136,8 +136,8 @@ class EnergyStepper(CollocationStepper):
     def _error(self, a: Array, q: Array, h: float) -> float:
         """Return what the first term that the series leaves out would move within the step."""
         s = self.table.stages
-        left_out = h * h * np.abs(self._path.beyond @ self._along) / (4.0 * (2 * s + 1) * (2 * s + 3))
-        return relative(left_out, q, self._tolerance)
+        left_out = h * np.abs(self._path.beyond @ self._along) / (2.0 * (2 * s + 1))
+        return relative(max(h / (2.0 * (2 * s + 3)), self.reach) * left_out, q, self._tolerance)
 
     def _growth(self, error: float, h: float) -> float:
         growth = 0.8 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 2))

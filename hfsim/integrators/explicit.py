@@ -89,10 +89,10 @@ class ExplicitStepper(Stepper):
         return np.stack([y[1], self._problem.single(t, y[0], y[1])])
 
     def _error(self, K: Array, y: Array, y1: Array, h: float) -> float:
-        """Combine the errors of orders 5 and 3; velocities count times the step."""
+        """Combine the errors of orders 5 and 3; velocities count over a step."""
         table = _table()
         scale = self._tolerance * (1.0 + np.maximum(np.abs(y[0]), np.abs(y1[0])))
-        scales = np.stack([scale, scale / min(h, 1.0)])
+        scales = np.stack([scale, scale / max(min(h, 1.0), self.reach)])
         fifth = np.linalg.norm(np.tensordot(table.E5, K, 1) / scales) ** 2
         third = np.linalg.norm(np.tensordot(table.E3, K, 1) / scales) ** 2
         if fifth == 0.0 and third == 0.0:

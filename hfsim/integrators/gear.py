@@ -96,6 +96,7 @@ class GearStepper(Stepper):
         Accelerations.
     """
 
+    looks_back = True
     remembers = ("_h", "_k", "_a", "_D", "_same")
 
     def __init__(
@@ -161,9 +162,9 @@ class GearStepper(Stepper):
         self._h, self._same = h, 0
 
     def _size(self, d: Array, constant: float) -> float:
-        """Return the larger of the errors of q and h v, relative to the tolerance."""
+        """Return the larger of the errors of q and v, relative to the tolerance; that of v over a step."""
         of_q, of_v = np.abs(d / (self._method.tolerance * (1.0 + np.abs(self._D[0, 0])))).max(axis=1)
-        return constant * float(max(of_q, self._h * of_v))
+        return constant * float(max(of_q, max(self._h, self.reach) * of_v))
 
     def _choose_order(self, error: float) -> float:
         """Return the growth of the best of the orders k - 1, k, k + 1 and note which it is."""
@@ -211,6 +212,8 @@ class GearStepper(Stepper):
 class _StartedByGauss(Stepper):
     """Fixed steps, of Gauss collocation until there are differences enough."""
 
+    looks_back = True
+
     def __init__(self, method: Gear, h: float, problem: Problem, t: float, q: Array, v: Array) -> None:
         self.name, self.first = method.name, h
         self._method, self._problem = method, problem
@@ -221,6 +224,7 @@ class _StartedByGauss(Stepper):
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step."""
+        self._now.reach = self.reach
         return self._now.attempt(t, q, v, h)
 
     def accept(self, t: float, q: Array, v: Array) -> None:

@@ -71,7 +71,8 @@ class GeneralizedAlphaStepper(Stepper):
         Accelerations at the start of a step, and the method's own, which it averages.
     """
 
-    remembers = ("a", "smooth")
+    looks_back = True
+    remembers = ("a", "smooth", "_slope")
 
     def __init__(self, method: GeneralizedAlpha, problem: Problem, t: float, q: Array, v: Array) -> None:
         rho = method.rho_inf
@@ -81,6 +82,7 @@ class GeneralizedAlphaStepper(Stepper):
         self._beta = 0.25 * (self._gamma + 0.5) ** 2
         self._newton = Newton(problem)
         self.a = self.smooth = problem.single(t, q, v)
+        self._slope: Array = np.zeros(len(q))
         self.first = cautious_step(self.a, q, self._tolerance)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
@@ -91,14 +93,26 @@ class GeneralizedAlphaStepper(Stepper):
         if end is None:
             return unsolved()
         self._end = end
-        error = relative(h * h * abs(self._beta - 1.0 / 6.0) * (end.smooth - self.smooth), q, self._tolerance)
+        error = self._error(end.smooth - self.smooth, q, h)
         growth = aimed(error, 3.0)
         series = two_point_series(h, (end.q, end.v, end.a), (q, v, self.a))
         return Attempt(error, 1.0 if 1.0 < growth < 1.3 else growth, end.q, end.v, series)
 
+    def _error(self, change: Array, q: Array, h: float) -> float:
+        """Return the error of the positions that a change of the accelerations makes, over the tolerance.
+
+        Velocities follow the trapezoidal rule; their error counts where it reaches farther than the step.
+        """
+        self._now = change / h
+        error = relative(h * h * abs(self._beta - 1.0 / 6.0) * change, q, self._tolerance)
+        if not self.reach:
+            return error
+        bend = self._now - self._slope
+        return max(error, relative(h * h * self.reach / 12.0 * bend, q, self._tolerance))
+
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take over the accelerations of the step."""
-        self.a, self.smooth = self._end.a, self._end.smooth
+        self.a, self.smooth, self._slope = self._end.a, self._end.smooth, self._now
 
     def memory(self) -> dict[str, Any]:
         """Return the accelerations, and where the derivative was taken."""
@@ -119,7 +133,7 @@ class GeneralizedAlphaStepper(Stepper):
             end = self._end_state(q, v, h, a)
             delta = solve(self._newton.problem.evaluate(time, end.q[None], end.v[None])[0] - a)
             a = a + delta
-            return self._beta * h * h * float(np.abs(delta).max())
+            return self._beta * h * max(h, self.reach) * float(np.abs(delta).max())
 
         goal = 1e-3 * self._tolerance * (1.0 + float(np.abs(q).max()))
         converged = self._newton.converges(correct, goal, MAX_ITERATIONS, patience=1)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.markers import Marker
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
 
 DIFFERENCE = 1e-7
 """Step of difference quotients, relative to coordinates larger than 1."""
@@ -78,6 +81,11 @@ class ForcePart:
     @property
     def markers(self) -> tuple[Marker, ...]:
         """Points that it acts on; none where it acts all along a body."""
+        return ()
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Laws of time that it follows."""
         return ()
 
     def joined(self, other: Self) -> Self:

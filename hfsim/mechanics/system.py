@@ -8,9 +8,10 @@ the parts are written: there the mass matrix of most bodies is constant.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.linearized import Linearized
 from hfsim.mechanics.reduction import Reduction
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
 
 CLOSED = 1e-9
 """Violation of joints, relative to the largest coordinate (or 1), that projection may leave."""
@@ -159,6 +163,22 @@ class System:
         if self.keeps_work:
             return True
         return any(f.exchanges_power for f in self.forces) or any(c.driven for c in self.constraints)
+
+    @property
+    def _laws(self) -> Iterator[tuple[Law, int]]:
+        """Yield each law of time with the order of the derivative by which it acts."""
+        yield from ((law, 0) for part in self.forces for law in part.laws)
+        yield from ((c.law, 2) for c in self.constraints if c.law is not None)
+
+    @property
+    def breaks(self) -> Array:
+        """Times at which steps have to end [s], sorted: those of the laws of all loads and drivers."""
+        return np.sort(np.concatenate([np.zeros(0), *(law.breaks(order) for law, order in self._laws)]))
+
+    @property
+    def period(self) -> float:
+        """The shortest time after which a law repeats itself [s]."""
+        return min((law.period for law, _ in self._laws), default=np.inf)
 
     def force(self, t: Array, x: Array, u: Array) -> Array:
         """Return the generalised force of all parts, shape (n_batch, n_x)."""

@@ -108,6 +108,8 @@ def problem_of(scene: Scene) -> Problem:
         imbalance=system.imbalance if system.balances else None,
         constant_mass=system.linearizes,
         quartic=system.quartic,
+        breaks=system.breaks,
+        period=system.period,
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hfsim.errors import LimitReached
-from hfsim.integrators import METHODS, Limits, Stepping, _loop, choose
+from hfsim.integrators import METHODS, Limits, Stepping, _pace, choose
 from hfsim.run.integration import problem_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -189,9 +189,9 @@ def test_a_watch_that_ends_the_run_leaves_the_step_it_saw():
 
 
 def test_a_crawling_run_ends_where_it_would_have(monkeypatch):
-    monkeypatch.setattr(_loop, "WINDOW", 4)
-    monkeypatch.setattr(_loop, "HOPELESS", 0.0)
-    monkeypatch.setattr(_loop, "GAINING", np.inf)
+    monkeypatch.setattr(_pace, "WINDOW", 4)
+    monkeypatch.setattr(_pace, "HOPELESS", 0.0)
+    monkeypatch.setattr(_pace, "GAINING", np.inf)
     whole, _ = stepping("plain", "explicit", None, max_steps=50)
     memories = [written(whole.memory()) for _ in whole]
     assert "crawl" in str(whole.stop)

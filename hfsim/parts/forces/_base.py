@@ -123,6 +123,11 @@ class Load(PointPart):
         return (self.marker,)
 
     @property
+    def laws(self) -> tuple[Law, ...]:
+        """Its factor over time."""
+        return () if self.law is None else (self.law,)
+
+    @property
     def exchanges_power(self) -> bool:
         """Return True: a load does work."""
         return True
