@@ -92,34 +92,44 @@ def main() -> None:
         os.environ.setdefault(name, "1")  # the matrices are small: more threads only cost CPU time
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # or it looks for them in all that is installed
     gc.set_threshold(SELDOM)
-    terminated = _take_sigterm_as_interruption()
+    taken = _take_signals()
     try:
         app(prog_name="hfsim")
     except SystemExit as stop:
-        if terminated and stop.code == INTERRUPTED:
-            raise SystemExit(128 + signal.SIGTERM) from None
+        if taken and stop.code == INTERRUPTED:
+            raise SystemExit(taken[0]) from None
         raise
     finally:
         gc.freeze()  # or Python would look for cycles in all there is once more before it ends
 
 
-def _take_sigterm_as_interruption() -> list[int]:
-    """Let SIGTERM end this process as Ctrl-C does, once; return the list in which it is noted.
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU")
+"""Signals that end a run so that what was computed is kept."""
 
-    Worker processes, which inherit this, end at once, and so does this process at a second signal.
+
+def _take_signals() -> list[int]:
+    """Let signals interrupt this process once, a second one ends it; return where exit codes are noted.
+
+    What must not be left half done is done first.  Worker processes, which inherit this, end at once.
     """
     process = os.getpid()
-    seen: list[int] = []
+    codes: list[int] = []
+    taken = [getattr(signal, name) for name in SIGNALS if hasattr(signal, name)]
 
     def take(number: int, frame: object) -> None:
-        signal.signal(number, signal.SIG_DFL)
+        for one in taken:
+            signal.signal(one, signal.SIG_DFL)
         if os.getpid() != process:
             os.kill(os.getpid(), number)
             return
-        seen.append(number)
-        from hfsim.errors import Terminated
+        from hfsim.errors import Terminated, interruption_code
+        from hfsim.run.stop import SHIELD
 
-        raise Terminated
+        by = KeyboardInterrupt() if number == signal.SIGINT else Terminated(signal.Signals(number).name)
+        codes.append(interruption_code(by))
+        SHIELD.interrupt(by)
 
-    signal.signal(signal.SIGTERM, take)
-    return seen
+    for number in taken:
+        if signal.getsignal(number) != signal.SIG_IGN:  # as nohup asks for
+            signal.signal(number, take)
+    return codes

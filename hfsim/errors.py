@@ -71,7 +71,16 @@ class DeckError(HfsimError):
 
 
 class Terminated(KeyboardInterrupt):
-    """The signal SIGTERM, taken as an interruption from the keyboard is."""
+    """A signal that ends a program, taken as an interruption from the keyboard is; ``name`` is its name."""
+
+    def __init__(self, name: str = "SIGTERM") -> None:
+        super().__init__(name)
+        self.name = name
+
+
+def interruption_code(stop: KeyboardInterrupt) -> int:
+    """Return the exit code of a program that an interruption has ended."""
+    return 143 if isinstance(stop, Terminated) else 130
 
 
 @dataclass

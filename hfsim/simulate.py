@@ -6,18 +6,22 @@ Where models are chosen in the run, it consists of several legs, each with a sce
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfsim.errors import HfsimError, LimitReached, SolverFailure, Terminated
+from hfsim.errors import LimitReached, SolverFailure, Terminated, interruption_code
 from hfsim.parts.bodies import BODIES
 from hfsim.run.clock import PhaseClock
 from hfsim.run.integration import Leg, run_integration
+from hfsim.run.nested import Memory
 from hfsim.run.plan import plan_of
-from hfsim.run.sampling import SceneSamples, join_channels, outlines_of, sample_legs
+from hfsim.run.record import Record, Sink
+from hfsim.run.sampling import outlines_of
 from hfsim.run.solution import Run
 from hfsim.run.statistics import joined, leg_statistics
+from hfsim.run.steps import Stop
 from hfsim.run.stop import Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
@@ -36,6 +40,8 @@ def simulate(
     error_estimate: bool = True,
     diagnosis: bool = False,
     outlines: bool | None = None,
+    sink: Sink | None = None,
+    memory: Memory | None = None,
 ) -> Run:
     """Simulate one scene with one model.
 
@@ -52,6 +58,10 @@ def simulate(
         Whether to find out by short experiments why a run fails or is suspicious.
     outlines : bool, optional
         Whether to compute the outlines of the bodies; without it, if the deck wants plots or everything.
+    sink : Sink, optional
+        Gets the rows of the output while the run goes on, and the memories to take it up again from.
+    memory : Memory, optional
+        From where a run that was put down goes on.
 
     Returns
     -------
@@ -63,24 +73,27 @@ def simulate(
     DeckError
         If the scene cannot be assembled.
     """
-    clock = PhaseClock()
+    clock, record = PhaseClock(), Record(sink, memory)
     course: Course | None = None
     if "auto" in loaded.deck.models(model or loaded.deck.solve.model).values():
         from hfsim.trust.adaptive import run_adaptive
 
         with clock.phase("solve"):
-            course = run_adaptive(loaded, model, progress)
+            course = run_adaptive(loaded, model, progress, record)
         legs = course.legs
     else:
         with clock.phase("build"):
             scene = build(loaded, model)
+        record.open(scene)
         with clock.phase("solve"):
-            legs = [Leg(scene, run_integration(scene, scene.deck.solve, progress))]
-    return assess(legs, clock, error_estimate, diagnosis, outlines, course)
+            done = run_integration(scene, scene.deck.solve, progress, record=record)
+        legs = [Leg(scene, done, record.legs[-1])]
+    return assess(legs, record, clock, error_estimate, diagnosis, outlines, course)
 
 
 def assess(
     legs: Sequence[Leg],
+    record: Record,
     clock: PhaseClock,
     error_estimate: bool = True,
     diagnosis: bool = False,
@@ -93,6 +106,8 @@ def assess(
     ----------
     legs : sequence of Leg
         One, or several where models change in between.
+    record : Record
+        What they have left behind.
     clock : PhaseClock
         With the phases so far, ``solve`` among them; gets those that follow.
     error_estimate, diagnosis, outlines : bool
@@ -100,21 +115,14 @@ def assess(
     course : Course, optional
         How the models were chosen.
     """
-    scene, done = legs[-1].scene, legs[-1].done
-    with clock.phase("solve"):
-        samples = sample_legs(legs)
-        # numbers out of all range at the end of a failed run: they never reach a file
-        with np.errstate(all="ignore"):
-            channels = join_channels(samples)
-            statistics = joined([_facts(leg, one) for leg, one in zip(legs, samples, strict=True)])
-    if course is not None:
-        statistics["auto"] = course.facts()
-    if error_estimate and done.trajectory.segments and not isinstance(done.stop, KeyboardInterrupt):
+    run, (scene, done) = _solved(legs, record, clock, course), legs[-1][:2]
+    record.solved(run)
+    statistics, stop = dict(run.statistics), done.stop
+    if error_estimate and done.trajectory.segments and not isinstance(stop, KeyboardInterrupt):
         with clock.phase("error_estimate"):
             from hfsim.trust.error import measured_error
 
-            statistics |= measured_error(legs, samples, channels)
-    stop = done.stop
+            statistics |= measured_error(legs, run.channels)
     if diagnosis and len(legs) == 1 and not isinstance(stop, KeyboardInterrupt):
         with clock.phase("diagnosis"):
             if isinstance(stop, SolverFailure):
@@ -123,23 +131,29 @@ def assess(
                 stop = diagnose(scene, done, time_for(clock.cpu["solve"]))
             elif stop is None:
                 statistics["suspicion"] = suspect(scene, done, statistics, time_for(clock.cpu["solve"]))
-    statistics["plan"] = plan_of(scene)
-    statistics["cpu_s"], statistics["wall_s"] = clock.cpu, clock.wall
-    status, reason, failure, code = _outcome(scene, stop)
-    if outlines is None:
-        outlines = not scene.left_out.fires("plots")
+    if scene.left_out.fires("plots") if outlines is None else not outlines:
+        return replace(run, statistics=statistics, **_outcome(scene, stop))
+    times, shapes = outlines_of([leg.record.samples for leg in legs])
+    return replace(run, statistics=statistics, outline_t=times, outlines=shapes, **_outcome(scene, stop))
+
+
+def _solved(legs: Sequence[Leg], record: Record, clock: PhaseClock, course: Course | None) -> Run:
+    """Return what the integrations themselves have given."""
+    scene, done = legs[-1].scene, legs[-1].done
+    with clock.phase("solve"):
+        channels = record.channels()
+        statistics = joined([_facts(leg) for leg in legs])
+    if course is not None:
+        statistics["auto"] = course.facts()
+    times = {"cpu_s": clock.cpu, "wall_s": clock.wall}
     return Run(
         name=scene.deck.name,
         model=scene.model,
         method=done.method,
-        status=status,
-        reason=reason,
-        t=np.concatenate([one.t for one in samples]),
+        t=record.table()[:, 0],
         channels=channels,
-        outlines=outlines_of(samples) if outlines else {},
-        statistics=statistics,
-        failure=failure,
-        exit_code=code,
+        statistics={**statistics, "plan": plan_of(scene), **times},
+        **_outcome(scene, done.stop),
     )
 
 
@@ -170,22 +184,24 @@ def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
     }
 
 
-def _facts(leg: Leg, samples: SceneSamples) -> dict[str, Any]:
-    facts = leg_statistics(leg)
-    return facts | doubts(leg, samples, facts["energy_drift"])
+def _facts(leg: Leg) -> dict[str, Any]:
+    # numbers out of all range at the end of a failed run: they never reach a file
+    with np.errstate(all="ignore"):
+        facts = leg_statistics(leg)
+        return facts | doubts(leg, facts["energy_drift"])
 
 
-def _outcome(
-    scene: Scene, stop: HfsimError | KeyboardInterrupt | None
-) -> tuple[str, str, dict[str, Any] | None, int]:
+def _outcome(scene: Scene, stop: Stop) -> dict[str, Any]:
     """Return status, reason, failure facts and exit code."""
     if stop is None:
-        return "done", "", None, 0
+        return {"status": "done", "reason": "", "failure": None, "exit_code": 0}
     if isinstance(stop, KeyboardInterrupt):
+        told = {"status": "interrupted", "reason": "interrupted from the keyboard", "failure": None}
         if isinstance(stop, Terminated):
-            return "interrupted", "ended by the signal SIGTERM", None, 143
-        return "interrupted", "interrupted from the keyboard", None, 130
+            told["reason"] = f"ended by the signal {stop.name}"
+        return told | {"exit_code": interruption_code(stop)}
     if isinstance(stop, LimitReached):
-        return "limit", stop.reason, None, stop.exit_code
+        return {"status": "limit", "reason": stop.reason, "failure": None, "exit_code": stop.exit_code}
     assert isinstance(stop, SolverFailure)
-    return "failed", str(stop), stop.facts(scene.loaded.line_of), stop.exit_code
+    failure = stop.facts(scene.loaded.line_of)
+    return {"status": "failed", "reason": str(stop), "failure": failure, "exit_code": stop.exit_code}

@@ -206,7 +206,8 @@ def _exit_code(runs: Sequence[Run], comparison: Comparison, require: Sequence[st
 def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
     """Run one model, write its folder, and return the run and the CPU times of its solves [s]."""
     from hfsim.output.progress import Progress
-    from hfsim.output.runfolder import RunLog, Stopwatch, save_run
+    from hfsim.output.recording import save_run
+    from hfsim.output.runfolder import RunLog, Stopwatch
     from hfsim.simulate import simulate
     from hfsim.trust.validity import validity_warnings
 

@@ -18,7 +18,11 @@ from hfsim.output.report import method_lines, tell
 from hfsim.output.talk import Destination, Talk
 
 if TYPE_CHECKING:
+    from hfsim.output.checkpoint import Checkpoint
+    from hfsim.output.progress import Progress
+    from hfsim.output.recording import Recording
     from hfsim.output.runfolder import RunFolder
+    from hfsim.run.solution import Run
     from hfsim.scene.loading import LoadedDeck
 
 
@@ -29,6 +33,7 @@ class Job:
     argument: str
     loaded: LoadedDeck
     folder: RunFolder
+    checkpoint: Checkpoint | None = None
 
 
 @dataclass(frozen=True)
@@ -39,6 +44,7 @@ class Settings:
     plots: bool
     error_estimate: bool
     diagnosis: bool
+    resume: bool
     talk: Talk
 
 
@@ -57,7 +63,8 @@ class Settings:
 @click.option(
     "--target-channels", metavar="A,B,...", help="Channels that must reach it; all that can without it."
 )
-@time_option("budget", "Time that this may take, e.g. 90s or 2min; 60s without it.")
+@time_option("budget", "Time that a run may take, e.g. 90s or 2min; with --target-error 60s without it.")
+@click.option("--resume", is_flag=True, help="Go on with what was interrupted; do only what is missing.")
 @click.option(
     "--no-diagnosis",
     is_flag=True,
@@ -72,6 +79,7 @@ def run(
     target_error: str | None,
     target_channels: str | None,
     budget: float | None,
+    resume: bool,
     no_diagnosis: bool,
     talk: Talk,
 ) -> None:
@@ -82,6 +90,9 @@ def run(
     that no deck stops the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130 <
     143).
 
+    A run writes its rows as they come. What was interrupted, killed or stopped by a limit goes on with
+    --resume, and its results are the same as without the interruption; what is finished is left alone.
+
     With --target-error, each deck is refined by itself until the error of mesh and time together, largest
     over time in the worst channel and relative to its range, keeps the target; what was chosen is in
     resolved.yaml. With method: auto, methods are raced on the scene; one that the deck names is kept. A deck
@@ -89,10 +100,10 @@ def run(
     refinement reaches it; 5: the budget does not suffice. The best result is kept then.
     """
     overrides = (*overrides, *_target(target_error, target_channels, budget))
-    settings = Settings(overrides, to.plots, not no_error_estimate, not no_diagnosis, talk)
+    settings = Settings(overrides, to.plots, not no_error_estimate, not no_diagnosis, resume, talk)
     jobs = plan_jobs(decks, settings, to)
     _refuse_blind(jobs, settings)
-    codes: list[int] = []
+    codes = [0]
     for number, job in enumerate(jobs):
         codes.append(_do_safely(job, settings, first=number == 0))
         if codes[-1] in (130, 143):
@@ -133,15 +144,35 @@ def plan_jobs(decks: Sequence[str], settings: Settings, to: Destination) -> list
     FolderError
         If a folder must not be written to, or two decks would share one.
     """
-    from hfsim.output.runfolder import claim
-
     loaded = load_decks(decks, settings.overrides, settings.talk, assemble if len(decks) > 1 else _nothing)
     paths = _folders([deck.deck.name for deck in loaded], decks, to.output)
-    jobs = [Job(a, d, claim(p, to.force)) for a, d, p in zip(decks, loaded, paths, strict=True)]
-    for job in jobs:
-        if job.folder.replaces:
-            settings.talk.note(f"{job.folder.path}: replacing {job.folder.replaces}")
-    return jobs
+    every = zip(decks, loaded, paths, strict=True)
+    return [job for one in every if (job := _job(*one, settings, to.force)) is not None]
+
+
+def _job(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, force: bool) -> Job | None:
+    """Return what is to be done with a deck; None where a finished run is to be left as it is."""
+    from hfsim.output.runfolder import FolderError, claim, status_of
+
+    status = status_of(path) if settings.resume else ""
+    if status in ("done", "failed"):
+        settings.talk.note(f"{path}: left as it is, {status}")
+        return None
+    checkpoint = None
+    if status:
+        from hfsim.output.checkpoint import CheckpointError, take_up
+
+        try:
+            checkpoint = take_up(path, provenance_of(loaded, argument, settings.overrides))
+        except CheckpointError as error:
+            raise FolderError(f"{error}\nuse --force without --resume to begin anew") from error
+    folder = claim(path, force or settings.resume)
+    if checkpoint is not None:
+        settings.talk.note(f"{path}: going on at row {len(checkpoint.memory['table'])}")
+    elif folder.replaces:
+        hint = "; --resume would go on with it" if (path / "checkpoint.npz").exists() else ""
+        settings.talk.note(f"{path}: replacing {folder.replaces}{hint}")
+    return Job(argument, loaded, folder, checkpoint)
 
 
 def _nothing(loaded: LoadedDeck) -> None:
@@ -180,33 +211,54 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
         If the deck cannot be assembled or the disk refuses.
     """
     from hfsim.output.progress import Progress
-    from hfsim.output.runfolder import RunLog, Stopwatch, save_run
-    from hfsim.simulate import simulate
+    from hfsim.output.recording import Recording
+    from hfsim.output.runfolder import RunLog, Stopwatch
 
     # the first deck also pays for starting the program
     watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
-    provenance = provenance_of(job.loaded, job.argument, settings.overrides)
+    loaded, deck = job.loaded, job.loaded.deck
+    provenance = provenance_of(loaded, job.argument, settings.overrides)
     log = RunLog(settings.talk.detail)
     log.add(command_line())
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
-    plots = settings.plots and job.loaded.deck.output.plots
-    with Progress(job.loaded.deck.name, sys.stderr, settings.talk.quiet) as progress:
-        if has_target(job.loaded):
-            from hfsim.studies.refine import refine
-
-            result, chosen = refine(job.loaded, progress=progress, diagnosis=settings.diagnosis)
-            provenance = provenance._replace(resolved=chosen.deck.resolved())
-        else:
-            result = simulate(
-                job.loaded,
-                progress=progress,
-                error_estimate=settings.error_estimate,
-                diagnosis=settings.diagnosis,
-                outlines=plots,
-            )
+    recording = Recording(job.folder, deck.name, deck.solve.model, provenance, watch, log, job.checkpoint)
+    plots = settings.plots and deck.output.plots
+    try:
+        with Progress(deck.name, sys.stderr, settings.talk.quiet) as progress:
+            work = _refined if has_target(loaded) else _simulated
+            result = work(job, settings, recording, progress, plots)
+    except BaseException as error:
+        recording.abandon(error)
+        raise
     for line in method_lines(result.statistics.get("refinement")):
         log.add(line.strip())
     log.add(f"model {result.model}, method {result.method}")
-    result, summary = save_run(job.folder, result, provenance, watch, log, plots)
+    result, summary = recording.finish(result, plots)
     tell(result, summary, job.folder.path, settings.talk)
     return result.exit_code
+
+
+def _simulated(job: Job, settings: Settings, recording: Recording, progress: Progress, plots: bool) -> Run:
+    from hfsim.run.stop import Budget
+    from hfsim.simulate import simulate
+
+    budget = job.loaded.deck.solve.budget
+    return simulate(
+        job.loaded,
+        progress=progress if budget is None else Budget(budget).limiting(progress),
+        error_estimate=settings.error_estimate,
+        diagnosis=settings.diagnosis,
+        outlines=plots,
+        sink=recording,
+        memory=job.checkpoint.memory if job.checkpoint else None,
+    )
+
+
+def _refined(job: Job, settings: Settings, recording: Recording, progress: Progress, plots: bool) -> Run:
+    from hfsim.studies.refine import refine
+
+    assemble(job.loaded)
+    recording.begin(job.loaded.deck.channels)
+    result, chosen = refine(job.loaded, progress=progress, diagnosis=settings.diagnosis)
+    recording.take(result, recording.provenance._replace(resolved=chosen.deck.resolved()))
+    return result

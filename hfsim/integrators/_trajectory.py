@@ -51,6 +51,19 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
     return np.asarray(np.linalg.solve(matrix, rhs))
 
 
+RECENT = 64
+"""Steps at the end of a trajectory that are kept as they are."""
+
+
+def _pair(first: Segment, second: Segment, after: Segment) -> Segment:
+    """Return one step in place of two, right at its ends."""
+    begin = legendre(np.array([0.0]), len(first.series))[0][0] @ first.series
+    end = legendre(np.array([1.0]), len(second.series))[0][0] @ second.series
+    h = after.t - first.t
+    series = two_point_series(h, (after.q, after.v, end), (first.q, first.v, begin))
+    return Segment(first.t, h, first.q, first.v, series)
+
+
 @dataclass(eq=False)
 class Trajectory:
     """All kept steps of a run, readable at any time between its start and its end.
@@ -85,25 +98,48 @@ class Trajectory:
             q[mine], v[mine] = self.segments[k].at(times[mine])
         return q, v
 
+    @property
+    def size(self) -> int:
+        """Bytes that the steps take."""
+        return sum(s.series.nbytes + s.q.nbytes + s.v.nbytes for s in self.segments)
+
+    def condense(self) -> None:
+        """Join neighbouring steps two by two, but for the last: between their ends less is kept of them."""
+        steps, count = self.segments, max(0, len(self.segments) - RECENT)
+        old, last = steps[:count], steps[count:]
+        pairs = zip(old[0::2], old[1::2], [*old[2::2], *last[:1]], strict=False)
+        self.segments = [_pair(*three) for three in pairs]
+        self.segments += [*old[2 * len(self.segments) :], *last]
+
     def step_ends(self) -> Array:
         """Return all step boundaries, the start and the end included."""
         return np.array([s.t for s in self.segments] + [self.t_end])
 
 
-def joined(paths: list[tuple[Trajectory, IntArray]], t_end: float) -> Trajectory:
-    """Return one trajectory of parts that were integrated apart, up to a time that all have reached.
+def joined(
+    paths: list[tuple[Trajectory, IntArray]], whole: Trajectory, t_end: float
+) -> tuple[list[Segment], Array, Array]:
+    """Return the steps by which parts that were integrated apart carry a whole on to a time.
 
     Its steps end wherever one of any part does; within them the parts' polynomials are the same.
 
     Parameters
     ----------
     paths : list of (Trajectory, ndarray of int)
-        Each part with the columns that its state has in the whole.
+        Each part with the columns that its state has in the whole; all have reached ``t_end``.
+    whole : Trajectory
+        What there is already.
     t_end : float
+
+    Returns
+    -------
+    steps : list of Segment
+    q, v : ndarray, shape (n,)
+        State at ``t_end``.
     """
     n = sum(len(columns) for _, columns in paths)
     ends = distinct(np.concatenate([path.step_ends() for path, _ in paths]))
-    ends = np.append(ends[ends < t_end], t_end)
+    ends = np.concatenate([[whole.t_end], ends[(ends > whole.t_end) & (ends < t_end)], [t_end]])
     q, v = np.empty((len(ends), n)), np.empty((len(ends), n))
     count = max((len(s.series) for path, _ in paths for s in path.segments), default=1)
     series = np.zeros((len(ends) - 1, count, n))
@@ -113,8 +149,11 @@ def joined(paths: list[tuple[Trajectory, IntArray]], t_end: float) -> Trajectory
             q[-1, columns], v[-1, columns] = path.q, path.v
         series[:, :, columns] = _cut(path.segments, ends, count)
     steps = [Segment(a, b - a, q[k], v[k], series[k]) for k, (a, b) in enumerate(pairwise(map(float, ends)))]
-    methods = list(dict.fromkeys(name for path, _ in paths for name in path.methods))
-    return Trajectory(paths[0][0].t_start, float(t_end), q[-1], v[-1], steps, methods)
+    return steps, q[-1], v[-1]
+
+
+WHOLE = 1.0 - 1e-12
+"""Share of a step from which a stretch is all of it."""
 
 
 def _cut(segments: list[Segment], ends: Array, count: int) -> Array:
@@ -128,7 +167,7 @@ def _cut(segments: list[Segment], ends: Array, count: int) -> Array:
     out = np.zeros((len(inside), count, segments[0].series.shape[1]))
     for k in distinct(owner):
         mine, step = np.flatnonzero(owner == k), segments[k]
-        if len(mine) == 1 and ends[mine[0]] == step.t:
+        if len(mine) == 1 and ends[mine[0]] == step.t and ends[mine[0] + 1] >= step.t + step.h * WHOLE:
             out[mine[0], : len(step.series)] = step.series
             continue
         values, _, _ = legendre((inside[mine].ravel() - step.t) / step.h, len(step.series))

@@ -6,32 +6,25 @@ of its run; nothing but these is ever removed.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
 import time
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from hfsim.errors import HfsimError
-from hfsim.output.writers import (
-    Provenance,
-    finite_part,
-    summary_of,
-    write_history,
-    write_json,
-    write_resolved,
-)
+from hfsim.output.disk import disk
 from hfsim.run.clock import PhaseClock
 from hfsim.run.solution import Run
 
 SUMMARY = "summary.json"
-_OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log")
-_OWN_NAME = re.compile(r"(plots/)?[\w+-][\w.+-]*\.(csv|json|yaml|log|png)")
-_UNFINISHED = ("failed", "interrupted")
+_OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log", "checkpoint.npz")
+_OWN_NAME = re.compile(r"(plots/)?[\w+-][\w.+-]*\.(csv|json|yaml|log|png|npz)")
+_UNFINISHED = ("failed", "interrupted", "running")
 
 
 class FolderError(HfsimError):
@@ -40,13 +33,7 @@ class FolderError(HfsimError):
     exit_code = 2
 
 
-class WriteError(HfsimError):
-    """The disk refused a result (full, read-only, gone)."""
-
-    exit_code = 1
-
-
-@dataclass(frozen=True)
+@dataclass
 class RunFolder:
     """A folder whose use for new results was granted by `claim`.
 
@@ -63,19 +50,57 @@ class RunFolder:
     path: Path
     replaces: str = ""
     stale: tuple[str, ...] = ()
+    _lock: int | None = None
 
-    def prepare(self) -> None:
-        """Make the folder and remove the files of the older run, its summary first.
+    def prepare(self, keep: Sequence[str] = ()) -> None:
+        """Make the folder, hold it against other processes, and remove the files of the older run.
 
         Raises
         ------
+        FolderError
+            If another process writes there.
         WriteError
             If the system refuses.
         """
         with disk(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
+            self._hold()
             for name in self.stale:
-                (self.path / name).unlink(missing_ok=True)
+                if name not in keep:
+                    (self.path / name).unlink(missing_ok=True)
+
+    def _hold(self) -> None:
+        if self._lock is None:
+            self._lock = _locked(self.path)
+
+    def release(self) -> None:
+        """Let other processes write there again."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
+
+
+def _locked(path: Path) -> int | None:
+    """Return what holds a folder until it is closed or this process ends; None where none can be held.
+
+    Raises
+    ------
+    FolderError
+        If another process holds it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # not on this system
+        return None
+    held = os.open(path, os.O_RDONLY)
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(held)
+        if error.errno not in (errno.EWOULDBLOCK, errno.EACCES):
+            return None
+        raise FolderError(f"another hfsim is writing to {path}; use -o DIR to go elsewhere") from None
+    return held
 
 
 @dataclass
@@ -108,17 +133,39 @@ class RunLog:
     def __init__(self, echo: Callable[[str], None] | None = None) -> None:
         self._echo = echo
         self._lines: list[str] = []
+        self._path: Path | None = None
+
+    def to(self, path: Path, append: bool = False) -> None:
+        """Write all lines so far, and from now on each one as it comes."""
+        if not append:
+            path.unlink(missing_ok=True)
+        self._path = path
+        self._write(self._lines)
 
     def add(self, text: str) -> None:
         """Add one message."""
         self._lines.append(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {text}")
+        if self._path is not None:
+            self._write(self._lines[-1:])
         if self._echo:
             self._echo(text)
 
-    @property
-    def text(self) -> str:
-        """All lines so far."""
-        return "\n".join(self._lines) + "\n"
+    def _write(self, lines: Iterable[str]) -> None:
+        assert self._path is not None
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write("".join(f"{line}\n" for line in lines))
+
+    def end(self, summary: Mapping[str, Any]) -> None:
+        """Add what a run has come to."""
+        for note in (summary.get("assembly") or {}).get("notes", ()):
+            self.add(note)
+        for warning in summary["warnings"]:
+            self.add(f"warning: {warning}")
+        for key in ("steps", "rejected", "newton_iterations", "energy_drift", "error_estimate", "cpu_s"):
+            if summary[key] is not None:
+                self.add(f"{key}: {summary[key]}")
+        reason = f": {summary['reason']}" if summary["reason"] else ""
+        self.add(f"{summary['status']} at t = {summary['end_time']:.9g} s{reason}")
 
 
 def folder_name(deck_name: str, suffix: str) -> str:
@@ -168,15 +215,20 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         raise FolderError(
             f"{path} already holds {holds}; use --force to replace it, or -o DIR to go elsewhere"
         )
-    stale = tuple(name for name in _listed_files(summary, marker) if (path / name).is_file())
+    stale = tuple(name for name in _listed_files(summary, marker) if os.path.lexists(path / name))
     return RunFolder(path, replaces=f"a run with status {status}", stale=stale)
+
+
+def status_of(path: Path) -> str:
+    """Return the status of the run in a folder; empty where there is none."""
+    return str(_read_summary(path / SUMMARY).get("status", ""))
 
 
 def _present(path: Path, marker: str) -> list[str]:
     """Return the results of a run or of a study in a folder; those of other studies tell who wrote them."""
     names = (*_OWN_FILES, marker.replace(".json", ".csv"), marker)
     studies = (file for file in sorted(path.glob("*.json")) if _read_summary(file).get("versions"))
-    return [name for name in names if (path / name).exists()] or [file.name for file in studies]
+    return [name for name in names if os.path.lexists(path / name)] or [file.name for file in studies]
 
 
 def _refuse_unwritable(path: Path) -> None:
@@ -202,81 +254,3 @@ def _listed_files(summary: dict[str, Any], marker: str) -> Iterable[str]:
     listed = summary.get("files")
     names = [name for name in listed if isinstance(name, str)] if isinstance(listed, list) else []
     return dict.fromkeys([marker, *filter(_OWN_NAME.fullmatch, names)])
-
-
-@contextmanager
-def disk(path: Path) -> Iterator[None]:
-    """Turn what the system refuses inside the block into a `WriteError` about `path`."""
-    try:
-        yield
-    except OSError as error:
-        place = error.filename or path
-        raise WriteError(f"cannot write {place}: {error.strerror or error}") from error
-
-
-def save_run(
-    folder: RunFolder, run: Run, provenance: Provenance, watch: Stopwatch, log: RunLog, plots: bool = True
-) -> tuple[Run, dict[str, Any]]:
-    """Write everything a run leaves behind; ``summary.json`` comes last.
-
-    Parameters
-    ----------
-    folder : RunFolder
-        From `claim`.
-    run : Run
-        As the simulation gave it; non-finite rows are dropped here.
-    provenance : Provenance
-        Where it comes from.
-    watch : Stopwatch
-        Gets the phases ``write`` and ``plots``.
-    log : RunLog
-        Becomes ``run.log``.
-    plots : bool
-        Draw pictures too.
-
-    Returns
-    -------
-    Run
-        What was written: shorter than `run` if something was not finite.
-    dict
-        The summary.
-
-    Raises
-    ------
-    WriteError
-        If the disk refuses; there is no ``summary.json`` then.
-    """
-    run = finite_part(run)
-    folder.prepare()
-    with disk(folder.path), watch.phase("write"):
-        write_history(folder.path / "history.csv", run)
-        write_resolved(folder.path / "resolved.yaml", provenance, run.model)
-    files = ["history.csv", "resolved.yaml", "run.log", SUMMARY]
-    if plots:
-        with disk(folder.path), watch.phase("plots"):
-            files += _draw(run, folder.path / "plots")
-    run = watch.added_to(run)
-    with disk(folder.path):
-        summary = summary_of(run, provenance, files)
-        _log_end(log, summary)
-        (folder.path / "run.log").write_text(log.text, encoding="utf-8")
-        write_json(folder.path / SUMMARY, summary)
-    return run, summary
-
-
-def _draw(run: Run, folder: Path) -> list[str]:
-    from hfsim.output.plots import draw_run  # half a second of matplotlib, for those who want pictures
-
-    return [f"{folder.name}/{name}" for name in draw_run(run, folder)]
-
-
-def _log_end(log: RunLog, summary: dict[str, Any]) -> None:
-    for note in (summary.get("assembly") or {}).get("notes", ()):
-        log.add(note)
-    for warning in summary["warnings"]:
-        log.add(f"warning: {warning}")
-    for key in ("steps", "rejected", "newton_iterations", "energy_drift", "error_estimate", "cpu_s"):
-        if summary[key] is not None:
-            log.add(f"{key}: {summary[key]}")
-    reason = f": {summary['reason']}" if summary["reason"] else ""
-    log.add(f"{summary['status']} at t = {summary['end_time']:.9g} s{reason}")

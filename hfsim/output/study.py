@@ -127,8 +127,8 @@ class Study:
         tables: Mapping[str, Table],
         draw: Callable[[Path], Iterable[str]] | None,
     ) -> dict[str, Any]:
-        from hfsim.output.runfolder import disk
-        from hfsim.output.writers import json_ready, versions, write_json, write_table
+        from hfsim.output.disk import disk, write_json
+        from hfsim.output.writers import json_ready, versions, write_table
 
         files = [*(f"{stem}.csv" for stem in tables), f"{self.kind}.json"]
         if self.folder is None:
@@ -141,4 +141,5 @@ class Study:
                 files += [f"plots/{name}" for name in draw(self.path / "plots")]
             plain, _ = json_ready({**facts, **self.about, "versions": versions(), "files": files})
             write_json(self.path / f"{self.kind}.json", plain)
+        self.folder.release()
         return dict(plain)

@@ -1,30 +1,26 @@
 """Runs to files: CSV, JSON and YAML, none of which ever gets a NaN or an infinity.
 
-Two guards see to that: `finite_part` drops the rows of a run from its first non-finite value on, and
-`json_ready` turns non-finite numbers into null and says which they were.
+The rows of a run end before the first that is not finite (`hfsim.run.record`); `json_ready` turns non-finite
+numbers into null and says which they were.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import platform
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfsim import __version__
-from hfsim.errors import SolverFailure
+from hfsim.output.disk import write_text
 from hfsim.output.text import Column
-from hfsim.run.solution import Channel, Run
-
-_BLOCK = 4096
-"""Rows turned into text at a time: bounds the memory a long history needs."""
+from hfsim.run.solution import Run
 
 _SUMMARY_KEYS = (
     "steps",
@@ -68,89 +64,9 @@ class Provenance(NamedTuple):
         return {"deck": self.source, "deck_sha256": self.deck_sha256, "overrides": list(self.overrides)}
 
 
-def finite_part(run: Run) -> Run:
-    """Return `run` without its rows from the first non-finite value on.
-
-    A run that claims to be done but had to be shortened becomes a failed one (exit code 3).
-
-    Parameters
-    ----------
-    run : Run
-        Any run.
-
-    Returns
-    -------
-    Run
-        The same object when every value is finite; otherwise a shorter one whose
-        ``statistics["warnings"]`` names the first offender and its time.
-    """
-    columns = {"t": run.t, **{c.name: c.values for c in run.channels}}
-    columns |= {f"outline of {body}": points for body, points in run.outlines.items()}
-    ends = {name: _finite_rows(values) for name, values in columns.items()}
-    offender = min(ends, key=lambda name: ends[name])
-    n_rows = ends[offender]
-    if n_rows == len(run.t):
-        return run
-    return _shortened(run, n_rows, offender)
-
-
-def _finite_rows(values: np.ndarray) -> int:
-    rows = np.isfinite(values).all(axis=tuple(range(1, values.ndim)))
-    return len(rows) if rows.all() else int(np.argmin(rows))
-
-
-def _shortened(run: Run, n_rows: int, offender: str) -> Run:
-    time = run.t[n_rows]
-    place = f"t = {time:.6g} s" if np.isfinite(time) else f"row {n_rows + 1}"
-    reason = f"{offender} is not finite from {place} on"
-    warning = f"{reason}: {len(run.t) - n_rows} rows were dropped"
-    was_done = run.status == "done"
-    failure = SolverFailure(reason, float(time) if np.isfinite(time) else run.end_time, offender)
-    return replace(
-        run,
-        t=run.t[:n_rows],
-        channels=tuple(Channel(c.name, c.unit, c.values[:n_rows]) for c in run.channels),
-        outlines={body: points[:n_rows] for body, points in run.outlines.items()},
-        statistics={**run.statistics, "warnings": [*warnings_of(run), warning]},
-        status="failed" if was_done else run.status,
-        reason=reason if was_done else run.reason,
-        failure=failure.facts(lambda path: 0) if was_done else run.failure,
-        exit_code=3 if was_done else run.exit_code,
-    )
-
-
 def warnings_of(run: Run) -> list[str]:
     """Return the warnings of a run as a new list."""
     return [str(warning) for warning in run.statistics.get("warnings") or ()]
-
-
-def write_history(path: Path, run: Run) -> None:
-    """Write ``t`` and the channels of a run as CSV, one header row, shortest text that reads back exactly.
-
-    Parameters
-    ----------
-    path : Path
-        File to write.
-    run : Run
-        A run from `finite_part`.
-
-    Raises
-    ------
-    ValueError
-        If a value is not finite; nothing is written then.
-    """
-    table = np.column_stack([run.t, *(channel.values for channel in run.channels)]).astype(float)
-    if not np.isfinite(table).all():
-        raise ValueError("a non-finite value must not be written")
-    with path.open("w", encoding="utf-8", newline="\n") as file:
-        file.write(",".join(["t", *(channel.name for channel in run.channels)]) + "\n")
-        for start in range(0, len(table), _BLOCK):
-            file.writelines(_rows_as_text(table[start : start + _BLOCK].tolist()))
-
-
-def _rows_as_text(rows: Iterable[Sequence[float]]) -> Iterable[str]:
-    # repr of a Python float is the shortest text that reads back as the same number
-    return (",".join(map(repr, row)) + "\n" for row in rows)
 
 
 def write_table(path: Path, rows: Iterable[Any], columns: Iterable[Column | str]) -> None:
@@ -161,7 +77,7 @@ def write_table(path: Path, rows: Iterable[Any], columns: Iterable[Column | str]
     known = [column if isinstance(column, Column) else Column(column) for column in columns]
     lines = [",".join(column.name for column in known)]
     lines += [",".join(_cell(column.value(row)) for column in known) for row in rows]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    write_text(path, "\n".join(lines) + "\n")
 
 
 def _cell(value: object) -> str:
@@ -208,7 +124,7 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
     Parameters
     ----------
     run : Run
-        A run from `finite_part`.
+        A run with finite values only.
     provenance : Provenance
         Where it comes from.
     files : sequence of str
@@ -243,6 +159,24 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
     return plain
 
 
+def running_summary(name: str, model: str, provenance: Provenance) -> dict[str, Any]:
+    """Return what ``summary.json`` says while a run goes on, and after it was killed."""
+    return {
+        "name": name,
+        "status": "running",
+        "reason": "it has not ended: history.csv has the rows so far",
+        "exit_code": None,
+        "model": model,
+        "started": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "process": os.getpid(),
+        **dict.fromkeys(_SUMMARY_KEYS),
+        "warnings": [],
+        **provenance.facts(),
+        "versions": versions(),
+        "files": ["history.csv", "resolved.yaml", "run.log", "summary.json", "checkpoint.npz"],
+    }
+
+
 def versions() -> dict[str, str]:
     """Return the versions of hfsim, Python and those libraries this process has really used."""
     found = {"hfsim": __version__, "python": platform.python_version()}
@@ -253,20 +187,6 @@ def versions() -> dict[str, str]:
     return found
 
 
-def write_json(path: Path, facts: Mapping[str, Any]) -> None:
-    """Write `facts` as JSON in one move: the file is either whole or not there.
-
-    Raises
-    ------
-    ValueError
-        If a number is not finite.
-    """
-    text = json.dumps(facts, indent=2, allow_nan=False, ensure_ascii=False)
-    draft = path.with_name(f".{path.name}.part")
-    draft.write_text(text + "\n", encoding="utf-8")
-    os.replace(draft, path)
-
-
 def write_resolved(path: Path, provenance: Provenance, model: str) -> None:
     """Write the deck with all defaults as YAML; its ``solve.model`` is the model of the run."""
     import yaml
@@ -274,4 +194,4 @@ def write_resolved(path: Path, provenance: Provenance, model: str) -> None:
     deck = dict(provenance.resolved)
     deck["solve"] = {**(deck.get("solve") or {}), "model": model}
     head = f"# {provenance.source} with every default filled in, as hfsim {__version__} ran it.\n"
-    path.write_text(head + yaml.safe_dump(deck, sort_keys=False, allow_unicode=True), encoding="utf-8")
+    write_text(path, head + yaml.safe_dump(deck, sort_keys=False, allow_unicode=True))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from enum import IntEnum
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -62,36 +64,89 @@ def step_samples(trajectory: Trajectory) -> StepSamples:
 
 
 def balance(system: System, steps: StepSamples) -> dict[str, Any]:
-    """Return the energy drift and the largest constraint violations at the ends of the steps.
+    """Return energy drift and constraint violations along a trajectory; see `Balance`."""
+    found = Balance(system)
+    found.add(steps)
+    return found.facts()
+
+
+class Balance:
+    """Energies and constraint violations at the ends of steps, added up stretch by stretch.
 
     The drift is the largest difference between the total energy and its initial value plus the work
     put in since, over the largest of the energies' ranges, those of the kinetic energy inside the steps
     included: steps may begin and end at rest.  Where nothing moves the energies are round-off, and so is
     their drift: the range is taken to be at least `ROUND_OFF` times that.
     """
-    energies, violations, rounding = [], [], 0.0
-    for part in _parts(len(steps.t)):
-        t, q, v = steps.t[part], steps.q[part], steps.v[part]
-        x, u = system.absolute(q), system.absolute_velocity(q, v)
-        energies.append(_energies(system, t, x, u))
-        rounding = max(rounding, _rounding(system, t, x, energies[-1]))
-        gap = system.residual(t, x)
-        drift = system.drift(t, x, u)
-        violations.append((np.abs(gap).max(initial=0.0), np.abs(drift).max(initial=0.0)))
-    kinds = np.concatenate(energies, axis=1)
-    total = kinds.sum(axis=0)
-    work = _work(system, steps)
-    ranges = np.ptp(kinds, axis=1).max(), np.abs(kinds[:2]).max(), np.abs(work).max()
-    scale = float(max(*ranges, _inner_kinetic(system, steps), ROUND_OFF * rounding))
-    residual = float(np.abs(total - total[0] - work).max())
-    return {
-        "energy_drift": residual / scale if scale > 0.0 else 0.0,
-        "energy_initial": float(total[0]),
-        "energy_final": float(total[-1]),
-        "work_done": float(work[-1]),
-        "constraint_position": float(max(v[0] for v in violations)),
-        "constraint_velocity": float(max(v[1] for v in violations)),
-    }
+
+    def __init__(self, system: System) -> None:
+        self._system = system
+        self._sums: Array = np.zeros(len(_Sum))
+        self._sums[_Sum.INITIAL] = np.nan
+        self._ranges = np.array([[np.inf] * 3, [-np.inf] * 3])
+        """Least and most kinetic, strain and potential energy so far [J]."""
+
+    def add(self, steps: StepSamples) -> None:
+        """Take the next stretch, which begins where the last one ended."""
+        system, sums = self._system, self._sums
+        work = sums[_Sum.WORK] + _work(system, steps)
+        for part in _parts(len(steps.t)):
+            t, q, v = steps.t[part], steps.q[part], steps.v[part]
+            x, u = system.absolute(q), system.absolute_velocity(q, v)
+            energies = _energies(system, t, x, u)
+            total = energies.sum(axis=0)
+            if np.isnan(sums[_Sum.INITIAL]):
+                sums[_Sum.INITIAL] = total[0]
+            self._ranges[0] = np.minimum(self._ranges[0], energies.min(axis=1))
+            self._ranges[1] = np.maximum(self._ranges[1], energies.max(axis=1))
+            sums[_Sum.FINAL] = total[-1]
+            self._raise(_Sum.RESIDUAL, np.abs(total - sums[_Sum.INITIAL] - work[part]).max())
+            self._raise(_Sum.ROUNDING, _rounding(system, t, x, energies))
+            self._raise(_Sum.POSITION, np.abs(system.residual(t, x)).max(initial=0.0))
+            self._raise(_Sum.VELOCITY, np.abs(system.drift(t, x, u)).max(initial=0.0))
+        self._raise(_Sum.MOST_WORK, np.abs(work).max())
+        self._raise(_Sum.INNER, _inner_kinetic(system, steps))
+        sums[_Sum.WORK] = work[-1]
+
+    def _raise(self, name: _Sum, value: float) -> None:
+        self._sums[name] = max(self._sums[name], float(value))
+
+    def facts(self) -> dict[str, Any]:
+        """Return the drift, energies [J] and largest violations so far."""
+        sums, (least, most) = self._sums, self._ranges
+        sizes = np.maximum(np.abs(least), np.abs(most))[:2]
+        ranges = (most - least).max(), sizes.max(), sums[_Sum.MOST_WORK]
+        scale = float(max(*ranges, sums[_Sum.INNER], ROUND_OFF * sums[_Sum.ROUNDING]))
+        return {
+            "energy_drift": float(sums[_Sum.RESIDUAL]) / scale if scale > 0.0 else 0.0,
+            "energy_initial": float(sums[_Sum.INITIAL]),
+            "energy_final": float(sums[_Sum.FINAL]),
+            "work_done": float(sums[_Sum.WORK]),
+            "constraint_position": float(sums[_Sum.POSITION]),
+            "constraint_velocity": float(sums[_Sum.VELOCITY]),
+        }
+
+    def memory(self) -> dict[str, Array]:
+        """Return what `recall` takes up again."""
+        return {"sums": self._sums.copy(), "ranges": self._ranges.copy()}
+
+    def recall(self, memory: Mapping[str, Array]) -> None:
+        """Go on from a memory."""
+        self._sums, self._ranges = memory["sums"].copy(), memory["ranges"].copy()
+
+
+class _Sum(IntEnum):
+    """What is added up or kept as the largest so far, by its place."""
+
+    INITIAL = 0
+    FINAL = 1
+    WORK = 2
+    MOST_WORK = 3
+    RESIDUAL = 4
+    ROUNDING = 5
+    INNER = 6
+    POSITION = 7
+    VELOCITY = 8
 
 
 def _energies(system: System, t: Array, x: Array, u: Array) -> Array:

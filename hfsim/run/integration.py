@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose, integrate, joined
+from hfsim.errors import LimitReached, SolverFailure
+from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose
 from hfsim.maths.arrays import Array
-from hfsim.run.runaway import EnergyWatch, PartsWatch
-from hfsim.run.stop import Progress, TimeUp
+from hfsim.run.record import LegRecord, Record
+from hfsim.run.runaway import Watch, Watches
+from hfsim.run.steps import State, Steps, Stop, Strand, Together
+from hfsim.run.stop import SHIELD, Progress, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
-
-Watch = Callable[[float, Array, Array], None]
 
 
 class Integration(NamedTuple):
@@ -24,7 +23,7 @@ class Integration(NamedTuple):
     trajectory: Trajectory
     problem: Problem
     method: str
-    stop: HfsimError | KeyboardInterrupt | None
+    stop: Stop
 
     def in_time(self) -> Integration:
         """Return itself.
@@ -40,18 +39,30 @@ class Integration(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """A run, or a part of one, with one choice of models."""
+    """A run, or a part of one, with one choice of models.
+
+    Attributes
+    ----------
+    scene : Scene
+    done : Integration
+    record : LegRecord
+    begin : float
+        When it began [s]; the steps of a run that was put down know only since when it goes on.
+    """
 
     scene: Scene
     done: Integration
+    record: LegRecord
+    begin: float = 0.0
 
 
 def run_integration(
     scene: Scene,
     solve: SolveSpec,
     progress: Progress | None = None,
-    start: tuple[float, Array, Array] | None = None,
+    start: State | None = None,
     extra: Watch | None = None,
+    record: Record | None = None,
 ) -> Integration:
     """Integrate a scene until the end of its duration.
 
@@ -66,31 +77,76 @@ def run_integration(
         Where to begin; the scene's own start without it.
     extra : callable, optional
         Called with every kept state like the watches against models that run away; may raise.
+    record : Record, optional
+        Gets the steps as a leg, and knows whether they go on from where a run was put down.
     """
-    if scene.parts and start is None and extra is None:
-        return _run_parts(scene, solve, progress)
-    system, duration = scene.system, solve.duration
-    problem = problem_of(scene)
-    method = choose(solve, system.dissipates)
-    watches: list[Watch] = [EnergyWatch(system), PartsWatch(system)]
-    if extra is not None:
-        watches.append(extra)
+    told = None if progress is None else lambda t: progress(t / solve.duration)
+    steps = _steps_of(scene, solve, told, start, extra)
+    if record is None:
+        for _ in steps:
+            pass
+        stop = steps.stop
+    else:
+        stop = _recorded(steps, scene, record)
+    method = ", ".join(steps.path.methods) or choose(solve, scene.system.dissipates).name
+    return Integration(steps.path, steps.problem, method, stop)
 
-    def watch(t: float, q: Array, v: Array) -> None:
-        for look in watches:
-            look(t, q, v)
-        if progress is not None:
-            progress(t / duration)
 
+def _steps_of(
+    scene: Scene,
+    solve: SolveSpec,
+    told: Callable[[float], None] | None,
+    start: State | None,
+    extra: Watch | None,
+) -> Steps | Together:
+    """Return what makes the steps: those of each part side by side where a scene has parts."""
+    others = [extra] if extra is not None else []
+    if not scene.parts or start is not None or extra is not None:
+        if told is not None:
+            others.append(lambda t, q, v: told(t))
+        return _steps(scene, solve, start, others)
+    if told is not None:
+        others.append(lambda t, q, v: told(together.t))
+    together = Together(
+        problem_of(scene),
+        [Strand(_steps(part.scene, solve, None, others), part.columns, part.bodies) for part in scene.parts],
+        (0.0, scene.q, scene.v),
+        solve.duration,
+    )
+    return together
+
+
+def _steps(scene: Scene, solve: SolveSpec, start: State | None, others: Sequence[Watch]) -> Steps:
+    method = choose(solve, scene.system.dissipates)
     begin = (0.0, scene.q, scene.v) if start is None else start
+    limits, watches = Limits(solve.step, solve.max_steps), Watches(scene.system, others)
+    return Steps(problem_of(scene), method, begin, solve.duration, limits, watches)
+
+
+def _recorded(steps: Steps | Together, scene: Scene, record: Record) -> Stop:
+    """Make all steps and the record of them; return what ended them early."""
+    stop: Stop = None
     try:
-        watch(*begin)
-    except (LimitReached, SolverFailure) as stop_at_once:
-        nothing = Trajectory(begin[0], *begin)
-        return Integration(nothing, problem, method.name, stop_at_once)
-    limits = Limits(solve.step, solve.max_steps)
-    trajectory, stop = integrate(problem, method, begin, duration, limits, watch)
-    return Integration(trajectory, problem, ", ".join(trajectory.methods) or method.name, stop)
+        memory = record.begin(scene)
+        if memory is not None:
+            steps.recall(memory)
+        for _ in steps:
+            if record.due(steps.path, steps.counts):
+                with SHIELD:
+                    steps.settle()
+                    record.close(steps.path, steps.counts, steps.memory)
+        stop = steps.stop
+    except (SolverFailure, LimitReached, KeyboardInterrupt) as told:
+        stop = told
+    if isinstance(stop, SolverFailure) and stop.item in scene.deck.channels:
+        return stop
+    try:
+        with SHIELD:
+            steps.settle()
+            record.close(steps.path, steps.counts)
+    except (SolverFailure, LimitReached, KeyboardInterrupt) as told:
+        stop = stop or told
+    return stop
 
 
 def problem_of(scene: Scene) -> Problem:
@@ -117,40 +173,3 @@ def _culprit(scene: Scene, t: float, q: Array, v: Array) -> SolverFailure | None
     from hfsim.run.culprit import non_finite
 
     return non_finite(scene, t, q, v)
-
-
-def _run_parts(scene: Scene, solve: SolveSpec, progress: Progress | None) -> Integration:
-    """Integrate each part of a scene with steps of its own; a part that stops ends all at that time."""
-    problem, runs, end = problem_of(scene), [], solve.duration
-    stop: HfsimError | KeyboardInterrupt | None = None
-    for number, part in enumerate(scene.parts):
-        told = None if progress is None else _share(progress, number, len(scene.parts))
-        run = run_integration(part.scene, solve.model_copy(update={"duration": end}), told)
-        runs.append(run)
-        problem.counts.add(run.problem.counts)
-        end = min(end, run.trajectory.t_end)
-        if run.stop is not None:
-            stop = _named(run.stop, part.bodies)
-        if isinstance(stop, KeyboardInterrupt) or not end:
-            break
-    if len(runs) < len(scene.parts) or not end:
-        return Integration(Trajectory(0.0, 0.0, scene.q, scene.v), problem, runs[0].method, stop)
-    paths = [(run.trajectory, part.columns) for run, part in zip(runs, scene.parts, strict=True)]
-    whole = joined(paths, end)
-    return Integration(whole, problem, ", ".join(whole.methods), stop)
-
-
-def _share(progress: Progress, number: int, count: int) -> Progress:
-    return lambda share: progress((number + share) / count)
-
-
-def _named(stop: HfsimError | KeyboardInterrupt, bodies: tuple[str, ...]) -> HfsimError | KeyboardInterrupt:
-    """Say which part of the scene stopped."""
-    part = f"in the part of {', '.join(bodies)}: "
-    if isinstance(stop, SolverFailure):
-        return replace(stop, reason=part + stop.reason)
-    if isinstance(stop, LimitReached):
-        # whoever raised it must know it again by its class
-        stop.reason = part + stop.reason
-        stop.args = (stop.reason,)
-    return stop

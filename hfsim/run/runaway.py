@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.system import System
+from hfsim.run.nested import Memory
+
+Watch: TypeAlias = Callable[[float, Array, Array], None]
+"""Is told every kept state; may raise to end the run."""
 
 LIMIT = 100.0
 """Energy out of nothing, relative to all that was ever there, at which a model has broken down; large enough
@@ -30,8 +36,7 @@ class EnergyWatch:
     def __post_init__(self) -> None:
         self._truncated = [body for body in self.system.variable_mass if body.truncated]
         self._last: tuple[float, float] | None = None
-        self._work = 0.0
-        self._most = 0.0
+        self._work = self._most = self._start = self._potential = 0.0
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
         """Look at a kept state.
@@ -59,6 +64,15 @@ class EnergyWatch:
         self._most = max(self._most, abs(due), abs(self._work), abs(potential - self._potential))
         if moving - due > LIMIT * self._most:
             raise system.breakdown(t, q) or self._failure(t, x, u, moving - due)
+
+    def memory(self) -> Array:
+        """Return what is known so far."""
+        return np.array([*(self._last or ()), self._work, self._most, self._start, self._potential])
+
+    def recall(self, memory: Array) -> None:
+        """Go on from a memory."""
+        *last, self._work, self._most, self._start, self._potential = map(float, memory)
+        self._last = (last[0], last[1]) if last else None
 
     def _failure(self, t: float, x: Array, u: Array, gained: float) -> SolverFailure:
         body = max(self._truncated, key=lambda one: float(np.abs(u[:, one.columns]).max()))
@@ -95,3 +109,31 @@ class PartsWatch:
             failure = part.runaway(t, x)
             if failure is not None:
                 raise failure
+
+
+class Watches:
+    """All that looks at the kept states of a run.
+
+    Parameters
+    ----------
+    system : System
+    others : sequence of callable
+        Called with every kept state like the watches against models that run away; may raise.
+    """
+
+    def __init__(self, system: System, others: Sequence[Watch] = ()) -> None:
+        self._energy = EnergyWatch(system)
+        self._every: tuple[Watch, ...] = (self._energy, PartsWatch(system), *others)
+
+    def __call__(self, t: float, q: Array, v: Array) -> None:
+        """Look at a kept state."""
+        for look in self._every:
+            look(t, q, v)
+
+    def memory(self) -> Memory:
+        """Return what the watches know so far."""
+        return {"energy": self._energy.memory()}
+
+    def recall(self, memory: Memory) -> None:
+        """Go on from a memory."""
+        self._energy.recall(memory["energy"])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,10 +10,12 @@ import numpy as np
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import Samples, kind_of
-from hfsim.run.integration import Leg
 from hfsim.run.solution import Channel
 from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene
+
+SLIVER = 1e-9
+"""Part of an interval that is no row of its own at the end of a run."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,11 +26,12 @@ class SceneSamples(Samples):
 
 
 def output_times(scene: Scene) -> Array:
-    """Return the output times of a whole run."""
-    count = int(np.floor(scene.deck.solve.duration / scene.deck.interval * (1.0 + 1e-12)))
-    times = scene.deck.interval * np.arange(count + 1)
-    times[-1] = min(times[-1], scene.deck.solve.duration)
-    return np.asarray(times)
+    """Return the output times of a whole run: every interval, and its end."""
+    duration, interval = scene.deck.solve.duration, scene.deck.interval
+    count = int(np.floor(duration / interval * (1.0 + 1e-12)))
+    times = interval * np.arange(count + 1)
+    times[-1] = min(times[-1], duration)
+    return np.append(times, duration) if duration - times[-1] > SLIVER * interval else times
 
 
 def sample(scene: Scene, trajectory: Trajectory) -> SceneSamples:
@@ -37,32 +40,13 @@ def sample(scene: Scene, trajectory: Trajectory) -> SceneSamples:
     return samples_at(scene, trajectory, times[times <= trajectory.t_end])
 
 
-def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> SceneSamples:
-    """Return samples at sorted times."""
+def samples_at(
+    scene: Scene, trajectory: Trajectory, times: Array, angles: Mapping[str, float] | None = None
+) -> SceneSamples:
+    """Return samples at sorted times; ``angles`` as in `count_turns`."""
     q, v = trajectory.at(times)
     q, v = scene.system.project(times, q, v)
-    turns = count_turns(scene, trajectory, times)
-    return SceneSamples(scene, times, q, v, turns)
-
-
-def sample_legs(legs: Sequence[Leg]) -> list[SceneSamples]:
-    """Read each leg at its output times; one at which models change belongs to the leg that ends."""
-    parts, seen = [], -np.inf
-    for leg in legs:
-        times = output_times(leg.scene)
-        mine = times[(times > seen) & (times <= leg.done.trajectory.t_end)]
-        parts.append(samples_at(leg.scene, leg.done.trajectory, mine))
-        seen = leg.done.trajectory.t_end
-    return parts
-
-
-def join_channels(samples: Sequence[SceneSamples]) -> tuple[Channel, ...]:
-    """Return the columns that the deck asks for, over all legs."""
-    parts = [compute_channels(one) for one in samples]
-    return tuple(
-        Channel(same[0].name, same[0].unit, np.concatenate([one.values for one in same]))
-        for same in zip(*parts, strict=True)
-    )
+    return SceneSamples(scene, times, q, v, count_turns(scene, trajectory, times, angles))
 
 
 def compute_channels(samples: SceneSamples) -> tuple[Channel, ...]:
@@ -75,14 +59,18 @@ def _column(samples: Samples, name: str) -> Channel:
     return Channel(name, kind.unit, np.ascontiguousarray(kind.compute(samples, subject)))
 
 
-def outlines_of(samples: Sequence[SceneSamples]) -> dict[str, Array]:
-    """Return the outlines of all bodies over all legs; those of a rigid beam get as many points as later."""
-    outlines: dict[str, Array] = {}
+def outlines_of(samples: Sequence[SceneSamples]) -> tuple[Array, dict[str, Array]]:
+    """Return times and outlines of all bodies over all legs; a rigid beam gets as many points as later.
+
+    Those of states that are out of all range at the end of a failed run are left out.
+    """
+    times, outlines = np.concatenate([one.t for one in samples]), dict[str, Array]()
     for name in samples[0].scene.bodies:
         parts = [one.scene.bodies[name].outline(one.x) for one in samples]
         most = max(part.shape[1] for part in parts)
         outlines[name] = np.concatenate([_refined(part, most) for part in parts])
-    return outlines
+    good = np.all([np.isfinite(one).all(axis=(1, 2)) for one in outlines.values()], axis=0)
+    return times[good], {name: one[good] for name, one in outlines.items()}
 
 
 def _refined(points: Array, count: int) -> Array:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
@@ -46,7 +47,9 @@ class Run:
         Output times that were reached [s].
     channels : tuple of Channel
         Columns in the order of the deck.
-    outlines : dict of str to ndarray, shape (n_times, n_points, 2)
+    outline_t : ndarray, shape (n_outlines,)
+        When outlines were taken: at the output times, in long runs at some of them [s].
+    outlines : dict of str to ndarray, shape (n_outlines, n_points, 2)
         Absolute points [m] of each body's centre line (beam) or of the polyline through
         its frame points (rigid body).
     statistics : dict
@@ -64,10 +67,18 @@ class Run:
     reason: str
     t: ndarray
     channels: tuple[Channel, ...]
-    outlines: dict[str, ndarray]
     statistics: dict[str, Any]
     failure: dict[str, Any] | None
     exit_code: int
+    outline_t: ndarray | None = None
+    outlines: Mapping[str, ndarray] = field(default_factory=dict)
+
+    @property
+    def table(self) -> ndarray:
+        """Rows of times and channels, shape (n_times, 1 + n_channels)."""
+        import numpy as np
+
+        return np.column_stack([self.t, *(channel.values for channel in self.channels)])
 
     @property
     def end_time(self) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import Leg
 
 _SUMS = (
@@ -29,7 +28,7 @@ def leg_statistics(leg: Leg) -> dict[str, Any]:
         "multipliers": system.n_rows,
         "models": leg.scene.models,
         "assembly": leg.scene.assembly.facts(),
-        **balance(system, step_samples(leg.done.trajectory)),
+        **leg.record.balance.facts(),
     }
 
 

@@ -24,6 +24,33 @@ class TimeUp(Halted):
     """The time allowed was used up."""
 
 
+class Shield:
+    """Holds interruptions back while something is done that must not be left half done."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._held: KeyboardInterrupt | None = None
+
+    def interrupt(self, by: KeyboardInterrupt) -> None:
+        """Raise the interruption, or keep it until the last block that is shielded has ended."""
+        if not self._depth:
+            raise by
+        self._held = by
+
+    def __enter__(self) -> None:
+        self._depth += 1
+
+    def __exit__(self, *error: object) -> None:
+        self._depth -= 1
+        if not self._depth and self._held is not None:
+            held, self._held = self._held, None
+            raise held
+
+
+SHIELD = Shield()
+"""That of this process."""
+
+
 @dataclass
 class Budget:
     """Time that work may take [s].
@@ -67,5 +94,16 @@ class Budget:
             self.report(min(1.0, used / self.seconds) if self.seconds > 0.0 else 1.0)
             if used > end:
                 raise TimeUp(f"cut off at {100 * share:.2g} % of the duration", share)
+
+        return check
+
+    def limiting(self, report: Progress) -> Progress:
+        """Return what reports how far a run has come and ends it when the budget is used up."""
+
+        def check(share: float) -> None:
+            report(share)
+            if self.left < 0.0:
+                used = f"the budget of {self.seconds:g} s was used up"
+                raise TimeUp(f"{used} at {100 * share:.2g} % of the duration", share)
 
         return check

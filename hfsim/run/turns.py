@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from hfsim.integrators import Trajectory
@@ -9,7 +11,9 @@ from hfsim.maths.arrays import Array, distinct
 from hfsim.scene.build import Scene
 
 
-def count_turns(scene: Scene, trajectory: Trajectory, times: Array) -> dict[str, Array]:
+def count_turns(
+    scene: Scene, trajectory: Trajectory, times: Array, angles: Mapping[str, float] | None = None
+) -> dict[str, Array]:
     """Return the frame angles [rad], full turns included, of bodies without a frame coordinate.
 
     Parameters
@@ -18,6 +22,8 @@ def count_turns(scene: Scene, trajectory: Trajectory, times: Array) -> dict[str,
     trajectory : Trajectory
     times : ndarray, shape (n_times,)
         In order, within the trajectory.
+    angles : mapping of str to float, optional
+        Angles at its start [rad]; without them those of the scene.
 
     Returns
     -------
@@ -39,6 +45,6 @@ def count_turns(scene: Scene, trajectory: Trajectory, times: Array) -> dict[str,
     turns = {}
     for name in names:
         angle = np.unwrap(scene.marker(name).angle(x))
-        start = scene.start_angles[name]
+        start = (scene.start_angles if angles is None else angles)[name]
         turns[name] = (angle + 2.0 * np.pi * np.round((start - angle[0]) / (2.0 * np.pi)))[at]
     return turns

@@ -136,15 +136,14 @@ class SolveSpec(Spec):
     """Channels that must reach the target error; all but energy.total and constraint residuals without it."""
 
     budget: PositiveTime | None = None
-    """Time that the search for the target error may take [s]; 60 without it."""
+    """Time that a run may take [s]; the search for a target error takes 60 without it."""
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a step longer than the run, and keys that do not go together."""
         if self.target_error is None:
-            for key in ("target_channels", "budget"):
-                if getattr(self, key) is not None:
-                    why = "goes with target_error or elements: auto only"
-                    yield Complaint((key,), why, "give target_error, e.g. 1e-3")
+            if self.target_channels is not None:
+                why = "goes with target_error or elements: auto only"
+                yield Complaint(("target_channels",), why, "give target_error, e.g. 1e-3")
         elif self.step is not None:
             yield Complaint(
                 ("step",), "target_error and elements: auto choose the steps", "remove one of them"

@@ -26,6 +26,7 @@ from hfsim.maths.arrays import Array
 from hfsim.mechanics.deformation import Deformation
 from hfsim.parts.bodies.models import LADDER, MODELS
 from hfsim.run.integration import Integration, Leg, run_integration
+from hfsim.run.record import Record
 from hfsim.run.stop import Halted, Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
@@ -98,7 +99,7 @@ class Course:
 
     def shares(self) -> dict[str, dict[str, float]]:
         """Return the share of the time simulated that each beam spent in each model."""
-        spans = [leg.done.trajectory.t_end - leg.done.trajectory.t_start for leg in self.legs]
+        spans = [leg.done.trajectory.t_end - leg.begin for leg in self.legs]
         total = sum(spans)
         shares: dict[str, dict[str, float]] = {name: {} for name in self.legs[-1].scene.models}
         for leg, span in zip(self.legs, spans, strict=True):
@@ -125,15 +126,17 @@ class _Exit(NamedTuple):
     reason: str
 
 
-def run_adaptive(loaded: LoadedDeck, model: str | None, progress: Progress | None) -> Course:
-    """Run a scene whose models are chosen on the way.
+def run_adaptive(
+    loaded: LoadedDeck, model: str | None, progress: Progress | None, record: Record
+) -> Course:
+    """Run a scene whose models are chosen on the way; what is kept of it goes to the record.
 
     Raises
     ------
     DeckError
         If the scene cannot be assembled.
     """
-    return _Adaptive(loaded, model, progress).run()
+    return _Adaptive(loaded, model, progress, record).run()
 
 
 @dataclass
@@ -143,6 +146,7 @@ class _Adaptive:
     loaded: LoadedDeck
     model: str | None
     progress: Progress | None
+    record: Record
     course: Course = field(default_factory=Course)
 
     def __post_init__(self) -> None:
@@ -157,13 +161,17 @@ class _Adaptive:
         """Make legs until the end, each with the models that the one before asked for."""
         deck = self.loaded.deck
         scene, begin = self._first_scene(), 0.0
+        self.record.open(scene)
         while True:
-            watch = _Watch(self, scene)
             start = (begin, scene.q, scene.v)
-            done = run_integration(scene, deck.solve, self.progress, start, watch)
+            if not self.watched(scene):
+                done = run_integration(scene, deck.solve, self.progress, start, record=self.record)
+                self.course.legs.append(Leg(scene, done, self.record.legs[-1], begin))
+                return self.course
+            done = run_integration(scene, deck.solve, self.progress, start, _Watch(self, scene))
             exits = self._exits(scene, done)
             if not exits:
-                self.course.legs.append(Leg(scene, done))
+                self._keep(scene, done, begin)
                 return self.course
             at = min(one.back_to for one in exits.values())
             at = at if at - begin > SHORTEST * deck.solve.duration else begin
@@ -172,8 +180,12 @@ class _Adaptive:
             kept = _until(scene, done, at)
             self.course.discarded_steps += len(done.trajectory.segments) - len(kept.trajectory.segments)
             if kept.trajectory.segments:
-                self.course.legs.append(Leg(scene, kept))
+                self._keep(scene, kept, begin)
             scene, begin = self._moved_up(scene, kept.trajectory, leaving), at
+
+    def _keep(self, scene: Scene, done: Integration, begin: float) -> None:
+        done = done._replace(stop=self.record.keep(scene, done.trajectory, done.problem.counts) or done.stop)
+        self.course.legs.append(Leg(scene, done, self.record.legs[-1], begin))
 
     def _first_scene(self) -> Scene:
         """Assemble the scene with rigid beams, or, where these cannot move, with flexible ones."""

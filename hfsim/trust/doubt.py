@@ -16,9 +16,9 @@ LARGE_DRIFT = 1e-3
 """Energy drift from which a run warns."""
 
 
-def doubts(leg: Leg, samples: SceneSamples, drift: float) -> dict[str, Any]:
+def doubts(leg: Leg, drift: float) -> dict[str, Any]:
     """Return ``validity``, where models of beams stand, and ``warnings`` for one leg."""
-    found = validity(samples, leg.done.trajectory)
+    found = validity(leg.record.samples, leg.done.trajectory)
     warnings = [*leg.scene.assembly.warnings(), *_drift_warnings(leg, drift)]
     if found:
         from hfsim.trust.validity import validity_warnings
@@ -40,7 +40,7 @@ def validity(samples: SceneSamples, trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _drift_warnings(leg: Leg, drift: float) -> list[str]:
-    scene, done = leg
+    scene, done = leg.scene, leg.done
     if drift < LARGE_DRIFT or done.stop is not None:
         return []
     truncated = [body.name for body in scene.system.variable_mass if body.truncated]

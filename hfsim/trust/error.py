@@ -8,14 +8,12 @@ from typing import Any
 from hfsim.integrators import Trajectory
 from hfsim.run.distance import channel_errors
 from hfsim.run.integration import Leg, run_integration
-from hfsim.run.sampling import SceneSamples, join_channels, samples_at
+from hfsim.run.record import Record
 from hfsim.run.solution import Channel
 from hfsim.scene.build import Scene
 
 
-def measured_error(
-    legs: Sequence[Leg], samples: Sequence[SceneSamples], channels: tuple[Channel, ...]
-) -> dict[str, Any]:
+def measured_error(legs: Sequence[Leg], channels: tuple[Channel, ...]) -> dict[str, Any]:
     """Integrate again, tighter and with Gauss collocation, and return the largest differences.
 
     Models change where they did in the run: how good they are is not judged here.
@@ -23,22 +21,22 @@ def measured_error(
     solve = legs[0].scene.deck.solve
     tighter = max(min(solve.tolerance, 1e-6) * 1e-2, 1e-13)
     update = {"method": "gauss", "tolerance": tighter, "step": None, "stages": None, "max_steps": None}
-    parts: list[SceneSamples] = []
+    again = Record()
     before: tuple[Scene, Trajectory] | None = None
-    for leg, mine in zip(legs, samples, strict=True):
-        path = leg.done.trajectory
-        again = solve.model_copy(update=update | {"duration": path.t_end})
-        scene = leg.scene
+    for leg in legs:
+        end, scene = leg.done.trajectory.t_end, leg.scene
         if before is not None:
             from hfsim.trust.handover import hand_over
 
             scene = hand_over(before[0], scene, before[1])[0]
-        tight = run_integration(scene, again, start=(path.t_start, scene.q, scene.v)).trajectory
-        parts.append(samples_at(scene, tight, mine.t[mine.t <= tight.t_end]))
-        if tight.t_end < path.t_end:
+        tighter_solve = solve.model_copy(update=update | {"duration": end})
+        tight = run_integration(
+            scene, tighter_solve, start=(leg.begin, scene.q, scene.v), record=again
+        ).trajectory
+        if tight.t_end < end:
             break
         before = scene, tight
-    absolute, relative = channel_errors(channels, join_channels(parts))
+    absolute, relative = channel_errors(channels, again.channels())
     return {
         "error_estimate": max(relative.values(), default=0.0),
         "error_by_channel": absolute,

@@ -2,14 +2,18 @@
 
 import json
 import math
+import os
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import yaml
 
-from hfsim.output.runfolder import FolderError, RunLog, Stopwatch, WriteError, claim, folder_name, save_run
-from hfsim.output.writers import Provenance, finite_part, json_ready, write_history, write_json, write_table
+from hfsim.errors import LimitReached
+from hfsim.output.disk import History, WriteError, read_history, write_json
+from hfsim.output.recording import save_run
+from hfsim.output.runfolder import FolderError, RunLog, Stopwatch, claim, folder_name
+from hfsim.output.writers import Provenance, json_ready, write_table
 from hfsim.run.solution import Channel, Run
 
 RESOLVED = {"name": "case", "solve": {"duration": 1.0}}
@@ -35,6 +39,7 @@ def make_run(values, status="done", **changes):
             Channel("b1.tip.x", "m", np.asarray(values, dtype=float)),
             Channel("b1.angle", "rad", 0.1 * t),
         ),
+        outline_t=t,
         outlines={"b1": np.zeros((len(values), 3, 2))},
         statistics={"cpu_s": {"build": 0.1, "solve": 0.2}, "wall_s": {"solve": 0.3}, "steps": 7},
         failure=None,
@@ -49,43 +54,47 @@ def save(path, run, force=False, plots=False):
 
 def test_history_reads_back_bit_for_bit(tmp_path):
     rng = np.random.default_rng(1)
-    values = rng.standard_normal(9001) * 10.0 ** rng.integers(-300, 300, 9001)
-    run = make_run(values)
-    write_history(tmp_path / "h.csv", run)
+    table = rng.standard_normal((9001, 3)) * 10.0 ** rng.integers(-300, 300, (9001, 3))
+    history = History(tmp_path / "h.csv", ("b1.tip.x", "b1.angle"))
+    history.add(table[:4000])
+    size = history.size
+    history.add(table[4000:])
     assert (tmp_path / "h.csv").read_text().splitlines()[0] == "t,b1.tip.x,b1.angle"
-    table = np.genfromtxt(tmp_path / "h.csv", delimiter=",", skip_header=1)
-    assert np.array_equal(table, np.column_stack([run.t, values, 0.1 * run.t]))
+    assert np.array_equal(np.genfromtxt(tmp_path / "h.csv", delimiter=",", skip_header=1), table)
+    assert np.array_equal(read_history(tmp_path / "h.csv", size), table[:4000])
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_rows_from_the_first_non_finite_value_on_are_dropped(bad):
-    run = finite_part(make_run([1.0, 2.0, bad, 4.0, 5.0]))
-    assert list(run.t) == [0.0, 0.25]
-    assert [len(c.values) for c in run.channels] == [2, 2]
-    assert run.outlines["b1"].shape == (2, 3, 2)
-    assert (run.status, run.exit_code) == ("failed", 3)
-    assert "b1.tip.x is not finite from t = 0.5 s" in run.reason
-    assert run.statistics["warnings"] == [f"{run.reason}: 3 rows were dropped"]
+def test_a_history_goes_on_where_it_was_cut_off(tmp_path):
+    first = History(tmp_path / "h.csv", ("x",))
+    first.add(np.array([[0.0, 1.0]]))
+    size = first.size
+    first.add(np.array([[1.0, 2.0], [2.0, 3.0]]))
+    History(tmp_path / "h.csv", ("x",), size).add(np.array([[5.0, 6.0]]))
+    assert (tmp_path / "h.csv").read_text() == "t,x\n0.0,1.0\n5.0,6.0\n"
 
 
-def test_a_bad_outline_counts_too_and_a_failed_run_keeps_its_reason():
-    outline = np.zeros((3, 2, 2))
-    outline[1, 0, 1] = math.nan
-    run = finite_part(make_run([1.0, 2.0, 3.0], status="failed", outlines={"b1": outline}))
-    assert (len(run.t), run.reason) == (1, "it broke")
+def test_a_full_disk_leaves_whole_rows(tmp_path, monkeypatch):
+    history, write = History(tmp_path / "h.csv", ("x",)), os.write
+    history.add(np.array([[0.0, 1.0]]))
 
+    def full(file, data):
+        if len(data) < 4:
+            raise OSError(28, "No space left on device")
+        return write(file, data[: len(data) // 2])
 
-def test_a_finite_run_is_left_alone():
-    run = make_run([1.0, 2.0])
-    assert finite_part(run) is run
+    monkeypatch.setattr(os, "write", full)
+    with pytest.raises(OSError, match="No space"):
+        history.add(np.array([[1.0, 2.0], [2.0, 3.0]]))
+    assert (tmp_path / "h.csv").read_text() == "t,x\n0.0,1.0\n"
 
 
 def test_writers_refuse_what_is_not_finite(tmp_path):
     with pytest.raises(ValueError, match="finite"):
-        write_history(tmp_path / "h.csv", make_run([1.0, math.nan]))
+        History(tmp_path / "h.csv", ("x",)).add(np.array([[0.0, math.nan]]))
+    assert (tmp_path / "h.csv").read_text() == "t,x\n"
     with pytest.raises(ValueError, match="JSON"):
         write_json(tmp_path / "s.json", {"a": math.inf})
-    assert list(tmp_path.iterdir()) == []
+    assert [path.name for path in tmp_path.iterdir()] == ["h.csv"]
 
 
 def test_non_finite_numbers_in_json_become_null_and_are_named():
@@ -186,19 +195,59 @@ def test_an_interrupted_write_never_looks_finished(tmp_path, monkeypatch):
     def stop(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hfsim.output.runfolder.write_history", stop)
+    monkeypatch.setattr(History, "add", stop)
     with pytest.raises(KeyboardInterrupt):
         save(tmp_path / "out", make_run([1.0, 2.0]), force=True)
-    assert not (tmp_path / "out/summary.json").exists()
+    assert json.loads((tmp_path / "out/summary.json").read_text())["status"] == "running"
 
 
 def test_a_full_disk_is_told_in_plain_words(tmp_path, monkeypatch):
     def full(*_):
-        raise OSError(28, "No space left on device", "history.csv")
+        raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("hfsim.output.runfolder.write_history", full)
-    with pytest.raises(WriteError, match=r"history\.csv: No space left"):
+    monkeypatch.setattr(History, "add", full)
+    with pytest.raises(LimitReached, match=r"history\.csv: No space left"):
         save(tmp_path / "out", make_run([1.0, 2.0]))
+    monkeypatch.setattr("hfsim.output.disk.os.replace", full)
+    with pytest.raises(WriteError, match="No space left"):
+        save(tmp_path / "other", make_run([1.0, 2.0]))
+
+
+def test_two_processes_do_not_write_into_one_folder(tmp_path):
+    first = claim(tmp_path / "out", force=False)
+    second = claim(tmp_path / "out", force=False)
+    first.prepare()
+    with pytest.raises(FolderError, match="another hfsim is writing"):
+        second.prepare()
+    first.release()
+    second.prepare()
+
+
+def test_pictures_of_somebody_else_are_left_alone(tmp_path):
+    (tmp_path / "out/plots").mkdir(parents=True)
+    (tmp_path / "out/plots/position.png").write_text("mine")
+    run, summary = save(tmp_path / "out", make_run([1.0, 2.0]), plots=True)
+    assert (tmp_path / "out/plots/position.png").read_text() == "mine"
+    assert "position.png" in summary["warnings"][-1]
+    assert (run.exit_code, summary["status"]) == (0, "done")
+    assert not [name for name in summary["files"] if name.startswith("plots/")]
+
+
+def test_pictures_that_cannot_be_drawn_cost_nothing(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/plots").write_text("a file")
+    run, summary = save(tmp_path / "out", make_run([1.0, 2.0]), plots=True)
+    assert (run.exit_code, summary["status"]) == (0, "done")
+    assert "pictures were not drawn" in summary["warnings"][-1]
+
+
+def test_a_link_is_not_written_through(tmp_path):
+    victim = tmp_path / "victim.csv"
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out/history.csv").symlink_to(victim)
+    with pytest.raises(FolderError, match=r"history\.csv"):
+        claim(tmp_path / "out", force=False)
+    assert not victim.exists()
 
 
 def test_a_file_in_the_way_is_refused(tmp_path):

@@ -3,7 +3,7 @@
 import pytest
 
 from hfsim.run.integration import run_integration
-from hfsim.run.stop import Budget, TimeUp
+from hfsim.run.stop import SHIELD, Budget, TimeUp
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -52,3 +52,17 @@ def test_a_budget_of_no_time_is_used_up_at_once():
     with pytest.raises(TimeUp) as stop:
         budget.guard()(0.0)
     assert stop.value.share == 0.0
+
+
+def test_a_shield_holds_an_interruption_back_until_what_it_guards_is_whole():
+    done = []
+    with pytest.raises(KeyboardInterrupt):
+        with SHIELD:
+            with SHIELD:
+                SHIELD.interrupt(KeyboardInterrupt())
+                done.append("inner")
+            done.append("outer")
+        done.append("beyond")
+    assert done == ["inner", "outer"]
+    with pytest.raises(KeyboardInterrupt):
+        SHIELD.interrupt(KeyboardInterrupt())

@@ -215,7 +215,10 @@ def test_joined_steps_are_the_same_polynomials():
         return Trajectory(ends[0], ends[-1], q, v, steps)
 
     one, other = path([0.0, 0.4, 1.0], 0, 2), path([0.0, 0.1, 0.5, 0.9, 1.0], 1, 3)
-    both = joined([(one, np.array([3, 0])), (other, np.array([1, 2, 4]))], 1.0)
+    both = Trajectory(0.0, 0.0, np.zeros(5), np.ones(5))
+    for end in (0.4, 1.0):  # in two goes: the first ends within a step of the other
+        steps, both.q, both.v = joined([(one, np.array([3, 0])), (other, np.array([1, 2, 4]))], both, end)
+        both.segments, both.t_end = both.segments + steps, end
     assert both.step_ends() == pytest.approx([0.0, 0.1, 0.4, 0.5, 0.9, 1.0], abs=0)
     times = np.linspace(0.0, 1.0, 41)
     for part, columns in ((one, [3, 0]), (other, [1, 2, 4])):

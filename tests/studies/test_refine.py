@@ -332,7 +332,7 @@ def test_moves():
 def test_the_deck_refuses_what_does_not_go_together():
     with pytest.raises(DeckError) as caught:
         load_deck(CASES / "pendulum.yaml", ("solve.budget=3", "solve.target_channels=[b1.tip.x]"))
-    assert str(caught.value).count("goes with target_error or elements: auto only") == 2
+    assert str(caught.value).count("goes with target_error or elements: auto only") == 1
     with pytest.raises(DeckError, match="choose the steps"):
         pendulum(1e-3, "solve.step=1e-3")
     with pytest.raises(DeckError, match=r"'b1.tip.z' is not among output.channels \(did you mean"):
@@ -385,8 +385,6 @@ def test_a_target_is_refined_by_estimates(tmp_path):
     result = run_pendulum(tmp_path / "a", "--no-error-estimate")
     assert result.exit_code == 2 and "--no-error-estimate" in result.output
     assert not (tmp_path / "a").exists()
-    result = call("run", "pendulum", "--budget", "3s", "-o", tmp_path / "a")
-    assert result.exit_code == 2 and "target_error" in result.output
 
 
 def test_each_deck_has_its_own_target(tmp_path, monkeypatch):

@@ -135,17 +135,18 @@ def _path_figure(run: Run) -> Figure | None:
 
 def _shapes_figure(run: Run) -> Figure | None:
     outlines = {body: points[..., :2] for body, points in run.outlines.items() if points.size}
-    if not outlines:
+    times = run.outline_t
+    if not outlines or times is None:
         return None
-    frames = np.unique(np.linspace(0, len(run.t) - 1, _FRAMES).round().astype(int))
+    frames = np.unique(np.linspace(0, len(times) - 1, _FRAMES).round().astype(int))
     figure, axes = _plane(np.vstack([points[frames].reshape(-1, 2) for points in outlines.values()]))
     lines = LineCollection([], cmap=_TIME_COLOURS, linewidths=1.6, capstyle="round")
     lines.set_segments([points[k] for k in frames for points in outlines.values()])
-    lines.set_array(np.repeat(run.t[frames], len(outlines)))
+    lines.set_array(np.repeat(times[frames], len(outlines)))
     axes.add_collection(lines, autolim=False)
     for points in outlines.values():
         ends = points[frames][:, [0, -1]].reshape(-1, 2)
-        axes.scatter(ends[:, 0], ends[:, 1], s=7, c=np.repeat(run.t[frames], 2), cmap=_TIME_COLOURS, zorder=3)
+        axes.scatter(ends[:, 0], ends[:, 1], s=7, c=np.repeat(times[frames], 2), cmap=_TIME_COLOURS, zorder=3)
     figure.colorbar(lines, ax=axes, label="time [s]", fraction=0.04, pad=0.02)
     return finished(figure, _headline(run, "shapes of the bodies"))
 

@@ -9,6 +9,7 @@ from typing import Any
 from hfsim.errors import LimitReached, Terminated
 from hfsim.run.distance import channel_errors
 from hfsim.run.integration import Leg
+from hfsim.run.record import Record
 from hfsim.run.solution import Run
 from hfsim.simulate import assess
 from hfsim.studies.bench.points import tidy
@@ -90,7 +91,10 @@ class Refinement:
         clock = chosen.clock
         clock.cpu["refinement"] = self.cpu - sum(clock.cpu.values())
         clock.wall["refinement"] = self.used - sum(clock.wall.values())
-        run = assess([Leg(chosen.scene, chosen.done)], clock, error_estimate=False, diagnosis=diagnosis)
+        record, done = Record(), chosen.done
+        spoiled = record.keep(chosen.scene, done.trajectory, done.problem.counts)
+        legs = [Leg(chosen.scene, done._replace(stop=spoiled or done.stop), record.legs[-1])]
+        run = assess(legs, record, clock, error_estimate=False, diagnosis=diagnosis)
         facts: dict[str, Any] = {"refinement": self.facts(), "error_estimate": chosen.estimate}
         if current is not None and chosen.estimate is not None:
             other = current if chosen is not current else self.search.levels[chosen.base]

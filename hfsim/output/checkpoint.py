@@ -1,0 +1,94 @@
+"""Where a run can be taken up again, in ``checkpoint.npz``: plain arrays, and what they belong to."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfsim.output.disk import read_history, write_whole
+from hfsim.output.writers import Provenance, versions
+from hfsim.run.nested import Memory
+
+CHECKPOINT = "checkpoint.npz"
+_MAY_DIFFER = ("solve.max_steps", "solve.budget", "output.plots")
+"""Entries of a deck that have no part in what its rows are."""
+
+
+class Checkpoint(NamedTuple):
+    """A place from which a run goes on.
+
+    Attributes
+    ----------
+    memory : Memory
+        For `hfsim.simulate.simulate`.
+    size : int
+        Bytes of the history until there.
+    """
+
+    memory: Memory
+    size: int
+
+
+class CheckpointError(Exception):
+    """A checkpoint that belongs to another deck, version or method; says in what they differ."""
+
+
+def put_down(folder: Path, memory: Memory, size: int, provenance: Provenance) -> None:
+    """Write the checkpoint of a run.
+
+    Raises
+    ------
+    OSError
+        If the system refuses.
+    """
+    facts = {"size": size, "resolved": provenance.resolved, "versions": versions()}
+    arrays: dict[str, Any] = {**memory, "about": np.array(json.dumps(facts))}
+    write_whole(folder / CHECKPOINT, lambda file: np.savez(file, **arrays))
+
+
+def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
+    """Return the checkpoint in a folder; None where there is none.
+
+    Raises
+    ------
+    CheckpointError
+        If it is not one of this deck with these versions, or cannot be read.
+    """
+    path = folder / CHECKPOINT
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            memory = dict(arrays)
+        facts = json.loads(str(memory.pop("about")))
+        table = read_history(folder / "history.csv", facts["size"])
+    except (OSError, ValueError, KeyError) as error:
+        raise CheckpointError(f"{path} cannot be read: {error}") from error
+    different = [*_differences(facts["versions"], versions()), *_deck(facts["resolved"], provenance.resolved)]
+    if different:
+        raise CheckpointError("\n".join([f"{path} belongs to another run:", *different]))
+    return Checkpoint({**memory, "table": table}, facts["size"])
+
+
+def _deck(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    return _differences(*(dict(_leaves(json.loads(json.dumps(one)))) for one in (old, new)))
+
+
+def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
+    """Yield a line for each entry that both have, or one of them, with another value."""
+    for key in dict.fromkeys((*old, *new)):
+        if old.get(key) != new.get(key) and key not in _MAY_DIFFER:
+            yield f"  {key}: {old.get(key, 'not there')} then, {new.get(key, 'not there')} now"
+
+
+def _leaves(entry: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted path and value of all that is in a deck."""
+    if not isinstance(entry, dict):
+        yield path, entry
+        return
+    for key, value in entry.items():
+        yield from _leaves(value, f"{path}.{key}" if path else str(key))

@@ -1,0 +1,147 @@
+"""Files that are whole or not there, whatever happens while they are written."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from hfsim.errors import HfsimError
+from hfsim.run.stop import SHIELD
+
+_BLOCK = 4096
+"""Rows turned into text at a time: bounds the memory a long history needs."""
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0)
+
+
+class WriteError(HfsimError):
+    """The disk refused a result (full, read-only, gone)."""
+
+    exit_code = 1
+
+
+@contextmanager
+def disk(path: Path) -> Iterator[None]:
+    """Turn what the system refuses inside the block into a `WriteError` about `path`."""
+    try:
+        yield
+    except OSError as error:
+        place = error.filename or path
+        raise WriteError(f"cannot write {place}: {error.strerror or error}") from error
+
+
+def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:
+    """Write a file in one move: what stood there before stays until all of the new one is on disk.
+
+    Raises
+    ------
+    OSError
+        If the system refuses; nothing of the new file is left then.
+    """
+    draft = path.with_name(f".{path.name}.part")
+    with SHIELD:
+        draft.unlink(missing_ok=True)
+        try:
+            with os.fdopen(os.open(draft, _NEW, 0o666), "wb") as file:
+                write(file)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(draft, path)
+        except BaseException:
+            draft.unlink(missing_ok=True)
+            raise
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file in one move."""
+    write_whole(path, lambda file: file.write(text.encode()))
+
+
+def write_json(path: Path, facts: Mapping[str, Any]) -> None:
+    """Write `facts` as JSON in one move.
+
+    Raises
+    ------
+    ValueError
+        If a number is not finite.
+    """
+    write_text(path, json.dumps(facts, indent=2, allow_nan=False, ensure_ascii=False) + "\n")
+
+
+class History:
+    """A CSV file that grows while its rows are computed.
+
+    Parameters
+    ----------
+    path : Path
+    names : sequence of str
+        Of the columns after ``t``.
+    size : int, optional
+        Bytes of an older file to go on from; what comes behind is cut off. Without it a new one is made.
+
+    Attributes
+    ----------
+    size : int
+        Bytes of the whole rows in the file.
+    """
+
+    def __init__(self, path: Path, names: Sequence[str], size: int | None = None) -> None:
+        flags = _NEW if size is None else (_NEW & ~os.O_CREAT & ~os.O_EXCL)
+        self._file = os.open(path, flags, 0o666)
+        self.size = size or 0
+        os.ftruncate(self._file, self.size)
+        os.lseek(self._file, 0, os.SEEK_END)
+        if size is None:
+            self._write(",".join(["t", *names]) + "\n")
+
+    def add(self, table: np.ndarray) -> None:
+        """Write rows, shape (n_rows, 1 + n_names); numbers are the shortest text that reads back exactly.
+
+        Raises
+        ------
+        ValueError
+            If a value is not finite; nothing is written then.
+        OSError
+            If the system refuses; only whole rows are in the file then.
+        """
+        if not np.isfinite(table).all():
+            raise ValueError("a non-finite value must not be written")
+        for start in range(0, len(table), _BLOCK):
+            self._write("".join(_rows_as_text(table[start : start + _BLOCK].tolist())))
+
+    def _write(self, text: str) -> None:
+        data = memoryview(text.encode())
+        try:
+            with SHIELD:
+                while data:
+                    data = data[os.write(self._file, data) :]
+        except OSError:
+            os.ftruncate(self._file, self.size)
+            raise
+        self.size = os.lseek(self._file, 0, os.SEEK_CUR)
+
+    def sync(self) -> None:
+        """Wait until the rows are on disk."""
+        os.fsync(self._file)
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._file)
+
+
+def _rows_as_text(rows: Iterable[Sequence[float]]) -> Iterable[str]:
+    # repr of a Python float is the shortest text that reads back as the same number
+    return (",".join(map(repr, row)) + "\n" for row in rows)
+
+
+def read_history(path: Path, size: int) -> np.ndarray:
+    """Return the rows of a history in its first ``size`` bytes, shape (n_rows, n_columns)."""
+    with path.open("rb") as file:
+        lines = file.read(size).decode().splitlines()
+    width = lines[0].count(",") + 1
+    return np.array([float(x) for line in lines[1:] for x in line.split(",")]).reshape(-1, width)

@@ -1,0 +1,216 @@
+"""The folder of a run while it is written: every row at once, and at any time something to go on from."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from hfsim.errors import LimitReached, interruption_code
+from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
+from hfsim.output.disk import History, disk, write_json
+from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
+from hfsim.output.writers import Provenance, running_summary, summary_of, warnings_of, write_resolved
+from hfsim.run.nested import Memory
+from hfsim.run.solution import Run
+
+if TYPE_CHECKING:
+    from numpy import ndarray
+
+EVERY = 30.0
+"""Time between two checkpoints [s]."""
+
+
+class Recording:
+    """What becomes of a run in its folder; a `hfsim.run.record.Sink`.
+
+    Parameters
+    ----------
+    folder : RunFolder
+        Granted by `claim`; touched as soon as the scene is assembled.
+    name, model : str
+        As of `Run`.
+    provenance : Provenance
+    watch : Stopwatch
+        Gets the phases ``write`` and ``plots``.
+    log : RunLog
+    checkpoint : Checkpoint, optional
+        From where an older run in this folder goes on.
+    """
+
+    def __init__(
+        self,
+        folder: RunFolder,
+        name: str,
+        model: str,
+        provenance: Provenance,
+        watch: Stopwatch,
+        log: RunLog,
+        checkpoint: Checkpoint | None = None,
+    ) -> None:
+        self.folder, self.provenance, self._log = folder, provenance, log
+        self._name, self._model, self._watch = name, model, watch
+        self._from = checkpoint
+        self._history: History | None = None
+        self._there = len(checkpoint.memory["table"]) if checkpoint else 0
+        """Rows that are in the file already, and yet to come once more."""
+        self._memory: Callable[[], Memory] | None = None
+        self._size = checkpoint.size if checkpoint else 0
+        self._next = time.monotonic() + EVERY
+        self._ended = False
+        self.path = folder.path
+
+    # --- while it runs ---------------------------------------------------------------------------
+
+    def begin(self, channels: Iterable[str]) -> None:
+        """Make the folder with all that is known before the first step."""
+        with disk(self.path), self._watch.phase("write"):
+            self.folder.prepare(keep=("history.csv", CHECKPOINT) if self._from else ())
+            self._history = History(self.path / "history.csv", tuple(channels), self._size or None)
+            write_json(self.path / SUMMARY, running_summary(self._name, self._model, self.provenance))
+            write_resolved(self.path / "resolved.yaml", self.provenance, self._model)
+            self._log.to(self.path / "run.log", append=self._from is not None)
+
+    def rows(self, table: ndarray) -> None:
+        """Write the next rows."""
+        old = min(self._there, len(table))
+        self._there -= old
+        if self._history is None or old == len(table):
+            return
+        with self._watch.phase("write"):
+            try:
+                self._history.add(table[old:])
+            except OSError as error:
+                self._history = None
+                raise LimitReached(f"cannot write {self.path / 'history.csv'}: {error.strerror}") from error
+
+    def block(self, memory: Callable[[], Memory]) -> None:
+        """Keep in mind from where the run can go on; put it down now and then."""
+        if self._history is None:
+            return
+        self._memory, self._size = memory, self._history.size
+        if time.monotonic() >= self._next:
+            self._put_down()
+            self._next = time.monotonic() + EVERY
+
+    def _put_down(self) -> None:
+        if self._memory is None or self._history is None:
+            return
+        with self._watch.phase("write"):
+            try:
+                self._history.sync()
+                put_down(self.path, self._memory(), self._size, self.provenance)
+            except OSError as error:
+                self._log.add(f"no checkpoint was written: {error.strerror}")
+
+    def abandon(self, error: BaseException) -> None:
+        """Say in the folder why there are no results: interrupted outside its steps, or gone wrong."""
+        if self._history is None or self._ended:
+            return
+        if isinstance(error, KeyboardInterrupt):
+            told = {"status": "interrupted", "reason": "interrupted", "exit_code": interruption_code(error)}
+            self._put_down()
+        else:
+            told = {"status": "failed", "reason": f"{type(error).__name__}: {error}", "exit_code": 1}
+        with disk(self.path):
+            summary = running_summary(self._name, self._model, self.provenance)
+            write_json(self.path / SUMMARY, {**summary, **told})
+        self.folder.release()
+
+    def take(self, run: Run, provenance: Provenance) -> None:
+        """Write the rows of a run that was chosen among several, and the deck that gives it."""
+        self.provenance = provenance
+        self.rows(run.table)
+        with disk(self.path), self._watch.phase("write"):
+            write_resolved(self.path / "resolved.yaml", provenance, run.model)
+
+    # --- when it has ended -----------------------------------------------------------------------
+
+    def solved(self, run: Run) -> None:
+        """Write what the run itself has given, before anything else is found out about it.
+
+        Raises
+        ------
+        WriteError
+            If the system refuses.
+        """
+        self._ended = True
+        if run.status in ("interrupted", "limit"):
+            self._put_down()
+        else:
+            self._memory = None
+        with disk(self.path), self._watch.phase("write"):
+            if self._history is not None:
+                self._history.sync()
+            self._summarise(run, ())
+            if self._memory is None:
+                (self.path / CHECKPOINT).unlink(missing_ok=True)
+
+    def finish(self, run: Run, pictures: bool) -> tuple[Run, dict[str, Any]]:
+        """Draw pictures if wanted, and write the last summary; return the run as it is told there, and that.
+
+        Raises
+        ------
+        WriteError
+            If the system refuses.
+        """
+        plots: list[str] = []
+        if pictures:
+            try:
+                with self._watch.phase("plots"):
+                    plots = self._draw(run)
+            except KeyboardInterrupt as stop:
+                run = replace(run, exit_code=interruption_code(stop))
+                run = _warned(run, "the pictures were not drawn: interrupted")
+            except Exception as error:  # whatever it is, it must not cost the results
+                run = _warned(run, f"the pictures were not drawn: {error or type(error).__name__}")
+        run = self._watch.added_to(run)
+        with disk(self.path):
+            summary = self._summarise(run, plots)
+            self._log.end(summary)
+        self.folder.release()
+        return run, summary
+
+    def _draw(self, run: Run) -> list[str]:
+        """Draw in a place aside, and put the pictures where they belong if nobody else's stand there."""
+        from hfsim.output.plots import draw_run  # half a second of matplotlib, for those who want pictures
+
+        aside, there = self.path / ".plots.part", self.path / "plots"
+        shutil.rmtree(aside, ignore_errors=True)
+        aside.mkdir()
+        try:
+            names = draw_run(run, aside)
+            there.mkdir(exist_ok=True)
+            taken = [name for name in names if os.path.lexists(there / name)]
+            if taken:
+                raise FileExistsError(f"{there} has files that are not of this run: {', '.join(taken)}")
+            for name in names:
+                os.replace(aside / name, there / name)
+        finally:
+            shutil.rmtree(aside, ignore_errors=True)
+        return [f"plots/{name}" for name in names]
+
+    def _summarise(self, run: Run, plots: Iterable[str]) -> dict[str, Any]:
+        files = ["history.csv", "resolved.yaml", "run.log", SUMMARY, *plots]
+        if self._memory is not None:
+            files.append(CHECKPOINT)
+        summary = summary_of(run, self.provenance, files)
+        write_json(self.path / SUMMARY, summary)
+        return summary
+
+
+def _warned(run: Run, warning: str) -> Run:
+    return replace(run, statistics={**run.statistics, "warnings": [*warnings_of(run), warning]})
+
+
+def save_run(
+    folder: RunFolder, run: Run, provenance: Provenance, watch: Stopwatch, log: RunLog, pictures: bool = True
+) -> tuple[Run, dict[str, Any]]:
+    """Write everything of a run that has ended; as `Recording.finish`."""
+    recording = Recording(folder, run.name, run.model, provenance, watch, log)
+    recording.begin([channel.name for channel in run.channels])
+    recording.rows(run.table)
+    return recording.finish(run, pictures)

@@ -1,0 +1,177 @@
+"""Rows as they come, and runs that are put down and taken up again: the same bytes, whatever happened."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import hfsim.run.record
+from hfsim.errors import LimitReached
+from hfsim.integrators import Segment, Trajectory
+from hfsim.parts.channels import CHANNELS
+from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.simulate import simulate
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+class Notes:
+    """A sink that ends the run after some blocks."""
+
+    def __init__(self, most=10**9):
+        self.tables, self.memories, self.most = [], [], most
+        self.told = []
+
+    def begin(self, channels):
+        self.told.append(tuple(channels))
+
+    def rows(self, table):
+        self.tables.append(table)
+
+    def block(self, memory):
+        self.memories.append((memory, np.concatenate(self.tables)))
+        if len(self.memories) >= self.most:
+            raise LimitReached("enough blocks")
+
+    def solved(self, run):
+        self.told.append(run.status)
+
+    def put_down(self):
+        """Return the last memory as a file gives it back."""
+        memory, table = self.memories[-1]
+        file = io.BytesIO()
+        np.savez(file, **memory())
+        file.seek(0)
+        return {**np.load(file, allow_pickle=False), "table": table}
+
+    @property
+    def table(self):
+        return np.concatenate(self.tables)
+
+
+def run(loaded, sink, memory=None):
+    return simulate(loaded, error_estimate=False, outlines=False, sink=sink, memory=memory)
+
+
+TURNING = """hfsim: 1
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10}}
+sections: {bar: {shape: rectangle, width: 0.02, height: 0.02}}
+bodies: {b1: {type: beam, material: alloy, section: bar, length: 1.0, elements: 2, model: auto}}
+joints: {pin: {type: revolute, between: [ground, b1.root]}}
+gravity: [0.0, -9.81]
+loads:
+  push: {type: force, at: b1.tip, force: [0.0, 60.0], follower: true,
+         law: {type: smooth_step, from: 0, to: 1, start: 0.2, end: 0.7}}
+solve: {duration: 0.9, tolerance: 1.0e-8, model_error: 1.0e-3}
+"""
+
+
+def loaded_from(deck, overrides):
+    return load_deck(CASES / deck, overrides) if "\n" not in deck else parse_deck(deck, "deck", overrides)
+
+
+SCENES = {
+    "one body": ("pendulum.yaml",),
+    "parts side by side": ("rules/spare.yaml",),
+    "variable mass and its watch": ("two_beams.yaml", "solve.model=lowOrder"),
+    "several models in turn": (TURNING,),
+    "gear": ("pendulum.yaml", "solve.method=gear", "solve.tolerance=1e-4", "solve.duration=0.3"),
+}
+
+
+@pytest.fixture
+def short_blocks(monkeypatch):
+    monkeypatch.setattr(hfsim.run.record, "BLOCK", 0.01)
+
+
+@pytest.mark.parametrize("deck, overrides", [(d, o) for d, *o in SCENES.values()], ids=SCENES)
+def test_a_run_that_is_put_down_again_and_again_gives_the_same_rows(deck, overrides, short_blocks):
+    loaded = loaded_from(deck, overrides)
+    whole = Notes()
+    reference = run(loaded, whole)
+    assert reference.status == "done"
+    assert len(whole.memories) >= 3
+    memory, rounds = None, 0
+    while True:
+        notes = Notes(most=2)
+        done = run(loaded, notes, memory)
+        assert notes.table.tobytes() == whole.table[: len(notes.table)].tobytes()
+        if done.status == "done":
+            break
+        assert done.status == "limit"
+        memory, rounds = notes.put_down(), rounds + 1
+    assert rounds >= 2
+    assert done.t.tobytes() == reference.t.tobytes()
+    for mine, theirs in zip(done.channels, reference.channels, strict=True):
+        assert mine.values.tobytes() == theirs.values.tobytes()
+    for key in ("steps", "rejected", "evaluations", "newton_iterations"):
+        assert done.statistics[key] == reference.statistics[key]
+    assert done.statistics["energy_drift"] == pytest.approx(reference.statistics["energy_drift"], rel=1e-6)
+
+
+def test_rows_come_while_the_run_goes_on_and_do_not_depend_on_blocks(short_blocks, monkeypatch):
+    loaded = load_deck(CASES / "pendulum.yaml")
+    many, one = Notes(), Notes()
+    run(loaded, many)
+    monkeypatch.setattr(hfsim.run.record, "BLOCK", np.inf)
+    run(loaded, one)
+    assert len(many.tables) > 3 and len(one.tables) == 1
+    assert many.told == [loaded.deck.channels, "done"]
+    assert many.table == pytest.approx(one.table, rel=1e-12, abs=1e-12)
+
+
+@pytest.mark.parametrize("interval, rows", [(0.3, [0.0, 0.3, 0.6, 0.9, 1.0]), (5.0, [0.0, 1.0])])
+def test_the_last_state_is_written(interval, rows):
+    loaded = load_deck(CASES / "pendulum.yaml", [f"output.interval={interval}", "solve.tolerance=1e-4"])
+    done = run(loaded, None)
+    assert done.t == pytest.approx(rows)
+    assert done.end_time == 1.0
+
+
+def test_rows_end_before_the_first_that_is_not_finite(monkeypatch):
+    good = CHANNELS["elongation"]
+
+    def spoiled(samples, subject):
+        return np.where(samples.t > 0.5, np.nan, good.compute(samples, subject))
+
+    monkeypatch.setitem(CHANNELS, "elongation", good._replace(compute=spoiled))
+    loaded = load_deck(CASES / "pendulum.yaml", ["output.channels=[b1.tip.x, b1.tip.elongation]"])
+    notes = Notes()
+    done = run(loaded, notes)
+    assert (done.status, done.exit_code) == ("failed", 3)
+    assert "b1.tip.elongation is not finite from t = 0.51 s on" in done.reason
+    assert done.end_time == pytest.approx(0.5)
+    assert np.isfinite(notes.table).all()
+
+
+def test_long_runs_keep_less_of_their_steps_but_lose_no_rows(short_blocks, monkeypatch):
+    loaded = load_deck(CASES / "pendulum.yaml", ["solve.duration=4", "solve.tolerance=1e-6"])
+    whole = Notes()
+    run(loaded, whole)
+    monkeypatch.setattr(hfsim.run.record, "MOST_STEPS", 2e4)
+    monkeypatch.setattr(hfsim.run.record, "MOST_STATES", 1e4)
+    monkeypatch.setattr("hfsim.integrators._trajectory.RECENT", 4)
+    notes = Notes()
+    short = simulate(loaded, error_estimate=False, diagnosis=True, sink=notes)
+    assert notes.table.tobytes() == whole.table.tobytes()
+    assert 2 < len(short.outline_t) < len(short.t)
+    assert short.outlines["b1"].shape[0] == len(short.outline_t)
+
+
+def test_a_condensed_trajectory_is_right_at_the_ends_of_its_steps(monkeypatch):
+    rng, path = np.random.default_rng(3), Trajectory(0.0, 0.0, np.zeros(2), np.ones(2))
+    for k in range(9):
+        step = Segment(float(k), 1.0, path.q, path.v, rng.normal(size=(3, 2)))
+        (path.q,), (path.v,) = step.at(np.array([k + 1.0]))
+        path.segments.append(step)
+        path.t_end = k + 1.0
+    times = np.array([0.0, 2.0, 4.0, 6.0, 8.0, 9.0])
+    before = path.at(times)
+    last = path.segments[-1]
+    monkeypatch.setattr("hfsim.integrators._trajectory.RECENT", 1)
+    path.condense()
+    assert [s.t for s in path.segments] == [0.0, 2.0, 4.0, 6.0, 8.0]
+    assert path.segments[-1] is last
+    for mine, theirs in zip(path.at(times), before, strict=True):
+        assert mine == pytest.approx(theirs, abs=1e-12)
