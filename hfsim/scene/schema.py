@@ -97,7 +97,7 @@ class SolveSpec(Spec):
     method: Annotated[str, named_in("hfsim.integrators.METHODS", "auto")] = "auto"
     """Integration method."""
 
-    tolerance: Annotated[float, measures(above=0, at_most=0.1)] = 1e-8
+    tolerance: Annotated[float, measures(above=0, at_most=0.1)] = 1e-6
     """Tolerance of the steps' error [-]."""
 
     step: PositiveTime | None = None
