@@ -12,6 +12,7 @@ import gc
 import importlib
 import os
 import signal
+import sys
 
 import click
 
@@ -92,6 +93,7 @@ def main() -> None:
         os.environ.setdefault(name, "1")  # the matrices are small: more threads only cost CPU time
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # or it looks for them in all that is installed
     gc.set_threshold(SELDOM)
+    _open_closed_streams()
     taken = _take_signals()
     try:
         app(prog_name="hfsim")
@@ -101,6 +103,16 @@ def main() -> None:
         raise
     finally:
         gc.freeze()  # or Python would look for cycles in all there is once more before it ends
+
+
+def _open_closed_streams() -> None:
+    """Let go nowhere what is told to a closed stream (``2>&-``): else the next file takes its place."""
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        if getattr(sys, name) is None:
+            stream = open(os.devnull, "r" if number == 0 else "w", encoding="utf-8")  # noqa: SIM115
+            if stream.fileno() != number:
+                os.dup2(stream.fileno(), number)
+            setattr(sys, name, stream)
 
 
 SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU")

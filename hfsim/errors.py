@@ -6,6 +6,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+MOST_PROBLEMS = 500
+"""Problems of a deck that are looked for; whoever makes more of them makes one mistake many times."""
+_SHOWN = 50
+"""Problems of a deck that are told."""
+_LONGEST = 400
+"""Characters of a message about a deck; whole lists of names may be in it."""
+_WIDEST = 100
+"""Characters marked in a line of a deck, half of those shown of a long line."""
+
+
+def clipped(text: str) -> str:
+    """Return a text without the middle part that makes it too long for a message."""
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 60]} ... {text[-50:]}"
+
 
 class HfsimError(Exception):
     """Base class of everything hfsim raises on purpose."""
@@ -38,6 +52,13 @@ class DeckProblem:
     column: int = 0
     width: int = 1
 
+    def headline(self, file: str, kind: str = "error") -> str:
+        """Return place, kind, what is wrong and what would be right, in one line."""
+        place = f"{file}:{self.line}:{self.column}" if self.line else file
+        what = f"{clipped(self.path)}: {clipped(self.message)}" if self.path else clipped(self.message)
+        line = f"{place}: {kind}: {what}" + (f" ({clipped(self.hint)})" if self.hint else "")
+        return line.replace("\n", "\\n")
+
 
 class DeckError(HfsimError):
     """A deck (or an override of it) that cannot be run; carries every problem found."""
@@ -53,21 +74,27 @@ class DeckError(HfsimError):
     def render(self) -> str:
         """Return all problems as ``file:line:column``, the line with a caret, and the remedy."""
         lines = self.text.splitlines()
-        blocks = [self._render_problem(problem, lines) for problem in self.problems]
+        blocks = [self._render_problem(problem, lines) for problem in self.problems[:_SHOWN]]
         count = len(self.problems)
+        if count > _SHOWN:
+            blocks.append(f"... and {'at least ' if count > MOST_PROBLEMS else ''}{count - _SHOWN} more")
         blocks.append(f"{count} error{'s' if count != 1 else ''}. Nothing was run.")
         return "\n".join(blocks)
 
     def _render_problem(self, problem: DeckProblem, lines: list[str]) -> str:
-        place = f"{self.file}:{problem.line}:{problem.column}" if problem.line else self.file
-        head = f"{place}: error: {problem.path + ': ' if problem.path else ''}{problem.message}"
-        if problem.hint:
-            head += f" ({problem.hint})"
+        head = problem.headline(self.file)
         if not 0 < problem.line <= len(lines):
             return head
-        source = lines[problem.line - 1]
-        caret = " " * (problem.column - 1) + "^" * max(1, problem.width)
+        source, column = _around(lines[problem.line - 1], problem.column)
+        caret = " " * (column - 1) + "^" * min(max(1, problem.width), _WIDEST)
         return f"{head}\n{problem.line:5d} | {source}\n      | {caret}"
+
+
+def _around(line: str, column: int) -> tuple[str, int]:
+    """Return a line, or its piece around a column, on paper: tabs and the like are one column wide each."""
+    start = max(0, column - 1 - _WIDEST // 2) if len(line) > 2 * _WIDEST else 0
+    piece = line[start : start + 2 * _WIDEST]
+    return "".join(char if char.isprintable() else " " for char in piece), column - start
 
 
 class Terminated(KeyboardInterrupt):

@@ -42,12 +42,14 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
     from hfsim.simulate import check as assemble
 
     try:
-        facts = assemble(load_numbered(argument, overrides, talk))
+        loaded = load_numbered(argument, overrides, talk)
+        facts = assemble(loaded)
     except HfsimError as error:
         code = report_error(error)
         talk.facts({"deck": argument, "ok": False, "error": str(error)})
         return code
-    talk.facts({"deck": argument, "ok": True, **facts})
+    warnings = [*loaded.warnings, *facts.get("warnings", ())]
+    talk.facts({"deck": argument, "ok": True, **facts, "warnings": warnings})
     talk.result("\n  ".join([f"{argument}: ok: {describe(facts)}", *_assembled(facts.get("assembly") or {})]))
     for warning in facts.get("warnings", ()):
         talk.note(f"{argument}: warning: {warning}")

@@ -225,7 +225,7 @@ def run_model(plan: Plan, model: str, first: bool) -> tuple[Run, list[float]]:
     run, summary = save_run(plan.folders[model], run, provenance, watch, log, plan.study.plots)
     for warning in summary["warnings"]:
         told_with_differences = validity_warnings(summary.get("models") or {}, summary.get("validity") or {})
-        if warning not in told_with_differences:
+        if warning not in (*told_with_differences, *deck.warnings):
             plan.study.talk.note(f"{model}: warning: {warning}")
     if run.status not in ("done", "interrupted"):
         plan.study.talk.note(f"{model}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")

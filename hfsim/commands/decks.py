@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -54,13 +55,13 @@ def find_deck(argument: str, talk: Talk) -> Path:
         If there is neither; the message names what comes near.
     """
     path = Path(argument)
-    if path.is_file():
+    if os.path.isfile(path):  # False too where a name is too long for the system
         return path
     cases = shipped_cases()
     if argument in cases:
         talk.note(f"{argument}: using the shipped case {cases[argument]}")
         return cases[argument]
-    if path.is_dir():
+    if os.path.isdir(path):
         raise DeckNotFoundError(f"{argument} is a folder; name a deck, e.g. {path / 'case.yaml'}")
     raise DeckNotFoundError(f"there is no deck {argument}{_near(path, list(cases))}. Nothing was run.")
 
@@ -68,7 +69,7 @@ def find_deck(argument: str, talk: Talk) -> Path:
 def _near(path: Path, cases: list[str]) -> str:
     if path.stem in cases:
         return f" (a shipped case has that name: use '{path.stem}')"
-    folder = path.parent if path.parent.is_dir() else Path()
+    folder = path.parent if os.path.isdir(path.parent) else Path()
     files = [file.name for file in folder.glob("*.y*ml")]
     near = difflib.get_close_matches(path.name, files, 1) or difflib.get_close_matches(path.stem, cases, 1)
     return f" (did you mean '{near[0]}'?)" if near else ""
@@ -106,6 +107,7 @@ def load_decks(
     for argument in arguments:
         try:
             deck = load_deck(find_deck(argument, talk), tuple(overrides))
+            _warn(deck, talk)
             finish(deck)
             loaded.append(deck)
         except HfsimError as error:
@@ -113,6 +115,11 @@ def load_decks(
     if codes:
         raise click.exceptions.Exit(worst(codes))
     return loaded
+
+
+def _warn(loaded: LoadedDeck, talk: Talk) -> None:
+    for warning in loaded.warnings:
+        talk.note(warning)
 
 
 def assemble(loaded: LoadedDeck) -> None:
@@ -149,7 +156,9 @@ def load_numbered(argument: str, overrides: Sequence[str], talk: Talk) -> Loaded
     """
     from hfsim.scene.loading import load_deck
 
-    return with_numbers(load_deck(find_deck(argument, talk), tuple(overrides)), talk)
+    loaded = load_deck(find_deck(argument, talk), tuple(overrides))
+    _warn(loaded, talk)
+    return with_numbers(loaded, talk)
 
 
 def provenance_of(loaded: LoadedDeck, argument: str, overrides: Sequence[str]) -> Provenance:
@@ -161,6 +170,7 @@ def provenance_of(loaded: LoadedDeck, argument: str, overrides: Sequence[str]) -
         deck_sha256=loaded.deck_sha256,
         overrides=tuple(overrides),
         resolved=loaded.deck.resolved(),
+        warnings=loaded.warnings,
     )
 
 

@@ -234,7 +234,7 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
         log.add(line.strip())
     log.add(f"model {result.model}, method {result.method}")
     result, summary = recording.finish(result, plots)
-    tell(result, summary, job.folder.path, settings.talk)
+    tell(result, summary, job.folder.path, settings.talk, job.loaded.warnings)
     return result.exit_code
 
 

@@ -8,14 +8,14 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator
 
-from hfsim.deck.spec import ReadBy, refusal, shown
-from hfsim.deck.units import UnitError, describe, parse_quantity
+from hfsim.deck.spec import Complaint, ReadBy, refusal, shown
+from hfsim.deck.units import RANGES, SI_UNITS, UnitError, describe, parse_quantity
 
 _BOUNDS: dict[str, tuple[Callable[[float, float], bool], str]] = {
     "above": (operator.gt, "greater than"),
@@ -34,6 +34,16 @@ def _check(number: float, bounds: Mapping[str, float | None], written: object) -
             raise refusal(f"must be {words} {bound:g}, not {shown(written)}")
 
 
+def _check_range(number: float, dimension: str, above_zero: bool, written: object) -> None:
+    """Refuse a number beyond all that is physical."""
+    (least, most), unit = RANGES[dimension], SI_UNITS[dimension].strip("-")
+    if abs(number) > most:
+        words = "must be at most" if number > 0 else "must be at least"
+        raise refusal(f"{words} {math.copysign(most, number):g} {unit}".rstrip() + f", not {shown(written)}")
+    if above_zero and number < least:
+        raise refusal(f"must be at least {least:g} {unit}, not {shown(written)}")
+
+
 def _read_number(dimension: str, bounds: Mapping[str, float], value: object) -> float:
     """Return a deck's number, or its text with a unit, as a finite SI number."""
     number = value
@@ -47,6 +57,7 @@ def _read_number(dimension: str, bounds: Mapping[str, float], value: object) -> 
     if not math.isfinite(number):
         raise refusal(f"must be finite, not {number}")
     _check(number, bounds, value)
+    _check_range(number, dimension, bounds.get("above") == 0, value)
     return float(number)
 
 
@@ -124,8 +135,11 @@ AccelerationVector = Annotated[tuple[Acceleration, ...], _vector]
 ForceVector = Annotated[tuple[Force, ...], _vector]
 
 
+_SHORTEST_AXIS = 1e-12
+
+
 def _check_axis(axis: tuple[float, ...]) -> tuple[float, ...]:
-    if not any(axis):
+    if max(map(abs, axis)) < _SHORTEST_AXIS:
         raise refusal("an axis cannot be zero", "give a direction such as [1, 0]")
     return axis
 
@@ -136,13 +150,17 @@ Between = Annotated[tuple[str, str], BeforeValidator(partial(_entries, counts=(2
 """The two points that a joint or a spring connects."""
 
 
+LONGEST_NAME = 100
+"""Characters of a name; a deck's becomes that of a folder."""
+
+
 def _read_name(value: object) -> str:
     name = read_text(value)
     if name == "ground":
         raise refusal("'ground' is the name of the scene's ground", "choose another name")
-    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name):
-        hint = "letters, digits, '_' and '-', not starting with a digit"
-        raise refusal(f"'{name}' cannot be a name", hint)
+    if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_-]*", name) or len(name) > LONGEST_NAME:
+        hint = f"letters, digits, '_' and '-', not starting with a digit, at most {LONGEST_NAME} characters"
+        raise refusal(f"{shown(name)} cannot be a name", hint)
     return name
 
 
@@ -154,6 +172,17 @@ def read_text(value: object) -> str:
 
 
 Name = Annotated[str, ReadBy(_read_name)]
+
+
+def within(number: float, ends: tuple[float, float]) -> bool:
+    """Tell whether a number is not outside two others."""
+    return ends[0] <= number <= ends[1]
+
+
+def degrees_as_radians(key: str, angle: float | None) -> Iterator[Complaint]:
+    """Yield an angle of several turns whose number looks like one of degrees."""
+    if angle is not None and abs(angle) > math.tau and (2 * angle).is_integer():
+        yield Complaint((key,), f"{angle:g} rad are {angle / math.tau:.3g} turns", f"'{angle:g} deg'?")
 
 
 def _empty_map(value: object) -> object:

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from pydantic import BeforeValidator, Field
 
 from hfsim.deck.fields import Angle, Number, PositiveFrequency, PositiveTime, Time
-from hfsim.deck.source import Path
+from hfsim.deck.reader import Path
 from hfsim.deck.spec import Around, Complaint, OneOf, Spec, refuse_all
 from hfsim.deck.units import UnitError, parse_quantity
 from hfsim.maths.arrays import Array
@@ -292,6 +292,12 @@ class SmoothStepSpec(LawSpec):
         """Yield a step that ends before it starts."""
         if self.end <= self.start:
             yield Complaint(("end",), f"must be later than the start, {self.start:g} s")
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a step that begins when the run is over."""
+        if around.duration is not None and self.start >= around.duration:
+            message = f"begins at {self.start:g} s, when the run of {around.duration:g} s is over"
+            yield Complaint(("start",), message, f"'{self.start:g} ms'?")
 
     def build(self) -> Law:
         """Return the law."""

@@ -13,10 +13,20 @@ from hfsim.deck.fields import (
     PositivePressure,
     PositiveSecondMoment,
     measures,
+    within,
 )
-from hfsim.deck.spec import Complaint, OneOf, Spec
+from hfsim.deck.spec import Around, Complaint, OneOf, Spec
 
-_PROPORTIONS = (1e-4, 1e4)
+_PLASTIC_TO_OSMIUM = (0.5, 23.0)
+"""Densities of solids [g/cm^3]."""
+_MODULI = (0.05, 1200.0)
+"""Young's moduli of solids [GPa]."""
+_METALS = (5e4, 4.5e5)
+"""Young's moduli of metals [MPa]."""
+_USUAL = (1e-5, 1e5)
+"""Height over width of sections that are built [-]."""
+_LIKELY = (1e-2, 1e2)
+"""Height over width that a corrected unit must lead to [-]."""
 
 
 class MaterialSpec(Spec):
@@ -36,6 +46,21 @@ class MaterialSpec(Spec):
 
     bending_damping: NonNegativeTime = 0.0
     """Kelvin-Voigt retardation time of the curvature [s]."""
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield numbers of solids in other units."""
+        rho, E = self.density, self.youngs_modulus
+        for unit, scale in (("g/cm3", 1.0), ("kg/mm3", 1e-6), ("t/mm3", 1e-9)):
+            if within(rho / scale, _PLASTIC_TO_OSMIUM) and rho != 1.0:
+                yield Complaint(("density",), f"{rho:g} kg/m^3 is no solid's", f"'{rho:g} {unit}'?")
+        if within(E, _MODULI):
+            yield Complaint(("youngs_modulus",), f"{E:g} Pa is softer than jelly", f"'{E:g} GPa'?")
+        elif within(E, _METALS) and rho >= 2000.0:
+            message = f"{E:g} Pa is soft rubber's, and {rho:g} kg/m^3 a metal's"
+            yield Complaint(("youngs_modulus",), message, f"'{E:g} MPa'?")
+        if self.poisson_ratio < 0.0:
+            message = f"{self.poisson_ratio:g}: this material becomes thicker when it is pulled"
+            yield Complaint(("poisson_ratio",), message, f"{-self.poisson_ratio:g}?")
 
     @property
     def lame_lambda(self) -> float:
@@ -80,13 +105,16 @@ class GeneralSection(_EquivalentRectangle):
     second_moment: PositiveSecondMoment
     """Second moment of area about the axis across the bending plane [m^4]."""
 
-    def complaints(self) -> Iterator[Complaint]:
-        """Yield moments that no section can have together."""
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield moments that would be a usual section's if one of them had another unit."""
         height, width = self.height, self.width
-        if _PROPORTIONS[0] <= height / width <= _PROPORTIONS[1]:
+        if within(height / width, _USUAL):
             return
-        message = f"does not fit the area: the section would be {height:.3g} m high and {width:.3g} m wide"
-        yield Complaint(("second_moment",), message, "a value in mm^4 needs its unit, '1.33e4 mm^4'")
+        others = {"mm4": 1e-12, "cm4": 1e-8, "mm2": 1e12, "cm2": 1e8}
+        for unit in (unit for unit, factor in others.items() if within(height / width * factor, _LIKELY)):
+            key, value = ("area", self.area) if unit.endswith("2") else ("second_moment", self.second_moment)
+            message = f"the section would be {height:.3g} m high and {width:.3g} m wide"
+            yield Complaint((key,), message, f"'{value:g} {unit}'?")
 
 
 class RectangleSection(Spec):
@@ -165,12 +193,12 @@ class TubeSection(_EquivalentRectangle):
     @property
     def area(self) -> float:
         """Area [m^2]."""
-        return math.pi * (self.outer_radius**2 - self.inner_radius**2)
+        return math.pi * (self.outer_radius - self.inner_radius) * (self.outer_radius + self.inner_radius)
 
     @property
     def second_moment(self) -> float:
         """Second moment of area, pi (R^4 - r^4) / 4 [m^4]."""
-        return math.pi * (self.outer_radius**4 - self.inner_radius**4) / 4
+        return self.area * (self.outer_radius**2 + self.inner_radius**2) / 4
 
 
 AnySection = GeneralSection | RectangleSection | CircleSection | TubeSection

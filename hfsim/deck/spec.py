@@ -16,7 +16,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError
 from pydantic_core.core_schema import no_info_plain_validator_function, no_info_wrap_validator_function
 
-from hfsim.deck.source import Path, did_you_mean
+from hfsim.deck.reader import Path
+from hfsim.deck.source import did_you_mean
+from hfsim.errors import MOST_PROBLEMS
 
 REFUSED = "refused"
 """Kind of pydantic's error that carries a complaint."""
@@ -107,10 +109,21 @@ class Spec(BaseModel):
                 if vector is not None and len(vector) != (around.n_dim or len(vector)):
                     path = (key, name) if name else (key,)
                     yield Complaint(path, f"must be a list of {around.n_dim} numbers: this scene is planar")
-        for key in type(self).model_fields:
-            entry = getattr(self, key)
-            if isinstance(entry, Spec):
-                yield from (one.inside(key) for one in entry.complaints_in(around))
+        for key, entry in self._inner():
+            yield from (one.inside(key) for one in entry.complaints_in(around))
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield numbers in this entry, or in one inside it, that look like slips of units but may be meant.
+
+        Numbers that are given with their units count as meant: nothing is told of them.
+        """
+        for key, entry in self._inner():
+            yield from (one.inside(key) for one in entry.slips_in(around))
+
+    def _inner(self) -> Iterator[tuple[str, Spec]]:
+        """Yield the entries inside this one with their keys."""
+        entries = ((key, getattr(self, key)) for key in type(self).model_fields)
+        return ((key, entry) for key, entry in entries if isinstance(entry, Spec))
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuse an entry that has complaints."""
@@ -273,7 +286,8 @@ def explained(spec: type[Spec], error: ValidationError) -> list[Complaint]:
     error : pydantic.ValidationError
         What entries inside it refused is in deck words already.
     """
-    return [_explained(spec, item) for item in error.errors(include_url=False)]
+    items = error.errors(include_url=False)[: MOST_PROBLEMS + 1]
+    return [_explained(spec, item) for item in items]
 
 
 def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TextIO
 
+from hfsim.output.text import printable
+
 _REDRAW = 0.1
 """Shortest time between two drawings on a terminal [s]."""
 _HEARTBEAT = 10.0
@@ -35,7 +37,7 @@ class Progress:
         quiet: bool = False,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._label = label
+        self._label = printable(label)
         self._stream = stream
         self._quiet = quiet
         self._clock = clock

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from hfsim.run.solution import Run
 
 
-def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk) -> None:
-    """Print the results of one run, and what the user should be warned of."""
+def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk, told: Container[str] = ()) -> None:
+    """Print the results of one run, and what the user should be warned of, save what was told before."""
     for note in (summary.get("assembly") or {}).get("notes", ()):
         talk.note(f"{run.name}: {note}")
-    for warning in summary["warnings"]:
+    for warning in (one for one in summary["warnings"] if one not in told):
         talk.note(f"{run.name}: warning: {warning}")
     if run.status != "done":
         print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")

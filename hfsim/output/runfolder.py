@@ -18,6 +18,7 @@ from typing import Any
 
 from hfsim.errors import HfsimError
 from hfsim.output.disk import disk
+from hfsim.output.text import printable
 from hfsim.run.clock import PhaseClock
 from hfsim.run.solution import Run
 
@@ -144,7 +145,7 @@ class RunLog:
 
     def add(self, text: str) -> None:
         """Add one message."""
-        self._lines.append(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {text}")
+        self._lines.append(f"{time.strftime('%Y-%m-%d %H:%M:%S')}  {printable(text)}")
         if self._path is not None:
             self._write(self._lines[-1:])
         if self._echo:
@@ -204,8 +205,11 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
     FolderError
         If a finished run or files of unknown origin stand there, or it cannot be written to.
     """
-    _refuse_unwritable(path)
-    present = _present(path, marker)
+    try:
+        _refuse_unwritable(path)
+        present = _present(path, marker)
+    except OSError as error:
+        raise FolderError(f"cannot write to {path}: {error.strerror}") from error
     if not present:
         return RunFolder(path)
     summary = _read_summary(path / marker)

@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
+
+from hfsim.output.text import printable
 
 
 @dataclass(frozen=True)
@@ -69,18 +72,21 @@ class Talk:
 
 def print_out(text: str) -> None:
     """Print to standard output; a reader that went away (``| head``) is no error."""
-    try:
-        click.echo(text)
-    except BrokenPipeError:
-        _redirect_to_nowhere(1)
+    _print(text, 1)
 
 
 def print_error(text: str) -> None:
     """Print to standard error."""
+    _print(text, 2)
+
+
+def _print(text: str, descriptor: int) -> None:
+    stream = sys.stdout if descriptor == 1 else sys.stderr
+    encoding = stream.encoding or "utf-8"
     try:
-        click.echo(text, err=True)
+        click.echo(printable(text).encode(encoding, "backslashreplace").decode(encoding), file=stream)
     except BrokenPipeError:
-        _redirect_to_nowhere(2)
+        _redirect_to_nowhere(descriptor)
 
 
 def _redirect_to_nowhere(descriptor: int) -> None:

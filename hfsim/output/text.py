@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
@@ -83,6 +84,19 @@ def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
         cells = [first.ljust(widths[0]), *(c.rjust(w) for c, w in zip(others, widths[1:], strict=True))]
         lines.append((indent + "  ".join(cells)).rstrip())
     return "\n".join(lines)
+
+
+def printable(text: str) -> str:
+    r"""Return a text with JSON's escapes for all that would not be seen, or would move the cursor.
+
+    Examples
+    --------
+    >>> printable("red: \x1b[31m")
+    'red: \\u001b[31m'
+    """
+    if text.isprintable():
+        return text
+    return "".join(char if char.isprintable() or char == "\n" else json.dumps(char)[1:-1] for char in text)
 
 
 def brief(value: float | None) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 
 from hfsim import __version__
 from hfsim.output.disk import write_text
-from hfsim.output.text import Column
+from hfsim.output.text import Column, printable
 from hfsim.run.solution import Run
 
 _SUMMARY_KEYS = (
@@ -52,12 +52,15 @@ class Provenance(NamedTuple):
         ``key=value`` settings of the command line.
     resolved : dict
         The deck with every default filled in, plain values only.
+    warnings : tuple of str
+        What looks like slips in the deck.
     """
 
     source: str
     deck_sha256: str
     overrides: tuple[str, ...]
     resolved: dict[str, Any]
+    warnings: tuple[str, ...] = ()
 
     def facts(self) -> dict[str, Any]:
         """Return what files of results say of it."""
@@ -155,7 +158,8 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
     }
     plain: dict[str, Any]
     plain, bad = json_ready(facts)
-    plain["warnings"] = warnings_of(run) + [f"{name} is not finite: written as null" for name in bad]
+    lost = [f"{name} is not finite: written as null" for name in bad]
+    plain["warnings"] = [*provenance.warnings, *warnings_of(run), *lost]
     return plain
 
 
@@ -193,5 +197,5 @@ def write_resolved(path: Path, provenance: Provenance, model: str) -> None:
 
     deck = dict(provenance.resolved)
     deck["solve"] = {**(deck.get("solve") or {}), "model": model}
-    head = f"# {provenance.source} with every default filled in, as hfsim {__version__} ran it.\n"
+    head = f"# {printable(provenance.source)} with every default filled in, as hfsim {__version__} ran it.\n"
     write_text(path, head + yaml.safe_dump(deck, sort_keys=False, allow_unicode=True))

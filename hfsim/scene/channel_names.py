@@ -3,7 +3,8 @@
 from collections.abc import Callable, Iterator, Sequence
 
 from hfsim.deck.fields import split_point
-from hfsim.deck.source import Path, did_you_mean
+from hfsim.deck.reader import Path
+from hfsim.deck.source import did_you_mean
 from hfsim.deck.spec import Complaint, shown
 from hfsim.parts.channels import CHANNELS, ChannelKind, scene_words
 from hfsim.scene.declared import Declared
@@ -64,7 +65,7 @@ class ChannelNames:
         """Yield what is wrong with a channel of a body or of one of its points."""
         point, _, quantity = channel.rpartition(".")
         owner, name = split_point(point or channel)
-        body = self.declared.maps("bodies").get(owner, {})
+        body = self.declared.map("bodies", owner)
         beam, points = body.get("type") == "beam", self.declared.points
         kind = CHANNELS.get(quantity) if point else None
         if kind is None or kind.subject not in ("point", "body"):

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from hfsim.deck.fields import split_point
-from hfsim.deck.source import Path, did_you_mean
+from hfsim.deck.reader import Path
+from hfsim.deck.source import did_you_mean, entry_at
 from hfsim.deck.spec import Around, Complaint, Spec
 from hfsim.parts.channels import scene_words
 from hfsim.scene.channel_names import ChannelNames
@@ -35,6 +36,28 @@ def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Com
     for key, group in entries.items():
         for path, entry in _specs(key, group):
             yield from (one.inside(*path) for one in entry.complaints_in(around))
+
+
+def slips_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Complaint]:
+    """Yield what looks like slips of units in a deck that can be run; see `complaints_of`."""
+    around = _around(entries, len(entries["gravity"]))
+    found = [
+        one.inside(*path)
+        for key, group in entries.items()
+        for path, entry in _specs(key, group)
+        for one in entry.slips_in(around)
+    ]
+    for slip in (*_gravity_slips(entries["gravity"]), *found):
+        if not isinstance(entry_at(data, slip.path), str):
+            yield slip
+
+
+def _gravity_slips(gravity: tuple[float, ...]) -> Iterator[Complaint]:
+    up, path = gravity[-1], ("gravity", len(gravity) - 1)
+    if 9.0 < up < 11.0:
+        yield Complaint(path, f"gravity of {up:g} m/s^2 points up", f"{-up:g}?")
+    elif 9e3 < abs(up) < 11e3:
+        yield Complaint(path, f"{up:g} m/s^2 is a thousand times the Earth's", f"'{up:g} mm/s2'?")
 
 
 def _around(entries: dict[str, Any], n_dim: int | None) -> Around:

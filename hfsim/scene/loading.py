@@ -9,6 +9,8 @@ import json
 import typing
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -16,9 +18,9 @@ from pydantic import TypeAdapter, ValidationError
 
 from hfsim.deck.source import DeckSource, parse_source, read_source
 from hfsim.deck.spec import explained
-from hfsim.errors import DeckError
+from hfsim.errors import MOST_PROBLEMS, DeckError
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
-from hfsim.scene.checks import complaints_of
+from hfsim.scene.checks import complaints_of, slips_of
 from hfsim.scene.schema import Deck
 
 DEFAULT_TARGET = 1e-2
@@ -75,6 +77,13 @@ class LoadedDeck:
         mark = self.source.mark(self.source.path_of(path), on_key=True)
         return mark.line if mark else 0
 
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What looks like slips of units, a line each with its place."""
+        entries = {key: getattr(self.deck, key) for key in Deck.model_fields}
+        slips = (self.source.problem(*slip) for slip in slips_of(self.source.data, entries))
+        return tuple(slip.headline(self.source.file, "warning") for slip in slips)
+
     def problem(self, path: str, message: str, hint: str = "") -> DeckError:
         """Return the exception that refuses the entry at a dotted path; for checks made after loading."""
         return self.source.error([self.source.problem(self.source.path_of(path), message, hint)])
@@ -116,7 +125,7 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
     except ValidationError as error:
         complaints = explained(Deck, error)
         entries = _readable_entries(data)
-    complaints += complaints_of(data, entries)
+    complaints += islice(complaints_of(data, entries), MOST_PROBLEMS + 1)
     problems = source.problems + [source.problem(*complaint) for complaint in complaints]
     if problems or deck is None:
         # What follows from a problem at the very same place is left out.

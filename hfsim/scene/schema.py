@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from hfsim.deck.fields import (
+    LONGEST_NAME,
     AccelerationVector,
     Angle,
     AngularVelocity,
@@ -20,6 +21,7 @@ from hfsim.deck.fields import (
     PositiveTime,
     UnitInterval,
     VelocityVector,
+    degrees_as_radians,
     measures,
     read_text,
     whole,
@@ -36,6 +38,8 @@ from hfsim.parts.joints import AnyJoint
 FORMAT = 1
 """The deck format this version reads."""
 _MAX_ROWS = 10_000_000
+_FAST = 1000.0
+"""Angular velocity of which one asks whether it is stated in radians per second [rad/s]."""
 
 
 def _read_format(value: object) -> int:
@@ -47,8 +51,11 @@ def _read_format(value: object) -> int:
 
 def _read_deck_name(value: object) -> str:
     name = read_text(value)
-    if not name.strip() or "/" in name or "\\" in name or not name.isprintable():
-        raise refusal(f"'{name}' cannot be a name", "it becomes the name of a folder")
+    if not name.strip() or set("/\\") & set(name) or name.startswith("-") or not name.isprintable():
+        raise refusal(f"{shown(name)} cannot be a name", "it becomes the name of a folder")
+    if len(name.encode()) > LONGEST_NAME:
+        why = f"at most {LONGEST_NAME} bytes: it becomes the name of a folder"
+        raise refusal(f"{shown(name)} is too long", why)
     return name
 
 
@@ -80,6 +87,13 @@ class InitialSpec(Spec):
 
     exact: Flag = False
     """Whether these values must hold as they are; else they are guesses where joints miss them by little."""
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an angle that looks like degrees, and a speed that looks like revolutions per minute."""
+        yield from degrees_as_radians("angle", self.angle)
+        if (w := self.angular_velocity or 0.0) and abs(w) >= _FAST and w % 10 == 0:
+            message = f"{w:g} rad/s are {w * 30 / math.pi:.4g} revolutions per minute"
+            yield Complaint(("angular_velocity",), message, f"'{w:g} rpm'?")
 
 
 class SolveSpec(Spec):
@@ -184,6 +198,12 @@ class OutputSpec(Spec):
         rows = (around.duration or 0.0) / (self.interval or math.inf)
         if rows > _MAX_ROWS:
             yield Complaint(("interval",), f"would make {rows:.3g} rows, at most {_MAX_ROWS:.0e} fit")
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an interval longer than the run."""
+        if self.interval is not None and around.duration is not None and self.interval > around.duration:
+            message = f"{self.interval:g} s is longer than the run, {around.duration:g} s"
+            yield Complaint(("interval",), message, f"'{self.interval:g} ms'?")
 
 
 class Deck(Spec):

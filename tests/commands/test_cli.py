@@ -54,7 +54,7 @@ class FakeScene:
         deck = FakeDeck(path, overrides)
         if deck.name == "bad" or deck.settings.get("solve.model") == "nonsense":
             raise DeckError(str(path), [DeckProblem("bodies", "is missing")])
-        return types.SimpleNamespace(deck=deck, deck_sha256="f" * 64, auto_elements=())
+        return types.SimpleNamespace(deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=())
 
     def check(self, loaded, model=None):
         if loaded.deck.name == "unbuildable":

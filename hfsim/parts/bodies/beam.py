@@ -136,12 +136,22 @@ class BeamSpec(BodySpec):
             message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
             yield Complaint((key,), message, "or leave elastic_form out")
 
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a section higher than the beam is long, and a length that looks like millimetres."""
+        section = around.sections.get(self.section)
+        if section is None or any(section.slips_in(around)):
+            return
+        height = section.height
+        if height > self.length:
+            message = f"a section {height:.3g} m high, and the beam is {self.length:g} m long"
+            yield Complaint(("length",), message, "are all in metres?")
+        if self.length >= 100.0 and self.length > 1e4 * height:
+            message = f"{self.length:g} m for a section {height:.3g} m high"
+            yield Complaint(("length",), message, f"'{self.length:g} mm'?")
+
     def _section_complaints(self, section: AnySection | None) -> Iterator[Complaint]:
         if section is None:
             return
-        if section.height > self.length:
-            message = f"a section {section.height:.3g} m high is higher than the beam is long"
-            yield Complaint(("section",), message)
         for name, place in self.points.items():
             if not self.centre_line and abs(place[1]) > section.height / 2:
                 message = f"y = {place[1]:g} m is outside the section, {section.height:.3g} m high"

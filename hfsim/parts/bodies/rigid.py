@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -9,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from hfsim.deck.fields import Points, PositiveInertia, PositiveMass
+from hfsim.deck.fields import Points, PositiveInertia, PositiveMass, within
+from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import freedoms
@@ -18,6 +20,9 @@ from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import GroundMarker, Marker, RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.specs import BodySpec
+
+_FAR = (200.0, 5000.0)
+"""Radius of gyration over the distance of the farthest point, with an inertia in kg mm^2."""
 
 
 class RigidSpec(BodySpec):
@@ -37,6 +42,14 @@ class RigidSpec(BodySpec):
 
     points: Points = Field(default_factory=dict)
     """Named points in the body frame [m]."""
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a moment of inertia that puts the mass far away from all points of the body."""
+        reach = max((math.hypot(*point) for point in self.points.values()), default=0.0)
+        gyration = math.sqrt(self.inertia / self.mass)
+        if reach and within(gyration / reach, _FAR):
+            message = f"as if its mass were {gyration:.3g} m from its centre, no point beyond {reach:.3g} m"
+            yield Complaint(("inertia",), message, f"'{self.inertia:g} kg mm2'?")
 
     def assemble(self, name: str, start: int, deck: Any, model: Any) -> RigidBody:
         """Return the body whose coordinates begin at a column; rigid bodies have no models."""

@@ -1,11 +1,19 @@
 """Rotational spring and damper between two frames."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Angle, Between, RotationalDamping, RotationalStiffness
+from hfsim.deck.fields import (
+    Angle,
+    Between,
+    RotationalDamping,
+    RotationalStiffness,
+    degrees_as_radians,
+)
+from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import wrap
@@ -31,6 +39,10 @@ class RotationalSpec(SpringSpec):
 
     rest_angle: Angle = 0.0
     """Angle of B relative to A without moment [rad]."""
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an angle that looks like degrees."""
+        return degrees_as_radians("rest_angle", self.rest_angle)
 
     def build(self, first: Marker, second: Marker, start: Array) -> "RotationalSpring":
         """Return the force between two markers."""

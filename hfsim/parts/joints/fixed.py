@@ -1,8 +1,10 @@
 """Fixed joint: two points stay together and do not turn."""
 
+from collections.abc import Iterator
 from typing import Literal
 
-from hfsim.deck.fields import Angle, Between
+from hfsim.deck.fields import Angle, Between, degrees_as_radians
+from hfsim.deck.spec import Around, Complaint
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
 
@@ -20,6 +22,10 @@ class FixedSpec(JointSpec):
 
     angle: Angle = 0.0
     """Angle of B's frame relative to A's at the joint [rad]."""
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an angle that looks like degrees."""
+        return degrees_as_radians("angle", self.angle)
 
     def held(self) -> tuple[Held, ...]:
         """Return what the joint holds."""

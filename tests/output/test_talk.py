@@ -1,0 +1,100 @@
+"""What reaches the terminal: nothing raw, and nothing at all where its streams are closed."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from hfsim.output.progress import Progress
+from hfsim.output.runfolder import RunLog
+from hfsim.output.text import printable
+
+RED = "\x1b[31m"
+
+
+@pytest.mark.parametrize(
+    "char", ["\x1b", "\x00", "\x07", "\r", "\t", "\x7f", "\x9b", "\u202e", "\u2028", "\udc80"]
+)
+def test_what_moves_the_cursor_is_shown_by_its_number(char):
+    assert printable(f"a{char}b\n").isascii()
+    assert all(one.isprintable() or one == "\n" for one in printable(f"a{char}b\n"))
+
+
+def test_what_can_be_read_stays():
+    assert printable("Träger 30 °, 😀\n") == "Träger 30 °, 😀\n"
+
+
+def test_progress_and_log_show_names_likewise():
+    class Terminal(list):
+        write, flush, isatty = list.append, lambda self: None, lambda self: True
+
+    clock = iter((0.0, 10.0, 20.0))
+    screen, log = Terminal(), RunLog()
+    Progress(RED, screen, clock=lambda: next(clock))(0.5)
+    log.add(RED)
+    assert RED not in "".join(screen) + log.text
+    assert "u001b[31m" in "".join(screen) and "u001b[31m" in log.text
+
+
+def hfsim(arguments, cwd, closed=(), **environment):
+    def close():
+        for descriptor in closed:
+            os.close(descriptor)
+
+    return subprocess.run(
+        [sys.executable, "-m", "hfsim", *arguments],
+        capture_output=True,
+        cwd=cwd,
+        preexec_fn=close,
+        env=os.environ | environment,
+        timeout=60,
+    )
+
+
+def test_no_control_character_of_a_deck_reaches_the_terminal(tmp_path):
+    file = "e\x1b[32m\nvil.yaml"
+    (tmp_path / file).write_text('hfsim: 1\nname: "\\e[31mred\\n"\n"\\e[2J": 1\nsolve: {model: "\\x9b1m"}\n')
+    for arguments in (["check", file], ["check", "--json", file], ["run", file], ["check", "-v", file]):
+        done = hfsim(arguments, tmp_path)
+        said = (done.stdout + done.stderr).decode()
+        assert done.returncode == 2
+        assert "u001b[31mred" in said
+        assert all(char.isprintable() or char == "\n" for char in said)
+
+
+def test_a_terminal_without_unicode_gets_escapes(tmp_path):
+    (tmp_path / "deck.yaml").write_text("hfsim: 1\nname: Träger/\n", encoding="utf-8")
+    done = hfsim(["check", "deck.yaml", "--json"], tmp_path, PYTHONIOENCODING="ascii", PYTHONUTF8="0")
+    assert done.returncode == 2
+    assert b"Tr\\xe4ger" in done.stderr
+
+
+@pytest.mark.parametrize("closed", [(2,), (1,), (0, 1, 2)])
+def test_closed_streams_keep_no_run_from_running(tmp_path, closed):
+    short = ["run", "pendulum", "--set", "solve.duration=0.01", "--no-plots", "-o", "out"]
+    done = hfsim(short, tmp_path, closed)
+    assert done.returncode == 0
+    assert (tmp_path / "out" / "summary.json").is_file()
+    assert "2>" not in (tmp_path / "out" / "history.csv").read_text()
+
+
+def test_a_folder_that_is_gone_is_no_internal_error(tmp_path):
+    deck = tmp_path / "deck.yaml"
+    deck.write_text("hfsim: 1\nbodies: {b: {type: rigid, mass: 1, inertia: 1}}\nsolve: {duration: 0.01}\n")
+    script = (
+        f"import os, subprocess, sys; os.mkdir('gone'); os.chdir('gone'); os.rmdir('../gone')\n"
+        f"for words in ('check {deck}', 'run {deck}', 'check none.yaml', 'check ' + 'a' * 300):\n"
+        f"    print(subprocess.run([sys.executable, '-m', 'hfsim', *words.split()], stderr=1).returncode)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, timeout=60
+    )
+    assert [line for line in done.stdout.splitlines() if line.isdecimal()] == ["0", "2", "2", "2"]
+    assert "internal error" not in done.stdout
+
+
+def test_a_folder_name_too_long_for_the_system_is_refused(tmp_path):
+    done = hfsim(["run", "pendulum", "-o", "a" * 300], tmp_path)
+    assert done.returncode == 2
+    assert b"error: cannot write to aaaa" in done.stderr
