@@ -44,7 +44,8 @@ RUN_SECONDS = 60
 """CPU time after which a run is given up; being slow is none of its faults."""
 WALL = 6
 """Wall time, in multiples of these, after which a process that does not compute has hung."""
-MEMORY = 4 << 30
+MEMORY = 12 << 30
+"""Bytes of address space; SuperLU asks for far more than it uses."""
 RENEWED = 400
 """Mutants after which a new process goes on."""
 

@@ -121,9 +121,13 @@ class KelvinVoigtForce(ForcePart):
     def of(
         cls, elements: Connectivity, degree: int, axial: float, bending: float, item: str = ""
     ) -> KelvinVoigtForce:
-        """Return the force of equal elements from EA le tau_a and EI / le tau_b [J s]."""
+        """Return the force of equal elements from EA le tau_a and EI / le tau_b [J s].
+
+        It is that of the centre line; gradients across the section, which come last, are not damped.
+        """
         w, slope, bend = gauss_rows(exact_points(degree), degree)
-        count = len(elements.columns)
+        count, n_vectors, _ = elements.shape
+        slope, bend = (np.pad(rows, ((0, 0), (0, n_vectors - rows.shape[1]))) for rows in (slope, bend))
         return cls(
             elements=elements,
             slope=slope,
