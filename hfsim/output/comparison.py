@@ -9,6 +9,7 @@ from typing import NamedTuple
 from hfsim.output.text import Column, table
 from hfsim.run.distance import ChannelScale
 from hfsim.studies.compare import Comparison, Difference, ModelResult, ending, how_it_ended, percent
+from hfsim.studies.timing import Spread
 
 _PHASES = ("build", "error_estimate", "write", "plots")
 """Phases told beside the solution."""
@@ -46,6 +47,9 @@ COLUMNS = (
     ),
     *(Column(name, f"scale.{name}") for name in ("reference_range", "scale", "small", "judged")),
     *(Column(name, f"model.{name}") for name in ("status", "stop_time", "solve_cpu", "adequate")),
+    *(Column(name, _of_found(name)) for name in ("time_error", "beyond", "equal")),
+    *(Column(name, f"model.{name}") for name in ("solve_cpu_min", "solve_cpu_max", "coordinates")),
+    Column("group", "scale.group"),
 )
 """Columns of ``compare.csv``."""
 
@@ -64,7 +68,9 @@ def _cost_table(comparison: Comparison) -> str:
     def worst(model: ModelResult) -> str:
         if model.model == comparison.reference:
             return "reference"
-        return f"{percent(model.worst.max_relative)} {model.worst.channel}" if model.worst else "-"
+        if model.worst is None or model.worst.equal:
+            return "equal within the time error" if model.worst else "-"
+        return f"{percent(model.worst.beyond)} {model.worst.channel}"
 
     def time_of(phase: str) -> Column:
         return Column(phase.replace("_", " "), lambda model: model.cpu_s.get(phase, 0.0), _seconds)
@@ -72,12 +78,19 @@ def _cost_table(comparison: Comparison) -> str:
     columns = (
         Column("model"),
         Column("method"),
+        Column("coordinates"),
         Column("outcome", _outcome),
-        Column("CPU: solve", lambda model: f"{model.solve_cpu:.4f} s"),
+        Column("CPU: solve", _solve),
         *(time_of(phase) for phase in _PHASES if any(phase in m.cpu_s for m in comparison.models)),
+        Column("time error", lambda model: None if model.time_error is None else percent(model.time_error)),
         Column("worst difference", worst),
     )
     return table(columns, comparison.models) + "\n"
+
+
+def _solve(model: ModelResult) -> str:
+    spread = Spread(model.solve_cpu, model.solve_cpu_min, model.solve_cpu_max)
+    return f"{model.solve_cpu:.4f} s" + (f" {spread.percent}" if model.repeats > 1 else "")
 
 
 def _seconds(time: float) -> str:
@@ -113,6 +126,8 @@ def _difference(model: ModelResult, scale: ChannelScale) -> str:
     found = model.difference(scale.channel)
     if found is None:
         return "-"
+    if found.equal:
+        return f"{found.max_abs:.3g} ="
     return f"{found.max_abs:.3g}" + (f" ({percent(found.max_relative)})" if scale.judged else "")
 
 
@@ -120,15 +135,32 @@ def _remarks(comparison: Comparison) -> str:
     small = dict.fromkeys(f"{s.scale:.2g} {s.unit}" for s in comparison.scales if s.small and s.judged)
     why = f"relative to {', '.join(small)} instead (1/1000 of the scene's scale)"
     lines = [f"  * range too small to judge by: {why}"] if small else []
+    if any(found.equal for model in comparison.models for found in model.differences):
+        lines.append("  = equal within the errors in time of both")
+    lines += _blind_spots(comparison)
     for model in comparison.models:
         lines += [f"  {model.model} {words}" for words in _departure(model)]
     return "\n".join([*lines, ""]) if lines else ""
+
+
+def _blind_spots(comparison: Comparison) -> Iterator[str]:
+    """Yield what the comparison cannot tell."""
+    scales = comparison.scales
+    if not any(s.judged and s.group == "motion" for s in scales) and any(s.judged for s in scales):
+        judged = ", ".join(s.channel for s in scales if s.judged)
+        yield f"  no position, angle or deflection is judged; the verdict rests on {judged}"
+    alike = {m.model: m.coordinates for m in comparison.models if m.model in ("exact", "ancf")}
+    if len(alike) == 2 and len(set(alike.values())) == 1:
+        yield "  exact and ancf make the same steps in the same coordinates: that they agree checks nothing"
 
 
 def _departure(model: ModelResult) -> Iterator[str]:
     """Yield when and why a model left its range, passed the bound, or ended."""
     for time, body, why in model.left_range:
         yield f"leaves its range at {time:.4g} s, in {body}: {why}"
+    if model.undecided is not None:
+        error, channel = percent(model.undecided.time_error_relative), model.undecided.channel
+        yield f"is not decided: errors in time, {error} in {channel}, are beyond the bound; tighten tolerance"
     first = model.first_exceeded
     if first is not None:
         yield f"first passes the bound at {first.first_exceeded:.4g} s, in {first.channel}"

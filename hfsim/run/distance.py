@@ -9,7 +9,7 @@ Nothing is solved here.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +26,25 @@ _TINY = 1e-12
 
 _NATURAL = {"rad": 1.0}
 """Units with a size of their own, whatever the scene."""
+
+GROUPS = {
+    "motion": ("m", "rad"),
+    "rates": ("m/s", "rad/s"),
+    "forces": ("N", "N m"),
+    "energies": ("J",),
+}
+"""Kinds of channels by their units: what is good enough for one kind need not be for the next."""
+
+
+def group_of(unit: str) -> str:
+    """Return the group of channels with a unit.
+
+    Examples
+    --------
+    >>> group_of("rad/s"), group_of("W")
+    ('rates', 'others')
+    """
+    return next((group for group, units in GROUPS.items() if unit in units), "others")
 
 
 # --- sizes ---------------------------------------------------------------------------------------
@@ -56,6 +75,10 @@ def unit_sizes(channels: Iterable[Channel], size: Callable[[Array], float]) -> d
     return largest
 
 
+def _length(values: Array) -> float:
+    return max(span(values), SMALL * magnitude(values))
+
+
 class ChannelScale(NamedTuple):
     """What distances in one channel are divided by.
 
@@ -80,9 +103,34 @@ class ChannelScale(NamedTuple):
     small: bool
     judged: bool
 
+    @property
+    def group(self) -> str:
+        """The group of its unit."""
+        return group_of(self.unit)
+
+
+def decisive(scales: Sequence[ChannelScale], named: Collection[str] = ()) -> tuple[ChannelScale, ...]:
+    """Return scales of which those alone are judged that a verdict on models is to rest on.
+
+    Those are the channels named or, without names, the motion: rates, forces and energies carry the fast
+    modes, which hide all else.  Where there is no motion among the channels, all that can be are judged.
+
+    Examples
+    --------
+    >>> x = ChannelScale("b1.tip.x", "m", 2.0, 2.0, False, True)
+    >>> rate = ChannelScale("b1.angular_velocity", "rad/s", 1.0, 1.0, False, True)
+    >>> [[one.judged for one in decisive((x, rate), named)] for named in ((), ("b1.angular_velocity",))]
+    [[True, False], [False, True]]
+    >>> decisive((rate,))[0].judged
+    True
+    """
+    motion = {one.channel for one in scales if one.judged and one.group == "motion"}
+    chosen = named or motion or {one.channel for one in scales}
+    return tuple(one._replace(judged=one.judged and one.channel in chosen) for one in scales)
+
 
 def channel_scales(
-    channels: Sequence[Channel], outlines: Mapping[str, Array], conserved: bool = False
+    channels: Sequence[Channel], outlines: Mapping[str, Array] | None = None, conserved: bool = False
 ) -> tuple[ChannelScale, ...]:
     """Return what distances from each channel of a reference are judged against.
 
@@ -90,8 +138,8 @@ def channel_scales(
     ----------
     channels : sequence of Channel
         Of the reference, with at least one value.
-    outlines : mapping of str to ndarray, shape (n_times, n_points, n_dim)
-        Of its bodies [m]; may be empty.
+    outlines : mapping of str to ndarray, shape (n_times, n_points, n_dim), optional
+        Of its bodies [m]; without it, the channels alone tell how large things are.
     conserved : bool
         Whether the total energy is conserved: it has no range to be judged by then.
 
@@ -99,17 +147,19 @@ def channel_scales(
     -------
     tuple of ChannelScale
         The size of a unit is the largest magnitude in any channel with it; for lengths, the largest
-        range of any channel or extent of the bodies (where the origin lies must not matter); for
-        angles at least one radian.
+        range of any channel (or a thousandth of its magnitude: what does not change but for round-off)
+        or extent of the bodies, as where the origin lies must not matter; for angles, beside bodies, at
+        least one radian.
     """
     moving = [c for c in channels if is_judged(c.name, conserved=False)]
-    sizes = {**unit_sizes(moving, magnitude), "m": unit_sizes(moving, span).get("m", 0.0)}
-    extents = (float(np.ptp(points[0], axis=0).max()) for points in outlines.values() if points.size)
+    sizes = {**unit_sizes(moving, magnitude), "m": unit_sizes(moving, _length).get("m", 0.0)}
+    extents = (float(np.ptp(points[0], axis=0).max()) for points in (outlines or {}).values() if points.size)
     sizes["m"] = max([sizes["m"], *extents])
+    natural = {} if outlines is None else _NATURAL
 
     def scale_of(channel: Channel) -> ChannelScale:
         unit, own = channel.unit, span(channel.values)
-        floor = max(SMALL * max(sizes.get(unit, 0.0), _NATURAL.get(unit, 0.0)), _TINY)
+        floor = max(SMALL * max(sizes.get(unit, 0.0), natural.get(unit, 0.0)), _TINY)
         judged = is_judged(channel.name, conserved)
         return ChannelScale(channel.name, unit, own, max(own, floor), own < floor, judged)
 
@@ -167,21 +217,19 @@ def channel_errors(
     absolute : dict of str to float
         In the unit of the channel; without residuals of the joints.
     relative : dict of str to float
-        Over the channel's range in the reference, at least a thousandth of the largest range among those of
-        its unit [-]; without ``energy.total``, which has no range to be measured by where it is conserved.
-        What does not change but for round-off has a millionth of its size as its range.
+        Over its `channel_scales` in the reference [-]; without ``energy.total``, which has no range to be
+        measured by where it is conserved, and without units in which nothing is but round-off.
     """
-    sizes = unit_sizes(reference, lambda values: max(span(values), SMALL * magnitude(values)))
     absolute: dict[str, float] = {}
     relative: dict[str, float] = {}
-    for channel, better in zip(channels, reference, strict=True):
+    scales = channel_scales(reference, conserved=True)
+    for channel, better, scale in zip(channels, reference, scales, strict=True):
         n, name = len(better.values), channel.name
         if not n or not is_judged(name, conserved=False):
             continue
         absolute[name] = gap(channel.values[:n], better.values).largest
-        scale = max(span(better.values), SMALL * sizes[better.unit])
-        if is_judged(name) and scale > 0.0:
-            relative[name] = absolute[name] / scale
+        if scale.judged and scale.scale > _TINY:
+            relative[name] = absolute[name] / scale.scale
     return absolute, relative
 
 

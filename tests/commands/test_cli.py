@@ -16,7 +16,7 @@ import hfsim.commands.decks
 
 # what commands import later needs the real deck module, for which the tests put in another
 import hfsim.output.plots
-import hfsim.studies.compare
+import hfsim.studies.compare.measurements
 import hfsim.trust.validity
 from hfsim.cli import COMMANDS, app
 from hfsim.errors import DeckError, DeckProblem
@@ -30,6 +30,8 @@ class FakeDeck:
     """A deck file of one line: its name. Overrides are kept as they are."""
 
     output = types.SimpleNamespace(plots=True)
+    solve = types.SimpleNamespace(method="gauss", coordinates="auto", step=None, tolerance=1e-8)
+    channels = ("b1.tip.x", "b1.tip.y", "constraint.position")
 
     def __init__(self, path, overrides):
         self.name = Path(path).read_text().strip()
@@ -54,7 +56,9 @@ class FakeScene:
         deck = FakeDeck(path, overrides)
         if deck.name == "bad" or deck.settings.get("solve.model") == "nonsense":
             raise DeckError(str(path), [DeckProblem("bodies", "is missing")])
-        return types.SimpleNamespace(deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=())
+        loaded = types.SimpleNamespace(deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=())
+        loaded.with_solve = lambda change: loaded
+        return loaded
 
     def check(self, loaded, model=None):
         if loaded.deck.name == "unbuildable":
@@ -105,6 +109,7 @@ def scene(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "hfsim.scene.loading", types.SimpleNamespace(load_deck=fake.load_deck))
     module = types.SimpleNamespace(simulate=fake.simulate, check=fake.check)
     monkeypatch.setitem(sys.modules, "hfsim.simulate", module)
+    monkeypatch.setattr(hfsim.studies.compare.measurements, "simulate", fake.simulate)
     monkeypatch.chdir(tmp_path)
     for name in ("case", "other", "bad"):
         Path(f"{name}.yaml").write_text(name)
@@ -251,7 +256,7 @@ def test_compare_runs_each_model_and_names_the_cheapest_adequate_one(scene):
     scene.behaviour = {"linear": {"error": 0.5, "cpu": 0.1}, "lowOrder": {"error": 1e-4, "cpu": 0.2}}
     result = call("compare", "linear", "lowOrder", "--no-plots", "--repeats", "1")
     assert result.exit_code == 0, result.output
-    assert [model for _, model, _ in scene.calls] == ["linear", "lowOrder", "exact"]
+    assert [model for _, model, _ in scene.calls] == ["linear", "lowOrder", "exact"] * 2
     assert result.stdout.splitlines()[-1].startswith("verdict: lowOrder is the cheapest model within 1 %")
     assert {f"{m}/summary.json" for m in ("linear", "lowOrder", "exact")} <= files("case.compare")
     facts = json.loads(Path("case.compare/compare.json").read_text())
@@ -262,7 +267,25 @@ def test_compare_runs_each_model_and_names_the_cheapest_adequate_one(scene):
 def test_compare_times_short_solves_repeatedly_and_long_ones_once(scene):
     scene.behaviour = {"exact": {"cpu": 5.0}}
     call("compare", "linear", "exact", "--no-plots", "--repeats", "4")
-    assert [model for _, model, _ in scene.calls] == ["linear"] * 4 + ["exact"]
+    assert [model for _, model, _ in scene.calls][4:] == ["linear"] * 3
+
+
+def test_compare_judges_by_the_channels_named(scene):
+    call("compare", "linear", "--no-plots", "--channels", "b1.tip.y")
+    scales = json.loads(Path("case.compare/compare.json").read_text())["scales"]
+    assert [scales[name]["judged"] for name in ("b1.tip.x", "b1.tip.y")] == [False, True]
+    for wrong, words in (("b1.tip.z", "there is no channel"), ("constraint.position", "residuals")):
+        refused = call("compare", "linear", "--force", "--channels", wrong)
+        assert refused.exit_code == 2 and words in refused.stderr
+
+
+def test_exact_makes_its_steps_in_body_frames_beside_ancf(scene):
+    result = call("compare", "ancf", "exact", "--no-plots")
+    overrides = json.loads(Path("case.compare/exact/summary.json").read_text())["overrides"]
+    assert overrides == ["solve.model=exact", "solve.coordinates=frame"], result.output
+    call("compare", "linear", "exact", "--no-plots", "--force")
+    overrides = json.loads(Path("case.compare/exact/summary.json").read_text())["overrides"]
+    assert overrides == ["solve.model=exact"]
 
 
 def test_compare_reports_a_breakdown_as_a_result(scene):
@@ -310,10 +333,14 @@ def test_compare_takes_the_shipped_scene_where_no_case_is(scene, monkeypatch, tm
     assert result.stderr.count("using the shipped case") == 1
 
 
-def test_compare_interrupted_makes_no_comparison(scene):
-    scene.behaviour = {"linear": {"status": "interrupted", "code": 130, "end": 0.4}}
+def test_compare_interrupted_keeps_what_there_is_and_makes_no_verdict(scene):
+    scene.behaviour = {"exact": {"status": "interrupted", "code": 130, "end": 0.4}}
     assert call("compare", "linear", "exact", "--no-plots").exit_code == 130
-    assert "compare.json" not in files("case.compare")
+    facts = json.loads(Path("case.compare/compare.json").read_text())
+    assert (facts["status"], facts["verdict"]) == ("interrupted", None)
+    ended = {name: model["status"] for name, model in facts["models"].items()}
+    assert ended == {"linear": "done", "exact": "interrupted"}
+    assert call("compare", "linear", "exact", "--no-plots").exit_code == 130, "what is not whole is replaced"
 
 
 def test_compare_can_be_interrupted_while_it_repeats(scene):
@@ -321,11 +348,13 @@ def test_compare_can_be_interrupted_while_it_repeats(scene):
 
     def interrupted_later(loaded, **options):
         run = simulate(loaded, **options)
-        return run if len(scene.calls) == 1 else replace(run, status="interrupted", exit_code=130)
+        return run if len(scene.calls) < 3 else replace(run, status="interrupted", exit_code=130)
 
-    sys.modules["hfsim.simulate"].simulate = interrupted_later
+    hfsim.studies.compare.measurements.simulate = interrupted_later
     assert call("compare", "linear", "exact", "--no-plots").exit_code == 130
-    assert len(scene.calls) == 2
+    assert len(scene.calls) == 3
+    facts = json.loads(Path("case.compare/compare.json").read_text())
+    assert facts["status"] == "interrupted" and facts["models"]["linear"]["worst"]["max_abs"] == 0.0
 
 
 # --- check ---------------------------------------------------------------------------------------

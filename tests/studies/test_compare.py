@@ -1,14 +1,21 @@
 """The judgement of `compare`, on synthetic runs whose differences are known."""
 
 import math
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from hfsim.output.comparison import COLUMNS, as_rows
+from hfsim.commands.decks import CASES
+from hfsim.output.comparison import COLUMNS, as_rows, as_text
 from hfsim.output.plots import draw_comparison, overlay_limits
+from hfsim.run.distance import channel_errors
 from hfsim.run.solution import Channel, Run
-from hfsim.studies.compare import as_facts, compare
+from hfsim.scene.loading import load_deck
+from hfsim.simulate import simulate
+from hfsim.studies.compare import Measured, as_facts, compare, measure
+from hfsim.studies.compare.measurements import looser, time_error
 
 
 def make_run(model, error=0.0, cpu=1.0, end=1.0, deflection=None):
@@ -58,9 +65,110 @@ def test_the_cheapest_adequate_model_wins():
 
 def test_repeated_times_decide_by_their_median():
     runs = [make_run("ancf", cpu=9.0), make_run("exact", cpu=0.1)]
-    comparison = compare(runs, "exact", 0.01, {"ancf": [9.0, 1.0, 1.1], "exact": [0.1, 2.0, 2.0]})
-    assert comparison.verdict == "ancf"
-    assert comparison.result("ancf").solve_cpu == 1.1
+    times = Measured(times={"ancf": [1.3, 1.0, 1.1], "exact": [1.9, 2.0, 2.1]})
+    comparison = compare(runs, "exact", 0.01, times)
+    assert (comparison.verdict, comparison.ties) == ("ancf", ())
+    found = comparison.result("ancf")
+    assert (found.solve_cpu, found.solve_cpu_min, found.solve_cpu_max, found.repeats) == (1.1, 1.0, 1.3, 3)
+
+
+@pytest.mark.parametrize("exact", [1.15, 0.9])
+def test_times_that_cannot_be_told_apart_are_a_tie_and_the_whole_model_wins(exact):
+    runs = [make_run("linear", 1e-3, cpu=1.0), make_run("ancf", cpu=1.05), make_run("exact", cpu=exact)]
+    comparison = compare(runs, "exact", 0.01)
+    assert (comparison.verdict, comparison.ties) == ("exact", ("linear", "ancf"))
+    assert "ties with that of linear and ancf, which leave out as much or more" in comparison.sentence
+    assert compare([*runs[:2], make_run("exact", cpu=2.0)], "exact", 0.01).verdict == "ancf"
+
+
+def test_a_wide_spread_makes_a_tie():
+    runs = [make_run("linear", 1e-3), make_run("exact")]
+    times = Measured(times={"linear": [1.0, 1.0, 1.8], "exact": [1.3, 1.4, 1.5]})
+    assert compare(runs, "exact", 0.01, times).verdict == "exact"
+
+
+# --- errors in time ------------------------------------------------------------------------------
+
+
+def in_time(**errors):
+    """Errors in time of the tip by model."""
+    return Measured(errors={model: {"b1.tip.x": error} for model, error in errors.items()})
+
+
+def test_errors_in_time_are_taken_out_of_a_difference():
+    runs = [make_run("linear", 0.03, cpu=0.1), make_run("exact")]
+    assert not compare(runs, "exact", 0.01).result("linear").adequate
+    found = compare(runs, "exact", 0.01, in_time(linear=0.01, exact=0.002)).result("linear")
+    assert found.worst.max_relative == pytest.approx(0.015)
+    assert found.worst.time_error == pytest.approx(0.012)
+    assert found.worst.beyond == pytest.approx(0.009)
+    assert found.adequate and not found.worst.equal and found.first_exceeded is None
+    assert (found.time_error, found.time_error_channel) == (pytest.approx(0.005), "b1.tip.x")
+
+
+def test_what_is_within_the_errors_in_time_is_equal():
+    runs = [make_run("linear", 1e-3, cpu=0.1), make_run("exact")]
+    comparison = compare(runs, "exact", 0.01, in_time(linear=6e-4, exact=6e-4))
+    assert comparison.result("linear").worst.equal
+    assert comparison.sentence.endswith("(equal within the time error)")
+    assert not compare(runs, "exact", 0.01, in_time(linear=6e-4)).result("linear").worst.equal
+
+
+def test_errors_in_time_beyond_the_bound_decide_nothing():
+    """A motion that is not resolved differs from run to run: that is no agreement of models."""
+    runs = [make_run("linear", 0.5, cpu=0.1), make_run("exact")]
+    comparison = compare(runs, "exact", 0.01, in_time(linear=0.9, exact=1e-3))
+    found = comparison.result("linear")
+    assert not found.adequate and found.undecided.channel == "b1.tip.x"
+    assert "of no other model it is sure that it stays within 1 %" in comparison.sentence
+    text = as_text(comparison, Path("out"))
+    assert "linear is not decided: errors in time, 45 % in b1.tip.x, are beyond the bound" in text
+
+
+# --- which channels decide -----------------------------------------------------------------------
+
+
+def with_rate(run, error=0.0):
+    """Add an angular velocity whose range is next to nothing against its size."""
+    rate = Channel("b1.angular_velocity", "rad/s", 4.0 + 5e-4 * np.sin(9.0 * run.t) + error)
+    return replace(run, channels=(*run.channels, rate))
+
+
+def test_rates_decide_only_if_they_are_named():
+    runs = [with_rate(make_run("lowOrder", 1e-6, cpu=0.1), 1e-3), with_rate(make_run("exact"))]
+    assert compare(runs, "exact", 0.01).verdict == "lowOrder"
+    named = compare(runs, "exact", 0.01, channels=("b1.angular_velocity",))
+    assert named.verdict == "exact"
+    assert [s.channel for s in named.scales if s.judged] == ["b1.angular_velocity"]
+    assert named.result("lowOrder").worst.max_relative == pytest.approx(0.25, rel=0.01)
+
+
+def test_without_motion_the_rest_decides_and_that_is_said():
+    runs = [with_rate(make_run("lowOrder", cpu=0.1), 1e-3), with_rate(make_run("exact"))]
+    runs = [replace(run, channels=run.channels[1:]) for run in runs]
+    comparison = compare(runs, "exact", 0.01)
+    assert comparison.verdict == "exact"
+    assert "the verdict rests on b1.angular_velocity" in as_text(comparison, Path("out"))
+
+
+@pytest.mark.parametrize(("own", "told"), [("absolute", True), ("frame", False)])
+def test_two_models_in_the_same_coordinates_check_nothing(own, told):
+    runs = [make_run("ancf"), make_run("exact")]
+    measured = Measured(coordinates={"exact": own, "ancf": "absolute"})
+    text = as_text(compare(runs, "exact", 0.01, measured), Path("out"))
+    assert ("that they agree checks nothing" in text) == told
+
+
+# --- early ends ----------------------------------------------------------------------------------
+
+
+def test_what_a_signal_left_is_told_without_a_verdict():
+    runs = [make_run("linear"), make_run("exact")]
+    whole, cut = (compare(runs[:n], "exact", 0.01, interrupted=True) for n in (2, 1))
+    assert whole.result("linear").worst is not None and cut.result("linear").worst is None
+    for comparison in (whole, cut, compare([], "exact", 0.01, interrupted=True)):
+        assert (comparison.status, comparison.verdict) == ("interrupted", None)
+        assert "interrupted" in as_text(comparison, Path("out"))
 
 
 def test_without_an_adequate_model_the_reference_is_the_verdict():
@@ -150,3 +258,51 @@ def test_overlays_of_a_diverged_a_broken_and_an_empty_model_can_be_drawn(tmp_pat
     names = draw_comparison(runs, compare(runs, "exact", 0.01), tmp_path / "plots")
     assert set(names) == {"b1.tip.x.png", "constraint.position.png", "error_against_cost.png"}
     assert all((tmp_path / "plots" / name).stat().st_size > 1000 for name in names)
+
+
+# --- real scenes ---------------------------------------------------------------------------------
+
+
+def held(case, models, *overrides, max_error=0.01, channels=()):
+    """Run a shipped case with several models and compare them."""
+    decks = {}
+    for model, settings in models.items():
+        decks[model] = load_deck(CASES / f"{case}.yaml", (*overrides, f"solve.model={model}", *settings))
+    runs = [simulate(deck, error_estimate=False, outlines=True) for deck in decks.values()]
+    found = Measured()
+    measure(decks, runs, 1, found)
+    return compare(runs, "exact", max_error, found, channels)
+
+
+def test_the_verdict_is_not_the_tolerance_s():
+    """Angular velocities differ by 0.5 % of next to nothing at the looser tolerance, 0.04 % at the other."""
+    coarse = ("solve.duration=0.3", "bodies.b1.elements=2", "bodies.b2.elements=2")
+    for tolerance, differ in ((1e-5, True), (1e-8, False)):
+        found = held("two_beams", {"lowOrder": (), "exact": ()}, *coarse, f"solve.tolerance={tolerance}",
+                     max_error=1e-3)  # fmt: skip
+        low = found.result("lowOrder")
+        assert low.adequate
+        assert (low.difference("b1.angular_velocity").max_relative > 1e-3) == differ
+        assert not low.difference("b1.angular_velocity").beyond > 1e-3
+
+
+def test_exact_and_ancf_check_one_another_in_different_coordinates():
+    models = {"exact": ("solve.coordinates=frame",), "ancf": ()}
+    found = held("pendulum", models, "solve.duration=0.2", "solve.tolerance=1e-6")
+    ancf = found.result("ancf")
+    assert [model.coordinates for model in found.models] == ["frame", "absolute"]
+    assert ancf.worst.equal and 0.0 < ancf.worst.max_abs < ancf.worst.time_error < 1e-4
+
+
+def test_the_error_in_time_is_not_understated():
+    deck = load_deck(CASES / "hub_beams.yaml", ("solve.duration=0.1", "solve.tolerance=1e-5"))
+    tight = deck.with_solve({"tolerance": 1e-10, "method": "gauss"})
+    run, truth = (simulate(one, error_estimate=False) for one in (deck, tight))
+    estimated, true = time_error(deck, run), channel_errors(run.channels, truth.channels)[0]
+    for name in ("b1.tip.x", "b1.tip.y", "b2.tip.x", "b2.tip.y"):
+        assert 0.5 * true[name] < estimated[name] < 300.0 * true[name], name
+
+
+def test_fixed_steps_are_doubled():
+    solve = load_deck(CASES / "pendulum.yaml", ("solve.step=0.01",)).deck.solve
+    assert looser(solve) == ({"step": 0.02}, 1.0)

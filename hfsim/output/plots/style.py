@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from hfsim.run.solution import Run
-from hfsim.studies.compare import ending
+from hfsim.studies.compare.words import ending
 
 _DPI = 110
 SIZE = (8.0, 4.6)
