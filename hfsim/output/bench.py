@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hfsim.output.text import Column, as_table, brief, table
+from hfsim.parts.channels import kind_of
+from hfsim.run.distance import group_of
 from hfsim.studies.bench import Bench, Cell, Point, mesh_words, observed_order, pareto, recommend, tidy
 from hfsim.studies.bench.points import ChannelError
 from hfsim.studies.timing import Spread
@@ -56,6 +58,7 @@ COLUMNS = (
     *(Column(f"channel_{name}", _of_error(name)) for name in _OF_ERROR),
     Column("channel_floor", _of_channel("floors")),
     Column("channel_mesh_error", _of_channel("mesh_errors")),
+    Column("channel_group", lambda row: row.error and group_of(row.error.unit)),
 )
 """Columns of ``bench.csv``."""
 
@@ -75,7 +78,8 @@ def _cell_text(cell: Cell, points: Sequence[Point]) -> str:
     if cell.floor is None:
         lines = [f"{head}: no reference: {cell.reason}"]
     else:
-        cost = f"  error floor {tidy(cell.floor)}, {cell.reference_cpu:.2g} s CPU"
+        floors = ", ".join(f"{tidy(floor)} ({group})" for group, floor in cell.group_floors.items())
+        cost = f"  error floor {floors or tidy(cell.floor)}, {cell.reference_cpu:.2g} s CPU"
         lines = [f"{head}; reference: {cell.reference},", cost]
     return "\n".join([*lines, *_point_table(points), *_remarks(points)])
 
@@ -90,7 +94,7 @@ _COST = (
     Column("at"),
     Column("CPU [s]", "cpu", ".3g"),
     Column("spread", _spread),
-    Column("error", lambda point: ("< " if point.below_floor else "") + brief(point.error)),
+    Column("error", lambda point: _error(point)),
 )
 _WITH_MESH = Column("with mesh", "total_error", brief)
 _DETAILS = (
@@ -110,7 +114,19 @@ def _point_table(points: Sequence[Point]) -> list[str]:
         return []
     method = Column("method", lambda point: point.method + (" *" if point in front else ""))
     totals = [_WITH_MESH] if any(p.total_error is not None for p in shown) else []
-    return [table([method, *_COST, *totals, *_DETAILS], shown), "  * nothing cheaper comes near its error"]
+    groups = next((tuple(p.groups) for p in shown if p.groups), ())
+    beside = [_of_group(group) for group in groups[1:]]
+    columns = [method, *_COST, *totals, *_DETAILS[:2], *beside, *_DETAILS[2:]]
+    what = f"  error, worst channel: of {groups[0]}" if beside else ""
+    return [table(columns, shown), "  * nothing cheaper comes near its error", *filter(None, [what])]
+
+
+def _of_group(group: str) -> Column:
+    return Column(group, lambda point: _error(point.of_group(group)))
+
+
+def _error(point: Point) -> str:
+    return ("< " if point.below_floor else "") + brief(point.error)
 
 
 def _remarks(points: Sequence[Point]) -> list[str]:
@@ -167,9 +183,15 @@ def _stubborn(cells: Sequence[Cell]) -> list[str]:
     if len(cells) < 2:
         return []
     orders = {name: observed_order(cells[0], cells[-1], name) for name in cells[0].mesh_errors}
+    first = cells[0].groups[:1]
+    orders = {name: order for name, order in orders.items() if not first or _group(name) == first[0]}
     names = [name for name, order in orders.items() if order is not None and order < _NO_ORDER]
     what = f"the mesh error of {', '.join(names)} hardly falls from mesh to mesh"
     return [f"  {what}; to judge by the others: --set output.channels=[...]"] if names else []
+
+
+def _group(channel: str) -> str:
+    return group_of(kind_of(channel).unit)
 
 
 def _degree_table(result: Bench, model: str) -> list[str]:

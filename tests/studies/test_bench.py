@@ -28,6 +28,7 @@ from hfsim.studies.bench import (
     model_advice,
     pareto,
     recommend,
+    recommendations,
 )
 
 
@@ -195,7 +196,9 @@ def test_mesh_and_time_errors_are_told_apart():
     for p in result.points:
         cell = coarse if p.elements == 2 else fine
         assert abs(p.total_error - cell.mesh_error) < 2.0 * p.error + 0.01 * cell.mesh_error
-    assert all("elements, gauss" in line or "nothing" in line for line in result.recommendations)
+    *advised, scope = result.recommendations
+    assert all("elements, gauss" in line or "nothing" in line for line in advised)
+    assert "of time and mesh together" in scope and "2 elements: " in scope
 
 
 # --- advice on made-up points --------------------------------------------------------------------
@@ -242,6 +245,67 @@ def test_tables_hold_every_point():
     assert len(as_facts(result)["recommendations"]) == 3
 
 
+# --- groups of channels --------------------------------------------------------------------------
+
+
+REACTIONS = "output.channels=[b1.tip.x, b1.tip.y, b1.angular_velocity, pin.force_x, energy.kinetic]"
+
+
+@pytest.fixture(scope="module")
+def stiff():
+    """Two stiff beams: reactions carry fast modes, which no tolerance that serves the motion resolves."""
+    deck = load_deck(CASES / "two_beams.yaml", ("solve.duration=0.05", REACTIONS))
+    return bench(deck, sweep(methods=("gauss", "radau"), tolerances=(1e-3, 1e-5), repeats=1), Budget(30.0))
+
+
+def test_each_group_has_its_own_floor_and_error(stiff):
+    (cell,) = stiff.cells
+    assert cell.groups == ("motion", "rates", "forces", "energies")
+    assert cell.floor == cell.group_floors["motion"] < 1e-9 < 1e2 * cell.group_floors["forces"]
+    for p in stiff.points:
+        assert set(p.groups) == set(cell.groups)
+        assert p.error == p.groups["motion"].error and p.worst_channel.startswith("b1.tip")
+        assert p.groups["forces"].worst_channel == "pin.force_x"
+        assert p.of_group("forces").error == p.groups["forces"].error > 10.0 * p.error
+
+
+def test_one_channel_does_not_hide_all_others(stiff):
+    first, second, third, scope, *others = stiff.recommendations
+    for line, words in zip((first, second), ("1 %", "0.01 %"), strict=True):
+        assert line.startswith(f"motion: for {words}: ") and "tolerance" in line and "nothing" not in line
+    assert third.startswith("motion: for 1e-6: ")
+    assert scope.startswith("errors in time only, without that of the mesh (8 elements)")
+    assert [line.split(",")[0] for line in others] == ["rates", "forces", "energies"]
+    assert "error floor" in others[1] and "nothing tried reaches it" in others[1]
+    assert others[1].count("best") == 1
+    facts = as_facts(stiff)
+    assert facts["groups"] == ("motion", "rates", "forces", "energies")
+    assert facts["points"][0]["groups"]["forces"]["worst_channel"] == "pin.force_x"
+    assert facts["cells"][0]["group_floors"]["rates"] > 0.0
+
+
+def test_without_motion_another_group_comes_first():
+    deck = pendulum("output.channels=[pin.force_x, b1.angular_velocity, constraint.position]")
+    result = bench(deck, sweep(methods=("gauss",), tolerances=(1e-4,), repeats=1), Budget(30.0))
+    assert result.cells[0].groups == ("rates", "forces")
+    assert result.points[0].worst_channel == "b1.angular_velocity"
+    assert result.recommendations[0].startswith("rates: for 1 %")
+
+
+def test_recommendations_say_what_errors_they_are_of():
+    points = [point(0.1, 1e-3, total_error=2e-3), replace(point(0.2, 1e-5, total_error=1e-3), elements=8)]
+    cells = [
+        Cell("exact", n, 4 * n, "done", floor=1e-10, group_floors={"motion": 1e-10}, **mesh)
+        for n, mesh in ((4, {}), (8, {"mesh_error": 1e-3, "mesh_channel": "b1.tip.y"}))
+    ]
+    (time_only,) = (line for line in recommendations(cells[:1], POINTS) if line.startswith("errors"))
+    assert time_only.startswith("errors in time only, without that of the mesh (4 elements): --elements N,M")
+    (both,) = (line for line in recommendations(cells, points) if line.startswith("errors"))
+    assert both == "errors of time and mesh together; that of the mesh alone, 8 elements: 1.0e-03 in b1.tip.y"
+    rigid = replace(cells[0], model="rigid")
+    assert not any(line.startswith("errors") for line in recommendations([rigid], POINTS))
+
+
 # --- the command ---------------------------------------------------------------------------------
 
 
@@ -265,6 +329,7 @@ def test_the_command_writes_tables_and_pictures(tmp_path, monkeypatch):
     with Path("pendulum.bench/bench.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 2 * 6
+    assert {row["channel_group"] for row in rows} == {"motion", "rates", "energies"}
     assert {row["below_floor"] for row in rows} <= {"True", "False"}
     assert all(float(row["channel_max_relative"]) >= float(row["channel_floor"]) for row in rows)
     assert call(*FEW).exit_code == 2

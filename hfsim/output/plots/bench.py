@@ -95,7 +95,8 @@ def _precision_figure(result: Bench, cell: Cell) -> Figure | None:
         _draw_method(axes, [p for p in points if p.method == method], method, label)
     _label_levels(axes, front)
     _draw_floor(axes, cell, min(p.error or 1.0 for p in points))
-    dress_log(axes, _CPU, "largest time error / range [-]")
+    of = f" of {cell.groups[0]}" if cell.groups else ""
+    dress_log(axes, _CPU, f"largest time error{of} / range [-]")
     return finished(figure, f"{result.name}, {cell.model}, {cell.mesh}: error against run time", [axes])
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from hfsim.studies.bench.points import Cell, Point
+from hfsim.parts.bodies.models import MODELS
+from hfsim.studies.bench.points import Cell, Point, tidy
 
 TARGETS = {"1 %": 1e-2, "0.01 %": 1e-4, "1e-6": 1e-6}
 """Errors, relative to the range of the channel, for which a method is recommended."""
@@ -48,21 +49,62 @@ def true_model(models: Collection[str]) -> str:
 
 
 def recommendations(cells: Sequence[Cell], points: Sequence[Point]) -> list[str]:
-    """Return one sentence for each model and each of `TARGETS`, then those on models."""
+    """Return in sentences what is recommended for each model, then those on models.
+
+    There is one for each of `TARGETS` in the first group of channels, the motion where there is any, one on
+    what these errors are of, and one for each other group.
+    """
     models = dict.fromkeys(cell.model for cell in cells)
     lines = []
     for model in models:
-        mine = [p for p in points if p.model == model]
-        # where some meshes are known to be wrong by so much, one of unknown error must not win
-        mine = [p for p in mine if p.total_error is not None] or mine
-        meshes, prefix = _meshes(mine), f"{model}: " if len(models) > 1 else ""
-        lines += [prefix + advice(mine, words, target, meshes) for words, target in TARGETS.items()]
+        mine = [cell for cell in cells if cell.model == model]
+        prefix = f"{model}: " if len(models) > 1 else ""
+        lines += [prefix + line for line in _of_model(mine, [p for p in points if p.model == model])]
     others = [cell for cell in cells if cell.model_error is not None]
     off = f"off {true_model(models)} by"
     lines += [f"{c.model}, {c.mesh}: {off} {c.model_error:.1e} in {c.model_channel}" for c in others]
     judged = [replace(p, error=None, total_error=p.exact_error) for p in points]
     targets = TARGETS.items() if others else ()
     return lines + [model_advice(judged, words, target, _meshes(judged)) for words, target in targets]
+
+
+def _of_model(cells: Sequence[Cell], points: Sequence[Point]) -> Iterator[str]:
+    """Yield what is recommended for one model."""
+    groups = next((cell.groups for cell in cells if cell.groups), ())
+    mine, prefix = _comparable(points), f"{groups[0]}: " if len(groups) > 1 else ""
+    for words, target in TARGETS.items():
+        yield prefix + advice(mine, words, target, _meshes(mine))
+    if groups:
+        yield from _scope(cells)
+    for group in groups[1:]:
+        floor = max(cell.group_floors[group] for cell in cells if group in cell.group_floors)
+        told = "; ".join(_briefly(_comparable([p.of_group(group) for p in points])))
+        yield f"{group}, error floor {tidy(floor)}: {told}"
+
+
+def _briefly(points: Sequence[Point]) -> Iterator[str]:
+    """Yield what is recommended for each target until one is not reached."""
+    for number, (words, target) in enumerate(TARGETS.items()):
+        reached = recommend(points, target) is not None
+        less = "" if reached or number == len(TARGETS) - 1 else " or less"
+        yield advice(points, words + less, target, _meshes(points))
+        if not reached:
+            return
+
+
+def _comparable(points: Sequence[Point]) -> list[Point]:
+    # where some meshes are known to be wrong by so much, one of unknown error must not win
+    return [p for p in points if p.total_error is not None] or list(points)
+
+
+def _scope(cells: Sequence[Cell]) -> Iterator[str]:
+    """Yield what the errors are of that settings are recommended for: of time alone, or of the mesh too."""
+    meshed = [cell for cell in cells if cell.mesh_error is not None]
+    if meshed:
+        known = ", ".join(f"{cell.mesh}: {cell.mesh_error:.1e} in {cell.mesh_channel}" for cell in meshed)
+        yield f"errors of time and mesh together; that of the mesh alone, {known}"
+    elif any(cell.elements for cell in cells) and MODELS[cells[0].model].flexible:
+        yield f"errors in time only, without that of the mesh ({cells[-1].mesh}): --elements N,M measures it"
 
 
 def _meshes(points: Sequence[Point]) -> bool:

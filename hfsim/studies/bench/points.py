@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.run.distance import ChannelScale, gap
+from hfsim.run.distance import GROUPS, ChannelScale, gap, group_of
 
 
 def tidy(number: float) -> str:
@@ -78,6 +79,39 @@ def channel_error(values: Array, truth: Array, scale: ChannelScale, floor: float
     )
 
 
+@dataclass(frozen=True)
+class GroupError:
+    """Error of one point in one group of channels: see `Point`, whose attributes of these names it gives."""
+
+    error: float | None
+    rms_error: float | None
+    worst_channel: str
+    below_floor: bool
+    total_error: float | None = None
+    exact_error: float | None = None
+
+    @classmethod
+    def of(cls, errors: Iterable[ChannelError], floor: float) -> GroupError:
+        """Return the error of some channels, whose reference is not known better than its floor."""
+        known = list(errors)
+        worst = max(known, key=lambda e: e.max_relative)
+        below = worst.max_relative <= floor
+        rms = max(floor, *(e.rms_relative for e in known))
+        return cls(max(worst.max_relative, floor), rms, worst.channel, below)
+
+
+def groups_of(units: Collection[str]) -> tuple[str, ...]:
+    """Return the groups of some units; the first one is that by which all is recommended.
+
+    Examples
+    --------
+    >>> groups_of(["N", "rad/s", "m"]), groups_of(["J"])
+    (('motion', 'rates', 'forces'), ('energies',))
+    """
+    found = {group_of(unit) for unit in units}
+    return tuple(group for group in (*GROUPS, "others") if group in found)
+
+
 class _OnMesh:
     """What has a model and a mesh."""
 
@@ -115,7 +149,8 @@ class Point(_OnMesh):
     cpu, cpu_min, cpu_max : float or None
         CPU time of the integration, median and extremes of `repeats` [s].
     error, rms_error : float or None
-        Time error of the worst judged channel over its scale: largest over time, root mean square [-].
+        Time error over its scale of the worst judged channel of the first group, the motion where there is
+        one: largest over time, root mean square [-].
     below_floor : bool
         Whether `error` is the floor because the true one is smaller.
     total_error : float or None
@@ -123,6 +158,9 @@ class Point(_OnMesh):
     exact_error : float or None
         Error against the best reference of the model exact (ancf where exact is not swept), that of the model
         included; None where neither is there [-].
+    channels : tuple of ChannelError
+    groups : dict of str to GroupError
+        The errors of each group of channels; those above are of the first one.
     """
 
     model: str
@@ -150,6 +188,12 @@ class Point(_OnMesh):
     total_error: float | None = None
     exact_error: float | None = None
     channels: tuple[ChannelError, ...] = ()
+    groups: dict[str, GroupError] = field(default_factory=dict)
+
+    def of_group(self, group: str) -> Point:
+        """Return the point with the errors of a group in place of those of the first one."""
+        found = self.groups.get(group, GroupError(None, None, "", False))
+        return replace(self, **vars(found))
 
     @property
     def at(self) -> str:
@@ -186,12 +230,14 @@ class Cell(_OnMesh):
     reference_cpu : float
         What it cost, all attempts together [s].
     floor : float or None
-        Largest difference of its two methods in any judged channel over its scale [-].
+        Largest difference of its two methods in any judged channel of the first group over its scale [-].
     floors : dict of str to float
         The same for each channel.
+    group_floors : dict of str to float
+        The same for each group of channels, the one that all is recommended by first.
     mesh_error, mesh_order : float or None
-        Distance to the mesh-converged reference in the worst judged channel [-]; order by which it fell
-        since the coarser mesh.
+        Distance to the mesh-converged reference in the worst judged channel of the first group [-]; order by
+        which it fell since the coarser mesh.
     mesh_channel : str
         That channel.
     mesh_errors : dict of str to float
@@ -199,7 +245,8 @@ class Cell(_OnMesh):
     mesh_reference, mesh_reference_degree : int or None
         Elements of that reference and their degree.
     model_error : float or None
-        Distance to the reference of the model exact on the same mesh in the worst judged channel [-].
+        Distance to the reference of the model exact on the same mesh in the worst judged channel of the first
+        group [-].
     model_channel : str
         That channel.
     """
@@ -214,6 +261,7 @@ class Cell(_OnMesh):
     reference_cpu: float = 0.0
     floor: float | None = None
     floors: dict[str, float] = field(default_factory=dict)
+    group_floors: dict[str, float] = field(default_factory=dict)
     mesh_error: float | None = None
     mesh_order: float | None = None
     mesh_channel: str = ""
@@ -222,6 +270,11 @@ class Cell(_OnMesh):
     mesh_reference_degree: int = 3
     model_error: float | None = None
     model_channel: str = ""
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """The groups of its judged channels, the one that all is recommended by first."""
+        return tuple(self.group_floors)
 
     @property
     def mesh_reference_words(self) -> str:

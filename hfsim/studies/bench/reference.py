@@ -10,7 +10,7 @@ import numpy as np
 
 from hfsim.errors import HfsimError
 from hfsim.parts.bodies import BeamSpec
-from hfsim.run.distance import ChannelScale, farthest, gap, reference_scales
+from hfsim.run.distance import ChannelScale, gap, group_of, reference_scales
 from hfsim.run.sampling import compute_channels, sample
 from hfsim.run.solution import Channel
 from hfsim.run.stop import Budget, Progress, TimeUp
@@ -18,7 +18,7 @@ from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
 from hfsim.studies.bench.advice import true_model
-from hfsim.studies.bench.points import Cell, ChannelError, channel_error, observed_order, tidy
+from hfsim.studies.bench.points import Cell, ChannelError, channel_error, groups_of, observed_order, tidy
 from hfsim.studies.bench.sweep import Sweep, with_mesh
 from hfsim.studies.timing import solved
 
@@ -33,7 +33,9 @@ ROUND_OFF = 1e-14
 """Relative error that no reference is trusted below, however well its two methods agree."""
 
 _ENOUGH = 1e-12
-"""Agreement at which the reference is refined no more."""
+"""Agreement of the first group of channels at which the reference is refined no more."""
+_ENOUGH_BESIDE = 1e-7
+"""Agreement of the other groups: a tenth of the smallest error that anything is recommended for."""
 _SHARE = 0.5
 """Part of the budget that all references may take."""
 _IN_TIME_SHARE = 0.6
@@ -52,9 +54,27 @@ class Truth:
     how: str
 
     @property
+    def group_floors(self) -> dict[str, float]:
+        """The largest floor in each group of the channels that count [-], the motion first."""
+        judged = [s for s in self.scales if s.judged]
+        groups = groups_of([s.unit for s in judged])
+        return {g: max(self.floors[s.channel] for s in judged if s.group == g) for g in groups}
+
+    @property
     def floor(self) -> float:
-        """The largest of the floors of the channels that count [-]."""
-        return max((self.floors[s.channel] for s in self.scales if s.judged), default=ROUND_OFF)
+        """That of the first group [-]."""
+        return next(iter(self.group_floors.values()), ROUND_OFF)
+
+    def worst(self, channels: Sequence[Channel]) -> dict[str, tuple[str, float]]:
+        """Return for each group the channel that counts and is farthest from these, and how far it is [-]."""
+        judged = [e for e in self.errors(channels) if e.judged]
+        together = {g: [e for e in judged if group_of(e.unit) == g] for g in self.group_floors}
+        found = {g: max(errors, key=lambda e: e.max_relative) for g, errors in together.items()}
+        return {g: (one.channel, one.max_relative) for g, one in found.items()}
+
+    def first_worst(self, channels: Sequence[Channel]) -> tuple[str, float | None]:
+        """Return the same for the first group alone; no channel and None without any."""
+        return next(iter(self.worst(channels).values()), ("", None))
 
     def errors(self, channels: Sequence[Channel]) -> tuple[ChannelError, ...]:
         """Return how far channels are from these."""
@@ -97,7 +117,15 @@ class Work:
         if old is None or found.floor < old.floor:
             self.truth = found
             self.note(status="done", reason="", reference=found.how, floor=found.floor, floors=found.floors)
-        return (old is None or found.floor < old.floor / 3.0) and found.floor >= _ENOUGH
+            self.note(group_floors=found.group_floors)
+        floors = found.group_floors.items()
+        return any(_pays(floor, group, old, first=not k) for k, (group, floor) in enumerate(floors))
+
+
+def _pays(floor: float, group: str, old: Truth | None, first: bool) -> bool:
+    """Return whether a tighter reference may pay: the floor still falls, and is too high for advice."""
+    falls = old is None or floor < old.group_floors[group] / 3.0
+    return falls and floor >= (_ENOUGH if first else _ENOUGH_BESIDE)
 
 
 def references(loaded: LoadedDeck, sweep: Sweep, works: list[Work], budget: Budget) -> None:
@@ -191,7 +219,7 @@ def _split(works: Sequence[Work], fine: Work) -> None:
             continue
         work.fine = fine.truth
         errors = fine.truth.judged_errors(work.truth.channels)
-        worst, largest = farthest(errors)
+        worst, largest = fine.truth.first_worst(work.truth.channels)
         work.note(mesh_error=largest, mesh_channel=worst, mesh_errors=errors)
         work.note(mesh_reference=fine.cell.elements, mesh_reference_degree=fine.cell.degree)
     for coarse, finer in pairwise(works):
@@ -208,5 +236,5 @@ def _compare_models(works: Sequence[Work]) -> None:
             continue
         work.exact = yardstick.fine or yardstick.truth
         if work is not yardstick and work.truth is not None:
-            worst, largest = farthest(yardstick.truth.judged_errors(work.truth.channels))
+            worst, largest = yardstick.truth.first_worst(work.truth.channels)
             work.note(model_error=largest, model_channel=worst)

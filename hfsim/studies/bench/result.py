@@ -63,4 +63,5 @@ def as_facts(result: Bench) -> dict[str, Any]:
     keys = ("method", "tolerance", "step")
     fronts = [pareto(result.points_of(cell)) for cell in result.cells]
     facts = [[{key: getattr(p, key) for key in keys} for p in front] for front in fronts]
-    return {**asdict(result), "pareto": facts, "recommendations": result.recommendations}
+    groups = next((cell.groups for cell in result.cells if cell.groups), ())
+    return {**asdict(result), "pareto": facts, "groups": groups, "recommendations": result.recommendations}

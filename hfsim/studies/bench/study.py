@@ -8,14 +8,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hfsim.run.balance import balance, step_samples
-from hfsim.run.distance import farthest
+from hfsim.run.distance import group_of
 from hfsim.run.integration import Integration
 from hfsim.run.sampling import compute_channels, sample
+from hfsim.run.solution import Channel
 from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
-from hfsim.studies.bench.points import Point
+from hfsim.studies.bench.points import ChannelError, GroupError, Point
 from hfsim.studies.bench.reference import Work, references, solve_of
 from hfsim.studies.bench.result import Bench
 from hfsim.studies.bench.sweep import Sweep
@@ -216,20 +217,18 @@ def _judged(point: Point, done: Integration, work: Work) -> Point:
     channels = compute_channels(sample(work.scene, done.trajectory))
     if not all(np.isfinite(channel.values).all() for channel in channels):
         return replace(point, status="failed", energy_drift=None, reason="the result is not finite")
-    total, exact = (
-        farthest(one.judged_errors(channels))[1] or one.floor if one else None
-        for one in (work.fine, work.exact)
-    )
     errors = truth.errors(channels)
-    point = replace(point, channels=errors, total_error=total, exact_error=exact)
-    judged = [e for e in errors if e.judged]
-    if not judged:
-        return point
-    worst = max(judged, key=lambda e: e.max_relative)
-    return replace(
-        point,
-        error=max(worst.max_relative, truth.floor),
-        rms_error=max(truth.floor, *(e.rms_relative for e in judged)),
-        worst_channel=worst.channel,
-        below_floor=worst.max_relative <= truth.floor,
-    )
+    groups = {group: _group_error(group, errors, channels, work) for group in truth.group_floors}
+    point = replace(point, channels=errors, groups=groups)
+    return point.of_group(next(iter(groups))) if groups else point
+
+
+def _group_error(
+    group: str, errors: Sequence[ChannelError], channels: Sequence[Channel], work: Work
+) -> GroupError:
+    """Return the error of a group of channels: in time, with the mesh's, and against the exact model."""
+    assert work.truth is not None
+    judged = [e for e in errors if e.judged and group_of(e.unit) == group]
+    found = GroupError.of(judged, work.truth.group_floors[group])
+    total, exact = (one.worst(channels)[group][1] if one else None for one in (work.fine, work.exact))
+    return replace(found, total_error=total, exact_error=exact)
