@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import LimitReached, interruption_code
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
 from hfsim.output.disk import History, disk, write_json
+from hfsim.output.pictures import lost, put_pictures
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, warnings_of, write_resolved
 from hfsim.run.nested import Memory
@@ -161,37 +162,17 @@ class Recording:
         if pictures:
             try:
                 with self._watch.phase("plots"):
-                    plots = self._draw(run)
+                    plots = put_pictures(partial(_draw, run), self.path)
             except KeyboardInterrupt as stop:
-                run = replace(run, exit_code=interruption_code(stop))
-                run = _warned(run, "the pictures were not drawn: interrupted")
+                run = _warned(replace(run, exit_code=interruption_code(stop)), lost(stop))
             except Exception as error:  # whatever it is, it must not cost the results
-                run = _warned(run, f"the pictures were not drawn: {error or type(error).__name__}")
+                run = _warned(run, lost(error))
         run = self._watch.added_to(run)
         with disk(self.path):
             summary = self._summarise(run, plots)
             self._log.end(summary)
         self.folder.release()
         return run, summary
-
-    def _draw(self, run: Run) -> list[str]:
-        """Draw in a place aside, and put the pictures where they belong if nobody else's stand there."""
-        from hfsim.output.plots import draw_run  # half a second of matplotlib, for those who want pictures
-
-        aside, there = self.path / ".plots.part", self.path / "plots"
-        shutil.rmtree(aside, ignore_errors=True)
-        aside.mkdir()
-        try:
-            names = draw_run(run, aside)
-            there.mkdir(exist_ok=True)
-            taken = [name for name in names if os.path.lexists(there / name)]
-            if taken:
-                raise FileExistsError(f"{there} has files that are not of this run: {', '.join(taken)}")
-            for name in names:
-                os.replace(aside / name, there / name)
-        finally:
-            shutil.rmtree(aside, ignore_errors=True)
-        return [f"plots/{name}" for name in names]
 
     def _summarise(self, run: Run, plots: Iterable[str]) -> dict[str, Any]:
         files = ["history.csv", "resolved.yaml", "run.log", SUMMARY, *plots]
@@ -200,6 +181,12 @@ class Recording:
         summary = summary_of(run, self.provenance, files)
         write_json(self.path / SUMMARY, summary)
         return summary
+
+
+def _draw(run: Run, folder: Path) -> list[str]:
+    from hfsim.output.plots import draw_run  # half a second of matplotlib, for those who want pictures
+
+    return draw_run(run, folder)
 
 
 def _warned(run: Run, warning: str) -> Run:

@@ -115,18 +115,45 @@ class Study:
         ------
         WriteError
             If the disk refuses; there is no ``<kind>.json`` then.
+        KeyboardInterrupt
+            If a signal ends the drawing; all else has been written and told then.
         """
-        plain = self._save(facts, tables, draw)
+        plain = self._save(facts, tables)
+        signal: KeyboardInterrupt | None = None
+        if draw and self.plots and self.folder:
+            try:
+                plain = self._add_pictures(plain, draw)
+            except KeyboardInterrupt as stop:
+                signal = stop
+        if self.folder:
+            self.folder.release()
         self.talk.facts(plain)
         self.talk.result(text)
+        if signal:
+            raise signal
         return plain
 
-    def _save(
-        self,
-        facts: Mapping[str, Any],
-        tables: Mapping[str, Table],
-        draw: Callable[[Path], Iterable[str]] | None,
+    def _add_pictures(
+        self, plain: Mapping[str, Any], draw: Callable[[Path], Iterable[str]]
     ) -> dict[str, Any]:
+        """Draw pictures; return the facts with their names, or with a warning, as they are written anew."""
+        from hfsim.output.disk import disk, write_json
+        from hfsim.output.pictures import lost, put_pictures
+        from hfsim.output.writers import versions
+
+        pictures: list[str] = []
+        warnings: list[str] = []
+        try:
+            pictures = put_pictures(draw, self.path)
+        except Exception as error:  # whatever it is, it must not cost the results
+            warnings = [lost(error)]
+            self.talk.note(f"warning: {warnings[0]}")
+        plain = {**plain, "versions": versions(), "files": [*plain["files"], *pictures], "warnings": warnings}
+        with disk(self.path):
+            write_json(self.path / f"{self.kind}.json", plain)
+        return plain
+
+    def _save(self, facts: Mapping[str, Any], tables: Mapping[str, Table]) -> dict[str, Any]:
         from hfsim.output.disk import disk, write_json
         from hfsim.output.writers import json_ready, versions, write_table
 
@@ -137,9 +164,6 @@ class Study:
         with disk(self.path):
             for stem, (columns, rows) in tables.items():
                 write_table(self.path / f"{stem}.csv", rows, columns)
-            if draw and self.plots:
-                files += [f"plots/{name}" for name in draw(self.path / "plots")]
             plain, _ = json_ready({**facts, **self.about, "versions": versions(), "files": files})
             write_json(self.path / f"{self.kind}.json", plain)
-        self.folder.release()
         return dict(plain)

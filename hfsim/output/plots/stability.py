@@ -116,11 +116,12 @@ def _classes_panel(axes: Axes, classes: Sequence[Sequence[str]]) -> None:
 def _value_ticks(axes: Axes, values: Sequence[float | str], which: str) -> None:
     every = max(1, -(-len(values) // 8))
     places = list(range(0, len(values), every))
-    labels = [values[i] if isinstance(values[i], str) else f"{values[i]:.3g}" for i in places]
+    shown = [values[i] for i in places]
+    labels = [value if isinstance(value, str) else f"{value:.3g}" for value in shown]
     if which == "x":
-        axes.set_xticks(places, [str(label) for label in labels], rotation=45, ha="right", fontsize=8)
+        axes.set_xticks(places, labels, rotation=45, ha="right", fontsize=8)
     else:
-        axes.set_yticks(places, [str(label) for label in labels], fontsize=8)
+        axes.set_yticks(places, labels, fontsize=8)
 
 
 def _class_legend(figure: Figure, result: StabilityMap) -> None:

@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import Collection
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.text import Text
 from matplotlib.ticker import NullFormatter
 
 from hfsim.run.solution import Run
 from hfsim.studies.compare.words import ending
 
 _DPI = 110
+_NO_LABEL = re.compile(r"|_child\d+|_nolegend_")
+"""Labels that the library gives to what has none."""
 SIZE = (8.0, 4.6)
 """Width and height of a plot against time [inch]."""
 WIDE = (9.0, 5.0)
@@ -122,21 +130,36 @@ def set_title(figure: Figure, text: str) -> None:
 
 def outside_legend(figure: Figure, rows: Sequence[Axes]) -> None:
     """Put one legend right of the axes, where it cannot cover data; a single label needs none."""
-    found = {
-        label: handle
-        for axes in rows
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
+    found = {label: handle for axes in rows for handle, label in _labelled(axes)}
     if len(found) > 1:
         figure.legend(list(found.values()), list(found), loc="outside right upper", frameon=False)
 
 
+def _labelled(axes: Axes) -> Iterator[tuple[Artist, str]]:
+    """Yield what has a label; the library's own list leaves out names that begin with an underscore."""
+    handles, labels = axes.get_legend_handles_labels()
+    known: dict[str, Artist] = dict(zip(labels, handles, strict=True))
+    for artist in axes.get_children():
+        label = str(artist.get_label())
+        if isinstance(artist, Line2D | Patch | Collection) and not _NO_LABEL.fullmatch(label):
+            known.setdefault(label, artist)
+    yield from ((artist, label) for label, artist in known.items())
+
+
 def save(figures: Mapping[str, Figure | None], folder: Path) -> list[str]:
-    """Write figures as PNG files, the folder made if there are any; return the file names."""
+    """Write figures as PNG files, the folder made if there are any; return the file names.
+
+    Names of decks, bodies and channels are drawn as they are, signs that the font lacks as boxes.
+    """
     drawn = {f"{name}.png": figure for name, figure in figures.items() if figure is not None}
     if drawn:
         folder.mkdir(parents=True, exist_ok=True)
     for name, figure in drawn.items():
+        for text in figure.findobj(Text):
+            if "$" in text.get_text():
+                text.set_parse_math(False)
         canvas: Any = FigureCanvasAgg(figure)
-        canvas.print_png(folder / name)  # savefig would draw everything twice
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message="Glyph")
+            canvas.print_png(folder / name)  # savefig would draw everything twice
     return list(drawn)

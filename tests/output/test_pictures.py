@@ -1,0 +1,136 @@
+"""Pictures: names as they are, no results lost, nobody's files touched."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.output.pictures import put_pictures
+from hfsim.output.plots.style import finished, new_figure, save
+from hfsim.output.study import Study
+from hfsim.output.talk import Destination, Talk
+
+NAMES = ("$x_$", "$\\frac{$", "a\\b", "100 %", "_hidden", "\u4e2d")
+
+
+def texts(figure):
+    """Return what a figure shows, once it is drawn."""
+    from matplotlib.text import Text
+
+    return [text for text in figure.findobj(Text) if text.get_text()]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_are_drawn_as_they_are(tmp_path, recwarn, name):
+    figure = new_figure()
+    axes = figure.subplots()
+    axes.plot([0.0, 1.0], label=name)
+    axes.plot([1.0, 0.0], label="other")
+    axes.set(xlabel=name, yscale="log")
+    axes.set_xticks([0.0, 1.0], [name, "end"])
+    save({"one": finished(figure, name, [axes])}, tmp_path)
+    assert (tmp_path / "one.png").stat().st_size > 2000
+    shown = [text for text in texts(figure) if text.get_text() == name]
+    assert len(shown) >= 4, "title, label, legend and tick"
+    assert {text._preprocess_math(name) for text in shown} == {(name, False)}
+    assert name in [text.get_text() for text in figure.legends[0].get_texts()]
+    decades = [text.get_text() for text in axes.get_yticklabels()]
+    assert any("10^{-1}" in words for words in decades), "powers of ten stay formulae"
+    assert not recwarn.list
+
+
+def drawing(*names, fail=None):
+    def draw(folder):
+        for name in names:
+            (folder / name).write_bytes(b"picture")
+        if fail:
+            raise fail
+        return names
+
+    return draw
+
+
+def test_pictures_leave_files_of_others_alone(tmp_path):
+    assert put_pictures(drawing("a.png"), tmp_path) == ["plots/a.png"]
+    (tmp_path / "plots/b.png").write_bytes(b"mine")
+    with pytest.raises(FileExistsError, match=r"b\.png"):
+        put_pictures(drawing("b.png", "c.png"), tmp_path)
+    assert (tmp_path / "plots/b.png").read_bytes() == b"mine"
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a.png", "b.png", "plots"]
+
+
+def study(folder, force=False):
+    return Study.claim("race", Destination(folder, force), "race", Talk(quiet=True))
+
+
+@pytest.mark.parametrize("fail", [ValueError("no font"), OSError(28, "No space left"), MemoryError()])
+def test_a_picture_that_fails_costs_no_results(tmp_path, fail):
+    rows = {"race": (["a"], [{"a": 1}])}
+    facts = study(tmp_path).publish({"status": "done"}, rows, "", drawing("a.png", fail=fail))
+    assert facts == json.loads((tmp_path / "race.json").read_text())
+    assert facts["files"] == ["race.csv", "race.json"]
+    (warning,) = facts["warnings"]
+    assert warning.startswith("the pictures were not drawn: ") and not warning.endswith(": ")
+    assert (tmp_path / "race.csv").read_text() == "a\n1\n"
+
+
+def test_plots_may_be_a_file(tmp_path):
+    (tmp_path / "plots").write_text("mine")
+    facts = study(tmp_path).publish({"status": "done"}, {}, "", drawing("a.png"))
+    assert "plots" in facts["warnings"][0] and (tmp_path / "plots").read_text() == "mine"
+
+
+def test_a_signal_while_pictures_are_drawn_costs_no_results(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        study(tmp_path).publish({"status": "done"}, {}, "", drawing("a.png", fail=KeyboardInterrupt()))
+    assert json.loads((tmp_path / "race.json").read_text())["files"] == ["race.json"]
+    assert [path.name for path in tmp_path.iterdir()] == ["race.json"]
+
+
+def test_pictures_of_a_study_that_is_replaced_go_and_others_stay(tmp_path):
+    study(tmp_path).publish({"status": "done"}, {}, "", drawing("a.png"))
+    (tmp_path / "plots/own.png").write_bytes(b"mine")
+    study(tmp_path, force=True).publish({"status": "done"}, {}, "")
+    assert [path.name for path in (tmp_path / "plots").iterdir()] == ["own.png"]
+
+
+DECK = """
+hfsim: 1
+name: "$x_$ 100 %"
+bodies: {_hub: {type: rigid, mass: 1.0, inertia: 1.0}}
+joints: {pin: {type: revolute, between: [ground, _hub]}}
+initial: {_hub: {angular_velocity: 1.0}}
+solve: {duration: 0.1, tolerance: 1.0e-6}
+output: {channels: [_hub.angle]}
+"""
+
+
+def test_all_commands_draw_a_scene_with_any_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("deck.yaml").write_text(DECK)
+    orders = (
+        ("run", "deck.yaml", "-o", "a"),
+        ("compare", "linear", "exact", "--case", "deck.yaml", "-o", "b"),
+        ("bench", "deck.yaml", "--methods", "gauss", "--tolerances", "1e-3,1e-5", "-o", "c"),
+        ("stability", "deck.yaml", "--methods", "gauss", "--vary", "name=$a_$,$b_$", "-o", "d"),
+    )
+    for order in orders:
+        result = CliRunner().invoke(app, order)
+        assert result.exit_code == 0, result.output
+        assert list(Path(order[-1]).glob("plots/*.png")), order
+        assert "warning" not in result.stderr
+
+
+def test_nothing_is_printed_where_there_is_no_home(tmp_path):
+    (tmp_path / "deck.yaml").write_text(DECK)
+    nowhere = {"HOME": "/nonexistent", "MPLCONFIGDIR": "/proc/none", "XDG_CACHE_HOME": "/proc/none"}
+    words = [sys.executable, "-m", "hfsim", "bench", "deck.yaml", "--methods", "gauss"]
+    env = {**os.environ, **nowhere}
+    done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert list(tmp_path.glob("*.bench/plots/*.png"))
