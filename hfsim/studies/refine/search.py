@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.maths.memory import available, in_bytes, resident
+from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors, farthest
 from hfsim.run.integration import run_integration
@@ -226,16 +227,27 @@ class Search:
         if growth * base.wall > left:
             words = f"the next level would take about {growth * base.wall:.2g} s"
             raise TimeUp(f"{words}, of {self.budget.seconds:g} s are left {left:.2g}")
-        needed, there = self._memory(base, setting), _MEMORY_SHARE * available()
+        self.refuse_too_much_memory(setting, after / max(before, 1) * base.held)
+
+    def refuse_too_much_memory(self, setting: Setting, held: float = 0.0) -> None:
+        """Refuse a setting whose motion, `held` [byte], and dense matrices would not fit into memory.
+
+        Raises
+        ------
+        Halted
+        """
+        needed, there = held + self._matrices(setting), _MEMORY_SHARE * available()
         if needed > there:
             words = f"the next level would take about {in_bytes(needed)} of memory"
             raise Halted(f"{words}, of which there are {in_bytes(there)}")
 
-    def _memory(self, base: Level, setting: Setting) -> float:
-        """Return the memory that a setting is expected to take [byte]: its motion, and dense matrices."""
-        growth = setting.vectors / max(base.setting.vectors, 1)
-        if base.scene is None or base.scene.system.linearizes:
-            return growth * base.held
+    def _matrices(self, setting: Setting) -> float:
+        """Return the memory that dense matrices take, about [byte]; sparse ones take next to none."""
+        model = MODELS.get(self.model)
+        free = setting.coordinates == "auto" and model is not None and model.stepping_in("auto").frame
+        low = model is not None and model.strain == "low_order"
+        if not (low or free or setting.coordinates == "frame"):
+            return 0.0
+        unknowns = len(self.loaded.deck.gravity) * setting.vectors
         elements = sum(count for _, count, _ in setting.mesh)
-        matrix = 8.0 * (growth * base.unknowns) ** 2
-        return growth * base.held + max(_STAGES, elements) * matrix
+        return max(_STAGES, elements) * 8.0 * unknowns**2
