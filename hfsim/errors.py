@@ -110,6 +110,13 @@ def interruption_code(stop: KeyboardInterrupt) -> int:
     return 143 if isinstance(stop, Terminated) else 130
 
 
+def interruption_words(stop: KeyboardInterrupt) -> str:
+    """Return what interrupted a program."""
+    if isinstance(stop, Terminated):
+        return f"ended by the signal {stop.name}"
+    return "interrupted from the keyboard"
+
+
 @dataclass
 class SolverFailure(HfsimError):  # noqa: N818
     """The integration could not go on: the solver failed or the model broke down.

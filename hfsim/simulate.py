@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hfsim.errors import LimitReached, SolverFailure, Terminated, interruption_code
+from hfsim.errors import LimitReached, SolverFailure, interruption_code, interruption_words
 from hfsim.parts.bodies import BODIES
 from hfsim.run.clock import PhaseClock
 from hfsim.run.integration import Leg, run_integration
@@ -197,9 +197,7 @@ def _outcome(scene: Scene, stop: Stop) -> dict[str, Any]:
     if stop is None:
         return {"status": "done", "reason": "", "failure": None, "exit_code": 0}
     if isinstance(stop, KeyboardInterrupt):
-        told = {"status": "interrupted", "reason": "interrupted from the keyboard", "failure": None}
-        if isinstance(stop, Terminated):
-            told["reason"] = f"ended by the signal {stop.name}"
+        told = {"status": "interrupted", "reason": interruption_words(stop), "failure": None}
         return told | {"exit_code": interruption_code(stop)}
     if isinstance(stop, LimitReached):
         return {"status": "limit", "reason": stop.reason, "failure": None, "exit_code": stop.exit_code}

@@ -99,7 +99,8 @@ def bench(
     Errors are the largest over time in the worst channel, relative to the channel's range, against a
     reference made by two methods that agree; energy.total of a conservative scene is told as drift only.
     Motion, rates, forces and energies are judged apart, and the motion comes first. Errors are of time only
-    unless several --elements or --degrees are given. CPU times are those of the integration alone. Results go to '<deck name>.bench' or to -o DIR.
+    unless several --elements or --degrees are given. CPU times are those of the integration alone. Results
+    go to '<deck name>.bench' or to -o DIR.
     Points that fail are results (exit code 0); exit code 3 means that there is no reference.
 
     With --separation, the forms of the elastic force (solve.elastic_form in decks) are timed,

@@ -30,13 +30,15 @@ class FakeDeck:
     """A deck file of one line: its name. Overrides are kept as they are."""
 
     output = types.SimpleNamespace(plots=True)
-    solve = types.SimpleNamespace(method="gauss", coordinates="auto", step=None, tolerance=1e-8)
     channels = ("b1.tip.x", "b1.tip.y", "constraint.position")
 
     def __init__(self, path, overrides):
         self.name = Path(path).read_text().strip()
         self.settings = dict(item.split("=", 1) for item in overrides)
-        self.solve = types.SimpleNamespace(model=self.settings.get("solve.model", "exact"), budget=None)
+        self.solve = types.SimpleNamespace(
+            model=self.settings.get("solve.model", "exact"), budget=None, method="gauss", coordinates="auto",
+            step=None, tolerance=1e-8,
+        )  # fmt: skip
 
     def models(self, model):
         return {}

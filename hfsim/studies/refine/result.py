@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from hfsim.errors import LimitReached, Terminated
+from hfsim.errors import LimitReached, interruption_code
 from hfsim.run.distance import channel_errors
 from hfsim.run.integration import Leg
 from hfsim.run.record import Record
@@ -50,7 +50,7 @@ class Refinement:
     @property
     def exit_code(self) -> int:
         """As documented for the program."""
-        interrupted = 143 if isinstance(self.search.signal, Terminated) else 130
+        interrupted = interruption_code(self.search.signal or KeyboardInterrupt())
         return {"reached": 0, "missed": 4, "limit": 5, "interrupted": interrupted, "failed": 3}[self.status]
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from hfsim.errors import LimitReached, Terminated
+from hfsim.errors import LimitReached, interruption_words
 from hfsim.run.solution import Run
 from hfsim.run.stop import Budget, Halted, Progress
 from hfsim.scene.loading import LoadedDeck
@@ -96,8 +96,7 @@ def _search(search: Search) -> tuple[str, str]:
         return "limit", "the next level would not fit into the memory there is"
     except KeyboardInterrupt as stop:
         search.signal = stop
-        by_signal = isinstance(stop, Terminated)
-        return "interrupted", "ended by the signal SIGTERM" if by_signal else "interrupted from the keyboard"
+        return "interrupted", interruption_words(stop)
 
 
 def _begin(search: Search) -> bool:
