@@ -56,8 +56,8 @@ class Derivative:
         The coordinates it is written in.
     fastest : float
         Largest circular frequency in it [rad/s].
-    taken : ndarray, shape (1 + 2 n,)
-        Where: t, q and v.
+    taken : ndarray
+        Where: t, q, v and the angles whose turns are counted.
     """
 
     increments: Increments

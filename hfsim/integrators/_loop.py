@@ -131,7 +131,7 @@ class Stepping:
         StopIteration
             At the end, or where no step could be made.
         """
-        if self.stop is not None or self.path.t_end >= self._t_end * (1.0 - SAME_TIME):
+        if self.stop is not None or self._at_end:
             raise StopIteration
         made = len(self.path.segments)
         try:
@@ -141,9 +141,15 @@ class Stepping:
         except (SolverFailure, LimitReached, KeyboardInterrupt) as stop:
             self.stop = stop
             self._drop_unkept()
+        if self.stop is not None or self._at_end:
+            self._problem.turns.end()
         if len(self.path.segments) == made:
             raise StopIteration
         return self.path.segments[-1]
+
+    @property
+    def _at_end(self) -> bool:
+        return bool(self.path.t_end >= self._t_end * (1.0 - SAME_TIME))
 
     def memory(self) -> Memory:
         """Return all that the steps after the last kept one depend on; valid between any two steps.
@@ -165,14 +171,16 @@ class Stepping:
         self._problem.counts.recall(self._kept["counts"])
 
     def _memories(self) -> dict[str, dict[str, Any]]:
-        path, stepper, own = self.path, self._stepper, dict[str, Any]()
+        path, stepper, own, turns = self.path, self._stepper, dict[str, Any](), dict[str, Any]()
         if stepper is not None:
             own = {"wish": self._wish, "reach": self._reach} | stepper.memory()
+            turns = {"now": self._problem.turns.memory()}
         return {
             "state": {"t": path.t_end, "q": path.q, "v": path.v, "methods": tuple(path.methods)},
             "pace": self._pace.memory(),
             "counts": self._problem.counts.memory(),
             "stepper": own,
+            "turns": turns,
         }
 
     def _drop_unkept(self) -> None:
@@ -181,6 +189,8 @@ class Stepping:
         path.t_end, path.q, path.v = state["t"], state["q"], state["v"]
         while path.segments and path.segments[-1].t >= path.t_end:
             path.segments.pop()
+        if turns := self._kept["turns"]:
+            self._problem.turns.recall(turns["now"])
 
     def _step(self) -> None:
         """Make attempts until a step is kept; raise what prevents that."""
@@ -208,7 +218,12 @@ class Stepping:
 
     def _begin(self) -> Stepper:
         """Start the method, or take it up where it was put down."""
-        stepper, remembered = self._started(), self._kept["stepper"]
+        remembered, turns, path = self._kept["stepper"], self._problem.turns, self.path
+        if remembered:
+            turns.recall(self._kept["turns"]["now"])
+        else:
+            turns.start(path.t_end, path.q, path.v)
+        stepper = self._started()
         self._wish = stepper.first
         if remembered:
             stepper.recall(remembered)
@@ -270,9 +285,26 @@ class Stepping:
             if not finite or not problem.admissible(attempt.q):
                 return unsolved()
             end, rate = problem.project(np.array([path.t_end + h]), attempt.q[None], attempt.v[None])
+            item = problem.turns.strays(Segment(path.t_end, h, path.q, path.v, attempt.series), end[0])
+            if item:
+                return self._strayed(item, h)
             return attempt._replace(q=end[0], v=rate[0])
         except np.linalg.LinAlgError:
             return unsolved()
+
+    def _strayed(self, item: str, h: float) -> Attempt:
+        """Return the outcome of a step in which turns could not be counted.
+
+        Raises
+        ------
+        SolverFailure
+            If it cannot be made shorter.
+        """
+        if self._limits.step is None:
+            return unsolved()
+        why = f"the turns of the angle of {item} cannot be counted in a step of {h:.4g} s"
+        cause = "it leaves the motion at the start of the step by more than a quarter of a turn"
+        raise SolverFailure(why, self.path.t_end, item, remedy="take a shorter step", cause=cause)
 
     def _keep(self, stepper: Stepper, attempt: Attempt, h: float) -> None:
         path = self.path
@@ -284,6 +316,7 @@ class Stepping:
             self._pace.note(t, False, False)
         path.segments.append(Segment(path.t_end, h, path.q, path.v, attempt.series))
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
+        self._problem.turns.keep(t, attempt.q, attempt.v)
         self._behind_break = False
         self._kept = self._memories()
 

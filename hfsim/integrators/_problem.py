@@ -11,6 +11,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.linearized import Linearized, by_differences
 
 
@@ -122,6 +123,8 @@ class Problem:
         that looks at the ends of its steps alone, save those that repeat themselves.
     period : float
         The shortest time after which such a one does [s].
+    turns : Turns
+        What counts the turns of angles along the steps.
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
@@ -137,6 +140,7 @@ class Problem:
     quartic: bool = False
     breaks: Array = field(default_factory=lambda: np.zeros(0))
     period: float = np.inf
+    turns: Turns = field(default_factory=Turns)
     counts: Counts = field(default_factory=Counts)
 
     def evaluate(self, t: Array, q: Array, v: Array) -> Array:

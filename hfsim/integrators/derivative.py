@@ -38,14 +38,16 @@ def derivative(
     """
     problem.counts.factorisations += 1
     found = _in_its_form(problem.near(t, q, v), q, natural or PlainIncrements())
-    found.taken = np.concatenate([[t], q, v])
+    found.taken = np.concatenate([[t], q, v, problem.turns.angles(t, q)])
     return found
 
 
 def taken_again(problem: Problem, taken: Array, natural: Increments | None = None) -> Derivative:
-    """Compute a derivative where one was taken, shape (1 + 2 n,)."""
-    q, v = np.split(taken[1:], 2)
-    return derivative(problem, float(taken[0]), q, v, natural)
+    """Compute a derivative where one was taken."""
+    place, angles = np.split(taken, [len(taken) - len(problem.turns)])
+    q, v = np.split(place[1:], 2)
+    with problem.turns.supposed(float(place[0]), angles):
+        return derivative(problem, float(place[0]), q, v, natural)
 
 
 def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:

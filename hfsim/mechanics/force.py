@@ -18,6 +18,7 @@ from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.turns import TurnCount
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
@@ -82,6 +83,19 @@ class ForcePart:
     def markers(self) -> tuple[Marker, ...]:
         """Points that it acts on; none where it acts all along a body."""
         return ()
+
+    @property
+    def counter(self) -> TurnCount | None:
+        """What counts the turns of its `angle`, where the coordinates give that modulo a turn only."""
+        return None
+
+    def angle(self, x: Array) -> Array:
+        """Return the angle that it depends on, maybe without its turns [rad], shape (n_batch,)."""
+        raise NotImplementedError
+
+    def spin(self, x: Array, u: Array) -> Array:
+        """Return the rate of that angle [rad/s], shape (n_batch,)."""
+        raise NotImplementedError
 
     @property
     def laws(self) -> tuple[Law, ...]:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from hfsim.errors import LimitReached, SolverFailure
 from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.counting import Turns
 from hfsim.run.record import LegRecord, Record
 from hfsim.run.runaway import Watch, Watches
 from hfsim.run.steps import State, Steps, Stop, Strand, Together
@@ -166,6 +167,7 @@ def problem_of(scene: Scene) -> Problem:
         quartic=system.quartic,
         breaks=system.breaks,
         period=system.period,
+        turns=Turns(system),
     )
 
 

@@ -146,12 +146,14 @@ class Together:
         steps, path.q, path.v = joined(paths, path, t)
         path.segments += steps
         path.t_end = t
+        self.problem.turns.along(steps, (t, path.q, path.v))
         for part, _ in paths:
             part.segments = [step for step in part.segments if step.t + step.h > t]
 
     def memory(self) -> Memory:
         """Return all that the next step depends on."""
         own = {"t": np.array(self.path.t_end), "q": self.path.q, "v": self.path.v}
+        own["turns"] = self.problem.turns.memory()
         for k, strand in enumerate(self._strands):
             own |= named(str(k), strand.steps.memory() | named("ahead", _arrays(strand.steps.path)))
         return own
@@ -159,6 +161,7 @@ class Together:
     def recall(self, memory: Memory) -> None:
         """Go on from a memory."""
         self.path.t_end, self.path.q, self.path.v = float(memory["t"]), memory["q"], memory["v"]
+        self.problem.turns.recall(memory["turns"])
         for k, strand in enumerate(self._strands):
             own = part_of(memory, str(k))
             strand.steps.recall(own)

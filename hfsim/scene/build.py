@@ -171,7 +171,7 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
         x, u = x[moving], u[moving]
     elif left_out.fires("standing_drivers"):
         joints, constraints = _joints(deck, bodies, left_out)
-    system = _system(deck, bodies, constraints, left_out, x)
+    system = _system(deck, bodies, constraints, left_out, x, angles)
     _check_independent(loaded, system, joints, x)
     near = np.zeros((1, system.n_x))
     for body in bodies.values() if system.charts else ():
@@ -285,6 +285,7 @@ def _system(
     constraints: tuple[Constraint, ...],
     left_out: LeftOut,
     x: Array,
+    angles: Mapping[str, float],
 ) -> System:
     n, every = len(x), bodies.values()
     sparse = n > DENSE_UP_TO and all(body.banded for body in every)
@@ -299,7 +300,7 @@ def _system(
     natural = NaturalIncrements(increments, free.reduction, free.ties, free.natural_columns)
     return System(
         charts=tuple(chart.at(free.reduction.free_columns(chart.columns)) for chart in charts),
-        forces=(*merged(needed), *_springs_and_loads(deck, bodies, left_out, x)),
+        forces=(*merged(needed), *_springs_and_loads(deck, bodies, left_out, x, angles)),
         equations=Equations(mass, variable, constraints, free.reduction, left_out.fires("constant_mass")),
         natural=natural if increments else None,
         keeps_rates=not left_out.fires("rates"),
@@ -307,11 +308,16 @@ def _system(
     )
 
 
-def _springs_and_loads(deck: Deck, bodies: dict[str, Body], left_out: LeftOut, x: Array) -> list[ForcePart]:
+def _springs_and_loads(
+    deck: Deck, bodies: Mapping[str, Body], left_out: LeftOut, x: Array, angles: Mapping[str, float]
+) -> list[ForcePart]:
     found: dict[str, ForcePart] = {}
     for name, spring in deck.springs.items():
         first, second = (find_marker(point, bodies, deck) for point in spring.between)
-        found[f"springs.{name}"] = spring.build(first, second, x)
+        found[f"springs.{name}"] = part = spring.build(first, second, x)
+        if part.counter is not None:
+            a, b = (angles.get(split_point(point)[0], 0.0) for point in spring.between)
+            part.counter.suppose(0.0, b - a)
     for name, load in deck.loads.items():
         found[f"loads.{name}"] = load.build(find_marker(load.at, bodies, deck))
     gone = {*left_out["springs"], *left_out["loads"]}

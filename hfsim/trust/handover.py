@@ -42,6 +42,7 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     time, q, v = np.array([path.t_end]), path.q, path.v
     turns = count_turns(old, path, time)
     x, u = old.system.absolute(q[None]), old.system.absolute_velocity(q[None], v[None])
+    _hand_turns(old.system, new.system, time, x)
     arranged = old.system.arranged(q[None])
     angles = {
         name: float(turns[name][0]) if body.angle_column is None else float(arranged[0, body.angle_column])
@@ -66,6 +67,16 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     state, rate = new.system.project(time, state, rate)
     gained = _energy(new.system, time, state, rate) - _energy(old.system, time, q[None], v[None])
     return replace(new, q=state[0], v=rate[0], start_angles=angles), gained
+
+
+def _hand_turns(old: System, new: System, t: Array, x: Array) -> None:
+    """Say of the angles of springs which turns they are in, from one state (1, n) of the old scene."""
+    before = {part.item: part for part in old.forces}
+    for part in new.forces:
+        if part.counter is not None:
+            same = before[part.item]
+            angle = same.angle(x) if same.counter is None else same.counter.counted(t, same.angle(x))
+            part.counter.suppose(float(t[0]), float(angle[0]))
 
 
 def _motion(body: Body, x: Array, u: Array) -> tuple[Pose, Twist]:

@@ -149,14 +149,19 @@ def test_rest_length_is_the_first_distance_unless_stated():
     assert SPRINGS["two_point"](*ends, 0.0).rest == 0.4
 
 
-def test_rotational_spring_counts_turns_between_rigid_bodies_only():
+def test_rotational_spring_counts_turns_wherever_its_ends_are():
     x = np.zeros(zoo.N)
     x[zoo.PLATE.start + 2] = 0.3 + 2 * np.pi + 0.1
     between_rigid = RotationalSpring(MARKERS["hub"], MARKERS["plate"], 30.0, 0.0, 0.3)
+    assert between_rigid.counter is None
     assert force_of(between_rigid, x)[[2, 5]] == pytest.approx(30 * (2 * np.pi + 0.1) * np.array([1, -1]))
     x[zoo.ROPE] = zoo.CABLE.undeformed.ravel()
-    to_beam = RotationalSpring(MARKERS["rope_tip"], MARKERS["plate"], 30.0, 0.0, 0.3)
+    spec = RotationalSpec(type="rotational", between=("a", "b"), stiffness=30.0, rest_angle=0.3)
+    to_beam = spec.build(MARKERS["rope_tip"], MARKERS["plate"], x)
     assert force_of(to_beam, x)[5] == pytest.approx(-3.0)
+    for turns in (1, -3):
+        to_beam.counter.suppose(0.0, 0.5 + 2 * np.pi * turns)
+        assert force_of(to_beam, x)[5] == pytest.approx(-30 * (2 * np.pi * turns + 0.1))
 
 
 # ---------------------------------------------------------------- loads

@@ -62,7 +62,7 @@ class Spring(PointPart):
         """Whether there is a damper."""
         return self.damping > 0.0
 
-    def measured(self, x: Array) -> tuple[Array, list[Array]]:
+    def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return the deflection, shape (n_batch,), and its derivative by the coordinates of each moving end.
 
         Derivatives have shape (n_batch or 1, n_columns).
@@ -76,7 +76,7 @@ class Spring(PointPart):
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the forces of spring and damper on both ends."""
-        deflection, rows = self.measured(x)
+        deflection, rows = self.measured(t, x)
         force = self.stiffness * deflection
         if self.damping:
             force = force + self.damping * self._rate(rows, u)
@@ -85,22 +85,22 @@ class Spring(PointPart):
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return d J^T J in one state."""
-        return self._dyad(x, self.damping) if self.damping else NOTHING
+        return self._dyad(t, x, self.damping) if self.damping else NOTHING
 
-    def _dyad(self, x: Array, factor: float) -> Entries:
+    def _dyad(self, t: Array, x: Array, factor: float) -> Entries:
         row = np.zeros(x.shape[1])
-        for (_, marker), J in zip(self._ends, self.measured(x)[1], strict=True):
+        for (_, marker), J in zip(self._ends, self.measured(t, x)[1], strict=True):
             row[marker.columns] += J[0]
         row = row[self.support]
         return Entries.of_block(self.support, self.support, factor * np.outer(row, row))
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return 1/2 k deflection^2."""
-        return 0.5 * self.stiffness * self.measured(x)[0] ** 2
+        return 0.5 * self.stiffness * self.measured(t, x)[0] ** 2
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return minus the power lost in the damper."""
-        return -self.damping * self._rate(self.measured(x)[1], u) ** 2
+        return -self.damping * self._rate(self.measured(t, x)[1], u) ** 2
 
 
 @dataclass(frozen=True)

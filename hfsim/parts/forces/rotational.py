@@ -16,8 +16,8 @@ from hfsim.deck.fields import (
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import wrap
 from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.turns import TurnCount
 from hfsim.parts.forces._base import Spring
 from hfsim.parts.specs import SpringSpec
 
@@ -46,33 +46,53 @@ class RotationalSpec(SpringSpec):
 
     def build(self, first: Marker, second: Marker, start: Array) -> "RotationalSpring":
         """Return the force between two markers."""
-        return RotationalSpring(first, second, self.stiffness, self.damping, self.rest_angle)
+        known = first.keeps_turns and second.keeps_turns
+        turns = None if known else TurnCount()
+        return RotationalSpring(first, second, self.stiffness, self.damping, self.rest_angle, turns)
 
 
 @dataclass(frozen=True)
 class RotationalSpring(Spring):
     """Moment -k (angle - rest) - d angle' on the second body, the opposite on the first.
 
-    The angle counts full turns between rigid bodies; where a beam's slope gives it, it is taken
-    within half a turn of the rest angle.
+    The angle counts full turns: where a beam's slope gives it, along the motion.
+
+    Attributes
+    ----------
+    counter : TurnCount or None
+        None between bodies whose coordinates keep their turns.
     """
+
+    counter: TurnCount | None = None
 
     @property
     def quartic(self) -> bool:
         """Whether the angle is a coordinate."""
         return self.first.linear_turn and self.second.linear_turn and not self.damping
 
-    def measured(self, x: Array) -> tuple[Array, list[Array]]:
+    def angle(self, x: Array) -> Array:
+        """Return how far the second frame has turned against the first."""
+        return np.asarray(self.second.angle(x) - self.first.angle(x))
+
+    def spin(self, x: Array, u: Array) -> Array:
+        """Return the rate of that."""
+        return self._rate(self._rows(x), u)
+
+    def _rows(self, x: Array) -> list[Array]:
+        return [sign * marker.spin_jacobian(x)[:, 0] for sign, marker in self._ends]
+
+    def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return how far the second frame has turned against the first, from the rest angle."""
-        angle = self.second.angle(x) - self.first.angle(x) - self.rest
-        rows = [sign * marker.spin_jacobian(x)[:, 0] for sign, marker in self._ends]
-        return (angle if self.first.keeps_turns and self.second.keeps_turns else wrap(angle)), rows
+        angle = self.angle(x)
+        if self.counter is not None:
+            angle = self.counter.counted(t, angle)
+        return angle - self.rest, self._rows(x)
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return k J^T J and what the angles' second derivatives make of the moment, in one state."""
         if self.damping:
             return super().tangent(t, x, u)
-        moment = self.stiffness * self.measured(x)[0]
-        parts = [self._dyad(x, self.stiffness)]
+        moment = self.stiffness * self.measured(t, x)[0]
+        parts = [self._dyad(t, x, self.stiffness)]
         parts += [marker.spin_stiffness(x, sign * moment) for sign, marker in self._ends]
         return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))

@@ -35,15 +35,16 @@ class TwoPointSpec(SpringSpec):
     def build(self, first: Marker, second: Marker, start: Array) -> "TwoPointSpring":
         """Return the force between two markers of a scene with coordinates (n,) at the start."""
         spring = TwoPointSpring(first, second, self.stiffness, self.damping, 0.0)
-        rest = float(spring.measured(start[None])[0][0]) if self.rest_length is None else self.rest_length
-        return replace(spring, rest=rest)
+        if self.rest_length is not None:
+            return replace(spring, rest=self.rest_length)
+        return replace(spring, rest=float(spring.measured(np.zeros(1), start[None])[0][0]))
 
 
 @dataclass(frozen=True)
 class TwoPointSpring(Spring):
     """Tension k (distance - rest) + d distance' along the line between two points."""
 
-    def measured(self, x: Array) -> tuple[Array, list[Array]]:
+    def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return how much longer the distance is; where the points meet, it has no direction."""
         gap = self.second.position(x) - self.first.position(x)
         distance = np.sqrt(np.sum(gap * gap, axis=-1))

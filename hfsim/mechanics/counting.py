@@ -1,0 +1,131 @@
+"""The turns of all angles of a system that have to be counted, along the steps of a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Protocol
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.system import System
+from hfsim.mechanics.turns import NEAR, Turning
+
+PLACES = np.linspace(0.0, 1.0, 17)[1:]
+"""Places in a step at which angles are looked at."""
+
+
+class Step(Protocol):
+    """A step of a motion, with what is in between."""
+
+    @property
+    def t(self) -> float:
+        """Start [s]."""
+
+    @property
+    def h(self) -> float:
+        """Length [s]."""
+
+    @property
+    def q(self) -> Array:
+        """State at the start, shape (n,)."""
+
+    @property
+    def v(self) -> Array:
+        """Its rate."""
+
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Return (q, v) at times within the step, shape (n_times, n) each."""
+
+
+class Turns:
+    """The turns of a system's angles, counted from step to step; without a system there are none."""
+
+    def __init__(self, system: System | None = None) -> None:
+        self._system = system
+        forces = () if system is None else system.forces
+        self._parts = tuple((part, part.counter) for part in forces if part.counter is not None)
+        self._seen: tuple[Array, list[Array]] = np.zeros(0), []
+
+    def start(self, t: float, q: Array, v: Array) -> None:
+        """Begin to follow a motion in a state (n,)."""
+        for (_, count), here in zip(self._parts, self._now(t, q, v), strict=True):
+            count.start(here)
+
+    def strays(self, step: Step, q: Array) -> str:
+        """Return what has an angle that leaves what was expected of it in a tried step with this end, or ''.
+
+        By more than a quarter of a turn: its force may have been that of another number of turns.
+        """
+        if self._system is None or not self._parts:
+            return ""
+        times = step.t + step.h * PLACES
+        x = self._system.absolute(np.concatenate([step.at(times)[0][:-1], q[None]]))
+        self._seen = times, [count.counted(times, part.angle(x)) for part, count in self._parts]
+        for (part, count), angles in zip(self._parts, self._seen[1], strict=True):
+            if np.abs(angles - count.expected(times)).max() > NEAR:
+                return part.item
+        return ""
+
+    def keep(self, t: float, q: Array, v: Array) -> None:
+        """Go on to the end of the step that was tried last."""
+        times, seen = self._seen
+        for (_, count), here, angles in zip(self._parts, self._now(t, q, v), seen, strict=True):
+            count.keep(here, times, angles)
+
+    def __len__(self) -> int:
+        """Return their number."""
+        return len(self._parts)
+
+    def angles(self, t: float, q: Array) -> Array:
+        """Return the angles in a state (n,), with all their turns."""
+        if self._system is None or not self._parts:
+            return np.zeros(0)
+        time, x = np.array([t]), self._system.absolute(q[None])
+        return np.concatenate([count.counted(time, part.angle(x)) for part, count in self._parts])
+
+    @contextmanager
+    def supposed(self, t: float, angles: Array) -> Iterator[None]:
+        """For the time being, take the angles near t for these."""
+        before = [(count.noted, count.now) for _, count in self._parts]
+        for (_, count), angle in zip(self._parts, angles.tolist(), strict=True):
+            count.suppose(t, angle)
+        try:
+            yield
+        finally:
+            for (_, count), (noted, now) in zip(self._parts, before, strict=True):
+                count.noted, count.now = noted, now
+
+    def end(self) -> None:
+        """End the motion."""
+        for _, count in self._parts:
+            count.end()
+
+    def along(self, steps: Sequence[Step], end: tuple[float, Array, Array]) -> None:
+        """Go on along steps that others have made, up to a state (t, q, v)."""
+        if not self._parts:
+            return
+        if any(count.now is None for _, count in self._parts):
+            self.start(steps[0].t, steps[0].q, steps[0].v)
+        ends = [(step.t, step.q, step.v) for step in steps[1:]]
+        for step, (t, q, v) in zip(steps, [*ends, end], strict=True):
+            self.strays(step, q)
+            self.keep(t, q, v)
+
+    def memory(self) -> Array:
+        """Return time, angle and rate of each angle at the last kept step, (n_angles, 3); (0, 3) before."""
+        known = [count.now for _, count in self._parts if count.now is not None]
+        return np.array(known, dtype=float).reshape(-1, 3)
+
+    def recall(self, memory: Array) -> None:
+        """Go on with a motion that was put down."""
+        for (_, count), row in zip(self._parts, memory.tolist(), strict=False):
+            count.start(Turning(*row))
+
+    def _now(self, t: float, q: Array, v: Array) -> list[Turning]:
+        if self._system is None or not self._parts:
+            return []
+        x, u = self._system.absolute(q[None]), self._system.absolute_velocity(q[None], v[None])
+        rates = (float(part.spin(x, u)[0]) for part, _ in self._parts)
+        return [Turning(t, *pair) for pair in zip(self.angles(t, q).tolist(), rates, strict=True)]

@@ -1,0 +1,79 @@
+"""Full turns of angles that the coordinates give modulo a turn only, counted along a motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+
+NEAR = 0.5 * np.pi
+"""How far an angle may leave what was expected of it within a step [rad]; by half a turn it is ambiguous."""
+
+
+class Turning(NamedTuple):
+    """An angle with all its turns [rad] at a time [s], and its rate [rad/s]."""
+
+    t: float
+    angle: float
+    rate: float
+
+    def at(self, t: Array) -> Array:
+        """Return the angle at times at which it has gone on like that."""
+        return self.angle + self.rate * (t - self.t)
+
+
+@dataclass(eq=False)
+class TurnCount:
+    """The full turns of one angle: of all that differ by turns the one nearest to what is expected is meant.
+
+    Expected is that it goes on as it did when it was last noted.  Along a motion that is at the last kept
+    step; of what was noted before, as much is kept as it takes to count the turns of any earlier time.
+
+    Attributes
+    ----------
+    noted : list of Turning
+        In order of time.
+    now : Turning, or None
+        At the last kept step of a motion that is under way.
+    """
+
+    noted: list[Turning] = field(default_factory=lambda: [Turning(0.0, 0.0, 0.0)])
+    now: Turning | None = None
+
+    def suppose(self, t: float, angle: float) -> None:
+        """Say about what the angle is [rad] where a motion is to begin."""
+        self.noted, self.now = [Turning(t, angle, 0.0)], None
+
+    def expected(self, t: Array) -> Array:
+        """Return about what the angle is at times (n_batch,)."""
+        if self.now is not None and t.min() >= self.now.t:
+            return self.now.at(t)
+        known = self.noted if self.now is None else [*self.noted, self.now]
+        times, angles, rates = np.array(known).T
+        k = np.maximum(np.searchsorted(times, t, side="right") - 1, 0)
+        return np.asarray(angles[k] + rates[k] * (t - times[k]))
+
+    def counted(self, t: Array, angle: Array) -> Array:
+        """Return angles (n_batch,), given modulo a turn, with all their turns."""
+        return np.asarray(angle + 2.0 * np.pi * np.round((self.expected(t) - angle) / (2.0 * np.pi)))
+
+    def start(self, here: Turning) -> None:
+        """Begin to follow a motion; what was noted of later times belonged to another one."""
+        self.noted = [*(one for one in self.noted if one.t < here.t), here]
+        self.now = here
+
+    def keep(self, here: Turning, times: Array, angles: Array) -> None:
+        """Go on to the end of a step, in which the angles were these at some times."""
+        assert self.now is not None
+        if np.abs(angles - self.noted[-1].at(times)).max() > NEAR:
+            self.noted.append(self.now)
+        self.now = here
+
+    def end(self) -> None:
+        """End the motion."""
+        if self.now is not None:
+            self.noted.append(self.now)
+        self.now = None

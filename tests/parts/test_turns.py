@@ -1,0 +1,229 @@
+"""Rotational springs on beams: their angle counts full turns along the motion, whatever steps are made."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from hfsim.errors import LimitReached, SolverFailure
+from hfsim.integrators import METHODS, Limits, Stepping, choose
+from hfsim.mechanics.turns import TurnCount, Turning
+from hfsim.run.integration import problem_of, run_integration
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+
+HEAD = """
+hfsim: 1
+gravity: [0.0, 0.0]
+materials: {{alloy: {{density: 2700.0, youngs_modulus: {modulus}}}}}
+sections: {{bar: {{shape: rectangle, width: 5.0e-2, height: 5.0e-2}}}}
+"""
+BEAM = "{{type: beam, material: alloy, section: bar, length: 1.0, elements: 1}}"
+SCENES = {
+    "root": f"""
+bodies: {{{{b: {BEAM}}}}}
+joints: {{{{pin: {{{{type: revolute, between: [ground, b.root]}}}}}}}}
+springs: {{{{coil: {{{{type: rotational, between: [ground, b.root], stiffness: 2.0, damping: 0.02}}}}}}}}
+initial: {{{{b: {{{{angular_velocity: 20.0}}}}}}}}
+""",
+    "tip": f"""
+bodies: {{{{b: {BEAM}}}}}
+joints: {{{{pin: {{{{type: revolute, between: [ground, b.root]}}}}}}}}
+springs: {{{{coil: {{{{type: rotational, between: [b.tip, ground], stiffness: 2.0, rest_angle: 3.5}}}}}}}}
+initial: {{{{b: {{{{angle: -7.0, angular_velocity: 20.0}}}}}}}}
+""",
+    "beams": f"""
+bodies: {{{{a: {BEAM}, b: {BEAM}}}}}
+joints:
+  pin: {{{{type: revolute, between: [ground, a.root]}}}}
+  hinge: {{{{type: revolute, between: [a.root, b.root]}}}}
+springs: {{{{coil: {{{{type: rotational, between: [a.tip, b.root], stiffness: 2.0}}}}}}}}
+initial: {{{{b: {{{{angular_velocity: 30.0}}}}}}}}
+""",
+    "wheel": f"""
+bodies: {{{{b: {BEAM}, w: {{{{type: rigid, mass: 1.0, inertia: 0.05}}}}}}}}
+joints:
+  clamp: {{{{type: fixed, between: [ground, b.root]}}}}
+  hinge: {{{{type: revolute, between: [b.tip, w]}}}}
+springs: {{{{coil: {{{{type: rotational, between: [w, b.tip], stiffness: 0.05}}}}}}}}
+initial: {{{{w: {{{{angular_velocity: 25.0}}}}}}}}
+""",
+}
+TURNING = {"root": "b", "tip": "b", "beams": "b", "wheel": "w"}
+STIFF, SOFT = 7e9, 7e7
+
+
+def deck_of(scene, modulus, duration=1.5, **solve):
+    solve = {"duration": duration, "tolerance": 1e-6} | solve
+    text = (HEAD + SCENES[scene]).format(modulus=modulus)
+    body = TURNING[scene]
+    return parse_deck(
+        f"{text}\nsolve: {{{', '.join(f'{k}: {v}' for k, v in solve.items())}}}\n"
+        f"output: {{interval: 0.05, channels: [{body}.angle, energy.potential, energy.total]}}"
+    )
+
+
+def channels(run):
+    assert run.status == "done", run.reason
+    return {one.name: one.values for one in run.channels}
+
+
+@pytest.mark.parametrize("scene", SCENES)
+@pytest.mark.parametrize(
+    ("model", "coordinates"),
+    [("exact", "absolute"), ("exact", "frame"), ("ancf", "auto"), ("linear", "auto"), ("lowOrder", "auto")],
+)
+def test_a_stiff_beam_turns_as_a_rigid_one_does(scene, model, coordinates):
+    rigid = channels(simulate(deck_of(scene, STIFF, 0.8, model="rigid"), error_estimate=False))
+    solve = {"model": model, "coordinates": coordinates, "tolerance": 1e-4}
+    run = simulate(deck_of(scene, STIFF, 0.8, **solve), error_estimate=False)
+    found, angle = channels(run), f"{TURNING[scene]}.angle"
+    assert np.ptp(rigid[angle]) > 3.0 * np.pi
+    assert found[angle] == pytest.approx(rigid[angle], abs=0.02 * np.ptp(rigid[angle]))
+    potential = rigid["energy.potential"]
+    assert found["energy.potential"] == pytest.approx(potential, abs=0.05 * potential.max())
+    assert run.statistics["energy_drift"] < 1e-3
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_counts_turns(method):
+    """A soft beam under a spring with a damper, three turns; the energy has nowhere to go but there."""
+    whole = channels(simulate(deck_of("root", SOFT, method="radau", tolerance=1e-8), error_estimate=False))
+    run = simulate(deck_of("root", SOFT, method=method, tolerance=1e-6), error_estimate=True)
+    found = channels(run)
+    assert whole["b.angle"].max() > 6.0 * np.pi
+    assert found["b.angle"] == pytest.approx(whole["b.angle"], abs=5e-3)
+    assert found["energy.potential"] == pytest.approx(whole["energy.potential"], rel=2e-3, abs=0.1)
+    assert run.statistics["energy_drift"] < 1e-3
+    assert run.statistics["error_estimate"] < 1e-3
+
+
+def test_steps_may_hold_turns_if_the_angle_goes_on_as_it_began():
+    scene = build(deck_of("wheel", STIFF, 2.0, method="gauss", tolerance=1e-3))
+    done = run_integration(scene, scene.deck.solve)
+    turned = [abs(step.v[-1]) * step.h for step in done.trajectory.segments]
+    assert done.stop is None
+    assert max(turned) > 2.0 * np.pi
+    assert done.trajectory.q[-1] == pytest.approx(25.0 * np.sin(2.0), rel=2e-2)
+
+
+SPUN = """
+hfsim: 1
+gravity: [0.0, 0.0]
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e7}}
+sections: {bar: {shape: rectangle, width: 5.0e-2, height: 5.0e-2}}
+bodies: {b: {type: beam, material: alloy, section: bar, length: 1.0, elements: 1}}
+joints:
+  pin: {type: revolute, between: [ground, b.root]}
+  motor: {type: driver, between: [ground, b.root], angle: {type: sine, amplitude: 8.0, frequency: 1.0}}
+springs: {coil: {type: rotational, between: [ground, b.root], stiffness: 2.0}}
+solve: {duration: 0.2, tolerance: 1.0e-3}
+output: {interval: 0.01, channels: [energy.potential]}
+"""
+
+
+def test_a_fixed_step_in_which_turns_cannot_be_counted_ends_the_run_and_a_free_one_is_shortened():
+    run = simulate(parse_deck(SPUN), error_estimate=False)
+    angle = 8.0 * np.sin(2.0 * np.pi * run.t)
+    assert channels(run)["energy.potential"] == pytest.approx(angle**2, abs=1e-3)
+    scene = build(parse_deck(SPUN))
+    problem = problem_of(scene)
+    solve = scene.deck.solve.model_copy(update={"step": 0.2, "method": "radau"})
+    start = (0.0, scene.q, scene.v)
+    run = Stepping(problem, choose(solve, False), start, 0.2, Limits(0.2), lambda t, q, v: None)
+    tried = run._attempt(run._begin(), 1e-4)
+    assert tried.solved
+    far = tried._replace(series=np.zeros((1, len(tried.q))))
+    run._stepper.attempt = lambda t, q, v, h: far
+    with pytest.raises(SolverFailure, match=r"turns of the angle of springs.coil") as failure:
+        run._attempt(run._stepper, 0.1)
+    assert failure.value.item == "springs.coil"
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_turns_are_counted_on_where_a_run_was_put_down(method):
+    def stepping(most):
+        scene = build(deck_of("root", SOFT, method=method))
+        problem, solve = problem_of(scene), scene.deck.solve
+        start, limits = (0.0, scene.q, scene.v), Limits(solve.step, most)
+        return Stepping(problem, choose(solve, True), start, 1.5, limits, lambda t, q, v: None), scene
+
+    first, scene = stepping(None)
+    coil = scene.system.forces[-1]
+    for _ in first:
+        if coil.counter.now.angle > 2.5 * np.pi:
+            break
+    memory = first.memory()
+    rest = [next(first) for _ in range(5)]
+    again, _ = stepping(first._problem.counts.steps)
+    again.recall(memory)
+    for one, other in zip(again, rest, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
+    assert isinstance(again.stop, LimitReached)
+
+
+def test_parts_that_are_integrated_apart_count_their_turns():
+    bodies = ", ".join(f"{name}: {BEAM.format()}" for name in "ab")
+    deck = (
+        HEAD.format(modulus=STIFF)
+        + f"""
+bodies: {{{bodies}}}
+joints:
+  left: {{type: revolute, between: [ground, a.root]}}
+  right: {{type: revolute, between: [ground, b.root]}}
+springs: {{coil: {{type: rotational, between: [ground, b.root], stiffness: 2.0}}}}
+initial: {{b: {{angular_velocity: 20.0}}}}
+solve: {{duration: 0.8, tolerance: 1.0e-4}}
+output: {{interval: 0.05, channels: [b.angle, energy.potential]}}
+"""
+    )
+    deck = deck.replace("elements: 1", "elements: 9")
+    scene = build(parse_deck(deck))
+    assert len(scene.parts) == 2
+    run = simulate(parse_deck(deck), error_estimate=False)
+    found = channels(run)
+    assert found["b.angle"].max() > 3.0 * np.pi
+    assert found["energy.potential"] == pytest.approx(found["b.angle"] ** 2, rel=1e-2, abs=0.5)
+    assert run.statistics["energy_drift"] < 1e-3
+
+
+def test_beams_that_change_their_model_on_the_way_go_on_in_the_same_turn():
+    deck = (HEAD + SCENES["root"]).format(modulus=STIFF).replace("damping: 0.02", "damping: 0.0")
+    deck += """
+loads:
+  push:
+    {type: moment, at: b.tip, moment: 400.0,
+     law: {type: smooth_step, from: 0.0, to: 1.0, start: 0.5, end: 0.6}}
+solve: {duration: 0.7, model: auto, model_error: 5.0e-2, tolerance: 1.0e-4}
+output: {interval: 0.01, channels: [b.angle, energy.potential]}
+"""
+    run = simulate(parse_deck(deck), error_estimate=False)
+    found = channels(run)
+    switch = run.statistics["auto"]["switches"][-1]
+    assert switch["model"] == "rigid"
+    assert np.interp(switch["time"], run.t, found["b.angle"]) > 2.5 * np.pi
+    assert found["energy.potential"] == pytest.approx(found["b.angle"] ** 2, rel=1e-2, abs=0.5)
+
+
+def test_counts_look_back_to_any_earlier_time():
+    """An angle that swings to and fro over some turns, noted every now and then."""
+
+    def angle(t):
+        return 20.0 * np.sin(t)
+
+    count = TurnCount()
+    steps = np.linspace(0.0, 10.0, 101)
+    count.start(Turning(0.0, 0.0, 20.0))
+    for a, b in pairwise(steps):
+        times = np.linspace(a, b, 17)[1:]
+        seen = count.counted(times, np.angle(np.exp(1j * angle(times))))
+        assert seen == pytest.approx(angle(times), abs=1e-9)
+        count.keep(Turning(b, angle(b), 20.0 * np.cos(b)), times, seen)
+    every = np.linspace(0.0, 10.0, 999)
+    for _ in range(2):
+        assert count.counted(every, np.angle(np.exp(1j * angle(every)))) == pytest.approx(
+            angle(every), abs=1e-9
+        )
+        count.end()
+    assert len(count.noted) < 40
