@@ -24,6 +24,9 @@ LOOKED_INTO = 500
 ROUND_OFF = 1e5
 """Energy, over what rounding the coordinates does to the energies, from which a drift can be told."""
 
+FAR = 1e6
+"""Coordinates, over the largest at the start (or 1), beyond which their rounding is no excuse for a drift."""
+
 ROUNDINGS = 4
 """Ways in which the coordinates are rounded up and down: few states alone may miss the largest change."""
 
@@ -95,13 +98,15 @@ class Balance:
             x, u = system.absolute(q), system.absolute_velocity(q, v)
             energies = _energies(system, t, x, u)
             total = energies.sum(axis=0)
+            sizes = np.abs(x).max(axis=1)
             if np.isnan(sums[_Sum.INITIAL]):
-                sums[_Sum.INITIAL] = total[0]
+                sums[_Sum.INITIAL], sums[_Sum.SIZE] = total[0], max(1.0, sizes[0])
+            near = sizes < FAR * sums[_Sum.SIZE]
             self._ranges[0] = np.minimum(self._ranges[0], energies.min(axis=1))
             self._ranges[1] = np.maximum(self._ranges[1], energies.max(axis=1))
             sums[_Sum.FINAL] = total[-1]
             self._raise(_Sum.RESIDUAL, np.abs(total - sums[_Sum.INITIAL] - work[part]).max())
-            self._raise(_Sum.ROUNDING, _rounding(system, t, x, energies))
+            self._raise(_Sum.ROUNDING, _rounding(system, t[near], x[near], energies[:, near]))
             self._raise(_Sum.POSITION, np.abs(system.residual(t, x)).max(initial=0.0))
             self._raise(_Sum.VELOCITY, np.abs(system.drift(t, x, u)).max(initial=0.0))
         self._raise(_Sum.MOST_WORK, np.abs(work).max())
@@ -109,7 +114,8 @@ class Balance:
         sums[_Sum.WORK] = work[-1]
 
     def _raise(self, name: _Sum, value: float) -> None:
-        self._sums[name] = max(self._sums[name], float(value))
+        # what is not a number is out of all range
+        self._sums[name] = np.inf if np.isnan(value) else max(self._sums[name], float(value))
 
     def facts(self) -> dict[str, Any]:
         """Return the drift, energies [J] and largest violations so far."""
@@ -118,7 +124,7 @@ class Balance:
         ranges = (most - least).max(), sizes.max(), sums[_Sum.MOST_WORK]
         scale = float(max(*ranges, sums[_Sum.INNER], ROUND_OFF * sums[_Sum.ROUNDING]))
         return {
-            "energy_drift": float(sums[_Sum.RESIDUAL]) / scale if scale > 0.0 else 0.0,
+            "energy_drift": _share(float(sums[_Sum.RESIDUAL]), scale),
             "energy_initial": float(sums[_Sum.INITIAL]),
             "energy_final": float(sums[_Sum.FINAL]),
             "work_done": float(sums[_Sum.WORK]),
@@ -136,7 +142,7 @@ class Balance:
 
 
 class _Sum(IntEnum):
-    """What is added up or kept as the largest so far, by its place."""
+    """What is added up or kept as the largest so far, by its place; the size is that of the first state."""
 
     INITIAL = 0
     FINAL = 1
@@ -147,6 +153,14 @@ class _Sum(IntEnum):
     INNER = 6
     POSITION = 7
     VELOCITY = 8
+    SIZE = 9
+
+
+def _share(residual: float, scale: float) -> float:
+    """Return a drift over the energies; numbers out of all range are a whole, not nothing."""
+    if not (np.isfinite(residual) and np.isfinite(scale)):
+        return 1.0
+    return residual / scale if scale > 0.0 else 0.0
 
 
 def _energies(system: System, t: Array, x: Array, u: Array) -> Array:

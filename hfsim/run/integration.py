@@ -11,7 +11,7 @@ from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choo
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
 from hfsim.run.record import LegRecord, Record
-from hfsim.run.runaway import Watch, Watches
+from hfsim.run.runaway import RateWatch, Watch, Watches
 from hfsim.run.steps import State, Steps, Stop, Strand, Together
 from hfsim.run.stop import SHIELD, Progress, TimeUp
 from hfsim.scene.build import Scene
@@ -118,10 +118,11 @@ def _steps_of(
 
 
 def _steps(scene: Scene, solve: SolveSpec, start: State | None, others: Sequence[Watch]) -> Steps:
-    method = choose(solve, scene.system.dissipates)
+    method, problem = choose(solve, scene.system.dissipates), problem_of(scene)
     begin = (0.0, scene.q, scene.v) if start is None else start
-    limits, watches = Limits(solve.step, solve.max_steps), Watches(scene.system, others)
-    return Steps(problem_of(scene), method, begin, solve.duration, limits, watches)
+    watches = Watches(scene.system, [RateWatch(begin[2], problem.culprit), *others])
+    limits = Limits(solve.step, solve.max_steps)
+    return Steps(problem, method, begin, solve.duration, limits, watches)
 
 
 def _recorded(steps: Steps | Together, scene: Scene, record: Record) -> Stop:

@@ -21,6 +21,8 @@ LIMIT = 100.0
 for a mass matrix that turns singular to be seen first."""
 ROUNDING = 1e-12
 """Share of the energies at the start below which energy out of nothing is round-off."""
+FASTEST = 1e12
+"""Rate in SI units, over the largest at the start (or 1), from which a motion is none."""
 
 
 @dataclass(eq=False)
@@ -109,6 +111,43 @@ class PartsWatch:
             failure = part.runaway(t, x)
             if failure is not None:
                 raise failure
+
+
+@dataclass(eq=False)
+class RateWatch:
+    """Ends a run whose steps feed the motion without end, before numbers overflow.
+
+    Attributes
+    ----------
+    start : ndarray, shape (n,)
+        Rates at the start.
+    culprit : callable
+        (t, q, v) -> the failure that names what is not finite in this state, or None.
+    """
+
+    start: Array
+    culprit: Callable[[float, Array, Array], SolverFailure | None]
+
+    def __post_init__(self) -> None:
+        self._most = FASTEST * max(1.0, float(np.abs(self.start).max(initial=0.0)))
+
+    def __call__(self, t: float, q: Array, v: Array) -> None:
+        """Look at a kept state.
+
+        Raises
+        ------
+        SolverFailure
+            If a rate is `FASTEST`, or not finite.
+        """
+        rate = float(np.abs(v).max(initial=0.0))
+        if not rate < self._most:
+            raise self.culprit(t, q, v) or SolverFailure(
+                reason=f"the motion grows beyond all scale at t = {t:.4g} s, up to rates of {rate:.2g}",
+                cause="the steps feed it energy that nothing supplies",
+                time=t,
+                evidence={"largest_rate": rate},
+                remedy="take shorter steps, a lower tolerance or method gauss",
+            )
 
 
 class Watches:

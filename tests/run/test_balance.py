@@ -1,11 +1,14 @@
 """The energy drift of runs that end their steps at rest, do not move at all, or lose energy."""
 
+import numpy as np
 import pytest
 
+from hfsim.integrators import Segment, Trajectory
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
 
 ROTOR = """
 hfsim: 1
@@ -48,3 +51,39 @@ def test_a_scene_at_rest_does_not_drift(elements, model):
 def test_energy_that_is_lost_is_told_however_small_the_motion(angle):
     lossy = ["solve.method=radau", "solve.stages=1", "solve.step=0.01"]
     assert drift(ROTOR, f"initial.rotor.angle={angle}", *lossy) > 0.1
+
+
+FLUNG = """
+hfsim: 1
+materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10}}
+sections: {bar: {area: 1.0e-4, second_moment: 1.0e-9}}
+bodies:
+  b: {type: beam, material: alloy, section: bar, length: 1.0, elements: 2}
+  m: {type: rigid, mass: 1.0, inertia: 1.0}
+joints: {pin: {type: revolute, between: [ground, b.root]}}
+springs: {k: {type: two_point, between: [ground, m], stiffness: 3.0e6, rest_length: 0.0}}
+initial: {m: {position: [1.0, 0.0]}}
+solve: {duration: 2.0, method: explicit, step: 4.0e-3}
+output: {interval: 0.1, channels: [m.x]}
+"""
+
+
+@pytest.mark.parametrize("size", [1e40, 1e90, 1e160])
+def test_a_motion_out_of_all_scale_is_a_drift_and_not_rounding(size):
+    """One body is flung away: what rounding its place would do to a stiff beam is no measure of energies."""
+    scene = build(parse_deck(FLUNG))
+    far = scene.q + size * (np.arange(len(scene.q)) == len(scene.q) - 3)
+    segments = [Segment(0.1 * k, 0.1, scene.q, scene.v, np.zeros((1, len(far)))) for k in range(3)]
+    with np.errstate(all="ignore"):
+        facts = balance(scene.system, step_samples(Trajectory(0.0, 0.3, far, scene.v, segments)))
+    assert facts["energy_drift"] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_steps_that_feed_the_motion_end_it_as_a_fault_of_the_method():
+    run = simulate(parse_deck(FLUNG.replace("7.0e10", "7.0e5")), error_estimate=False, diagnosis=True)
+    assert run.status == "failed"
+    assert "beyond all scale" in run.reason
+    assert run.failure["class"] == "numerical"
+    assert run.failure["item"] == "solve.step"
+    assert run.failure["evidence"]["largest_rate"] < 1e100
+    assert run.statistics["energy_drift"] > 1e-3
