@@ -94,6 +94,9 @@ class DenseDerivative(Derivative):
     of_imbalance: tuple[Array, Array] | None = None
 
     def __post_init__(self) -> None:
+        if not (np.isfinite(self.by_q).all() and np.isfinite(self.by_v).all()):
+            # LAPACK would print a complaint of its own
+            raise np.linalg.LinAlgError("the derivative is not finite")
         self.fastest = float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
         self._inverse: ByStep[ComplexArray] = ByStep()
 

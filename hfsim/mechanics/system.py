@@ -349,26 +349,35 @@ class System:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If ``strict`` and more than `CLOSED` of a violation is left.
+            If ``strict`` and more than `CLOSED` of a violation is left, or the equations are singular.
         """
-        equations = self.equations
-        if not equations.constraints:
+        if not self.equations.constraints:
             return q, v
         frames = self.frames(q)
-        x, u = self.absolute(q, frames), self.absolute_velocity(q, v, frames)
-        moved = False
+        before = self.absolute(q, frames), self.absolute_velocity(q, v, frames)
+        try:
+            x, u = self._closed(t, *before, strict)
+        except np.linalg.LinAlgError:
+            if strict:
+                raise
+            return q, v
+        return (q, v) if x is before[0] and u is before[1] else self.state(x, u, q)
+
+    def _closed(self, t: Array, x: Array, u: Array, strict: bool) -> tuple[Array, Array]:
+        """Return absolute coordinates and rates on the constraints: themselves if they are there already."""
+        equations = self.equations
         for _ in range(8):
             gap = equations.residual(t, x)
             if _largest(gap) <= ROUNDING * max(1.0, _largest(x)):
                 break
-            x, moved = x - self._correction(x, gap), True
+            x = x - self._correction(x, gap)
         else:
             if strict and not _largest(equations.residual(t, x)) <= CLOSED * max(1.0, _largest(x)):
                 raise np.linalg.LinAlgError("the joints cannot be closed")
         drift = equations.drift(t, x, u)
         if _largest(drift) > ROUNDING * max(1.0, _largest(u)):
-            u, moved = u - self._correction(x, drift), True
-        return self.state(x, u, q) if moved else (q, v)
+            u = u - self._correction(x, drift)
+        return x, u
 
     def _correction(self, x: Array, gap: Array) -> Array:
         """Return the smallest move, measured by the mass matrix, that changes Phi by ``gap``."""

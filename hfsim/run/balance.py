@@ -198,7 +198,10 @@ def _parts(count: int) -> list[slice]:
 
 
 def _work(system: System, steps: StepSamples) -> Array:
-    """Return the work put in by loads, drivers and dampers up to each step end, shape (n_steps + 1,)."""
+    """Return the work put in by loads, drivers and dampers up to each step end, shape (n_steps + 1,).
+
+    It is not a number where the equations are singular.
+    """
     if not system.exchanges_power:
         return np.zeros(len(steps.t))
     powers = []
@@ -207,6 +210,9 @@ def _work(system: System, steps: StepSamples) -> Array:
         q, v = steps.trajectory.at(times)
         q, v = system.project(times, q, v)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
-        powers.append(system.power(times, x, u).reshape(-1, INNER_POINTS))
+        try:
+            powers.append(system.power(times, x, u).reshape(-1, INNER_POINTS))
+        except np.linalg.LinAlgError:
+            return np.full(len(steps.t), np.nan)
     gained = np.sum(np.concatenate(powers) * steps.weights, axis=1) if powers else np.zeros(0)
     return np.concatenate([[0.0], np.cumsum(gained)])

@@ -44,6 +44,8 @@ _LONG_HISTORY, _LONGEST_HISTORY = 1e8, 64e9
 """Bytes of a history from which it is asked whether they are there, and beyond which it is refused anyway."""
 _COPIES = 3
 """How often a history is held at a time, at most."""
+LEAST_TOLERANCE = 1e-14
+"""Tolerance below which errors of steps are rounding."""
 
 
 def _read_format(value: object) -> int:
@@ -115,7 +117,7 @@ class SolveSpec(Spec):
     method: Annotated[str, named_in("hfsim.integrators.METHODS", "auto")] = "auto"
     """Integration method."""
 
-    tolerance: Annotated[float, measures(above=0, at_most=0.1)] = 1e-6
+    tolerance: Annotated[float, measures(at_least=LEAST_TOLERANCE, at_most=0.1)] = 1e-6
     """Tolerance of the steps' error [-]."""
 
     step: PositiveTime | None = None

@@ -219,14 +219,14 @@ def linearised(done: Integration, t: float) -> tuple[Array, Array]:
     -------
     values : ndarray of complex, shape (2 n,)
     vectors : ndarray of complex, shape (2 n, 2 n)
-        Of (q, v).
+        Of (q, v).  All are zero where the equations have no finite derivative.
     """
     # the analytic derivative leaves out what velocities do
-    at = by_differences(done.problem.evaluate, t, done.trajectory.q, done.trajectory.v, dissipates=True)
-    by_q, by_v = at.slopes()
-    assert by_v is not None
-    matrix = first_order(by_q, by_v)
-    if not np.isfinite(matrix).all():
-        return np.zeros(len(matrix)), np.zeros_like(matrix)
-    values, vectors = np.linalg.eig(matrix)
+    path, n = done.trajectory, 2 * len(done.trajectory.q)
+    try:
+        by_q, by_v = by_differences(done.problem.evaluate, t, path.q, path.v, dissipates=True).slopes()
+        assert by_v is not None
+        values, vectors = np.linalg.eig(first_order(by_q, by_v))
+    except np.linalg.LinAlgError:
+        return np.zeros(n), np.zeros((n, n))
     return values, vectors
