@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from time import process_time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,15 +23,19 @@ from hfsim.run.sampling import outlines_of
 from hfsim.run.solution import Run
 from hfsim.run.statistics import joined, leg_statistics
 from hfsim.run.steps import Stop
-from hfsim.run.stop import Progress
+from hfsim.run.stop import Budget, Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
+from hfsim.trust.after import Aftermath, Stages, Wish
 from hfsim.trust.doubt import doubts
-from hfsim.trust.experiments import time_for
-from hfsim.trust.suspicion import suspect
+from hfsim.trust.estimate import Compared
 
 if TYPE_CHECKING:
     from hfsim.trust.adaptive import Course
+
+
+AFTER_ITS_END = "interrupted after its end: what was to be found out after it is missing"
+"""Reason of a run that reached its end before a signal came."""
 
 
 def simulate(
@@ -42,6 +47,8 @@ def simulate(
     outlines: bool | None = None,
     sink: Sink | None = None,
     memory: Memory | None = None,
+    mesh_estimate: bool = False,
+    after: float | None = None,
 ) -> Run:
     """Simulate one scene with one model.
 
@@ -51,9 +58,9 @@ def simulate(
     model : str, optional
         Instead of the deck's.
     progress : callable, optional
-        Called with the share of the duration that is done, 0 to 1.
+        Called with the share that is done of all the work, 0 to 1.
     error_estimate : bool
-        Whether to measure the error of the integration by a second, tighter one.
+        Whether to measure the error of the integration by a second one.
     diagnosis : bool
         Whether to find out by short experiments why a run fails or is suspicious.
     outlines : bool, optional
@@ -62,6 +69,10 @@ def simulate(
         Gets the rows of the output while the run goes on, and the memories to take it up again from.
     memory : Memory, optional
         From where a run that was put down goes on.
+    mesh_estimate : bool
+        Whether to measure the error of the mesh by runs on others.
+    after : float, optional
+        CPU time for estimates and diagnosis [s]; without it as much as the run has taken, or two seconds.
 
     Returns
     -------
@@ -74,31 +85,33 @@ def simulate(
         If the scene cannot be assembled.
     """
     clock, record = PhaseClock(), Record(sink, memory)
+    wish = Wish(error_estimate, mesh_estimate, diagnosis, after)
+    stages = Stages(progress or (lambda share: None), wish)
     course: Course | None = None
     if "auto" in loaded.deck.models(model or loaded.deck.solve.model).values():
         from hfsim.trust.adaptive import run_adaptive
 
         with clock.phase("solve"):
-            course = run_adaptive(loaded, model, progress, record)
+            course = run_adaptive(loaded, model, stages.solving, record)
         legs = course.legs
     else:
         with clock.phase("build"):
             scene = build(loaded, model)
         record.open(scene)
         with clock.phase("solve"):
-            done = run_integration(scene, scene.deck.solve, progress, record=record)
+            done = run_integration(scene, scene.deck.solve, stages.solving, record=record)
         legs = [Leg(scene, done, record.legs[-1])]
-    return assess(legs, record, clock, error_estimate, diagnosis, outlines, course)
+    return assess(legs, record, clock, wish, outlines, course, stages.after)
 
 
 def assess(
     legs: Sequence[Leg],
     record: Record,
     clock: PhaseClock,
-    error_estimate: bool = True,
-    diagnosis: bool = False,
+    wish: Wish,
     outlines: bool | None = None,
     course: Course | None = None,
+    report: Progress = lambda share: None,
 ) -> Run:
     """Return what integrations have found, with their error and what is doubtful about it.
 
@@ -110,31 +123,28 @@ def assess(
         What they have left behind.
     clock : PhaseClock
         With the phases so far, ``solve`` among them; gets those that follow.
-    error_estimate, diagnosis, outlines : bool
+    wish : Wish
+        What is to be found out about them.
+    outlines : bool, optional
         As in `simulate`.
     course : Course, optional
         How the models were chosen.
+    report : callable
+        Told the share used of the time for what is to be found out.
     """
-    run, (scene, done) = _solved(legs, record, clock, course), legs[-1][:2]
+    run, scene = _solved(legs, record, clock, course), legs[-1].scene
     record.solved(run)
-    statistics, stop = dict(run.statistics), done.stop
-    if error_estimate and done.trajectory.segments and not isinstance(stop, KeyboardInterrupt):
-        with clock.phase("error_estimate"):
-            from hfsim.trust.error import measured_error
-
-            statistics |= measured_error(legs, run.channels)
-    if diagnosis and len(legs) == 1 and not isinstance(stop, KeyboardInterrupt):
-        with clock.phase("diagnosis"):
-            if isinstance(stop, SolverFailure):
-                from hfsim.trust.diagnosis import diagnose
-
-                stop = diagnose(scene, done, time_for(clock.cpu["solve"]))
-            elif stop is None:
-                statistics["suspicion"] = suspect(scene, done, statistics, time_for(clock.cpu["solve"]))
+    budget = Budget(wish.allowed(clock.cpu["solve"]), process_time, report=report)
+    found = Aftermath(Compared(legs, run.channels), wish, clock, budget)
+    found.find(run.statistics)
+    told = {"statistics": {**run.statistics, **found.facts}, **_outcome(scene, found.stop)}
+    if found.interruption is not None:
+        told["exit_code"] = interruption_code(found.interruption)
+        told["reason"] = run.reason or AFTER_ITS_END
     if scene.left_out.fires("plots") if outlines is None else not outlines:
-        return replace(run, statistics=statistics, **_outcome(scene, stop))
+        return replace(run, **told)
     times, shapes = outlines_of([leg.record.samples for leg in legs])
-    return replace(run, statistics=statistics, outline_t=times, outlines=shapes, **_outcome(scene, stop))
+    return replace(run, outline_t=times, outlines=shapes, **told)
 
 
 def _solved(legs: Sequence[Leg], record: Record, clock: PhaseClock, course: Course | None) -> Run:

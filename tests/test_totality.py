@@ -32,6 +32,7 @@ from hfsim.parts.forces import LOADS, SPRINGS
 from hfsim.parts.joints import JOINTS
 from hfsim.parts.specs import JointSpec, SpringSpec
 from hfsim.run.integration import run_integration
+from hfsim.run.stop import Budget
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.scene.rules import RULES
@@ -158,7 +159,7 @@ def goes_all_the_way(text, folder, pictures=True):
     scene = build(parse_deck(text))
     done = run_integration(scene, scene.deck.solve)
     failed = done._replace(stop=SolverFailure("made to fail", done.trajectory.t_end))
-    assert diagnose(scene, failed, seconds=0.02).remedy
+    assert diagnose(scene, failed, Budget(0.02)).remedy
     return results
 
 

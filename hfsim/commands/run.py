@@ -13,7 +13,14 @@ import click
 
 from hfsim.commands import STARTED, report_error, worst
 from hfsim.commands.decks import assemble, command_line, load_decks, provenance_of
-from hfsim.commands.options import names, output_options, setting_options, talk_options, time_option
+from hfsim.commands.options import (
+    names,
+    output_options,
+    parse_budget,
+    setting_options,
+    talk_options,
+    time_option,
+)
 from hfsim.output.report import method_lines, tell
 from hfsim.output.talk import Destination, Talk
 
@@ -45,6 +52,7 @@ class Settings:
     error_estimate: bool
     diagnosis: bool
     resume: bool
+    after: float | None
     talk: Talk
 
 
@@ -53,7 +61,7 @@ class Settings:
 @output_options
 @setting_options("model", "keep_all")
 @click.option(
-    "--no-error-estimate", is_flag=True, help="Skip the second, coarser run that estimates the error."
+    "--no-error-estimate", is_flag=True, help="Skip the further runs that estimate errors of time and mesh."
 )
 @click.option(
     "--target-error",
@@ -70,6 +78,12 @@ class Settings:
     is_flag=True,
     help="Skip the short experiments that tell why a run fails or is suspicious.",
 )
+@click.option(
+    "--after",
+    metavar="TIME",
+    callback=lambda _, __, text: None if text is None else 0.0 if text == "none" else parse_budget(text),
+    help="Time for estimates and diagnosis, e.g. 10s, or none; as much as the run without it, or 2s.",
+)
 @talk_options
 def run(
     decks: tuple[str, ...],
@@ -81,6 +95,7 @@ def run(
     budget: float | None,
     resume: bool,
     no_diagnosis: bool,
+    after: float | None,
     talk: Talk,
 ) -> None:
     """Simulate each DECK (a YAML file, or the name of a shipped case such as 'pendulum').
@@ -100,7 +115,7 @@ def run(
     refinement reaches it; 5: the budget does not suffice. The best result is kept then.
     """
     overrides = (*overrides, *_target(target_error, target_channels, budget))
-    settings = Settings(overrides, to.plots, not no_error_estimate, not no_diagnosis, resume, talk)
+    settings = Settings(overrides, to.plots, not no_error_estimate, not no_diagnosis, resume, after, talk)
     jobs = plan_jobs(decks, settings, to)
     _refuse_blind(jobs, settings)
     codes = [0]
@@ -230,6 +245,7 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     except BaseException as error:
         recording.abandon(error)
         raise
+    plots = plots and settings.after != 0.0 and result.exit_code not in (130, 143)
     for line in method_lines(result.statistics.get("refinement")):
         log.add(line.strip())
     log.add(f"model {result.model}, method {result.method}")
@@ -249,6 +265,8 @@ def _simulated(job: Job, settings: Settings, recording: Recording, progress: Pro
         error_estimate=settings.error_estimate,
         diagnosis=settings.diagnosis,
         outlines=plots,
+        mesh_estimate=settings.error_estimate,
+        after=settings.after,
         sink=recording,
         memory=job.checkpoint.memory if job.checkpoint else None,
     )
@@ -259,6 +277,6 @@ def _refined(job: Job, settings: Settings, recording: Recording, progress: Progr
 
     assemble(job.loaded)
     recording.begin(job.loaded.deck.channels)
-    result, chosen = refine(job.loaded, progress=progress, diagnosis=settings.diagnosis)
+    result, chosen = refine(job.loaded, progress=progress, diagnosis=settings.diagnosis, after=settings.after)
     recording.take(result, recording.provenance._replace(resolved=chosen.deck.resolved()))
     return result

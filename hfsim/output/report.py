@@ -28,6 +28,10 @@ def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk, told: C
     if run.status == "done" and summary.get("suspicion"):
         doubt = summary["suspicion"]
         talk.note(f"{run.name}: suspicious: {doubt['reason']}\n{findings(doubt)}")
+    if summary.get("mesh_advice"):
+        what, where = summary["mesh_error_estimate"], summary["mesh_error_estimate_channel"]
+        words = f"the mesh error, about {what:.2g} in {where}, is far above the time error"
+        talk.note(f"{run.name}: {words}; what helps: {summary['mesh_advice']}")
     talk.facts(summary)
     talk.result(f"{run.name}: {headline(run)}\n{as_text(run, summary, folder)}")
 
@@ -47,7 +51,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
         "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
         "steps": _steps(summary),
         "CPU time": _times(summary["cpu_s"]),
-        "error estimate": number(summary["error_estimate"]),
+        "error estimate": errors(summary),
         "energy drift": number(summary["energy_drift"]),
         "constraint drift": _drift(summary),
         "results": f"{folder}/",
@@ -56,6 +60,26 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
     lines = [f"  {name.ljust(width)}  {text}" for name, text in facts.items()]
     levels = level_table(summary["refinement"]) if summary.get("refinement") else []
     return "\n".join([*lines, *levels, *_last_values(run)])
+
+
+def errors(summary: Mapping[str, Any]) -> str:
+    """Return the estimates of both errors, each with its worst channel, or why they are not known."""
+    time, mesh = (_error(summary, name) for name in ("error_estimate", "mesh_error_estimate"))
+    if summary.get("refinement"):
+        return f"of mesh and time {time}"
+    if summary["error_estimate_reason"] == summary["mesh_error_estimate_reason"] != "":
+        return str(summary["error_estimate_reason"])
+    told, worst = f"time error {time}", f" ({summary.get('error_estimate_channel')})"
+    if summary.get("mesh_error_estimate_channel") == summary.get("error_estimate_channel"):
+        told = told.removesuffix(worst)
+    return f"{told}, mesh error {'about ' * bool(summary['mesh_error_estimate'])}{mesh}"
+
+
+def _error(summary: Mapping[str, Any], name: str) -> str:
+    error, reason, channel = summary[name], summary[f"{name}_reason"], summary.get(f"{name}_channel")
+    if error is None:
+        return f"not known: {reason}"
+    return f"{error:.2g}" + (f" ({channel or reason})" if channel or reason else "")
 
 
 _LEVELS = (

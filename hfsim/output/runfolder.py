@@ -162,7 +162,8 @@ class RunLog:
             self.add(note)
         for warning in summary["warnings"]:
             self.add(f"warning: {warning}")
-        for key in ("steps", "rejected", "newton_iterations", "energy_drift", "error_estimate", "cpu_s"):
+        errors = ("energy_drift", "error_estimate", "mesh_error_estimate")
+        for key in ("steps", "rejected", "newton_iterations", *errors, "cpu_s"):
             if summary[key] is not None:
                 self.add(f"{key}: {summary[key]}")
         reason = f": {summary['reason']}" if summary["reason"] else ""

@@ -20,7 +20,7 @@ import numpy as np
 from hfsim import __version__
 from hfsim.output.disk import write_text
 from hfsim.output.text import Column, printable
-from hfsim.run.solution import Run
+from hfsim.run.solution import Channel, Run
 
 _SUMMARY_KEYS = (
     "steps",
@@ -34,6 +34,10 @@ _SUMMARY_KEYS = (
     "constraint_position",
     "constraint_velocity",
     "error_estimate",
+    "error_estimate_reason",
+    "mesh_error_estimate",
+    "mesh_error_estimate_reason",
+    "limiting_channel",
     "plan",
 )
 """Keys that every summary has, with null where the simulation does not know."""
@@ -151,6 +155,7 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
         **dict.fromkeys(_SUMMARY_KEYS),
         **run.statistics,
         "channels": {channel.name: channel.unit for channel in run.channels},
+        **_ends_of(run.channels if len(run.t) else ()),
         "failure": run.failure,
         **provenance.facts(),
         "versions": versions(),
@@ -178,6 +183,14 @@ def running_summary(name: str, model: str, provenance: Provenance) -> dict[str, 
         **provenance.facts(),
         "versions": versions(),
         "files": ["history.csv", "resolved.yaml", "run.log", "summary.json", "checkpoint.npz"],
+    }
+
+
+def _ends_of(channels: Iterable[Channel]) -> dict[str, Any]:
+    """Return the last value of each channel, and the smallest and the largest."""
+    return {
+        "final": {one.name: one.values[-1] for one in channels},
+        "extremes": {one.name: [one.values.min(), one.values.max()] for one in channels},
     }
 
 

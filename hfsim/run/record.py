@@ -54,9 +54,12 @@ class Record:
     Attributes
     ----------
     legs : list of LegRecord
+    balanced : bool
+        Whether energies and constraint violations are looked at.
     """
 
-    def __init__(self, sink: Sink | None = None, memory: Memory | None = None) -> None:
+    def __init__(self, sink: Sink | None = None, memory: Memory | None = None, balanced: bool = True) -> None:
+        self.balanced = balanced
         self.legs: list[LegRecord] = []
         self._sink, self._tables = sink, list[Array]()
         self._memory = memory
@@ -80,7 +83,7 @@ class Record:
         lasting : bool
             Whether nothing undoes its steps any more: only then can it have been put down.
         """
-        self.legs.append(LegRecord(scene, self.legs[-1] if self.legs else None))
+        self.legs.append(LegRecord(scene, self.legs[-1] if self.legs else None, self.balanced))
         memory = self._memory if lasting else None
         if memory is None:
             return None
@@ -155,7 +158,8 @@ class LegRecord:
     balance : Balance
     """
 
-    def __init__(self, scene: Scene, before: LegRecord | None) -> None:
+    def __init__(self, scene: Scene, before: LegRecord | None, balanced: bool) -> None:
+        self._balanced = balanced
         self.scene, self.balance = scene, Balance(scene.system)
         self._times = output_times(scene)
         self._begin: int = before._next if before else 0
@@ -178,7 +182,8 @@ class LegRecord:
         last = int(np.searchsorted(self._times, path.t_end, side="right"))
         with np.errstate(all="ignore"):
             table = self._rows(stretch, slice(self._next, max(last, self._next)))
-            self.balance.add(step_samples(stretch))
+            if self._balanced:
+                self.balance.add(step_samples(stretch))
         self._cost = _nominal(counts, len(path.q))
         if path.size > MOST_STEPS:
             path.condense()

@@ -22,8 +22,9 @@ from hfsim.mechanics.pose import Pose, Twist
 from hfsim.run.balance import balance, step_samples
 from hfsim.run.culprit import body_of
 from hfsim.run.integration import Integration
+from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene, build
-from hfsim.trust.experiments import GOOD_BALANCE, Experiments, command, joint_dependence, listed
+from hfsim.trust.experiments import DENSE, GOOD_BALANCE, Experiments, command, joint_dependence, listed
 from hfsim.trust.validity import STEEP, truncated_beams, watch_validity
 
 DEAD = 1e-3
@@ -32,7 +33,7 @@ MASSLESS = 1e-8
 """Mass over the scene's total from which a body without inertia is to blame for motions too fast."""
 
 
-def diagnose(scene: Scene, done: Integration, seconds: float) -> SolverFailure:
+def diagnose(scene: Scene, done: Integration, budget: Budget) -> SolverFailure:
     """Return the failure of a run with its class, item, evidence and the next command to try.
 
     Parameters
@@ -40,12 +41,17 @@ def diagnose(scene: Scene, done: Integration, seconds: float) -> SolverFailure:
     scene : Scene
     done : Integration
         Whose ``stop`` is a `SolverFailure`.
-    seconds : float
-        CPU time that experiments may take; `time_for` suits a run.
+    budget : Budget
+        What experiments may take; `time_for` suits a run.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If that ended an experiment: nothing can be said then.
     """
     stop = done.stop
     assert isinstance(stop, SolverFailure)
-    trial = Experiments(scene, done, seconds)
+    trial = Experiments(scene, done, budget)
     with np.errstate(all="ignore"):
         for hypothesis in (_bad_numbers, _dead_centre, _truncated_model, _without_mass, _crushed, _method):
             found = hypothesis(stop, trial)
@@ -142,6 +148,8 @@ def _without_mass(stop: SolverFailure, trial: Experiments) -> SolverFailure | No
     name = min(masses, key=lambda one: masses[one])
     if len(masses) < 2 or masses[name] > MASSLESS * sum(masses.values()):
         return None
+    if scene.system.n > DENSE:
+        return None
     values, vectors = linearised(trial.done, trial.stop_time)
     fastest = int(np.argmax(np.abs(values)))
     item = body_of(scene, np.abs(vectors[: scene.system.n, fastest]))
@@ -171,15 +179,21 @@ def _masses(scene: Scene) -> dict[str, float]:
 
 def _stays(stop: SolverFailure, trial: Experiments) -> SolverFailure:
     """What no experiment made go away."""
-    values, vectors = linearised(trial.done, trial.stop_time)
-    growing = int(np.argmax(values.real))
-    evidence: dict[str, Any] = {**trial.outcomes, "growth_rate": float(values.real[growing])}
-    item = stop.item or body_of(trial.scene, np.abs(vectors[: trial.scene.system.n, growing]))
-    if trial.undecided and sum(one.startswith("fails") for one in trial.outcomes.values()) < 2:
+    item, evidence, n = stop.item, dict[str, Any](trial.outcomes), trial.scene.system.n
+    if n <= DENSE:
+        values, vectors = linearised(trial.done, trial.stop_time)
+        growing = int(np.argmax(values.real))
+        evidence["growth_rate"] = float(values.real[growing])
+        item = item or body_of(trial.scene, np.abs(vectors[:n, growing]))
+    if trial.undecided and (trial.open_in_time or sum(map(_fails, trial.outcomes.values())) < 2):
         # too few experiments came to an end to put it down to the physics
-        evidence["undecided"] = "no experiment came to an end in the time allowed"
-        return _classed(stop, stop.kind, item, evidence, trial.command(trial.tighter()))
+        evidence["undecided"] = "the experiments that tell did not come to an end in the time allowed"
+        return _classed(stop, stop.kind, item, evidence, trial.command(trial.finer()))
     return _classed(stop, "physical", item, evidence, trial.command_until_then())
+
+
+def _fails(outcome: str) -> bool:
+    return outcome.startswith("fails")
 
 
 def _crushed(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:

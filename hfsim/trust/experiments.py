@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
@@ -24,46 +23,51 @@ from hfsim.scene.schema import SolveSpec
 
 GOOD_BALANCE = 1e-3
 """Energy drift up to which an experiment counts as passed."""
-AT_LEAST = 3.0
-"""CPU time that a diagnosis may take where the run itself took less [s]."""
+AT_LEAST = 2.0
+"""CPU time that work after a run may take where the run itself took less [s]."""
 SHARE = 0.2
 """Part of the time for all experiments that each one may take; one of the first may take half of it."""
+DENSE = 400
+"""Unknowns, or joint equations, up to which dense matrices are taken apart: a second at most."""
 AHEAD = 0.01
 """How far before and after the failure an experiment reaches, relative to the duration."""
 ALIGNED = 0.05
 """Share of a blocked motion from which a joint takes part in blocking it."""
+
+BY_TOLERANCE = "steps by tolerance"
+"""What tells most of a run with fixed steps."""
 
 Update = dict[str, Any]
 """Keys of the deck's ``solve`` with other values."""
 
 
 def time_for(seconds: float) -> float:
-    """Return the CPU time for experiments with a run that took so long: no more than that, or `AT_LEAST`."""
+    """Return the CPU time for work after a run that took so long: no more than that, or `AT_LEAST`."""
     return max(seconds, AT_LEAST)
 
 
 @dataclass
 class Experiments:
-    """Short runs of one scene around a failure, within a limit of CPU time.
+    """Short runs of one scene around a failure, within a budget.
 
     Attributes
     ----------
     scene : Scene
     done : Integration
         The run in question.
-    seconds : float
-        CPU time for all experiments together [s].
+    budget : Budget
+        For all experiments together.
     outcomes : dict of str to str
         What was tried, and what came of it.
     """
 
     scene: Scene
     done: Integration
-    seconds: float
+    budget: Budget
     outcomes: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self._budget = Budget(self.seconds, time.process_time)
+        self._least = SHARE * self.budget.left
 
     @property
     def solve(self) -> SolveSpec:
@@ -86,6 +90,11 @@ class Experiments:
         """Whether any experiment did not come to an end."""
         return "not" in " ".join(self.outcomes.values()).split()
 
+    @property
+    def open_in_time(self) -> bool:
+        """Whether a run with fixed steps was not followed to the end with steps by tolerance."""
+        return self.outcomes.get(BY_TOLERANCE, "").startswith("not")
+
     def shortly_before(self) -> tuple[float, Array, Array]:
         """Return the last kept state well before the failure."""
         back = max(AHEAD * self.solve.duration, 2.0 * (self.solve.step or 0.0))
@@ -93,15 +102,23 @@ class Experiments:
         return (early[-1].t, early[-1].q, early[-1].v) if early else (0.0, self.scene.q, self.scene.v)
 
     def passes(self, what: str, update: Update, scene: Scene | None = None) -> bool:
-        """Try the stretch around the failure with other settings, or another scene from its start."""
-        left = self._budget.left
+        """Try the stretch around the failure with other settings, or another scene from its start.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If that ended the trial.
+        """
+        left = self.budget.left
         if left <= 0.0:
             self.outcomes[what] = "not tried, the time for experiments was used up"
             return False
         solve = self.solve.model_copy(update={"max_steps": None, **update, "duration": self.target})
         start = self.shortly_before() if scene is None else None
-        guard = self._budget.guard(max(SHARE * self.seconds, 0.5 * left))
+        guard = self.budget.guard(max(self._least, 0.5 * left))
         tried = run_integration(scene or self.scene, solve, guard, start)
+        if isinstance(tried.stop, KeyboardInterrupt):
+            raise tried.stop
         self.outcomes[what], good = self._outcome(scene or self.scene, tried)
         return good
 
@@ -127,10 +144,9 @@ class Experiments:
         if solve.step is not None:
             for word, part in (("half the step", 2.0), ("an eighth of the step", 8.0)):
                 yield word, {"step": float(f"{solve.step / part:.4g}")}
-            tolerance = min(solve.tolerance, 1e-6)
-            yield "steps by tolerance", {"step": None, "method": "auto", "tolerance": tolerance}
+            yield BY_TOLERANCE, self.finer()
             return
-        yield "a tolerance 100 times tighter", self.tighter()
+        yield "a tolerance 100 times tighter", self.finer()
         places = {name: integrator(name).rescue for name in METHODS}
         for method in sorted(places, key=lambda name: places[name]):
             if np.isfinite(places[method]) and method != self.done.method:
@@ -139,8 +155,10 @@ class Experiments:
         if solve.coordinates == "frame" and any(one.stepping_in("absolute") != one for one in models):
             yield "absolute coordinates", {"coordinates": "absolute"}
 
-    def tighter(self) -> Update:
-        """Return a tolerance 100 times tighter."""
+    def finer(self) -> Update:
+        """Return a tolerance 100 times tighter, or steps by tolerance where they were fixed."""
+        if self.solve.step is not None:
+            return {"step": None, "method": "auto", "tolerance": min(self.solve.tolerance, 1e-6)}
         return {"tolerance": max(float(f"{self.solve.tolerance / 100.0:.4g}"), 1e-13)}
 
     def command(self, update: Update, force: bool = False) -> str:

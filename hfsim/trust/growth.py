@@ -17,6 +17,7 @@ from hfsim.run.integration import Integration, run_integration
 from hfsim.run.stop import Progress
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
+from hfsim.trust.experiments import DENSE
 
 UNSTABLE = 30.0
 """Factor by which a tiny disturbance grows while the time doubles, from which a scene is unstable: growth
@@ -87,15 +88,26 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     Returns
     -------
     Growth or None
-        None if too little of the second run was done.
+        None if too little of the second run was done, or the scene is too large for dense algebra and has
+        no other.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If that ended the second run.
     """
     system, path = scene.system, done.trajectory
+    if system.n > DENSE and not system.linearizes:
+        return None
     times = np.linspace(0.0, path.t_end, _TIMES + 1)
     q, v = path.at(times)
     speed = float(np.abs(system.absolute_velocity(q, v)).max(initial=0.0)) or 1.0
     kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
     start, rates = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
-    again = run_integration(scene, solve, guard, (0.0, start[0], rates[0])).trajectory
+    tried = run_integration(scene, solve, guard, (0.0, start[0], rates[0]))
+    if isinstance(tried.stop, KeyboardInterrupt):
+        raise tried.stop
+    again = tried.trajectory
     end = min(again.t_end, path.t_end)
     if not end > _WHOLE * path.t_end:
         return None

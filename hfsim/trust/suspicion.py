@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from typing import Any
 
 import numpy as np
@@ -26,7 +25,7 @@ REDUNDANT = 1e-6
 
 
 def suspect(
-    scene: Scene, done: Integration, statistics: dict[str, Any], seconds: float
+    scene: Scene, done: Integration, statistics: dict[str, Any], budget: Budget
 ) -> dict[str, Any] | None:
     """Return class, item, evidence and next command of a run that reached its end but is not to be trusted.
 
@@ -38,10 +37,15 @@ def suspect(
     done : Integration
     statistics : dict
         With ``energy_drift`` and ``validity``.
-    seconds : float
-        CPU time that experiments may take; `time_for` suits a run.
+    budget : Budget
+        What experiments may take; `time_for` suits a run.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If that ended an experiment.
     """
-    trial = Experiments(scene, done, seconds)
+    trial = Experiments(scene, done, budget)
     with np.errstate(all="ignore"):
         found = (
             _suspicious_balance(trial, statistics["energy_drift"])
@@ -109,10 +113,9 @@ def _nearly_redundant(trial: Experiments) -> SolverFailure | None:
 def _unstable(trial: Experiments) -> SolverFailure | None:
     """A motion under load from which disturbances grow away."""
     scene = trial.scene
-    if not loaded_items(scene):
+    if not loaded_items(scene) or trial.budget.left <= 0.0:
         return None
-    budget = Budget(trial.seconds, time.process_time)
-    growth = disturbed_growth(scene, trial.done, trial.solve, budget.guard())
+    growth = disturbed_growth(scene, trial.done, trial.solve, trial.budget.guard())
     return instability(scene, growth) if growth is not None and growth.unstable else None
 
 

@@ -1,6 +1,7 @@
 """Refinement to a target error, held against references that it does not know.
 
     python tests/benchmarks/target_error.py [--scenes pendulum,...] [--targets 1e-1,1e-2] [--channels all]
+    python tests/benchmarks/target_error.py --effectivity [--scenes pendulum,...] [--meshes 4x3,8x3,4x5]
 
 For each scene and target, what `hfsim run --target-error` chooses, its estimate, and the true error: the
 distance to a run on a much finer mesh with a much tighter tolerance, largest over time in the worst channel,
@@ -8,6 +9,10 @@ relative to its range.  How far the reference itself can be trusted is told by a
 and degree.  Effectivity: estimate over true error; 1 or above is honest, much above 1 is wasteful.  A row
 whose true error does not exceed three times that trust is marked '~'.  CPU seconds: of the whole refinement,
 and of the chosen level alone; races: part of the former that comparing methods took.
+
+With --effectivity, what plain runs on some meshes (elements x degree; the deck's own first) say of their
+errors in all channels that are judged: of time, against a run at a tolerance of 1e-12 on the same mesh, and
+of the mesh, against the finest reference.  The CPU time of both estimates is given over that of the run.
 """
 
 from __future__ import annotations
@@ -27,6 +32,7 @@ from hfsim.run.sampling import compute_channels, sample
 from hfsim.run.solution import Channel
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck, load_deck
+from hfsim.simulate import simulate
 from hfsim.studies.refine import refine
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -112,6 +118,24 @@ def measure(name: str, targets: list[str], which: str, budget: float, method: st
               f"{found['limiting_channel']} |", flush=True)  # fmt: skip
 
 
+def effectivity(name: str, meshes: list[str]) -> None:
+    """Print what runs of one scene on some meshes say of their errors, and the true ones."""
+    truth = reference(name, *TASKS[name].references[0])
+    for mesh in ["", *meshes]:
+        sizes = zip(("elements", "degree"), mesh.split("x"), strict=True) if mesh else ()
+        options = [f"bodies.{beam}.{key}={n}" for key, n in sizes for beam in TASKS[name].beams]
+        run = simulate(deck(name, *options), mesh_estimate=True, after=300.0)
+        options += ["solve.tolerance=1e-12", "solve.method=gauss"]
+        tight = simulate(deck(name, *options), error_estimate=False)
+        said, cpu = run.statistics, run.statistics["cpu_s"]
+        row = [f"`{name}`", mesh or "the deck's"]
+        for key, true in (("error", tight.channels), ("mesh_error", truth)):
+            estimate, error = said[f"{key}_estimate"], max(channel_errors(run.channels, true)[1].values())
+            known = ("-", "-") if estimate is None else (f"{estimate:.1e}", f"{estimate / error:.2g}")
+            row += [known[0], f"{error:.1e}", known[1], f"{cpu[f'{key}_estimate'] / cpu['solve']:.2g}"]
+        print(f"| {' | '.join([*row, str(said['limiting_channel'])])} |", flush=True)
+
+
 def main() -> None:
     """Read the command line and measure."""
     raw = argparse.RawDescriptionHelpFormatter
@@ -120,8 +144,17 @@ def main() -> None:
     parser.add_argument("--targets", default="1e-1,1e-2,1e-3,1e-4")
     parser.add_argument("--channels", default="tips", choices=("tips", "all"))
     parser.add_argument("--method", default="auto", help="keep one method, to see what the choice gains")
+    parser.add_argument("--effectivity", action="store_true", help="of what plain runs say of their errors")
+    parser.add_argument("--meshes", default="8x3,16x3,2x5,4x5", help="besides the deck's own")
     parser.add_argument("--budget", type=float, default=60.0, help="seconds for each target")
     given = parser.parse_args()
+    if given.effectivity:
+        columns = "estimate | true | ratio | CPU"
+        print(f"| scene | mesh | time error: {columns} | mesh error: {columns} | limiting channel |")
+        print("|" + "---|" * 11)
+        for name in given.scenes.split(","):
+            effectivity(name, given.meshes.split(","))
+        return
     print("| scene, channels | target | status | estimate | true error | effectivity | CPU [s] "
           "| chosen alone [s] | mesh | method | tolerance | races | worst channel |")  # fmt: skip
     print("|" + "---|" * 13)

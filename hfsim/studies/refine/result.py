@@ -16,6 +16,7 @@ from hfsim.studies.bench.points import tidy
 from hfsim.studies.refine.level import Level
 from hfsim.studies.refine.search import SAFETY, Search
 from hfsim.studies.refine.setting import fixed_meshes
+from hfsim.trust.after import Wish
 
 
 @dataclass(frozen=True)
@@ -82,20 +83,23 @@ class Refinement:
             "probing_cpu_s": search.races.used,
         }
 
-    def run(self, diagnosis: bool) -> Run:
+    def run(self, wish: Wish) -> Run:
         """Return the run of the chosen level as `simulate` would, with the refinement in its statistics."""
         chosen, current = self.chosen, self.search.current
         if chosen.scene is None or chosen.done is None:
             raise self.search.signal or LimitReached(self.reason)  # before there was anything
-        diagnosis = diagnosis and self.search.signal is None
+        wish = wish._replace(diagnosis=wish.diagnosis and self.search.signal is None)
         clock = chosen.clock
         clock.cpu["refinement"] = self.cpu - sum(clock.cpu.values())
         clock.wall["refinement"] = self.used - sum(clock.wall.values())
         record, done = Record(), chosen.done
         spoiled = record.keep(chosen.scene, done.trajectory, done.problem.counts)
         legs = [Leg(chosen.scene, done._replace(stop=spoiled or done.stop), record.legs[-1])]
-        run = assess(legs, record, clock, error_estimate=False, diagnosis=diagnosis)
-        facts: dict[str, Any] = {"refinement": self.facts(), "error_estimate": chosen.estimate}
+        run = assess(legs, record, clock, wish)
+        facts: dict[str, Any] = {"refinement": self.facts(), "limiting_channel": chosen.channel or None}
+        facts |= {"error_estimate": chosen.estimate, "error_estimate_channel": chosen.channel}
+        facts["error_estimate_reason"] = "" if chosen.estimate is not None else self.why
+        facts["mesh_error_estimate_reason"] = "the error estimate is that of mesh and time together"
         if current is not None and chosen.estimate is not None:
             other = current if chosen is not current else self.search.levels[chosen.base]
             facts["error_by_channel"] = channel_errors(chosen.channels, other.channels)[0]

@@ -14,6 +14,7 @@ from hfsim.studies.refine.part import Part
 from hfsim.studies.refine.result import concluded
 from hfsim.studies.refine.search import Search
 from hfsim.studies.refine.setting import beams_of, coarse
+from hfsim.trust.after import Wish
 
 DEFAULT_BUDGET = 60.0
 """Time that a refinement may take unless the deck says otherwise [s]."""
@@ -26,6 +27,7 @@ def refine(
     model: str | None = None,
     progress: Progress | None = None,
     diagnosis: bool = False,
+    after: float | None = None,
 ) -> tuple[Run, LoadedDeck]:
     """Simulate a scene with elements, degrees, method and tolerance that reach its ``solve.target_error``.
 
@@ -39,6 +41,8 @@ def refine(
         Called with the share of the budget that is used.
     diagnosis : bool
         Whether to find out by short experiments why the run fails or is suspicious.
+    after : float, optional
+        CPU time that this may take [s]; without it as much as the run has taken, or two seconds.
 
     Returns
     -------
@@ -64,7 +68,7 @@ def refine(
     if not search.levels:
         raise LimitReached(reason)
     found = concluded(search, status, reason, time.process_time() - start)
-    return found.run(diagnosis), found.chosen.setting.applied(loaded)
+    return found.run(Wish(False, False, diagnosis, after)), found.chosen.setting.applied(loaded)
 
 
 def _search(search: Search) -> tuple[str, str]:

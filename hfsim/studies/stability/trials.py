@@ -9,6 +9,7 @@ All of this happens in worker processes.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -122,7 +123,7 @@ def _why(scene: Scene, done: Integration, seconds: float) -> tuple[str, str, str
     """Return class, item and reason of a failure; no class if experiments have not decided."""
     if not isinstance(done.stop, SolverFailure):
         return "", "", str(done.stop)
-    found = diagnose(scene, done, min(time_for(0.0), max(seconds, 0.0)))
+    found = diagnose(scene, done, _for_experiments(seconds))
     kind = "" if "undecided" in found.evidence else found.kind
     return kind, found.item, found.reason
 
@@ -179,4 +180,8 @@ def _doubt(
 ) -> dict[str, Any]:
     """Return what makes a completed run suspicious; empty if nothing does."""
     facts = {"energy_drift": drift, "validity": validity(samples, done.trajectory)}
-    return suspect(scene, done, facts, min(time_for(0.0), max(left, 0.0))) or {}
+    return suspect(scene, done, facts, _for_experiments(left)) or {}
+
+
+def _for_experiments(left: float) -> Budget:
+    return Budget(min(time_for(0.0), max(left, 0.0)), time.process_time)

@@ -1,0 +1,182 @@
+"""The error of a mesh, measured by a run on another one.
+
+First on a coarser one, which is cheap: where that is far away, the mesh itself is not fine enough for more to
+be said than "large", and the distance is the estimate.  Else on a richer one, whose distance is the error;
+without the time for it, a part of the distance to the coarser one is taken.  Tolerances are loose at first;
+they are tightened until the distance no longer hangs on them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+from hfsim.errors import HfsimError
+from hfsim.parts.bodies import BeamSpec
+from hfsim.parts.bodies.models import MODELS
+from hfsim.run.integration import run_integration
+from hfsim.run.record import Record
+from hfsim.run.stop import Budget
+from hfsim.scene.build import Scene, build
+from hfsim.scene.schema import SolveSpec
+from hfsim.trust.estimate import Compared, Estimate, advice, why_not
+
+UNRESOLVED = 0.05
+"""Distance to a coarser mesh from which that is the estimate: 0.24 to 6.7 times the true error was seen."""
+LOOSE = 1e-4
+"""Tolerance to begin with."""
+TIGHTER = 100.0
+"""Factor by which it is tightened."""
+PART = {"elements": 1.0 / 6.0, "degree": 0.5}
+"""Part of the distance to a mesh with half the elements, or a degree less, that is the error: 1/41 to 1/2.6
+of it was seen, and 1/2.8 to 1.4 but for errors of 1e-8..."""
+TOLD = 1e-3
+"""...and the distance from which what a loose tolerance adds does not matter."""
+ALIKE = 2.0
+"""Ratio of two estimates up to which a tighter tolerance has changed nothing."""
+MOST_NAMED = 3
+"""Beams up to which an advice names each."""
+_MOST_DEGREE = 10
+
+Mesh = dict[str, dict[str, int]]
+"""Entries of beams that make another mesh, by body."""
+
+
+def mesh_error(run: Compared, budget: Budget, seconds: float) -> Estimate:
+    """Run again on other meshes and return the error of the mesh.
+
+    Parameters
+    ----------
+    run : Compared
+    budget : Budget
+    seconds : float
+        CPU time of the run [s].
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If that ended a second run.
+    """
+    scene = run.legs[-1].scene
+    if not meshed(scene):
+        return Estimate(0.0, "no flexible beams")
+    if len(run.legs) > 1:
+        return Estimate(None, "models change in the run")
+    if run.legs[0].done.stop is not None:
+        return Estimate(None, "the run did not reach its end")
+    found = Estimate(None, "")
+    loose = next(_tolerances(scene.deck.solve))
+    coarser = _other_mesh(scene, _coarser)
+    if coarser:
+        found = _measured(run, coarser, loose, budget, seconds)
+        if budget.left <= 0.0 if found.error is None else found.error >= UNRESOLVED:
+            return found
+    richer = _on_richer(run, budget, seconds)
+    if richer.error is not None or found.error is None:
+        return richer
+    if found.error < TOLD:
+        return richer._replace(reason=f"{richer.reason}; {found.by} differs by {found.error:.2g}")
+    part = max(PART[key] for entries in coarser.values() for key in entries)
+    each = {name: part * value for name, value in found.each.items()}
+    by = f"{part:.2g} of the distance to {found.by}, without the time for a richer one"
+    return found._replace(error=part * found.error, each=each, by=by)
+
+
+def meshed(scene: Scene) -> dict[str, BeamSpec]:
+    """Return the beams of a scene that have a mesh, by name."""
+    specs = {name: scene.deck.bodies[name] for name, model in scene.models.items() if MODELS[model].flexible}
+    return {name: spec for name, spec in specs.items() if isinstance(spec, BeamSpec)}
+
+
+def _richer(spec: BeamSpec) -> dict[str, int]:
+    """Return the entries of a beam with a mesh one step richer."""
+    return {"degree": spec.degree + 1} if _takes_degrees(spec) else {"elements": 2 * spec.elements}
+
+
+def _takes_degrees(spec: BeamSpec) -> bool:
+    return spec.centre_line and spec.quadrature is None and spec.degree < _MOST_DEGREE
+
+
+def _coarser(spec: BeamSpec) -> dict[str, int]:
+    if spec.degree > 3:
+        return {"degree": spec.degree - 1}
+    return {"elements": spec.elements // 2} if spec.elements > 1 else {}
+
+
+def _other_mesh(scene: Scene, change: Callable[[BeamSpec], dict[str, int]]) -> Mesh:
+    changes = {name: change(spec) for name, spec in meshed(scene).items()}
+    return {name: entries for name, entries in changes.items() if entries}
+
+
+def _tolerances(solve: SolveSpec) -> Iterator[dict[str, Any]]:
+    """Yield updates of ``solve``: tolerances from a loose one down to the run's, or none for a fixed step."""
+    tolerance = max(LOOSE, solve.tolerance)
+    while solve.step is None and tolerance > 1.001 * solve.tolerance:
+        yield {"tolerance": tolerance}
+        tolerance /= TIGHTER
+    yield {}
+
+
+def _on_richer(run: Compared, budget: Budget, seconds: float) -> Estimate:
+    """Return the distance to a richer mesh, at tolerances ever tighter until it stays."""
+    scene = run.legs[0].scene
+    mesh = _other_mesh(scene, _richer)
+    found = Estimate(None, "")
+    for update in _tolerances(scene.deck.solve):
+        latest = _measured(run, mesh, update, budget, seconds)
+        if latest.error is None:
+            loosely = found.error is not None and found.error >= TOLD
+            return found._replace(by=f"{found.by} at a loose tolerance") if loosely else latest
+        looser, found = found.error or 0.0, latest
+        if latest.error >= UNRESOLVED or max(looser, latest.error) <= ALIKE * min(looser, latest.error):
+            break
+    return found
+
+
+def _measured(run: Compared, mesh: Mesh, update: dict[str, Any], budget: Budget, seconds: float) -> Estimate:
+    """Run on another mesh and return the distance."""
+    words = _words(mesh)
+    if budget.left <= 0.0:
+        return Estimate(None, f"no time for a second run with {words}; {advice(seconds)}")
+    leg = run.legs[0]
+    try:
+        scene = remeshed(leg.scene, mesh)
+    except (HfsimError, MemoryError) as refused:
+        return Estimate(None, f"{words} could not be built: {refused}")
+    solve = scene.deck.solve.model_copy(update={"max_steps": None, **update})
+    record = Record(balanced=False)
+    reason = why_not(run_integration(scene, solve, budget.guard(), record=record), words, seconds)
+    return Estimate(None, reason) if reason else run.distance(record)._replace(by=words)
+
+
+def mesh_advice(scene: Scene) -> str:
+    """Return what would make the mesh error of a run smaller, as options of `hfsim run`."""
+    beams, options = meshed(scene), ["--target-error 1e-2"]
+    if len(beams) <= MOST_NAMED:
+        if all(map(_takes_degrees, beams.values())):
+            options.insert(0, _options({name: {"degree": spec.degree + 2} for name, spec in beams.items()}))
+        options.insert(0, _options({name: {"elements": 2 * spec.elements} for name, spec in beams.items()}))
+    return ", or ".join(options)
+
+
+def _options(mesh: Mesh) -> str:
+    return " ".join(f"--set bodies.{name}.{key}={n}" for name, one in mesh.items() for key, n in one.items())
+
+
+def remeshed(scene: Scene, mesh: Mesh) -> Scene:
+    """Return a scene with other meshes of some beams, from its start."""
+    bodies = dict(scene.deck.bodies)
+    for name, entries in mesh.items():
+        bodies[name] = bodies[name].model_copy(update=entries)
+    loaded = replace(scene.loaded, deck=scene.deck.model_copy(update={"bodies": bodies}))
+    return build(loaded, scene.model, scene.models)
+
+
+def _words(mesh: Mesh) -> str:
+    kinds = dict.fromkeys(_shown(*entry) for entries in mesh.values() for entry in entries.items())
+    return f"a mesh of {' and '.join(kinds)}"
+
+
+def _shown(key: str, n: int) -> str:
+    return f"{n} element{'s' * (n > 1)} a beam" if key == "elements" else f"{key} {n}"

@@ -1,0 +1,363 @@
+"""What is said of a run after it: errors in time and of the mesh, measured or not known, within a budget."""
+
+import json
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.errors import SolverFailure, Terminated
+from hfsim.output.report import errors
+from hfsim.run.distance import channel_errors
+from hfsim.run.integration import Leg, run_integration
+from hfsim.run.record import Record
+from hfsim.run.stop import Budget
+from hfsim.scene.build import build
+from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.simulate import simulate
+from hfsim.trust import diagnosis, error, experiments, mesh
+from hfsim.trust.after import Stages, Wish
+from hfsim.trust.error import time_error
+from hfsim.trust.estimate import Compared, Estimate
+from hfsim.trust.mesh import mesh_error
+
+CASES = Path(__file__).parents[2] / "cases"
+FALLING = """hfsim: 1
+gravity: [0.0, -9.81]
+bodies:
+  stone: {type: rigid, mass: 1.0, inertia: 1.0}
+solve: {duration: 1.0}
+"""
+STRIP = """hfsim: 1
+gravity: [0.0, -9.81]
+materials: {rubber: {density: 1100.0, youngs_modulus: 1.0e7}}
+sections: {bar: {shape: rectangle, width: 0.02, height: 0.02}}
+bodies: {b1: {type: beam, material: rubber, section: bar, length: 1.0, elements: 4}}
+joints: {pin: {type: revolute, between: [ground, b1.root]}}
+solve: {duration: 0.1}
+"""
+
+
+def pendulum(*overrides):
+    return load_deck(CASES / "pendulum.yaml", overrides)
+
+
+def compared(loaded):
+    scene, record = build(loaded), Record()
+    done = run_integration(scene, scene.deck.solve, record=record)
+    return Compared([Leg(scene, done, record.legs[0])], record.channels())
+
+
+def plenty(seconds=1e9):
+    """Return a budget that is never used up."""
+    return Budget(seconds, lambda: 0.0)
+
+
+def true_error(run, better):
+    """Return the error of a run against another one in the worst channel."""
+    return max(channel_errors(run.channels, better.channels)[1].values())
+
+
+@cache
+def exact_motion():
+    return compared(pendulum("solve.method=gauss", "solve.tolerance=1e-12", "solve.duration=0.5"))
+
+
+# in time -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("enough", [True, False])
+@pytest.mark.parametrize(
+    "settings",
+    [
+        ("solve.method=generalized_alpha", "solve.step=2e-3"),
+        ("solve.method=gear", "solve.step=1e-3"),
+        ("solve.method=gear", "solve.tolerance=1e-5"),
+        ("solve.method=explicit", "solve.tolerance=1e-5"),
+        ("solve.method=radau", "solve.tolerance=1e-4"),
+    ],
+)
+def test_the_time_error_is_measured_by_finer_steps_or_bounded_by_coarser_ones(settings, enough):
+    run = compared(pendulum("solve.duration=0.5", *settings))
+    found = time_error(run, plenty() if enough else plenty(1.0), 1.0)
+    effectivity = found.error / true_error(run, exact_motion())
+    # of an order as high as that of gear, coarser steps lose more than is taken for granted
+    assert 0.3 < effectivity < (3.0 if enough else 20.0)
+
+
+def test_a_second_run_costs_no_more_than_the_run_where_it_gets_no_more(monkeypatch):
+    run, made = compared(pendulum("solve.method=generalized_alpha", "solve.step=2e-3")), []
+
+    def watched(scene, solve, *others, **named):
+        made.append(solve.step)
+        return run_integration(scene, solve, *others, **named)
+
+    monkeypatch.setattr(error, "run_integration", watched)
+    time_error(run, plenty(1.0), 1.0)
+    assert made == [4e-3]
+
+
+def test_a_second_run_that_stops_early_gives_no_estimate(monkeypatch):
+    def stopping(scene, solve, *others, **named):
+        shorter = solve.model_copy(update={"duration": 0.5 * solve.duration})
+        half = run_integration(scene, shorter, *others, **named)
+        return half._replace(stop=SolverFailure("it breaks", 0.25))
+
+    monkeypatch.setattr(error, "run_integration", stopping)
+    found = simulate(pendulum("solve.duration=0.5"), after=60.0).statistics
+    assert found["error_estimate"] is None
+    assert found["error_estimate_until"] == pytest.approx(0.25)
+    assert "stopped at 0.25 s: it breaks; until 0.25 s the error is" in found["error_estimate_reason"]
+
+
+def test_a_second_run_that_is_cut_gives_no_estimate():
+    found = simulate(pendulum(), mesh_estimate=True, after=1e-9).statistics
+    assert (found["error_estimate"], found["mesh_error_estimate"], found["limiting_channel"]) == (None,) * 3
+    assert "time" in found["error_estimate_reason"] and "--after" in found["error_estimate_reason"]
+    assert "--after" in found["mesh_error_estimate_reason"]
+
+
+def test_one_row_of_output_has_no_error():
+    run, record = compared(pendulum("solve.duration=0.1", "output.interval=1.0")), Record()
+    scene = run.legs[0].scene
+    run_integration(scene, scene.deck.solve.model_copy(update={"duration": 0.05}), record=record)
+    found = run.distance(record)
+    assert found.error is None and "nothing to compare" in found.reason
+    assert time_error(run, plenty(), 1.0).error > 0.0
+
+
+def test_steps_as_long_as_the_run_are_compared_to_others():
+    """At any tolerance a falling stone makes the same steps: equal to themselves in all digits."""
+    found = simulate(parse_deck(FALLING), after=60.0).statistics
+    assert found["steps"] < 3 and "steps of" in found["error_estimate_by"]
+    assert found["error_estimate"] < 1e-12
+
+
+def test_a_large_time_error_warns():
+    run = simulate(pendulum("solve.method=generalized_alpha", "solve.step=5e-3", "solve.duration=0.5"))
+    assert run.statistics["error_estimate"] > 1e-2
+    (warning,) = run.statistics["warnings"]
+    assert "time error" in warning and run.statistics["error_estimate_channel"] in warning
+
+
+# of the mesh -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "case, settings, finer",
+    [
+        ("pendulum", ("solve.duration=0.7",), ("bodies.b1.elements=12", "bodies.b1.degree=5")),
+        (
+            "extreme/light_link",
+            ("solve.duration=0.25",),
+            ("bodies.b1.elements=2", "bodies.b1.degree=7"),
+        ),
+        (
+            "hub_beams",
+            ("solve.duration=0.5",),
+            (
+                *("bodies.b1.elements=6", "bodies.b1.degree=7", "bodies.b2.elements=6", "bodies.b2.degree=7"),
+                *("solve.coordinates=frame", "solve.tolerance=1e-5"),
+            ),
+        ),
+    ],
+)
+def test_the_mesh_error_is_about_the_true_one(case, settings, finer):
+    loose = (*settings, "solve.tolerance=1e-6")
+    run = compared(load_deck(CASES / f"{case}.yaml", loose))
+    truth = compared(load_deck(CASES / f"{case}.yaml", (*loose, *finer)))
+    assert 0.3 < mesh_error(run, plenty(), 1.0).error / true_error(run, truth) < 10.0
+
+
+def test_a_fine_mesh_has_a_small_error():
+    """A coarser mesh is far off and cheap; it must not pass for the error of one that is fine."""
+    settings = ("bodies.b1.degree=5", "bodies.b1.elements=2", "solve.duration=0.25")
+    run = compared(load_deck(CASES / "extreme/light_link.yaml", settings))
+    assert 0.0 < mesh_error(run, plenty(), 1.0).error < 1e-6
+
+
+def test_without_time_for_a_richer_mesh_a_part_of_the_distance_to_a_coarser_one_is_told(monkeypatch):
+    settings = ("solve.duration=0.25", "bodies.b1.elements=2")
+    run = compared(load_deck(CASES / "extreme/light_link.yaml", settings))
+    whole = mesh_error(run, plenty(), 1.0)
+    monkeypatch.setattr(mesh, "_on_richer", lambda *_: Estimate(None, "no time"))
+    found = mesh_error(run, plenty(), 1.0)
+    assert "of the distance to a mesh of 1 element a beam" in found.by
+    assert 0.3 < found.error / whole.error < 10.0
+
+
+def test_scenes_without_a_mesh_say_so():
+    found = simulate(parse_deck(FALLING), mesh_estimate=True).statistics
+    assert (found["mesh_error_estimate"], found["mesh_error_estimate_reason"]) == (0.0, "no flexible beams")
+    rigid = simulate(parse_deck(STRIP), "rigid", mesh_estimate=True).statistics
+    assert rigid["mesh_error_estimate_reason"] == "no flexible beams"
+
+
+@pytest.mark.parametrize("model", ["linear", "lowOrder", "exact", "ancf"])
+def test_every_model_has_a_mesh_error(model):
+    found = simulate(parse_deck(STRIP), model, mesh_estimate=True, after=60.0).statistics
+    assert found["mesh_error_estimate"] > 0.0
+
+
+def test_a_mesh_that_is_too_coarse_is_told_with_what_helps(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["run", "pendulum", "--no-plots"])
+    summary = json.loads(Path("pendulum.out/summary.json").read_text())
+    assert 0.3 < summary["mesh_error_estimate"] < 3.0 and summary["error_estimate"] < 1e-8
+    assert summary["limiting_channel"] == summary["mesh_error_estimate_channel"]
+    assert "time error 3e-10, mesh error about 1.2 (b1.angular_velocity)" in result.stdout
+    for option in ("bodies.b1.elements=8", "bodies.b1.degree=5", "--target-error"):
+        assert option in result.stderr
+
+
+# signals -----------------------------------------------------------------------------------------
+
+
+def test_a_signal_in_an_estimate_ends_it_and_leaves_the_run(monkeypatch):
+    def struck(self, share):
+        raise Terminated
+
+    monkeypatch.setattr(Stages, "after", struck)
+    run = simulate(pendulum(), mesh_estimate=True, diagnosis=True)
+    assert (run.status, run.exit_code, len(run.t)) == ("done", 143, 101)
+    for key in ("error_estimate", "mesh_error_estimate"):
+        assert (run.statistics[key], run.statistics[f"{key}_reason"]) == (None, "interrupted")
+    assert run.statistics["diagnosis_reason"] == "interrupted"
+
+
+def test_a_signal_in_the_mesh_estimate_keeps_the_time_error(monkeypatch):
+    def struck(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(mesh, "remeshed", struck)
+    run = simulate(pendulum(), mesh_estimate=True)
+    assert (run.exit_code, run.statistics["mesh_error_estimate_reason"]) == (130, "interrupted")
+    assert 0.0 < run.statistics["error_estimate"] < 1e-8
+
+
+def test_a_signal_in_the_diagnosis_makes_no_class(monkeypatch):
+    """Experiments that a signal ends have not failed: what they would have shown is not known."""
+
+    def struck(scene, solve, progress=None, start=None):
+        return run_integration(scene, solve, raising, start)
+
+    def raising(share):
+        raise Terminated
+
+    settings = ("solve.method=generalized_alpha", "solve.step=5e-3", "solve.duration=2.0")
+    whole = simulate(pendulum(*settings), error_estimate=False, diagnosis=True)
+    assert (whole.status, whole.failure["class"]) == ("failed", "numerical")
+    monkeypatch.setattr(experiments, "run_integration", struck)
+    run = simulate(pendulum(*settings), diagnosis=True)
+    assert (run.status, run.exit_code) == ("failed", 143)
+    assert run.failure["class"] == "numerical" and run.statistics["diagnosis_reason"] == "interrupted"
+    assert run.statistics["error_estimate_reason"] == "interrupted"
+
+
+def test_an_interrupted_run_is_told_as_done_with_what_is_missing(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+
+    def struck(self, share):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Stages, "after", struck)
+    result = CliRunner().invoke(app, ["run", "pendulum", "two_beams"])
+    assert result.exit_code == 130 and "done, 1 s simulated" in result.stdout
+    summary = json.loads(Path("pendulum.out/summary.json").read_text())
+    assert (summary["status"], summary["exit_code"]) == ("done", 130)
+    assert "what was to be found out after it" in summary["reason"]
+    assert not Path("two_beams.out").exists() and not Path("pendulum.out/plots").exists()
+
+
+# budget ------------------------------------------------------------------------------------------
+
+
+def test_large_scenes_are_not_taken_apart_by_dense_algebra(monkeypatch):
+    def dense(*_):
+        raise AssertionError("dense algebra")
+
+    loaded = pendulum("bodies.b1.elements=128", "solve.duration=0.01")
+    scene = build(loaded)
+    done = run_integration(scene, scene.deck.solve.model_copy(update={"duration": 0.001}))
+    assert scene.system.n > experiments.DENSE
+    failed = done._replace(stop=SolverFailure("made to fail", 0.001))
+    monkeypatch.setattr(diagnosis, "linearised", dense)
+    monkeypatch.setattr(experiments.Experiments, "passes", lambda *_: False)
+    found = diagnosis.diagnose(scene, failed, Budget(1.0))
+    assert found.remedy and "growth_rate" not in found.evidence
+
+
+def test_fixed_steps_that_fail_at_any_length_are_no_physics_before_free_ones_have_told():
+    scene = build(pendulum("solve.step=1e-3"))
+    done = run_integration(scene, scene.deck.solve.model_copy(update={"duration": 1e-3}))
+    stop = SolverFailure("made to fail", 1e-3)
+    trial = experiments.Experiments(scene, done._replace(stop=stop), plenty())
+    trial.outcomes = {"half the step": "fails at 0.1 s", "an eighth of the step": "fails at 0.1 s"}
+    trial.outcomes["steps by tolerance"] = "not finished, 0.05 s was reached"
+    found = diagnosis._stays(stop, trial)
+    assert found.kind == "numerical" and "undecided" in found.evidence and "solve.step=null" in found.remedy
+    trial.outcomes["steps by tolerance"] = "fails at 0.1 s"
+    assert diagnosis._stays(stop, trial).kind == "physical"
+
+
+def test_nothing_is_done_where_no_time_is_allowed(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["run", "pendulum", "--after", "none"])
+    assert result.exit_code == 0, result.stderr
+    summary = json.loads(Path("pendulum.out/summary.json").read_text())
+    assert summary["error_estimate_reason"] == summary["diagnosis_reason"] == "no time was allowed for it"
+    assert not {"error_estimate", "mesh_error_estimate", "diagnosis"} & set(summary["cpu_s"])
+    assert not Path("pendulum.out/plots").exists()
+
+
+@pytest.mark.parametrize("text", ["nine", "-1s", "0"])
+def test_a_bad_time_is_refused(text):
+    assert CliRunner().invoke(app, ["run", "pendulum", "--after", text]).exit_code == 2
+
+
+def test_progress_covers_all_of_the_work():
+    told = []
+    simulate(pendulum(), progress=told.append, mesh_estimate=True, diagnosis=True)
+    stages = Stages(told.append, Wish())
+    assert told == sorted(told) and told[-1] <= 1.0
+    stages.solving(1.0)
+    assert told[-1] < 0.1  # two seconds follow
+    stages.after(1.0)
+    assert told[-1] == pytest.approx(1.0)
+
+
+# words -------------------------------------------------------------------------------------------
+
+
+def said(time=None, mesh=None, time_reason="", mesh_reason="", channels=("x", "x")):
+    facts = {"error_estimate": time, "error_estimate_reason": time_reason, "mesh_error_estimate": mesh}
+    facts |= {"mesh_error_estimate_reason": mesh_reason, "refinement": None}
+    facts |= {"error_estimate_channel": channels[0], "mesh_error_estimate_channel": channels[1]}
+    return errors(facts)
+
+
+def test_errors_are_told_with_their_channels():
+    assert said(3e-10, 0.3) == "time error 3e-10, mesh error about 0.3 (x)"
+    assert said(3e-10, 0.3, channels="xy") == "time error 3e-10 (x), mesh error about 0.3 (y)"
+    assert said(None, 0.3, "why", channels=("", "y")) == "time error not known: why, mesh error about 0.3 (y)"
+    assert said(3e-10, 0.0, "", "no flexible beams", ("x", "")) == (
+        "time error 3e-10 (x), mesh error 0 (no flexible beams)"
+    )
+    assert said(None, None, "not asked for", "not asked for", ("", "")) == "not asked for"
+
+
+def test_summaries_have_last_values_and_extremes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert CliRunner().invoke(app, ["run", "pendulum", "--no-plots", "--after", "none"]).exit_code == 0
+    summary = json.loads(Path("pendulum.out/summary.json").read_text())
+    with Path("pendulum.out/history.csv").open() as file:
+        names = file.readline().strip().split(",")[1:]
+        rows = np.loadtxt(file, delimiter=",")[:, 1:]
+    assert [*summary["final"]] == [*summary["extremes"]] == names == [*summary["channels"]]
+    assert [*summary["final"].values()] == rows[-1].tolist()
+    assert [*summary["extremes"].values()] == np.stack([rows.min(0), rows.max(0)], axis=1).tolist()
+    assert all(map(math.isfinite, summary["final"].values()))
