@@ -34,9 +34,13 @@ class Segment(NamedTuple):
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return (q, v) at times within the step, shape (n_times, n) each."""
         theta = (times - self.t) / self.h
-        _, once, twice = legendre(theta, len(self.series))
-        v = self.v + self.h * (once @ self.series)
-        q = self.q + self.h * theta[:, None] * self.v + self.h**2 * (twice @ self.series)
+        return self.read(theta, *legendre(theta, len(self.series))[1:])
+
+    def read(self, theta: Array, once: Array, twice: Array) -> tuple[Array, Array]:
+        """Return the same at places 0 to 1, from integrals of at least as many polynomials there."""
+        count = len(self.series)
+        v = self.v + self.h * (once[:, :count] @ self.series)
+        q = self.q + self.h * theta[:, None] * self.v + self.h**2 * (twice[:, :count] @ self.series)
         return q, v
 
 
@@ -51,6 +55,8 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
     return np.asarray(np.linalg.solve(matrix, rhs))
 
 
+AT_ONCE = 4096
+"""Times that are read in one go: bounds the memory that takes."""
 RECENT = 64
 """Steps at the end of a trajectory that are kept as they are."""
 
@@ -92,11 +98,21 @@ class Trajectory:
         starts = np.array([s.t for s in self.segments])
         owner = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
         q, v = np.empty((len(times), len(self.q))), np.empty((len(times), len(self.q)))
-        edges = np.searchsorted(owner, np.arange(len(starts) + 1))
-        for k in distinct(owner):
-            mine = slice(edges[k], edges[k + 1])
-            q[mine], v[mine] = self.segments[k].at(times[mine])
+        for begin in range(0, len(times), AT_ONCE):
+            some = slice(begin, begin + AT_ONCE)
+            self._read(times[some], owner[some], q[some], v[some])
         return q, v
+
+    def _read(self, times: Array, owner: IntArray, q: Array, v: Array) -> None:
+        """Fill in states at sorted times within the steps that own them: polynomials of all in one go."""
+        own = {int(k): self.segments[k] for k in distinct(owner)}
+        begin, length = (np.array([getattr(s, name) for s in own.values()]) for name in ("t", "h"))
+        edges = np.append(np.searchsorted(owner, list(own)), len(times))
+        counts = np.diff(edges)
+        theta = (times - np.repeat(begin, counts)) / np.repeat(length, counts)
+        _, once, twice = legendre(theta, max(len(s.series) for s in own.values()))
+        for step, mine in zip(own.values(), map(slice, edges[:-1], edges[1:]), strict=True):
+            q[mine], v[mine] = step.read(theta[mine], once[mine], twice[mine])
 
     @property
     def size(self) -> int:
