@@ -57,7 +57,7 @@ def uninterrupted(run: Run) -> Run:
     ------
     KeyboardInterrupt
     """
-    if run.status == "interrupted":
+    if run.exit_code in (130, 143):
         raise KeyboardInterrupt
     return run
 
