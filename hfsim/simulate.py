@@ -16,7 +16,7 @@ from hfsim.parts.bodies import BODIES
 from hfsim.run.clock import PhaseClock
 from hfsim.run.integration import Leg, run_integration
 from hfsim.run.nested import Memory
-from hfsim.run.plan import plan_of
+from hfsim.run.plan import motions_of, plan_of
 from hfsim.run.record import Record, Sink
 from hfsim.run.sampling import outlines_of
 from hfsim.run.solution import Run
@@ -180,7 +180,8 @@ def check(loaded: LoadedDeck, model: str | None = None) -> dict[str, Any]:
         "multipliers": system.n_rows,
         "degrees_of_freedom": system.n - system.n_rows,
         "assembly": {**scene.assembly.facts(), "branches": scene.assembly.branches()},
-        "warnings": scene.assembly.warnings(),
+        "free_motions": motions_of(scene),
+        "warnings": scene.warnings,
     }
 
 

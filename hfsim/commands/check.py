@@ -27,6 +27,8 @@ _ALWAYS = ("unknowns", "multipliers")
 """Facts that are told even when they are zero."""
 _MOST = 4
 """Other ways to close the joints that are told."""
+_MOST_MOTIONS = 12
+"""Bodies whose free motions are told."""
 
 
 @click.command()
@@ -48,7 +50,8 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
         talk.facts({"deck": argument, "ok": False, "error": str(error)})
         return code
     talk.facts({"deck": argument, "ok": True, **facts})
-    talk.result("\n  ".join([f"{argument}: ok: {describe(facts)}", *_assembled(facts.get("assembly") or {})]))
+    lines = [describe(facts), *_assembled(facts.get("assembly") or {}), *free_motions(facts)]
+    talk.result(f"{argument}: ok: " + "\n  ".join(lines))
     for warning in facts.get("warnings", ()):
         talk.note(f"{argument}: warning: {warning}")
     for key, value in facts.items():
@@ -66,6 +69,18 @@ def _assembled(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"or with {angles_of(branch)}: a rough angle under 'initial' takes this one"
     if len(branches) > _MOST:
         yield f"or in {len(branches) - _MOST} other ways (--json lists them)"
+
+
+def free_motions(facts: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what the joints leave free at the start, a line each."""
+    if facts.get("free_motions") is None:
+        return
+    motions = facts["free_motions"]
+    count = sum(motion["number"] for motion in motions)
+    yield f"free motions, bodies taken as rigid: {count or 'none'}"
+    yield from (f"  {motion['text']}" for motion in motions[:_MOST_MOTIONS])
+    if len(motions) > _MOST_MOTIONS:
+        yield f"  and of {len(motions) - _MOST_MOTIONS} other bodies (--json lists them)"
 
 
 def describe(facts: Mapping[str, Any]) -> str:

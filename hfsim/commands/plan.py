@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from hfsim.commands.check import free_motions
 from hfsim.commands.decks import CASES, load_numbered, shipped_cases
 from hfsim.commands.options import repeats_option, setting_options, talk_options
 from hfsim.output.talk import Talk
@@ -53,7 +54,8 @@ def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
     from hfsim.run.plan import keeping, plan_of, sizes
     from hfsim.scene.build import build
 
-    facts = plan_of(build(loaded))
+    scene = build(loaded)
+    facts = plan_of(scene)
     facts["keep_all"] = {"sizes": sizes(build(keeping(loaded, "all")))}
     costs: list[RuleCost] = []
     try:
@@ -66,6 +68,8 @@ def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
             facts["measured"] = [cost.facts() for cost in costs]
         talk.facts({"name": loaded.deck.name, **facts})
         talk.result(as_text(loaded.deck.name, facts))
+    for warning in scene.warnings:
+        talk.note(f"{loaded.deck.name}: warning: {warning}")
         if costs:
             talk.result(f"\nmeasured, CPU, medians of {repeats}:\n{table(_COSTS, costs)}")
 
@@ -76,6 +80,7 @@ def as_text(name: str, facts: Mapping[str, Any]) -> str:
     lines = [
         f"{name}: model {facts['model']}, {sizes['unknowns']} unknowns, {sizes['multipliers']} multipliers "
         f"(with --keep-all: {every['unknowns']}, {every['multipliers']})",
+        "\n" + "\n".join(free_motions(facts)),
         "\nkept",
         *(_kept_line(entry) for entry in facts["kept"]),
         "\nleft out",

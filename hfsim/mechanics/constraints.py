@@ -28,6 +28,10 @@ if TYPE_CHECKING:
 class Held(Protocol):
     """One thing that a joint holds between the frames of two points, A and B."""
 
+    @property
+    def places(self) -> bool:
+        """Whether it holds places, not turns alone."""
+
     def between(self, first: Marker, second: Marker) -> Constraint:
         """Return the equations for a marker at A and one at B."""
 
@@ -45,6 +49,11 @@ class Shift(NamedTuple):
 
     axis: tuple[float, ...] | None = None
     law: Law | None = None
+
+    @property
+    def places(self) -> bool:
+        """Return True."""
+        return True
 
     def between(self, first: Marker, second: Marker) -> Constraint:
         """Return the equations for two markers."""
@@ -67,6 +76,11 @@ class Turn(NamedTuple):
 
     angle: float = 0.0
     law: Law | None = None
+
+    @property
+    def places(self) -> bool:
+        """Return False."""
+        return False
 
     def between(self, first: Marker, second: Marker) -> Constraint:
         """Return the equations for two markers."""

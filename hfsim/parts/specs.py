@@ -62,6 +62,11 @@ class JointSpec(Spec):
         raise NotImplementedError
 
     @property
+    def carries(self) -> bool:
+        """Whether it resists shifts of its bodies, not turns alone."""
+        return any(one.places for one in self.held())
+
+    @property
     def stands(self) -> bool:
         """Whether what it drives stands still, where any joint without a law does."""
         return False
@@ -74,6 +79,9 @@ class SpringSpec(Spec):
         between: tuple[str, str]
         stiffness: float
         damping: float
+
+    carries: ClassVar[bool] = False
+    """Whether it resists shifts of its bodies, not turns alone."""
 
     def build(self, first: "Marker", second: "Marker", start: Array) -> "ForcePart":
         """Return the force between two markers of a scene with coordinates (n,) at the start."""

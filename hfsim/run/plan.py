@@ -33,11 +33,18 @@ def plan_of(scene: Scene) -> dict[str, Any]:
     return {
         "model": scene.model,
         "sizes": sizes(scene),
+        "free_motions": motions_of(scene),
         "kept": [*_kept(scene)],
         "left_out": [one for one in told if "items" in one],
         "not_left_out": [one for one in told if "items" not in one],
         "algebra": algebra(scene),
     }
+
+
+def motions_of(scene: Scene) -> list[dict[str, Any]] | None:
+    """Return the free motions of a scene with their text; None where they are not told apart."""
+    motions = scene.free_motions
+    return None if motions is None else [{**one._asdict(), "text": str(one)} for one in motions]
 
 
 def sizes(scene: Scene) -> dict[str, int]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -21,10 +22,11 @@ from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.force import ForcePart, merged
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.markers import GroundMarker, Marker
-from hfsim.mechanics.pose import Pose
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.scene.closing import Frame, Linkage
+from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
 from hfsim.scene.schema import Deck
@@ -75,6 +77,31 @@ class Scene:
     def deck(self) -> Deck:
         """The deck."""
         return self.loaded.deck
+
+    @cached_property
+    def free_motions(self) -> list[FreeMotion] | None:
+        """What the joints leave free at the start, bodies taken as rigid; None in large mechanisms."""
+        return free_motions(self.assembly, self._rigid_energy)
+
+    def _rigid_energy(self, rates: Array) -> float:
+        """Return the kinetic energy [J] of frames that move at rates (n,) at the start."""
+        x, n_dim = self.system.absolute(self.q[None]), self.deck.dimension
+        parts = zip(self.bodies.values(), self.assembly.poses.values(), strict=True)
+        rows = rates.reshape(len(self.bodies), -1)
+        u = [
+            body.moving(pose, Twist(row[:n_dim], row[n_dim:]))
+            for (body, pose), row in zip(parts, rows, strict=True)
+        ]
+        return float(self.system.kinetic_energy(x, np.concatenate(u)[None])[0])
+
+    @cached_property
+    def warnings(self) -> list[str]:
+        """What looks wrong with the start: guesses far off, motions that can hardly be meant to be free."""
+        found = list(self.assembly.warnings())
+        for path, what in slips(self.deck, self.assembly, self.free_motions or []):
+            line = self.loaded.line_of(path)
+            found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
+        return found
 
     def marker(self, point: str) -> Marker:
         """Return the marker of a point such as ``b1.tip``."""

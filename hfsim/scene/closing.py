@@ -13,7 +13,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, BoolArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.constraints import Constraint
@@ -60,6 +60,14 @@ class Linkage:
     n: int
     n_dim: int
 
+    def owner(self, marker: Marker) -> int | None:
+        """Return the number of the body that a marker is on; None for the ground."""
+        return None if marker.grounded else marker.columns.start // freedoms(self.n_dim)
+
+    def columns_of(self, body: int) -> IntArray:
+        """Return the coordinates of the frame of a body."""
+        return np.arange(body * freedoms(self.n_dim), (body + 1) * freedoms(self.n_dim))
+
     @cached_property
     def rows(self) -> tuple[slice, ...]:
         """Rows of each constraint in the gaps."""
@@ -79,7 +87,7 @@ class Linkage:
         return max([float(np.linalg.norm(mark)) for mark in marks], default=0.0) or 1.0
 
     @cached_property
-    def _units(self) -> Array:
+    def units(self) -> Array:
         """Size of a step of each coordinate: turns move points by about as much as shifts do."""
         return np.where(self.turns, 1.0 / self.size, 1.0)
 
@@ -118,7 +126,7 @@ class Linkage:
             J, gap = self.jacobian(x[None])[0], self.gaps(x[None])[0]
             trial = x.copy()
             trial[free] -= (
-                self._units[free] * np.linalg.lstsq(J[:, free] * self._units[free], gap, rcond=1e-10)[0]
+                self.units[free] * np.linalg.lstsq(J[:, free] * self.units[free], gap, rcond=1e-10)[0]
             )
             reached = largest(self.gaps(trial[None]))
             if not reached < 0.5 * left:
@@ -137,7 +145,7 @@ class Linkage:
         weights : ndarray, shape (n_rows,), optional
             Of the gaps.
         """
-        w, units = 1.0 if weights is None else weights, self._units[free]
+        w, units = 1.0 if weights is None else weights, self.units[free]
         x, damping = x.copy(), np.full((len(x), 1, 1), 1e-2)
         gaps = w * self.gaps(x)
         for _ in range(SWEEPS):
@@ -180,7 +188,7 @@ class Linkage:
 
     def moves(self, x: Array, free: BoolArray) -> bool:
         """Return whether the joints leave the free coordinates a motion at places (n,)."""
-        J = self.jacobian(x[None])[0][:, free] * self._units[free]
+        J = self.jacobian(x[None])[0][:, free] * self.units[free]
         return bool(np.linalg.matrix_rank(J, 1e-9) < free.sum())
 
     def nearest(self, x: Array, weights: Array | float = 1.0) -> Array:

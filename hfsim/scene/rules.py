@@ -223,14 +223,14 @@ def _fixed_bodies(deck: Deck, models: Models) -> Items:
     standing = {"ground"}
     for _ in deck.joints:
         for name, joint in deck.joints.items():
-            fresh = _owners(joint) - standing
+            fresh = owners(joint) - standing
             if joint.welds and len(fresh) == 1 and _may_stand(deck, name, *fresh):
                 standing |= fresh
     folded = tuple(name for name in deck.bodies if name in standing)
     return tuple(f"bodies.{name}" for name in folded) if len(folded) < len(deck.bodies) else ()
 
 
-def _owners(tie: JointSpec | SpringSpec) -> set[str]:
+def owners(tie: JointSpec | SpringSpec) -> set[str]:
     """Return the bodies, or the ground, that a joint or a spring connects."""
     return {split_point(point)[0] for point in tie.between}
 
@@ -247,10 +247,10 @@ def welds(deck: Deck, bodies: Iterable[str]) -> frozenset[str]:
     still = {"ground", *left}
     while left:
         for name, joint in deck.joints.items():
-            owners = _owners(joint)
-            if joint.welds and len(owners & left) == 1 and owners - left <= still:
+            ends = owners(joint)
+            if joint.welds and len(ends & left) == 1 and ends - left <= still:
                 found.add(name)
-                left -= owners
+                left -= ends
                 break
     return frozenset(found)
 
@@ -339,7 +339,7 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     fixed = {"ground", *still}
     part = {name: {name} for name in deck.bodies if name not in fixed}
     for tie in (*deck.joints.values(), *deck.springs.values()):
-        ends = _owners(tie) - fixed
+        ends = owners(tie) - fixed
         merged = set().union(*(part[end] for end in ends))
         part.update({name: merged for name in merged})
     return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))

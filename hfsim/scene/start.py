@@ -19,7 +19,6 @@ from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.rotations import freedoms, wrap
 from hfsim.mechanics.constraints import Constraint
-from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.scene.closing import CLOSED, Linkage, largest
 from hfsim.scene.schema import InitialSpec
@@ -84,8 +83,12 @@ class Assembly:
 
     Attributes
     ----------
+    linkage : Linkage
+        Of the frames of the bodies.
+    place : ndarray, shape (n,)
+        Where these are.
     poses : dict of str to Pose
-        With full turns.
+        The same by body, with full turns.
     twists : dict of str to Twist
     changes : tuple of Change
         Stated values that were taken as guesses.
@@ -95,6 +98,8 @@ class Assembly:
         () -> the same angles in each of the other ways to close that are found; the search takes a while.
     """
 
+    linkage: Linkage
+    place: Array
     poses: dict[str, Pose]
     twists: dict[str, Twist]
     changes: tuple[Change, ...]
@@ -145,10 +150,6 @@ class Start:
     def n_dim(self) -> int:
         """Number of space dimensions."""
         return self.linkage.n_dim
-
-    def owner(self, marker: Marker) -> int | None:
-        """Return the number of the body that a marker is on; None for the ground."""
-        return GROUND if marker.grounded else marker.columns.start // freedoms(self.n_dim)
 
     @cached_property
     def ties(self) -> tuple[Constraint, ...]:
@@ -214,6 +215,8 @@ def assembled(start: Start) -> Assembly:
     _hand_on(start, rates, lambda tie: -tie.rate(AT_START)[0])
     _settle_rates(start, start.linkage.jacobian(place.values[None])[0], rates)
     return Assembly(
+        linkage=start.linkage,
+        place=place.values,
         poses={name: Pose(*parts) for name, parts in start.frames(place)},
         twists={name: Twist(*parts) for name, parts in start.frames(rates)},
         changes=(*_changes(start, place, place.values), *_changes(start, rates, rates.values)),
@@ -232,7 +235,7 @@ def _hand_on(start: Start, given: _Stated, step: Callable[[Constraint], Array]) 
     known |= {int(k): turns[k] for k in np.flatnonzero(stated[:, -1])}
     for _ in start.ties:
         for tie in start.ties:
-            a, b = (start.owner(marker) for marker in tie.ends)
+            a, b = (start.linkage.owner(marker) for marker in tie.ends)
             if a in known and b not in known:
                 known[b] = known[a] + step(tie)
             elif b in known and a not in known:

@@ -19,7 +19,7 @@ LARGE_DRIFT = 1e-3
 def doubts(leg: Leg, drift: float) -> dict[str, Any]:
     """Return ``validity``, where models of beams stand, and ``warnings`` for one leg."""
     found = validity(leg.record.samples, leg.done.trajectory)
-    warnings = [*leg.scene.assembly.warnings(), *_drift_warnings(leg, drift)]
+    warnings = [*leg.scene.warnings, *_drift_warnings(leg, drift)]
     if found:
         from hfsim.trust.validity import validity_warnings
 

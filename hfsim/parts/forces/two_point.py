@@ -15,6 +15,8 @@ from hfsim.parts.specs import SpringSpec
 class TwoPointSpec(SpringSpec):
     """Linear spring and damper on the distance of two points."""
 
+    carries = True
+
     type: Literal["two_point"]
     """Kind of spring."""
 

@@ -1,0 +1,243 @@
+"""What the joints leave free at the start, all bodies taken as rigid, and what of that looks like a slip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hfsim.deck.fields import split_point
+from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import normal
+from hfsim.scene.closing import Linkage
+from hfsim.scene.rules import owners
+from hfsim.scene.schema import Deck
+from hfsim.scene.start import Assembly
+
+if TYPE_CHECKING:
+    from hfsim.parts.specs import JointSpec, SpringSpec
+
+MOST_BODIES = 100
+"""Bodies of one mechanism up to which its free motions are told apart."""
+NONE = 1e-9
+"""Part of the largest motion that counts as none."""
+NO_MASS = 1e-12
+"""Inertia of a motion, as `FreeMotion` says, below which hardly any mass resists it."""
+CLOSE = 1e-6
+"""Distance from a joint, relative to the size, up to which a body turns about it."""
+AXES = "xyz"
+
+
+class FreeMotion(NamedTuple):
+    """Motions that the joints leave a body while those nearer to the ground stand still.
+
+    Attributes
+    ----------
+    body : str
+    number : int
+        How many, independent of each other.
+    kind : str
+        ``turns``, ``slides``, ``floats`` (two shifts or more) or ``turns and slides``.
+    about : str
+        Joint or place that it turns about, axis that it slides along, or the freedoms of one that floats.
+    takes_along : tuple of str
+        Bodies that must follow.
+    inertia : float
+        Kinetic energy of the motion over that of a shift of all bodies as fast as its largest part.
+    """
+
+    body: str
+    number: int
+    kind: str
+    about: str
+    takes_along: tuple[str, ...]
+    inertia: float
+
+    def __str__(self) -> str:
+        others = f", with {', '.join(self.takes_along)}" if self.takes_along else ""
+        link = {"turns": " about", "slides": " along", "floats": ":"}.get(self.kind, ":")
+        return f"{self.body}: {self.kind}{link} {self.about}{others}"
+
+
+def free_motions(assembly: Assembly, energy: Callable[[Array], float]) -> list[FreeMotion] | None:
+    """Return the rigid motions that are left at the start, body by body from the ground outwards.
+
+    None if a mechanism has so many bodies that they are not told apart.
+
+    Parameters
+    ----------
+    assembly : Assembly
+    energy : callable
+        Rates of the frames (n,) -> kinetic energy of the scene [J].
+    """
+    groups = _mechanisms(assembly.linkage, len(assembly.poses))
+    if max(map(len, groups)) > MOST_BODIES:
+        return None
+    return [motion for group in groups for motion in _motions_of(group, assembly, energy)]
+
+
+def _mechanisms(link: Linkage, count: int) -> list[list[int]]:
+    """Return the numbers of bodies that joints connect, each group from the ground outwards."""
+    near: dict[int | None, list[int]] = {}
+    for c in link.constraints:
+        a, b = (link.owner(marker) for marker in c.ends)
+        for here, there in ((a, b), (b, a)):
+            if there is not None:
+                near.setdefault(here, []).append(there)
+    groups: list[list[int]] = []
+    depth: dict[int, int] = {}
+    for first in dict.fromkeys([*near.get(None, ()), *range(count)]):
+        if first in depth:
+            continue
+        group, depth[first] = [first], 0 if first in near.get(None, ()) else 1
+        for body in group:
+            for other in near.get(body, ()):
+                if other not in depth:
+                    depth[other] = 0 if other in near.get(None, ()) else depth[body] + 1
+                    group.append(other)
+        groups.append(sorted(group, key=lambda body: depth[body]))
+    return groups
+
+
+def _motions_of(
+    group: Sequence[int], assembly: Assembly, energy: Callable[[Array], float]
+) -> Iterator[FreeMotion]:
+    link, names = assembly.linkage, tuple(assembly.poses)
+    whole_mass = energy(np.where(link.turns, 0.0, 1.0)) / link.n_dim
+    columns = {body: link.columns_of(body) for body in group}
+    motions = _null_space(link, assembly.place, np.concatenate([columns[body] for body in group]))
+    found = []
+    for body in group:
+        own, sizes, mixed = np.linalg.svd(motions[columns[body]], full_matrices=True)
+        rank = int(np.sum(sizes > NONE))
+        found.append((body, own[:, :rank], motions @ mixed[:rank].T))
+        motions = motions @ mixed[rank:].T
+    held = {body for body, own, _ in found if not own.shape[1]}
+    for body, own, whole in found:
+        if own.shape[1]:
+            along = [n for n in group if n in held and np.abs(whole[columns[n]]).max() > NONE]
+            held -= set(along)
+            kind, about = _described(own * link.units[columns[body]][:, None], body, assembly)
+            least = min(energy(link.units * one) / np.abs(one).max() ** 2 for one in whole.T)
+            follow = tuple(names[n] for n in along)
+            yield FreeMotion(names[body], own.shape[1], kind, about, follow, least / whole_mass)
+
+
+def _null_space(link: Linkage, place: Array, columns: Array) -> Array:
+    """Return the motions of some bodies that the joints allow, in steps of units, shape (n, n_motions)."""
+    J = link.jacobian(place[None])[0][:, columns] * link.units[columns]
+    J = J[J.any(axis=1)]
+    _, sizes, right = np.linalg.svd(J, full_matrices=True)
+    motions = np.zeros((link.n, len(columns)))
+    motions[columns] = right.T
+    return motions[:, int(np.sum(sizes > NONE * sizes.max(initial=0.0))) :]
+
+
+def _described(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
+    """Return kind and place of the motions (n_freedoms, k) of a body."""
+    n_dim = assembly.linkage.n_dim
+    shifts = own @ _null(own[n_dim:])
+    if shifts.shape[1] == n_dim:
+        return "floats", ", ".join([*AXES[:n_dim], "turn"][: own.shape[1]])
+    if own.shape[1] > 1:
+        return "turns and slides", f"along {_axis(shifts[:n_dim, 0])}"
+    return (
+        ("slides", _axis(shifts[:n_dim, 0])) if shifts.size else ("turns", _pole(own[:, 0], body, assembly))
+    )
+
+
+def _null(rows: Array) -> Array:
+    """Return an orthonormal basis, as columns, of what rows (m, k) are zero for."""
+    _, sizes, right = np.linalg.svd(rows, full_matrices=True)
+    return np.asarray(right[int(np.sum(sizes > NONE)) :].T)
+
+
+def _axis(direction: Array) -> str:
+    unit = direction / np.linalg.norm(direction)
+    unit = unit if unit[np.argmax(np.abs(unit))] > 0.0 else -unit
+    return _place(unit)
+
+
+def _place(numbers: Array) -> str:
+    return f"[{', '.join(f'{number:.4g}' for number in numbers + 0.0)}]"
+
+
+def _pole(twist: Array, body: int, assembly: Assembly) -> str:
+    """Return about which joint or place a body turns, in the plane."""
+    link, x = assembly.linkage, assembly.place
+    n_dim = link.n_dim
+    pole = x[link.columns_of(body)][:n_dim] + normal(twist[:n_dim]) / twist[n_dim]
+    for c in link.constraints:
+        for marker in c.ends:
+            here = c.holds_place and link.owner(marker) == body
+            if here and np.abs(marker.position(x[None])[0] - pole).max() < CLOSE * link.size:
+                return c.item.removeprefix("joints.")
+    return _place(np.where(np.abs(pole) < CLOSE * link.size, 0.0, pole))
+
+
+# --- what looks like a slip -----------------------------------------------------------------------
+
+
+def slips(deck: Deck, assembly: Assembly, motions: Sequence[FreeMotion]) -> Iterator[tuple[str, str]]:
+    """Yield, with the deck path it is about, what the joints leave free though it hardly can be meant."""
+    groups = _groups(assembly)
+    afloat = {motion.body: groups[motion.body] for motion in motions if motion.kind == "floats"}
+    others_stand = len(set().union(*afloat.values())) < len(deck.bodies)
+    for motion in motions:
+        if motion.body in afloat:
+            yield from _floating(deck, motion, afloat[motion.body], others_stand)
+        if motion.inertia < NO_MASS:
+            message = f"hardly any mass resists this free motion: {motion}"
+            yield f"bodies.{motion.body}", message
+    for name in {c.item.removeprefix("joints."): None for c in assembly.linkage.constraints if c.driven}:
+        yield from _idle_driver(deck, name, groups)
+
+
+def _groups(assembly: Assembly) -> dict[str, set[str]]:
+    """Return for each body the bodies that joints connect it with, itself among them."""
+    names = tuple(assembly.poses)
+    groups = _mechanisms(assembly.linkage, len(names))
+    return {names[k]: {names[n] for n in group} for group in groups for k in group}
+
+
+def _floating(
+    deck: Deck, motion: FreeMotion, group: set[str], others_stand: bool
+) -> Iterator[tuple[str, str]]:
+    """Yield why a body that floats, the nearest to the ground of its mechanism, looks as if it should not."""
+    alone = any("ground" in owners(joint) and owners(joint) & group for joint in deck.joints.values())
+    members = {motion.body, *motion.takes_along} if alone else group
+    if any(spring.carries and owners(spring) & members for spring in deck.springs.values()):
+        return
+    turned = [
+        f"'{name}'" for name, tie in (*deck.joints.items(), *deck.springs.items()) if _turns(tie, members)
+    ]
+    path, names = f"bodies.{motion.body}", ", ".join(f"'{one}'" for one in deck.bodies if one in members)
+    if turned:
+        yield path, f"floats, though {', '.join(turned)} turns it: no joint holds it in place"
+    elif (any(deck.gravity) or others_stand) and not any(_placed(deck, one) for one in members):
+        stated = "state a position or velocity under 'initial' if that is meant"
+        yield path, f"nothing connects {names} to the ground; {stated}"
+
+
+def _turns(tie: JointSpec | SpringSpec, members: set[str]) -> bool:
+    """Whether a driver or a spring acts between the members and others, but on the angle alone."""
+    ends = owners(tie)
+    return bool(ends & members) and bool(ends - members) and not tie.carries
+
+
+def _placed(deck: Deck, name: str) -> bool:
+    """Whether the deck says where a body is or flies at the start."""
+    entry = deck.initial.get(name)
+    return entry is not None and not (entry.position is None and entry.velocity is None)
+
+
+def _idle_driver(deck: Deck, name: str, groups: Mapping[str, set[str]]) -> Iterator[tuple[str, str]]:
+    """Yield a driver that moves a rigid body to which nothing else is joined, where there are others."""
+    driver = deck.joints[name]
+    for body in owners(driver) - {"ground"}:
+        acted = [*(owners(spring) for spring in deck.springs.values())]
+        acted += [{split_point(load.at)[0]} for load in deck.loads.values()]
+        alone = groups[body] == {body} and deck.bodies[body].rigid and not any(body in one for one in acted)
+        if alone and len(deck.bodies) > 1 and not driver.stands:
+            yield f"joints.{name}", f"moves '{body}' alone: no other joint, spring or load is on it"
