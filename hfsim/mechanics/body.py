@@ -170,6 +170,10 @@ class Body:
         """Return the entries of its constant mass matrix, at the columns of x."""
         return NOTHING
 
+    def tables(self, n: int) -> float:
+        """Return the memory of its forces, in a scene of n coordinates, that grows faster than n [byte]."""
+        return 0.0
+
     @property
     def variable_mass(self) -> VariableMass | None:
         """Its mass matrix, where that depends on its coordinates."""

@@ -28,6 +28,7 @@ from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.scene.closing import Frame, Linkage
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.memory import refuse_too_large
 from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
 from hfsim.scene.schema import Deck
 from hfsim.scene.start import Assembly, Start, assembled
@@ -143,7 +144,7 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     Raises
     ------
     DeckError
-        If the initial state contradicts the joints, or joints are redundant.
+        If the initial state contradicts the joints, joints are redundant, or it would not fit into memory.
     """
     deck = loaded.deck
     name = model or deck.solve.model
@@ -151,6 +152,7 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     named = {beam: FALLBACK if one == "auto" else one for beam, one in named.items()}
     kinds = {beam: MODELS[one].stepping_in(_coordinates(loaded, one)) for beam, one in named.items()}
     bodies = _bodies(deck, kinds)
+    refuse_too_large(loaded, bodies)
     joints, constraints = _joints(deck, bodies)
     start = _assembly(loaded, bodies)
     poses, twists = start.poses.values(), start.twists.values()

@@ -28,6 +28,7 @@ from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionSpec
 from hfsim.deck.source import did_you_mean
 from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, named_in, refusal, shown
 from hfsim.integrators import steps_in_absolute_coordinates
+from hfsim.maths.memory import available, in_bytes
 from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.channels import is_judged
 from hfsim.parts.forces import AnyLoad, AnySpring
@@ -35,7 +36,10 @@ from hfsim.parts.joints import AnyJoint
 
 FORMAT = 1
 """The deck format this version reads."""
-_MAX_ROWS = 10_000_000
+_LONG_HISTORY, _LONGEST_HISTORY = 1e8, 64e9
+"""Bytes of a history from which it is asked whether they are there, and beyond which it is refused anyway."""
+_COPIES = 3
+"""How often a history is held at a time, at most."""
 
 
 def _read_format(value: object) -> int:
@@ -182,8 +186,11 @@ class OutputSpec(Spec):
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an interval that makes too many rows."""
         rows = (around.duration or 0.0) / (self.interval or math.inf)
-        if rows > _MAX_ROWS:
-            yield Complaint(("interval",), f"would make {rows:.3g} rows, at most {_MAX_ROWS:.0e} fit")
+        columns = 1 + len(self.channels or ())
+        needed = 8.0 * _COPIES * rows * columns
+        if needed > _LONG_HISTORY and needed > (there := min(available(), _LONGEST_HISTORY)):
+            size = f"{rows:.3g} rows of {columns} columns would take about {in_bytes(needed)} of memory"
+            yield Complaint(("interval",), f"{size}, at most {in_bytes(there)} can be had", "lengthen it")
 
 
 class Deck(Spec):

@@ -4,12 +4,21 @@ import os
 import re
 import subprocess
 import sys
+import tracemalloc
+from pathlib import Path
 
+import numpy as np
 import pytest
+
+from hfsim.errors import DeckError
+from hfsim.scene import memory
+from hfsim.scene.build import build
+from hfsim.scene.loading import load_deck
 
 if not os.path.exists("/proc/self/status"):
     pytest.skip("needs /proc", allow_module_level=True)
 
+CASE = Path(__file__).parents[2] / "cases" / "pendulum.yaml"
 SCRIPT = """
 import sys
 from hfsim.cli import main
@@ -37,3 +46,41 @@ def test_the_rank_of_the_joints_takes_little_memory(elements, most):
     code, out, _, used = checked("hub_beams", "--set", f"bodies.b1.elements={elements}")
     assert code == 0 and "3 multipliers" in out
     assert used < most
+
+
+@pytest.mark.parametrize(
+    ("settings", "path", "size"),
+    [
+        (("solve.model=lowOrder", "bodies.b1.elements=512"), "bodies.b1.elements", "444 GB"),
+        (("solve.coordinates=frame", "bodies.b1.elements=20000"), "bodies.b1.elements", "819 GB"),
+        (("output.interval=1e-9",), "output.interval", "168 GB"),
+    ],
+)
+def test_what_would_not_fit_is_refused_with_its_bytes_before_it_is_asked_for(settings, path, size):
+    deck = "hub_beams" if "lowOrder" in settings[0] else "pendulum"
+    code, _, err, used = checked(deck, *(f"--set={setting}" for setting in settings))
+    assert code == 2 and used < 120
+    assert f"error: {path}: " in err and f"about {size} of memory" in err
+
+
+def test_what_fits_depends_on_the_memory_that_is_there(monkeypatch):
+    loaded = load_deck(CASE, ["solve.coordinates=frame", "bodies.b1.elements=500"])
+    build(loaded)
+    monkeypatch.setattr(memory, "available", lambda: 4e8)
+    with pytest.raises(DeckError, match=r"about 514 MB of memory, of which there are 400 MB"):
+        build(loaded)
+    build(load_deck(CASE, ["bodies.b1.elements=500"]))
+
+
+@pytest.mark.parametrize("elements", [32, 64])
+def test_tables_of_low_order_are_what_a_run_takes(elements):
+    """Peak of one derivative by differences, which a run asks for, against what is expected of it."""
+    scene = build(load_deck(CASE, ["solve.model=lowOrder", f"bodies.b1.elements={elements}"]))
+    n = scene.system.n
+    q = np.repeat(scene.q[None], n, axis=0)
+    scene.system.acceleration(np.zeros(1), scene.q[None], scene.v[None])
+    tracemalloc.start()
+    scene.system.acceleration(np.zeros(n), q, np.zeros_like(q))
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.5 < peak / scene.bodies["b1"].tables(n) < 1.5

@@ -137,6 +137,11 @@ class LowOrderBeam(ForcePart):
         return RIGID + self.n_w + self.n_v
 
     @property
+    def n_points(self) -> int:
+        """Number of quadrature points: what integrates the terms of highest degree (H H) exactly."""
+        return 2 * self.mesh.element.degree * self.mesh.count
+
+    @property
     def of_w(self) -> slice:
         """Where the axial coordinates stand among its own."""
         return slice(RIGID, RIGID + self.n_w)
@@ -159,7 +164,7 @@ class LowOrderBeam(ForcePart):
         highest degree (H H, degree 10 with cubics) exactly.
         """
         le = self.mesh.element.length
-        xi, w = gauss_legendre(2 * self.mesh.element.degree)
+        xi, w = gauss_legendre(self.n_points // self.mesh.count)
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
         mass = np.tile(w, self.mesh.count) * le * self.mesh.properties.mass_per_length
         N = np.array([self.mesh.shape(float(a)) for a in x])

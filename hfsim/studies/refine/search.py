@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from hfsim.integrators import steps_in_absolute_coordinates
+from hfsim.maths.memory import available, in_bytes, resident
 from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors, farthest
 from hfsim.run.integration import run_integration
-from hfsim.run.memory import available, in_bytes, resident
 from hfsim.run.stop import Budget, Halted, Progress, TimeUp
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck
