@@ -73,9 +73,12 @@ def _assembled(facts: Mapping[str, Any]) -> Iterator[str]:
 
 def free_motions(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield what the joints leave free at the start, a line each."""
-    if facts.get("free_motions") is None:
+    if "free_motions" not in facts:
         return
     motions = facts["free_motions"]
+    if motions is None:
+        yield "free motions: not told apart in mechanisms of so many bodies"
+        return
     count = sum(motion["number"] for motion in motions)
     yield f"free motions, bodies taken as rigid: {count or 'none'}"
     yield from (f"  {motion['text']}" for motion in motions[:_MOST_MOTIONS])

@@ -35,6 +35,8 @@ ROUGH_PLACE = 0.05
 """The same of a stated position, relative to the largest distance of a joint from what it is on."""
 ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
+TOLD = 8
+"""Angles of bodies that are told in a line."""
 WORTH_A_WARNING = 0.02
 """Part of these limits from which a change is warned of; below, it is only noted."""
 
@@ -122,8 +124,9 @@ class Assembly:
 
 
 def angles_of(closed: Mapping[str, float]) -> str:
-    """Return angles of bodies in words."""
-    return ", ".join(f"{name} {np.degrees(angle):.4g} deg" for name, angle in closed.items())
+    """Return angles of bodies in words, of a few where there are many."""
+    told = [f"{name} {np.degrees(angle):.4g} deg" for name, angle in closed.items()]
+    return ", ".join(told if len(told) <= TOLD else [*told[:TOLD], f"and {len(told) - TOLD} more"])
 
 
 @dataclass(frozen=True, eq=False)
