@@ -61,7 +61,7 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
 
 def _assembled(facts: Mapping[str, Any]) -> Iterator[str]:
     """Yield how the joints were closed, and how else they could be."""
-    from hfsim.scene.start import angles_of
+    from hfsim.scene.assembly import angles_of
 
     yield from facts.get("notes", ())
     branches = facts.get("branches", ())

@@ -25,13 +25,14 @@ from hfsim.mechanics.markers import GroundMarker, Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
+from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Frame, Linkage
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.memory import refuse_too_large
 from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
 from hfsim.scene.schema import Deck
-from hfsim.scene.start import Assembly, Start, assembled
+from hfsim.scene.start import Start, assembled
 
 
 @dataclass(frozen=True, eq=False)

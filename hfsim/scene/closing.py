@@ -20,13 +20,13 @@ from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker, RigidMarker
 
 CLOSED = 1e-9
-"""Gap of a joint, in metres or radians, that counts as none."""
+"""Gap of a joint, relative to the size of the linkage or in radians, that counts as none."""
 SWEEPS = 80
 """Steps of the damped iteration."""
 STARTS = 48
 """Starts of the search for loops, fewer in scenes of many bodies."""
-CUT = 1e-4
-"""Weight of the joint at which a loop that cannot close is cut, over that of all others."""
+CUT = (1e-1, 1e-2, 1e-3, 1e-4)
+"""Weights, one after the other, of the joint at which an open loop is cut, over those of all others."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,16 +88,34 @@ class Linkage:
 
     @cached_property
     def units(self) -> Array:
-        """Size of a step of each coordinate: turns move points by about as much as shifts do."""
-        return np.where(self.turns, 1.0 / self.size, 1.0)
+        """Unit of each coordinate, (n,): about the size or a radian, by which points move as far."""
+        return np.where(self.turns, 1.0, self._length)
+
+    @cached_property
+    def _length(self) -> float:
+        # a power of two, so that units change no digits
+        return float(2.0 ** np.round(np.log2(self.size)))
+
+    @cached_property
+    def scales(self) -> Array:
+        """Unit of each gap, (n_rows,): likewise."""
+        return np.concatenate([np.zeros(0), *(np.full(c.rows, self._unit_of(c)) for c in self.constraints)])
+
+    def _unit_of(self, constraint: Constraint) -> float:
+        return self._length if constraint.unit == "m" else 1.0
 
     def gaps(self, x: Array) -> Array:
-        """Return what joints miss at the start in places (n_batch, n), shape (n_batch, n_rows)."""
+        """Return what joints miss at the start in places (n_batch, n), in units, shape (n_batch, n_rows)."""
         t = np.zeros(len(x))
-        return np.concatenate([np.zeros((len(x), 0)), *(c.residual(t, x) for c in self.constraints)], axis=1)
+        gaps = [np.zeros((len(x), 0)), *(c.residual(t, x) for c in self.constraints)]
+        return np.asarray(np.concatenate(gaps, axis=1) / self.scales)
+
+    def slopes(self, x: Array, free: BoolArray | IntArray) -> Array:
+        """Return the derivative of the gaps by some coordinates, all in units, (n_batch, n_rows, n_free)."""
+        return np.asarray(self.jacobian(x)[:, :, free] * self.units[free] / self.scales[:, None])
 
     def jacobian(self, x: Array) -> Array:
-        """Return the derivative of the gaps, shape (n_batch, n_rows, n)."""
+        """Return the derivative of what the joints miss, shape (n_batch, n_rows, n); not in units."""
         J = np.zeros((len(x), len(self.drift), self.n))
         for c, rows in zip(self.constraints, self.rows, strict=True):
             for marker, block in zip(c.ends, c.jacobians(x), strict=True):
@@ -106,28 +124,30 @@ class Linkage:
 
     @cached_property
     def drift(self) -> Array:
-        """How fast the gaps grow at the start if nothing moves: drivers; shape (n_rows,)."""
+        """How fast what the joints miss grows at the start if nothing moves: drivers; shape (n_rows,)."""
         return np.concatenate([np.zeros(0), *(c.rate(np.zeros(1))[0] for c in self.constraints)])
 
     def worst(self, x: Array) -> tuple[Constraint, float]:
-        """Return the constraint with the largest gap at places (n,), and its size."""
+        """Return the constraint with the largest gap at places (n,), and its size [m or rad]."""
         return self.largest_of(self.gaps(x[None])[0])
 
-    def largest_of(self, values: Array) -> tuple[Constraint, float]:
-        """Return the last constraint with the largest of values (n_rows,), or nearly so, and its size."""
-        sizes = np.array([np.linalg.norm(values[rows]) for rows in self.rows])
-        k = int(np.flatnonzero(sizes >= 0.999 * sizes.max())[-1])
-        return self.constraints[k], float(sizes[k])
+    def largest_of(self, gaps: Array) -> tuple[Constraint, float]:
+        """Return the last constraint with the largest of gaps (n_rows,), or nearly so, and its size [m, rad].
+
+        A distance is named before an angle.
+        """
+        sizes = np.array([np.linalg.norm(gaps[rows]) for rows in self.rows])
+        apart = np.array([c.unit == "m" for c in self.constraints]) & (sizes > CLOSED)
+        ranked = np.where(apart, sizes, 0.0) if apart.any() else sizes
+        k = int(np.flatnonzero(ranked >= 0.999 * ranked.max())[-1])
+        return self.constraints[k], float(sizes[k]) * self._unit_of(self.constraints[k])
 
     def close(self, x: Array, free: BoolArray) -> float:
         """Close joints by Newton's steps of least size, in place (n,); return the largest gap left."""
         left = largest(self.gaps(x[None]))
-        while left >= 1e-14 * max(1.0, largest(x)) and free.any():
-            J, gap = self.jacobian(x[None])[0], self.gaps(x[None])[0]
-            trial = x.copy()
-            trial[free] -= (
-                self.units[free] * np.linalg.lstsq(J[:, free] * self.units[free], gap, rcond=1e-10)[0]
-            )
+        while left >= 1e-14 * max(1.0, largest(x / self.units)) and free.any():
+            trial, J = x.copy(), self.slopes(x[None], free)[0]
+            trial[free] -= self.units[free] * np.linalg.lstsq(J, self.gaps(x[None])[0], rcond=1e-10)[0]
             reached = largest(self.gaps(trial[None]))
             if not reached < 0.5 * left:
                 break
@@ -149,7 +169,7 @@ class Linkage:
         x, damping = x.copy(), np.full((len(x), 1, 1), 1e-2)
         gaps = w * self.gaps(x)
         for _ in range(SWEEPS):
-            J = (self.jacobian(x)[:, :, free] * units) * np.reshape(w, (-1, 1))
+            J = self.slopes(x, free) * np.reshape(w, (-1, 1))
             slope = gaps[:, None] @ J
             A = J.swapaxes(1, 2) @ J + damping * np.eye(J.shape[2])
             step = np.linalg.solve(A, slope.swapaxes(1, 2))[..., 0]
@@ -159,7 +179,7 @@ class Linkage:
             better = np.sum(reached**2, axis=1) < np.sum(gaps**2, axis=1)
             x[better], gaps[better] = trial[better], reached[better]
             damping = np.clip(np.where(better[:, None, None], damping / 8.0, damping * 4.0), 1e-12, 1e6)
-            if largest(gaps) < CLOSED or (largest(step) < 1e-10 * self.size):
+            if largest(gaps) < CLOSED or largest(step) < 1e-10:
                 break
         return x
 
@@ -180,16 +200,15 @@ class Linkage:
         """Return the joint that stays open where all others close, from places (n_batch, n) on; its gap."""
         x = self.descend(x, free)
         opened, _ = self.worst(self.nearest(x))
+        own = self.rows[self.constraints.index(opened)]
         weights = np.ones(len(self.drift))
-        weights[self.rows[self.constraints.index(opened)]] = CUT
-        return self.worst(
-            self.nearest(self.descend(x, free, weights), np.where(weights < 1.0, 1.0, 1.0 / CUT))
-        )
+        for weights[own] in CUT:
+            x = self.descend(x, free, weights)
+        return self.worst(self.nearest(x, np.where(weights < 1.0, 1.0, 1.0 / CUT[-1])))
 
     def moves(self, x: Array, free: BoolArray) -> bool:
         """Return whether the joints leave the free coordinates a motion at places (n,)."""
-        J = self.jacobian(x[None])[0][:, free] * self.units[free]
-        return bool(np.linalg.matrix_rank(J, 1e-9) < free.sum())
+        return bool(np.linalg.matrix_rank(self.slopes(x[None], free)[0], 1e-9) < free.sum())
 
     def nearest(self, x: Array, weights: Array | float = 1.0) -> Array:
         """Return of places (n_batch, n) those, (n,), with the smallest sum of weighted squares of gaps."""

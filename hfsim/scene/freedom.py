@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hfsim.deck.fields import split_point
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.rotations import normal
+from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
 from hfsim.scene.rules import owners
 from hfsim.scene.schema import Deck
-from hfsim.scene.start import Assembly
 
 if TYPE_CHECKING:
     from hfsim.parts.specs import JointSpec, SpringSpec
@@ -104,7 +104,7 @@ def _motions_of(
     group: Sequence[int], assembly: Assembly, energy: Callable[[Array], float]
 ) -> Iterator[FreeMotion]:
     link, names = assembly.linkage, tuple(assembly.poses)
-    whole_mass = energy(np.where(link.turns, 0.0, 1.0)) / link.n_dim
+    whole_mass = energy(np.where(link.turns, 0.0, link.units)) / link.n_dim
     columns = {body: link.columns_of(body) for body in group}
     motions = _null_space(link, assembly.place, np.concatenate([columns[body] for body in group]))
     found = []
@@ -124,9 +124,9 @@ def _motions_of(
             yield FreeMotion(names[body], own.shape[1], kind, about, follow, least / whole_mass)
 
 
-def _null_space(link: Linkage, place: Array, columns: Array) -> Array:
+def _null_space(link: Linkage, place: Array, columns: IntArray) -> Array:
     """Return the motions of some bodies that the joints allow, in steps of units, shape (n, n_motions)."""
-    J = link.jacobian(place[None])[0][:, columns] * link.units[columns]
+    J = link.slopes(place[None], columns)[0]
     J = J[J.any(axis=1)]
     _, sizes, right = np.linalg.svd(J, full_matrices=True)
     motions = np.zeros((link.n, len(columns)))

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -20,6 +19,7 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.rotations import freedoms, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.pose import Pose, Twist
+from hfsim.scene.assembly import UNITS, Assembly, Branches, Change, listed
 from hfsim.scene.closing import CLOSED, Linkage, largest
 from hfsim.scene.schema import InitialSpec
 
@@ -35,98 +35,6 @@ ROUGH_PLACE = 0.05
 """The same of a stated position, relative to the largest distance of a joint from what it is on."""
 ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
-TOLD = 8
-"""Angles of bodies that are told in a line."""
-WORTH_A_WARNING = 0.02
-"""Part of these limits from which a change is warned of; below, it is only noted."""
-
-
-UNITS = {"angle": "rad", "position": "m", "angular_velocity": "rad/s", "velocity": "m/s"}
-"""What is stated under ``initial``, and its units."""
-Branches: TypeAlias = "Callable[[], list[dict[str, float]]]"
-
-
-class Change(NamedTuple):
-    """A stated value that the joints do not allow, and what they allow.
-
-    Attributes
-    ----------
-    body, quantity : str
-        As in ``initial``.
-    stated, taken : tuple of float
-        What the deck says, and what the run starts from.
-    rough : float
-        How far these are apart, relative to what may be a guess.
-    """
-
-    body: str
-    quantity: str
-    stated: tuple[float, ...]
-    taken: tuple[float, ...]
-    rough: float
-
-    def __str__(self) -> str:
-        unit = UNITS[self.quantity]
-        off = float(np.linalg.norm(np.subtract(self.taken, self.stated)))
-        return (
-            f"initial.{self.body}.{self.quantity}: {_listed(self.stated)} {unit} is taken as a guess: "
-            f"the joints allow {_listed(self.taken)} {unit}, {off:.3g} {unit} off"
-        )
-
-
-def _listed(values: tuple[float, ...]) -> str:
-    text = ", ".join(f"{value:.9g}" for value in values)
-    return text if len(values) == 1 else f"[{text}]"
-
-
-@dataclass(frozen=True, eq=False)
-class Assembly:
-    """How the bodies of a scene were put together.
-
-    Attributes
-    ----------
-    linkage : Linkage
-        Of the frames of the bodies.
-    place : ndarray, shape (n,)
-        Where these are.
-    poses : dict of str to Pose
-        The same by body, with full turns.
-    twists : dict of str to Twist
-    changes : tuple of Change
-        Stated values that were taken as guesses.
-    closed : dict of str to float
-        Angles of bodies that the deck does not state, as loops close with them [rad].
-    branches : callable
-        () -> the same angles in each of the other ways to close that are found; the search takes a while.
-    """
-
-    linkage: Linkage
-    place: Array
-    poses: dict[str, Pose]
-    twists: dict[str, Twist]
-    changes: tuple[Change, ...]
-    closed: dict[str, float]
-    branches: Branches
-
-    def warnings(self) -> list[str]:
-        """Return in words which stated values were changed by much."""
-        return [str(change) for change in self.changes if change.rough > WORTH_A_WARNING]
-
-    def notes(self) -> list[str]:
-        """Return in words how loops were closed, and which stated values were changed by little."""
-        closed = [f"the joints close with {angles_of(self.closed)}"] if self.closed else []
-        return [*closed, *(str(change) for change in self.changes if change.rough <= WORTH_A_WARNING)]
-
-    def facts(self) -> dict[str, Any]:
-        """Return what summaries say of it."""
-        changed = [{key: getattr(one, key) for key in Change._fields[:-1]} for one in self.changes]
-        return {"closed": self.closed, "changed": changed, "notes": self.notes()}
-
-
-def angles_of(closed: Mapping[str, float]) -> str:
-    """Return angles of bodies in words, of a few where there are many."""
-    told = [f"{name} {np.degrees(angle):.4g} deg" for name, angle in closed.items()]
-    return ", ".join(told if len(told) <= TOLD else [*told[:TOLD], f"and {len(told) - TOLD} more"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,7 +225,10 @@ def _guesses(start: Start, place: _Stated, starts: Array) -> list[Array]:
     found = link.search(best[None], ~place.exact) or link.search(ends, ~place.exact)
     if not found:
         raise _open(start, place, *link.cut(ends, ~place.exact))
-    near = min((_near(link, one, x) for one in found), key=lambda one: largest((one - x)[place.stated]))
+    near = min(
+        (_near(link, one, x) for one in found),
+        key=lambda one: largest(((one - x) / link.units)[place.stated]),
+    )
     allowed = _changes(start, place, near)
     if any(change.rough > 1.0 for change in allowed):
         raise _contradicted(start, place, *link.worst(best), allowed)
@@ -332,16 +243,17 @@ def _near(link: Linkage, x: Array, begin: Array) -> Array:
 def _settle_rates(start: Start, J: Array, rates: _Stated) -> None:
     """Change what is not stated until the joints hold, then guesses, as `_settle`."""
     link, values = start.linkage, rates.values
+    none = CLOSED * max(1.0, largest(values / link.units))
     gap = J @ values + link.drift
     for free in (~rates.stated & ~link.turns, ~rates.stated, ~rates.exact):
         before = gap
         values[free] -= np.linalg.lstsq(J[:, free], gap, rcond=1e-10)[0]
         gap = J @ values + link.drift
-        if largest(gap) < CLOSED:
+        if largest(gap / link.scales) < none:
             break
     allowed = _changes(start, rates, values)
-    if largest(gap) >= CLOSED or any(change.rough > 1.0 for change in allowed):
-        raise _contradicted(start, rates, *link.largest_of(before), allowed)
+    if largest(gap / link.scales) >= none or any(change.rough > 1.0 for change in allowed):
+        raise _contradicted(start, rates, *link.largest_of(before / link.scales), allowed)
 
 
 def _changes(start: Start, given: _Stated, values: Array) -> tuple[Change, ...]:
@@ -351,7 +263,7 @@ def _changes(start: Start, given: _Stated, values: Array) -> tuple[Change, ...]:
         for quantity, part in given.parts.items():
             where = np.arange(len(values)).reshape(len(start.names), -1)[k, part]
             off = float(np.linalg.norm((values - given.given)[where]))
-            if given.stated[where].all() and off > CLOSED:
+            if given.stated[where].all() and off > CLOSED * start.linkage.units[where[0]]:
                 before, after = (tuple(map(float, kind[where])) for kind in (given.given, values))
                 found.append(Change(name, quantity, before, after, off / _guess(start, quantity, values)))
     return tuple(found)
@@ -380,7 +292,7 @@ def _contradicted(
             joint.item, f"other joints and drivers contradict this one by {size:.6g} {unit}", hint
         )
     what = "velocities" if rates else "positions and angles"
-    nearest = [f"{c.body}.{c.quantity} {_listed(c.taken)} {UNITS[c.quantity]}" for c in allowed]
+    nearest = [f"{c.body}.{c.quantity} {listed(c.taken)} {UNITS[c.quantity]}" for c in allowed]
     hint = f"nearest that the joints allow: {', '.join(nearest)}; " if nearest else ""
     hint += "correct what is stated under 'initial', or leave it out to let it follow from the joints"
     return start.refuse(joint.item, f"the initial {what} contradict this joint by {size:.6g} {unit}", hint)

@@ -1,6 +1,8 @@
 # ruff: noqa: E501
 """Closing loops at the start: angles that are not stated, guesses, branches, and what cannot close."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -37,11 +39,11 @@ def mechanism(links, joints, ground="{}", extra="", kind="rigid", driven="crank"
     return parse_deck(text + extra + "solve: {duration: 0.01}\n", "mechanism.yaml")
 
 
-def four_bar(start=None, lengths=(0.3, 0.9, 0.7), **options):
+def four_bar(start=None, lengths=(0.3, 0.9, 0.7), ground=1.0, **options):
     pairs = ("axle", "ground, crank.root"), ("left", "crank.tip, coupler.root")
     pairs += ("right", "coupler.tip, rocker.tip"), ("foot", "ground.far, rocker.root")
     links = zip(("crank", "coupler", "rocker"), lengths, strict=True)
-    return mechanism(links, pairs, "{far: [1.0, 0.0]}", start=start, **options)
+    return mechanism(links, pairs, f"{{far: [{ground}, 0.0]}}", start=start, **options)
 
 
 def closing(start, lengths=(0.3, 0.9, 0.7)):
@@ -166,6 +168,22 @@ def test_a_loop_that_cannot_close_is_refused_with_the_smallest_gap(start, length
     problem = refused(four_bar(start, lengths))
     assert problem.path == "joints.foot" and f"at least {gap:.6g} m are left" in problem.message
     assert "initial" not in problem.message + problem.hint, "there is nothing to change there"
+
+
+@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+def test_scenes_of_any_size_close_or_tell_their_gap(scale):
+    """Random four-bars, those that can close and those that cannot, against closed forms."""
+    rng = np.random.default_rng(7)
+    for _ in range(8):
+        start, lengths = float(rng.uniform(0.0, 6.0)), rng.uniform(0.1, 2.0, 3)
+        d = abs(1.0 - lengths[0] * np.exp(1j * start))
+        gap = max(abs(lengths[1] - lengths[2]) - d, d - lengths[1] - lengths[2])
+        loaded = four_bar(start, tuple(map(float, scale * lengths)), scale)
+        if gap <= 0.0:
+            assert len(build(loaded).assembly.branches()) == 1
+        else:
+            left = re.search(r"at least (\S+) m are left", refused(loaded).message)
+            assert float(left[1]) == pytest.approx(gap * scale, rel=1e-5)
 
 
 @pytest.mark.parametrize("degrees", range(0, 360, 30))

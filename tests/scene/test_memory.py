@@ -72,7 +72,7 @@ def test_what_fits_depends_on_the_memory_that_is_there(monkeypatch):
     build(load_deck(CASE, ["bodies.b1.elements=500"]))
 
 
-@pytest.mark.parametrize("elements", [32, 64])
+@pytest.mark.parametrize("elements", [16, 32])
 def test_tables_of_low_order_are_what_a_run_takes(elements):
     """Peak of one derivative by differences, which a run asks for, against what is expected of it."""
     scene = build(load_deck(CASE, ["solve.model=lowOrder", f"bodies.b1.elements={elements}"]))

@@ -1,0 +1,105 @@
+"""How the bodies of a scene were put together at the start, and what that changed of what the deck states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.pose import Pose, Twist
+from hfsim.scene.closing import Linkage
+
+TOLD = 8
+"""Angles of bodies that are told in a line."""
+WORTH_A_WARNING = 0.02
+"""Part of what may be a guess from which a change is warned of; below, it is only noted."""
+UNITS = {"angle": "rad", "position": "m", "angular_velocity": "rad/s", "velocity": "m/s"}
+"""What is stated under ``initial``, and its units."""
+Branches: TypeAlias = "Callable[[], list[dict[str, float]]]"
+
+
+class Change(NamedTuple):
+    """A stated value that the joints do not allow, and what they allow.
+
+    Attributes
+    ----------
+    body, quantity : str
+        As in ``initial``.
+    stated, taken : tuple of float
+        What the deck says, and what the run starts from.
+    rough : float
+        How far these are apart, relative to what may be a guess.
+    """
+
+    body: str
+    quantity: str
+    stated: tuple[float, ...]
+    taken: tuple[float, ...]
+    rough: float
+
+    def __str__(self) -> str:
+        unit = UNITS[self.quantity]
+        off = float(np.linalg.norm(np.subtract(self.taken, self.stated)))
+        return (
+            f"initial.{self.body}.{self.quantity}: {listed(self.stated)} {unit} is taken as a guess: "
+            f"the joints allow {listed(self.taken)} {unit}, {off:.3g} {unit} off"
+        )
+
+
+def listed(values: tuple[float, ...]) -> str:
+    """Return one number or a vector as text."""
+    text = ", ".join(f"{value:.9g}" for value in values)
+    return text if len(values) == 1 else f"[{text}]"
+
+
+@dataclass(frozen=True, eq=False)
+class Assembly:
+    """How the bodies of a scene were put together.
+
+    Attributes
+    ----------
+    linkage : Linkage
+        Of the frames of the bodies.
+    place : ndarray, shape (n,)
+        Where these are.
+    poses : dict of str to Pose
+        The same by body, with full turns.
+    twists : dict of str to Twist
+    changes : tuple of Change
+        Stated values that were taken as guesses.
+    closed : dict of str to float
+        Angles of bodies that the deck does not state, as loops close with them [rad].
+    branches : callable
+        () -> the same angles in each of the other ways to close that are found; the search takes a while.
+    """
+
+    linkage: Linkage
+    place: Array
+    poses: dict[str, Pose]
+    twists: dict[str, Twist]
+    changes: tuple[Change, ...]
+    closed: dict[str, float]
+    branches: Branches
+
+    def warnings(self) -> list[str]:
+        """Return in words which stated values were changed by much."""
+        return [str(change) for change in self.changes if change.rough > WORTH_A_WARNING]
+
+    def notes(self) -> list[str]:
+        """Return in words how loops were closed, and which stated values were changed by little."""
+        closed = [f"the joints close with {angles_of(self.closed)}"] if self.closed else []
+        return [*closed, *(str(change) for change in self.changes if change.rough <= WORTH_A_WARNING)]
+
+    def facts(self) -> dict[str, Any]:
+        """Return what summaries say of it."""
+        changed = [{key: getattr(one, key) for key in Change._fields[:-1]} for one in self.changes]
+        return {"closed": self.closed, "changed": changed, "notes": self.notes()}
+
+
+def angles_of(closed: Mapping[str, float]) -> str:
+    """Return angles of bodies in words, of a few where there are many."""
+    told = [f"{name} {np.degrees(angle):.4g} deg" for name, angle in closed.items()]
+    return ", ".join(told if len(told) <= TOLD else [*told[:TOLD], f"and {len(told) - TOLD} more"])
