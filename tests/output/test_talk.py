@@ -25,16 +25,18 @@ def test_what_can_be_read_stays():
     assert printable("Träger 30 °, 😀\n") == "Träger 30 °, 😀\n"
 
 
-def test_progress_and_log_show_names_likewise():
+def test_progress_and_log_show_names_likewise(tmp_path):
     class Terminal(list):
         write, flush, isatty = list.append, lambda self: None, lambda self: True
 
     clock = iter((0.0, 10.0, 20.0))
     screen, log = Terminal(), RunLog()
     Progress(RED, screen, clock=lambda: next(clock))(0.5)
+    log.to(tmp_path / "run.log")
     log.add(RED)
-    assert RED not in "".join(screen) + log.text
-    assert "u001b[31m" in "".join(screen) and "u001b[31m" in log.text
+    text = (tmp_path / "run.log").read_text()
+    assert RED not in "".join(screen) + text
+    assert "u001b[31m" in "".join(screen) and "u001b[31m" in text
 
 
 def hfsim(arguments, cwd, closed=(), **environment):
