@@ -49,7 +49,7 @@ class TurnCount:
 
     def expected(self, t: Array) -> Array:
         """Return about what the angle is at times (n_batch,)."""
-        if self.now is not None and t.min() >= self.now.t:
+        if self.now is not None and (t >= self.now.t).all():
             return self.now.at(t)
         known = self.noted if self.now is None else [*self.noted, self.now]
         times, angles, rates = np.array(known).T
