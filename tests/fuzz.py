@@ -648,15 +648,17 @@ class Report:
         self.codes: Counter[str] = Counter()
         self.kinds: Counter[str] = Counter()
         self.smallest: dict[str, tuple[Mutant, list[str]]] = {}
-        self.slowest = (0.0, "")
+        self.slowest = (0.0, -1)
 
-    def add(self, one: Mutant, found: Found, run: bool) -> None:
+    def add(self, found: Found, make: Callable[[int], Mutant], run: bool) -> None:
         self.codes[f"{'run' if run else 'check'} {found.code}"] += 1
         if not run:
-            self.slowest = max(self.slowest, (found.cpu, one.name))
+            self.slowest = max(self.slowest, (found.cpu, found.number))
         if not found.faults:
             return
-        kind = kind_of(found.faults)
+        kind, one = kind_of(found.faults), make(found.number)
+        if not self.kinds[kind]:
+            print(f"{one.name}: {'; '.join(found.faults)[:300]!a}", file=sys.stderr)
         self.kinds[kind] += 1
         if kind not in self.smallest or len(one.data) < len(self.smallest[kind][0].data):
             self.smallest[kind] = one, found.faults
@@ -705,7 +707,7 @@ def fuzz(options: argparse.Namespace) -> int:
                 chosen = [path for path in options.replay if ("run" in path.stem) == run]
                 numbers, make = range(len(chosen)), lambda k, chosen=chosen: _again(chosen[k])
             for found in verdicts(numbers, make, run, Path(place) / "base"):
-                report.add(make(found.number), found, run)
+                report.add(found, make, run)
     report.tell()
     return sum(report.kinds.values())
 
