@@ -55,9 +55,12 @@ def dependence(
     """
     if not Phi_x.shape[0]:
         return Dependence(0, 1.0, ())
-    left, sizes = _weakest(_touched(Phi_x))
+    unit = _touched(Phi_x)
+    beyond = max(0, unit.shape[0] - unit.shape[1] - BLOCK)  # more rows than columns: some say enough of all
+    left, sizes = _weakest(unit[: unit.shape[0] - beyond])
     missing = int(np.sum(sizes <= LOST))
-    weight = np.abs(left[:, : max(missing, 1)]).max(axis=1)
+    weight = np.abs(np.pad(left[:, : max(missing, 1)], ((0, beyond), (0, 0)))).max(axis=1)
+    missing += beyond
     involved = (n for n, members in joints.items() if any(weight[rows[k]].max() > share for k in members))
     return Dependence(missing, float(sizes[0]), tuple(involved))
 

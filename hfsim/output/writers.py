@@ -210,5 +210,6 @@ def write_resolved(path: Path, provenance: Provenance, model: str) -> None:
 
     deck = dict(provenance.resolved)
     deck["solve"] = {**(deck.get("solve") or {}), "model": model}
-    head = f"# {printable(provenance.source)} with every default filled in, as hfsim {__version__} ran it.\n"
+    source = printable(provenance.source).replace("\n", " ")
+    head = f"# {source} with every default filled in, as hfsim {__version__} ran it.\n"
     write_text(path, head + yaml.safe_dump(deck, sort_keys=False, allow_unicode=True))

@@ -58,8 +58,6 @@ class Scene:
         What the rules found that the scene does not need.
     assembly : Assembly
         How the bodies were put together.
-    parts : tuple of Part
-        Parts that nothing connects and that are integrated by themselves; none where all is one.
     """
 
     loaded: LoadedDeck
@@ -73,7 +71,6 @@ class Scene:
     start_angles: dict[str, float]
     left_out: LeftOut
     assembly: Assembly
-    parts: tuple[Part, ...] = ()
 
     @property
     def deck(self) -> Deck:
@@ -104,6 +101,14 @@ class Scene:
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
         return found
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Parts that nothing connects and that are integrated by themselves; none where all is one."""
+        if not self.left_out.fires("parts"):
+            return ()
+        still = still_bodies(self.deck, _kinds(self.loaded, self.models))
+        return tuple(_part(self, group, still) for group in connected(self.deck, still))
 
     def marker(self, point: str) -> Marker:
         """Return the marker of a point such as ``b1.tip``."""
@@ -151,7 +156,7 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     name = model or deck.solve.model
     named = deck.models(name) | dict(models or {})
     named = {beam: FALLBACK if one == "auto" else one for beam, one in named.items()}
-    kinds = {beam: MODELS[one].stepping_in(_coordinates(loaded, one)) for beam, one in named.items()}
+    kinds = _kinds(loaded, named)
     bodies = _bodies(deck, kinds)
     refuse_too_large(loaded, bodies)
     joints, constraints = _joints(deck, bodies)
@@ -179,8 +184,11 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
             near[0, body.angle_column] = angles[body.name]
     q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
     q, v = system.project(np.zeros(1), q, v)
-    scene = Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start)
-    return replace(scene, parts=_parts(scene, kinds)) if left_out.fires("parts") else scene
+    return Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start)
+
+
+def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
+    return {beam: MODELS[one].stepping_in(_coordinates(loaded, one)) for beam, one in models.items()}
 
 
 def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
@@ -190,12 +198,6 @@ def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
     n = max(frame.columns.stop for frame in frames.values())
     linkage = Linkage(constraints, n, deck.dimension)
     return assembled(Start(tuple(bodies), deck.initial, linkage, loaded.problem))
-
-
-def _parts(scene: Scene, kinds: Mapping[str, Model]) -> tuple[Part, ...]:
-    """Assemble each part by itself."""
-    still = still_bodies(scene.deck, kinds)
-    return tuple(_part(scene, group, still) for group in connected(scene.deck, still))
 
 
 def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
