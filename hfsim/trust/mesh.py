@@ -143,7 +143,8 @@ def _measured(run: Compared, mesh: Mesh, update: dict[str, Any], budget: Budget,
     try:
         scene = remeshed(leg.scene, mesh)
     except (HfsimError, MemoryError) as refused:
-        return Estimate(None, f"{words} could not be built: {refused}")
+        why = str(refused).split("\n")[0] or "it does not fit into memory"
+        return Estimate(None, f"{words} could not be built: {why}")
     solve = scene.deck.solve.model_copy(update={"max_steps": None, **update})
     record = Record(balanced=False)
     reason = why_not(run_integration(scene, solve, budget.guard(), record=record), words, seconds)
