@@ -109,7 +109,7 @@ def test_a_measured_plan_keeps_what_it_has(wheel, monkeypatch):
     def cut(*arguments, **options):
         calls.append(1)
         run = whole(*arguments, **options)
-        return replace(run, status="interrupted") if len(calls) > 10 else run
+        return replace(run, status="interrupted", exit_code=130) if len(calls) > 10 else run
 
     monkeypatch.setattr(plan, "simulate", cut)
     result = call("plan", "pendulum", "--measure", "--repeats", 1, "--json", "--set", "solve.duration=0.01")

@@ -128,7 +128,8 @@ def concluded(search: Search, status: str, reason: str, cpu: float) -> Refinemen
         level.estimate = error if math.isfinite(error) else None
     chosen = search.answer() if status == "reached" else current
     if chosen is None:
-        chosen, why = search.levels[-1], "no level reached its end"
+        begun = [level for level in search.levels if level.done] or search.levels
+        chosen, why = begun[-1], "no level reached its end"
     elif chosen is current:
         chosen.channel = next((one.channel for one in reversed(search.levels) if one.channel), "")
         why = f"the finest level; {_of_finest(search, chosen)}"

@@ -7,9 +7,9 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
+from hfsim.errors import DeckError
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.maths.memory import available, in_bytes, resident
-from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.channels import is_judged
 from hfsim.run.distance import channel_errors, farthest
 from hfsim.run.integration import run_integration
@@ -33,8 +33,6 @@ _TRIAL_FROM = 20
 """Nodal and interior vectors of all beams from which this is tried."""
 _COST_ORDER = 1.7
 """Power of the unknowns that the time of a run is expected to grow with."""
-_STAGES = 24
-"""Dense matrices of the size of the mass matrix that a step holds at most, unless there are more elements."""
 _MEMORY_SHARE = 0.8
 """Part of the memory there is that a level may take."""
 
@@ -63,7 +61,7 @@ class Search:
 
         Raises
         ------
-        KeyboardInterrupt, TimeUp, MemoryError
+        KeyboardInterrupt, Halted, MemoryError
             The level is noted then too.
         """
         level = Level(len(self.levels), words, setting)
@@ -74,6 +72,11 @@ class Search:
         except MemoryError:
             level.status, level.reason = "failed", "not enough memory"
             raise
+        except DeckError as error:  # a mesh that is refused for its size, say
+            if level.number == 0:
+                raise
+            level.status, level.reason = "failed", error.problems[0].message
+            raise Halted(level.reason) from error
         finally:
             level.cpu, level.wall = time.process_time() - cpu, time.perf_counter() - wall
             level.held = max(0, resident() - held)
@@ -227,27 +230,7 @@ class Search:
         if growth * base.wall > left:
             words = f"the next level would take about {growth * base.wall:.2g} s"
             raise TimeUp(f"{words}, of {self.budget.seconds:g} s are left {left:.2g}")
-        self.refuse_too_much_memory(setting, after / max(before, 1) * base.held)
-
-    def refuse_too_much_memory(self, setting: Setting, held: float = 0.0) -> None:
-        """Refuse a setting whose motion, `held` [byte], and dense matrices would not fit into memory.
-
-        Raises
-        ------
-        Halted
-        """
-        needed, there = held + self._matrices(setting), _MEMORY_SHARE * available()
+        needed, there = after / max(before, 1) * base.held, _MEMORY_SHARE * available()
         if needed > there:
             words = f"the next level would take about {in_bytes(needed)} of memory"
             raise Halted(f"{words}, of which there are {in_bytes(there)}")
-
-    def _matrices(self, setting: Setting) -> float:
-        """Return the memory that dense matrices take, about [byte]; sparse ones take next to none."""
-        model = MODELS.get(self.model)
-        free = setting.coordinates == "auto" and model is not None and model.stepping_in("auto").frame
-        low = model is not None and model.strain == "low_order"
-        if not (low or free or setting.coordinates == "frame"):
-            return 0.0
-        unknowns = len(self.loaded.deck.gravity) * setting.vectors
-        elements = sum(count for _, count, _ in setting.mesh)
-        return max(_STAGES, elements) * 8.0 * unknowns**2

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 
-from hfsim.errors import LimitReached, interruption_words
+from hfsim.errors import interruption_words
 from hfsim.run.solution import Run
 from hfsim.run.stop import Budget, Halted, Progress
 from hfsim.scene.loading import LoadedDeck
@@ -56,8 +56,6 @@ def refine(
     ------
     DeckError
         If the scene cannot be assembled.
-    LimitReached
-        If not even the first level would fit into the memory there is.
     """
     budget = Budget(loaded.deck.solve.budget or DEFAULT_BUDGET)
     if progress is not None:
@@ -65,8 +63,6 @@ def refine(
     start = time.process_time()
     search = Search(loaded, model, budget)
     status, reason = _search(search)
-    if not search.levels:
-        raise LimitReached(reason)
     found = concluded(search, status, reason, time.process_time() - start)
     return found.run(Wish(False, False, diagnosis, after)), found.chosen.setting.applied(loaded)
 
@@ -105,9 +101,7 @@ def _search(search: Search) -> tuple[str, str]:
 
 def _begin(search: Search) -> bool:
     """Run the first level, or the deck's own setting if the coarse one fails; return whether one ended."""
-    setting = coarse(search.loaded, search.target)
-    search.refuse_too_much_memory(setting)
-    first = search.solve("", setting)
+    first = search.solve("", coarse(search.loaded, search.target))
     if first.status != "done":
         mesh = tuple((name, spec.elements, spec.degree) for name, spec in beams_of(search.loaded).items())
         tolerance = min(first.setting.tolerance, search.loaded.deck.solve.tolerance)
