@@ -28,12 +28,26 @@ def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk, told: C
     if run.status == "done" and summary.get("suspicion"):
         doubt = summary["suspicion"]
         talk.note(f"{run.name}: suspicious: {doubt['reason']}\n{findings(doubt)}")
+    if summary.get("ringing"):
+        talk.note(f"{run.name}: {ringing_words(summary['ringing'])}")
     if summary.get("mesh_advice"):
         what, where = summary["mesh_error_estimate"], summary["mesh_error_estimate_channel"]
         words = f"the mesh error, about {what:.2g} in {where}, is far above the time error"
         talk.note(f"{run.name}: {words}; what helps: {summary['mesh_advice']}")
     talk.facts(summary)
     talk.result(f"{run.name}: {headline(run)}\n{as_text(run, summary, folder)}")
+
+
+def ringing_words(found: Mapping[str, Any]) -> str:
+    """Return in a sentence which vibration costs steps for nothing, and what would save them."""
+    what = "a vibration that no output shows"
+    if found["frequency"] is not None:
+        what = f"a vibration of {found['item']} at {found['frequency']:.3g} Hz that no output shows"
+    return (
+        f"the steps follow {what}: with --set solve.tolerance={found['tolerance']:g} they are "
+        f"{found['fewer_steps']:.2g} times fewer, and {found['channel']} changes most, by "
+        f"{found['change']:.1g} of its range; so would damping or a start from equilibrium save them"
+    )
 
 
 def headline(run: Run) -> str:

@@ -158,8 +158,15 @@ class Aftermath:
                 self.stop = diagnose(scene, done, self.budget)
             else:
                 self.facts["suspicion"] = suspect(scene, done, statistics, self.budget)
+                self._ringing()
             cut = f"cut short when its time was up; {advice(self.clock.cpu['solve'])}"
             self.facts["diagnosis_reason"] = cut if self.budget.left <= 0.0 else ""
+
+    def _ringing(self) -> None:
+        from hfsim.trust.ringing import MANY, ringing
+
+        if not self.facts["suspicion"] and self.run.legs[0].done.problem.counts.steps >= MANY:
+            self.facts["ringing"] = ringing(self.run, self.budget)
 
     def _why_not(self, wanted: bool) -> str:
         """Return why some work is not done."""
