@@ -39,6 +39,9 @@ def report_error(error: Exception) -> int:
         print_error(str(error))
     elif isinstance(error, HfsimError):
         print_error(f"error: {error}")
+    elif isinstance(error, MemoryError):
+        print_error("error: memory did not suffice; fewer elements or a longer output.interval help")
+        return 1
     else:
         print_error(f"internal error: {type(error).__name__}: {error}")
     _show_traceback(error)
