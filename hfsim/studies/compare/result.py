@@ -165,7 +165,7 @@ class Comparison:
     def _ties(self) -> str:
         if not self.ties:
             return ""
-        return f"; its CPU time ties with that of {' and '.join(self.ties)}, which leave out as much or more"
+        return f"; its CPU time ties with that of {' and '.join(self.ties)}, and it leaves out least"
 
 
 def _worst_of(result: ModelResult) -> str:
