@@ -45,6 +45,26 @@ class Entries(NamedTuple):
 NOTHING = Entries(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
 
 
+def smallest_step(J: Array, gap: Array) -> Array:
+    """Return the smallest x with J x nearest to a gap; J (m, n), in large cases by sparse factors.
+
+    These are of J J^T, raised by round-off so that rows may depend on one another.
+    """
+    if max(J.shape) <= DENSE_UP_TO:
+        return np.asarray(np.linalg.lstsq(J, gap, rcond=1e-10)[0])
+    from scipy.sparse import csc_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    rows = csc_array(J)
+    square = rows @ rows.T
+    raised = _ROUNDING * max(float(np.abs(square.diagonal()).max(initial=0.0)), 1e-300)
+    return np.asarray(rows.T @ splu((square + raised * eye_array(len(J))).tocsc()).solve(gap))
+
+
+_ROUNDING = 1e-13
+"""Part of the largest entry of a matrix that is added to its diagonal."""
+
+
 def is_sparse(matrix: Matrix) -> bool:
     """Return whether a matrix is sparse."""
     return not isinstance(matrix, np.ndarray)

@@ -85,13 +85,11 @@ class Scene:
     def _rigid_energy(self, rates: Array) -> float:
         """Return the kinetic energy [J] of frames that move at rates (n,) at the start."""
         x, n_dim = self.system.absolute(self.q[None]), self.deck.dimension
-        parts = zip(self.bodies.values(), self.assembly.poses.values(), strict=True)
-        rows = rates.reshape(len(self.bodies), -1)
-        u = [
-            body.moving(pose, Twist(row[:n_dim], row[n_dim:]))
-            for (body, pose), row in zip(parts, rows, strict=True)
-        ]
-        return float(self.system.kinetic_energy(x, np.concatenate(u)[None])[0])
+        bodies, poses = list(self.bodies.values()), list(self.assembly.poses.values())
+        rows, u = rates.reshape(len(bodies), -1), np.zeros_like(x)
+        for k in np.flatnonzero(rows.any(axis=1)):
+            u[0, bodies[k].columns] = bodies[k].moving(poses[k], Twist(rows[k, :n_dim], rows[k, n_dim:]))
+        return float(self.system.kinetic_energy(x, u)[0])
 
     @cached_property
     def warnings(self) -> list[str]:

@@ -14,6 +14,7 @@ from itertools import pairwise
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.constraints import Constraint
@@ -147,7 +148,7 @@ class Linkage:
         left = largest(self.gaps(x[None]))
         while left >= 1e-14 * max(1.0, largest(x / self.units)) and free.any():
             trial, J = x.copy(), self.slopes(x[None], free)[0]
-            trial[free] -= self.units[free] * np.linalg.lstsq(J, self.gaps(x[None])[0], rcond=1e-10)[0]
+            trial[free] -= self.units[free] * smallest_step(J, self.gaps(x[None])[0])
             reached = largest(self.gaps(trial[None]))
             if not reached < 0.5 * left:
                 break

@@ -74,7 +74,9 @@ def free_motions(assembly: Assembly, energy: Callable[[Array], float]) -> list[F
     groups = _mechanisms(assembly.linkage, len(assembly.poses))
     if max(map(len, groups)) > MOST_BODIES:
         return None
-    return [motion for group in groups for motion in _motions_of(group, assembly, energy)]
+    link = assembly.linkage
+    mass = energy(np.where(link.turns, 0.0, link.units)) / link.n_dim
+    return [motion for group in groups for motion in _motions_of(group, assembly, energy, mass)]
 
 
 def _mechanisms(link: Linkage, count: int) -> list[list[int]]:
@@ -101,10 +103,9 @@ def _mechanisms(link: Linkage, count: int) -> list[list[int]]:
 
 
 def _motions_of(
-    group: Sequence[int], assembly: Assembly, energy: Callable[[Array], float]
+    group: Sequence[int], assembly: Assembly, energy: Callable[[Array], float], whole_mass: float
 ) -> Iterator[FreeMotion]:
     link, names = assembly.linkage, tuple(assembly.poses)
-    whole_mass = energy(np.where(link.turns, 0.0, link.units)) / link.n_dim
     columns = {body: link.columns_of(body) for body in group}
     motions = _null_space(link, assembly.place, np.concatenate([columns[body] for body in group]))
     found = []

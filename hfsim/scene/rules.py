@@ -220,11 +220,13 @@ def _standing_drivers(deck: Deck, models: Models) -> Items:
 )
 def _fixed_bodies(deck: Deck, models: Models) -> Items:
     """Return the rigid bodies that undriven fixed joints weld to the ground, unless none would be left."""
-    standing = {"ground"}
-    for _ in deck.joints:
-        for name, joint in deck.joints.items():
-            fresh = owners(joint) - standing
-            if joint.welds and len(fresh) == 1 and _may_stand(deck, name, *fresh):
+    standing, before = {"ground"}, 0
+    welding = [(name, owners(joint)) for name, joint in deck.joints.items() if joint.welds]
+    while before < len(standing):
+        before = len(standing)
+        for name, ends in welding:
+            fresh = ends - standing
+            if len(fresh) == 1 and _may_stand(deck, name, *fresh):
                 standing |= fresh
     folded = tuple(name for name in deck.bodies if name in standing)
     return tuple(f"bodies.{name}" for name in folded) if len(folded) < len(deck.bodies) else ()

@@ -16,6 +16,7 @@ import numpy as np
 
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.pose import Pose, Twist
@@ -144,9 +145,12 @@ def _hand_on(start: Start, given: _Stated, step: Callable[[Constraint], Array]) 
     )
     known: dict[int | None, Array] = {GROUND: np.zeros(turns.shape[1])}
     known |= {int(k): turns[k] for k in np.flatnonzero(stated[:, -1])}
-    for _ in start.ties:
-        for tie in start.ties:
-            a, b = (start.linkage.owner(marker) for marker in tie.ends)
+    owner = start.linkage.owner
+    ties = [(tie, owner(tie.ends[0]), owner(tie.ends[1])) for tie in start.ties]
+    before = -1
+    while before < len(known):
+        before = len(known)
+        for tie, a, b in ties:
             if a in known and b not in known:
                 known[b] = known[a] + step(tie)
             elif b in known and a not in known:
@@ -247,7 +251,7 @@ def _settle_rates(start: Start, J: Array, rates: _Stated) -> None:
     gap = J @ values + link.drift
     for free in (~rates.stated & ~link.turns, ~rates.stated, ~rates.exact):
         before = gap
-        values[free] -= np.linalg.lstsq(J[:, free], gap, rcond=1e-10)[0]
+        values[free] -= smallest_step(J[:, free], gap)
         gap = J @ values + link.drift
         if largest(gap / link.scales) < none:
             break
