@@ -548,7 +548,7 @@ def verdicts(numbers: Sequence[int], make: Callable[[int], Mutant], run: bool, b
     left = list(numbers)
     while left:
         batch = left[:RENEWED]
-        begun = -1
+        begun, before = -1, len(left)
         for message in _in_child(batch, make, run, base):
             if isinstance(message, Found):
                 left.remove(message.number)
@@ -564,6 +564,8 @@ def verdicts(numbers: Sequence[int], make: Callable[[int], Mutant], run: bool, b
                 )
             else:
                 raise RuntimeError(f"the process ended: {message}")
+        if len(left) == before:
+            raise RuntimeError("the process ended before it judged anything")
 
 
 _TOO_LONG = "endless"

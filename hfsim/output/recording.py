@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any
 from hfsim.errors import LimitReached, interruption_code
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
 from hfsim.output.disk import History, disk, write_json
-from hfsim.output.pictures import lost, put_pictures
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, warnings_of, write_resolved
 from hfsim.run.nested import Memory
@@ -160,6 +159,8 @@ class Recording:
         """
         plots: list[str] = []
         if pictures:
+            from hfsim.output.pictures import lost, put_pictures
+
             try:
                 with self._watch.phase("plots"):
                     plots = put_pictures(partial(_draw, run), self.path)

@@ -26,6 +26,8 @@ MESH_TOLD = 1e-3
 """Mesh error [-] from which a run says what would help..."""
 MESH_AHEAD = 100.0
 """...if it is that many times the time error."""
+MANY = 200
+"""Steps from which it is asked what they follow."""
 INTERRUPTED = "interrupted"
 """Why something is not known that a signal has ended."""
 
@@ -140,9 +142,6 @@ class Aftermath:
         self.facts |= found.facts(name)
 
     def _diagnosis(self, statistics: dict[str, Any]) -> None:
-        from hfsim.trust.diagnosis import diagnose
-        from hfsim.trust.suspicion import suspect
-
         reason = self._why_not(self.wish.diagnosis)
         if not reason and (len(self.run.legs) > 1 or isinstance(self.stop, LimitReached)):
             reason = "models change in the run" if len(self.run.legs) > 1 else "the run did not reach its end"
@@ -155,17 +154,21 @@ class Aftermath:
         self.facts["diagnosis_reason"] = INTERRUPTED
         with self._phase("diagnosis"):
             if isinstance(self.stop, SolverFailure):
+                from hfsim.trust.diagnosis import diagnose
+
                 self.stop = diagnose(scene, done, self.budget)
             else:
+                from hfsim.trust.suspicion import suspect
+
                 self.facts["suspicion"] = suspect(scene, done, statistics, self.budget)
                 self._ringing()
             cut = f"cut short when its time was up; {advice(self.clock.cpu['solve'])}"
             self.facts["diagnosis_reason"] = cut if self.budget.left <= 0.0 else ""
 
     def _ringing(self) -> None:
-        from hfsim.trust.ringing import MANY, ringing
-
         if not self.facts["suspicion"] and self.run.legs[0].done.problem.counts.steps >= MANY:
+            from hfsim.trust.ringing import ringing
+
             self.facts["ringing"] = ringing(self.run, self.budget)
 
     def _why_not(self, wanted: bool) -> str:

@@ -15,8 +15,6 @@ from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene
 from hfsim.trust.estimate import Compared
 
-MANY = 200
-"""Steps from which it is looked for."""
 LOOSER = 100.0
 """Factor on the tolerance that is tried."""
 LOOSEST = 1e-4
@@ -43,7 +41,7 @@ def ringing(run: Compared, budget: Budget) -> dict[str, Any] | None:
     leg = run.legs[-1]
     scene, done = leg.scene, leg.done
     solve, steps = scene.deck.solve, done.problem.counts.steps
-    if len(run.legs) > 1 or solve.step is not None or steps < MANY or solve.tolerance >= LOOSEST:
+    if len(run.legs) > 1 or solve.step is not None or solve.tolerance >= LOOSEST:
         return None
     looser, record = float(f"{min(LOOSER * solve.tolerance, LOOSEST):.2g}"), Record()
     again = run_integration(
