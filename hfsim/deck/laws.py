@@ -231,6 +231,12 @@ class ConstantRateSpec(LawSpec):
         return LinearLaw(self.start, self.rate)
 
 
+_INSIDE = 9
+"""Places in a stretch of a table at which its spline is looked at."""
+_FAR = 1.5
+"""Distance of a spline from the middle of its values, over their range, from which it swings too far."""
+
+
 class TableSpec(LawSpec):
     """Cubic spline through points (not-a-knot ends)."""
 
@@ -260,6 +266,20 @@ class TableSpec(LawSpec):
         if around.duration is not None and (first > 0 or last < around.duration):
             run = f"the run goes from 0 to {around.duration:g} s"
             yield Complaint(("times",), f"covers {first:g} s to {last:g} s, {run}")
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield points so unevenly apart that the spline swings far beyond them."""
+        if any(self.complaints()):
+            return
+        times, values = np.array(self.times), np.array(self.values)
+        inside = times[:-1, None] + np.diff(times)[:, None] * np.linspace(0.0, 1.0, _INSIDE)
+        found = np.asarray(self.build().value(inside.ravel()))
+        beyond = np.abs(found - 0.5 * (values.max() + values.min()))
+        worst = int(beyond.argmax())
+        if beyond[worst] > _FAR * np.ptp(values) > 0.0:
+            at = inside.ravel()[worst]
+            message = f"the spline through the points reaches {found[worst]:.3g} at {at:.4g} s"
+            yield Complaint(("values",), message, "add points in long stretches, or take smooth_step")
 
     def build(self) -> Law:
         """Return the law."""

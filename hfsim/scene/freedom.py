@@ -193,6 +193,7 @@ def slips(deck: Deck, assembly: Assembly, motions: Sequence[FreeMotion]) -> Iter
             yield f"bodies.{motion.body}", message
     for name in {c.item.removeprefix("joints."): None for c in assembly.linkage.constraints if c.driven}:
         yield from _idle_driver(deck, name, groups)
+        yield from _loose_driver(deck, name, motions)
 
 
 def _groups(assembly: Assembly) -> dict[str, set[str]]:
@@ -242,3 +243,15 @@ def _idle_driver(deck: Deck, name: str, groups: Mapping[str, set[str]]) -> Itera
         alone = groups[body] == {body} and deck.bodies[body].rigid and not any(body in one for one in acted)
         if alone and len(deck.bodies) > 1 and not driver.stands:
             yield f"joints.{name}", f"moves '{body}' alone: no other joint, spring or load is on it"
+
+
+def _loose_driver(deck: Deck, name: str, motions: Sequence[FreeMotion]) -> Iterator[tuple[str, str]]:
+    """Yield a driver of an angle between bodies of which one slides, as no joint holds both together."""
+    ends = owners(deck.joints[name])
+    held = any(joint.carries and owners(joint) == ends for joint in deck.joints.values())
+    for motion in motions:
+        slides = motion.kind not in ("floats", "turns") and motion.body in ends
+        if slides and not held and not deck.joints[name].carries:
+            both = " and ".join(f"'{one}'" for one in sorted(ends))
+            message = f"turns '{motion.body}', which {motion.kind}: no joint holds {both} together"
+            yield f"joints.{name}", message

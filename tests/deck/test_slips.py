@@ -71,6 +71,13 @@ SLIPS = [
         "ms'?",
     ),
     ("interval: 0.01", "interval: 10", "output.interval", "10 s is longer than the run, 2 s", "'10 ms'?"),
+    (
+        "type: smooth_step, from: 0, to: 1, start: 0.1, end: 2",
+        "type: table, times: [0, 1, 1.001, 1.002, 2], values: [0, 0, 1, 0, 0]",
+        "loads.push.law.values",
+        "the spline through the points reaches",
+        "or take smooth_step",
+    ),
     ("-9.81", "9.81", "gravity.1", "points up", "-9.81?"),
     ("-9.81", "-9810", "gravity.1", "a thousand times the Earth's", "'-9810 mm/s2'?"),
 ]

@@ -187,3 +187,24 @@ def test_mechanisms_of_many_bodies_are_not_told_apart():
     facts = check(parse_deck(text))
     assert facts["free_motions"] is None
     assert list(free_motions(facts)) == ["free motions: not told apart in mechanisms of so many bodies"]
+
+
+def test_a_driver_whose_bearing_was_deleted_is_warned_of():
+    """In a loop the other joints still hold the body somewhere: it slides where it was to turn."""
+    bars = [
+        "crank: {type: rigid, mass: 1.0, inertia: 0.01, points: {a: [-0.15, 0.0], b: [0.15, 0.0]}}",
+        "coupler: {type: rigid, mass: 1.0, inertia: 0.1, points: {a: [-0.45, 0.0], b: [0.45, 0.0]}}",
+        "rocker: {type: rigid, mass: 1.0, inertia: 0.05, points: {a: [-0.35, 0.0], b: [0.35, 0.0]}}",
+    ]
+    joints = [
+        "o: {type: revolute, between: [ground, crank.a]}",
+        "p: {type: revolute, between: [crank.b, coupler.a]}",
+        "q: {type: revolute, between: [coupler.b, rocker.b]}",
+        "r: {type: revolute, between: [ground.far, rocker.a]}",
+        MOTOR.replace("hub", "crank"),
+    ]
+    far = "ground: {points: {far: [1.0, 0.0]}}"
+    assert scene(bars, joints, far).warnings == []
+    (warning,) = scene(bars, joints[1:], far).warnings
+    assert "joints.motor" in warning
+    assert "no joint holds 'crank' and 'ground' together" in warning
