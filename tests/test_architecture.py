@@ -253,7 +253,7 @@ def test_the_deck_of_the_readme_runs():
 
 def test_the_readme_names_all_there_is():
     from hfsim.cli import COMMANDS
-    from hfsim.deck.laws import LAWS
+    from hfsim.deck.law_specs import LAWS
     from hfsim.integrators import METHODS
     from hfsim.parts.bodies.models import MODELS
     from hfsim.parts.channels import CHANNELS

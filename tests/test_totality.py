@@ -19,7 +19,7 @@ from click.testing import CliRunner
 
 from hfsim.cli import COMMANDS, app
 from hfsim.deck.fields import Between
-from hfsim.deck.laws import LAWS
+from hfsim.deck.law_specs import LAWS
 from hfsim.errors import SolverFailure
 from hfsim.integrators import METHODS, Attempt, Integrator, Stability, Stepper
 from hfsim.mechanics.constraints import Shift

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from integrators.test_integrators import FIXED, FREE, problem_of, run
 
-from hfsim.deck.laws import LAWS, SineLaw, SplineLaw, StepLaw
+from hfsim.deck.law_specs import LAWS
+from hfsim.deck.laws import SineLaw, SplineLaw, StepLaw
 from hfsim.integrators import METHODS
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod

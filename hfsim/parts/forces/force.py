@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from hfsim.deck.fields import Flag, ForceVector
-from hfsim.deck.laws import ScaleLaw
+from hfsim.deck.law_specs import ScaleLaw
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
 from hfsim.parts.forces._base import Load

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Literal
 
 from hfsim.deck.fields import Axis, Between
-from hfsim.deck.laws import AngleLaw, PositionLaw
+from hfsim.deck.law_specs import AngleLaw, PositionLaw
 from hfsim.deck.spec import Complaint
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec

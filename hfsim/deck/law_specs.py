@@ -1,0 +1,270 @@
+"""Laws of time as decks state them.
+
+Values of a law are in SI of what it drives, its rates in the same per second: an `AngleLaw` takes "12 deg"
+and "120 rpm", a `PositionLaw` "9 mm" and "1 m/s".
+"""
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from typing import Annotated, ClassVar, Literal, get_args
+
+import numpy as np
+from annotated_types import MinLen
+from pydantic import BeforeValidator, Field
+
+from hfsim.deck.fields import Angle, Number, PositiveFrequency, PositiveTime, Time
+from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, SplineLaw, StepLaw
+from hfsim.deck.reader import Path
+from hfsim.deck.spec import Around, Complaint, OneOf, Spec, refuse_all
+from hfsim.deck.units import UnitError, parse_quantity
+
+
+class LawSpec(Spec):
+    """Base of all laws a deck may state."""
+
+    value_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that measure what the law drives."""
+
+    rate_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that measure its rate."""
+
+    @property
+    def constant(self) -> float | None:
+        """Its value where that never changes."""
+        return None
+
+    def build(self) -> Law:
+        """Return the law."""
+        raise NotImplementedError
+
+
+class ConstantSpec(LawSpec):
+    """The same value at all times; a bare number in a deck means this."""
+
+    value_keys = ("value",)
+
+    type: Literal["constant"]
+    """Kind of law."""
+
+    value: Number
+    """Value [SI of what the law drives]."""
+
+    @property
+    def constant(self) -> float:
+        """The value."""
+        return self.value
+
+    def build(self) -> Law:
+        """Return the law."""
+        return LinearLaw(self.value)
+
+
+class ConstantRateSpec(LawSpec):
+    """start + rate t."""
+
+    value_keys = ("start",)
+    rate_keys = ("rate",)
+
+    type: Literal["constant_rate"]
+    """Kind of law."""
+
+    rate: Number
+    """Rate [SI of what the law drives, per s]."""
+
+    start: Number = 0.0
+    """Value at t = 0 [SI of what the law drives]."""
+
+    @property
+    def constant(self) -> float | None:
+        """The start, if the rate is zero."""
+        return None if self.rate else self.start
+
+    def build(self) -> Law:
+        """Return the law."""
+        return LinearLaw(self.start, self.rate)
+
+
+_INSIDE = 9
+"""Places in a stretch of a table at which its spline is looked at."""
+_FAR = 1.5
+"""Distance of a spline from the middle of its values, over their range, from which it swings too far."""
+
+
+class TableSpec(LawSpec):
+    """Cubic spline through points (not-a-knot ends)."""
+
+    value_keys = ("values",)
+
+    type: Literal["table"]
+    """Kind of law."""
+
+    times: Annotated[tuple[Time, ...], MinLen(2)]
+    """Times of the points, increasing [s]."""
+
+    values: tuple[Number, ...]
+    """Values there [SI of what the law drives]."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield points that make no curve."""
+        if len(self.values) != len(self.times):
+            message = f"{len(self.values)} values for {len(self.times)} times"
+            yield Complaint(("values",), message, "give one value for each time")
+        for index, (before, after) in enumerate(zip(self.times, self.times[1:], strict=False), start=1):
+            if after <= before:
+                yield Complaint(("times", index), f"times must increase, {after:g} follows {before:g}")
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a table that does not cover the run."""
+        first, last = self.times[0], self.times[-1]
+        if around.duration is not None and (first > 0 or last < around.duration):
+            run = f"the run goes from 0 to {around.duration:g} s"
+            yield Complaint(("times",), f"covers {first:g} s to {last:g} s, {run}")
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield points so unevenly apart that the spline swings far beyond them."""
+        if any(self.complaints()):
+            return
+        times, values = np.array(self.times), np.array(self.values)
+        inside = times[:-1, None] + np.diff(times)[:, None] * np.linspace(0.0, 1.0, _INSIDE)
+        found = np.asarray(self.build().value(inside.ravel()))
+        beyond = np.abs(found - 0.5 * (values.max() + values.min()))
+        worst = int(beyond.argmax())
+        if beyond[worst] > _FAR * np.ptp(values) > 0.0:
+            at = inside.ravel()[worst]
+            message = f"the spline through the points reaches {found[worst]:.3g} at {at:.4g} s"
+            yield Complaint(("values",), message, "add points in long stretches, or take smooth_step")
+
+    def build(self) -> Law:
+        """Return the law."""
+        from scipy.interpolate import CubicSpline
+
+        return SplineLaw(CubicSpline(self.times, self.values))
+
+
+class SmoothStepSpec(LawSpec):
+    """From one value to another, with continuous acceleration."""
+
+    value_keys = ("from", "to")
+
+    type: Literal["smooth_step"]
+    """Kind of law."""
+
+    from_: Annotated[Number, Field(alias="from")]
+    """Value until the start [SI of what the law drives]."""
+
+    to: Number
+    """Value from the end on [SI of what the law drives]."""
+
+    start: Time
+    """Time at which the step begins [s]."""
+
+    end: Time
+    """Time at which the step ends [s]."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a step that ends before it starts."""
+        if self.end <= self.start:
+            yield Complaint(("end",), f"must be later than the start, {self.start:g} s")
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a step that begins when the run is over."""
+        if around.duration is not None and self.start >= around.duration:
+            message = f"begins at {self.start:g} s, when the run of {around.duration:g} s is over"
+            yield Complaint(("start",), message, f"'{self.start:g} ms'?")
+
+    def build(self) -> Law:
+        """Return the law."""
+        return StepLaw(self.from_, self.to, self.start, self.end)
+
+
+class SpinUpSpec(LawSpec):
+    """From rest at zero to a constant rate."""
+
+    rate_keys = ("rate",)
+
+    type: Literal["spin_up"]
+    """Kind of law."""
+
+    rate: Number
+    """Rate that is reached [SI of what the law drives, per s]."""
+
+    time: PositiveTime
+    """Time in which it is reached [s]."""
+
+    def build(self) -> Law:
+        """Return the law."""
+        return SpinUpLaw(self.rate, self.time)
+
+
+class SineSpec(LawSpec):
+    """offset + amplitude sin(2 pi frequency t + phase)."""
+
+    value_keys = ("amplitude", "offset")
+
+    type: Literal["sine"]
+    """Kind of law."""
+
+    amplitude: Number
+    """Amplitude [SI of what the law drives]."""
+
+    frequency: PositiveFrequency
+    """Frequency [Hz]."""
+
+    phase: Angle = 0.0
+    """Phase at t = 0 [rad]."""
+
+    offset: Number = 0.0
+    """Mean value [SI of what the law drives]."""
+
+    def build(self) -> Law:
+        """Return the law."""
+        w = 2 * math.pi * self.frequency
+        return SineLaw(self.amplitude, w, self.phase, self.offset)
+
+
+AnyLaw = ConstantSpec | ConstantRateSpec | TableSpec | SmoothStepSpec | SpinUpSpec | SineSpec
+LAWS: dict[str, type[LawSpec]] = {
+    get_args(spec.model_fields["type"].annotation)[0]: spec for spec in get_args(AnyLaw)
+}
+
+
+def _read_law(data: object, value: str, rate: str) -> object:
+    """Turn a bare number into a constant, and text with units into SI numbers of what the law drives."""
+    if isinstance(data, int | float | str) and not isinstance(data, bool):
+        data = {"type": "constant", "value": data}
+    if not isinstance(data, dict) or str(data.get("type")) not in LAWS:
+        return data
+    spec = LAWS[str(data["type"])]
+    dimensions = dict.fromkeys(spec.value_keys, value) | dict.fromkeys(spec.rate_keys, rate)
+    refused: list[Complaint] = []
+    read = {
+        key: _in_si(item, dimensions[key], (key,), refused) if key in dimensions else item
+        for key, item in data.items()
+    }
+    refuse_all(refused)
+    return read
+
+
+def _in_si(item: object, dimension: str, path: Path, refused: list[Complaint]) -> object:
+    """Convert text with a unit; anything else is left to the field's own type."""
+    if isinstance(item, list):
+        return [_in_si(entry, dimension, (*path, index), refused) for index, entry in enumerate(item)]
+    if not isinstance(item, str):
+        return item
+    try:
+        return parse_quantity(item, dimension)
+    except UnitError as error:
+        refused.append(Complaint(path, str(error), error.hint))
+        return item
+
+
+def _driving(value: str, rate: str) -> BeforeValidator:
+    return BeforeValidator(partial(_read_law, value=value, rate=rate))
+
+
+_by_type = OneOf("type", LAWS)
+
+AngleLaw = Annotated[AnyLaw, _by_type, _driving("angle", "angular_velocity")]
+PositionLaw = Annotated[AnyLaw, _by_type, _driving("length", "velocity")]
+ScaleLaw = Annotated[AnyLaw, _by_type, _driving("dimensionless", "dimensionless")]
