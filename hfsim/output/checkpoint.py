@@ -58,6 +58,8 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
     CheckpointError
         If it is not one of this deck with these versions, or cannot be read.
     """
+    from zipfile import BadZipFile
+
     path = folder / CHECKPOINT
     if not path.is_file():
         return None
@@ -66,9 +68,13 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
             memory = dict(arrays)
         facts = json.loads(str(memory.pop("about")))
         table = read_history(folder / "history.csv", facts["size"])
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise CheckpointError(f"{path} cannot be read: {error}") from error
-    different = [*_differences(facts["versions"], versions()), *_deck(facts["resolved"], provenance.resolved)]
+    # libraries that this process has not imported yet cannot be compared
+    now = versions()
+    then = {name: one for name, one in facts["versions"].items() if name in now}
+    different = [*_differences(then, {name: now[name] for name in then})]
+    different += _deck(facts["resolved"], provenance.resolved)
     if different:
         raise CheckpointError("\n".join([f"{path} belongs to another run:", *different]))
     return Checkpoint({**memory, "table": table}, facts["size"])

@@ -1,0 +1,105 @@
+"""Checkpoints: taken up again by the run they belong to, and by no other."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
+from hfsim.output.disk import History
+from hfsim.output.writers import Provenance
+
+RESOLVED = {"name": "case", "solve": {"duration": 1.0, "tolerance": 1e-6, "max_steps": 5}}
+PROVENANCE = Provenance("case.yaml", "0" * 64, (), RESOLVED)
+SLOW = """
+import sys, hfsim.output.recording, hfsim.run.record
+hfsim.output.recording.EVERY, hfsim.run.record.BLOCK = 0.0, 0.01
+from hfsim.cli import main
+main()
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    history = History(tmp_path / "history.csv", ("x",))
+    history.add(np.array([[0.0, 1.0], [0.1, 2.0]]))
+    size = history.size
+    history.add(np.array([[0.2, 3.0]]))
+    put_down(tmp_path, {"steps.q": np.arange(3.0)}, size, PROVENANCE)
+    return tmp_path
+
+
+def test_a_checkpoint_has_the_memory_and_the_rows_until_then(folder):
+    found = take_up(folder, PROVENANCE)
+    assert np.array_equal(found.memory["steps.q"], np.arange(3.0))
+    assert found.memory["table"].tolist() == [[0.0, 1.0], [0.1, 2.0]]
+    assert take_up(folder / "elsewhere", PROVENANCE) is None
+
+
+def test_another_deck_or_version_is_refused_with_the_difference(folder, monkeypatch):
+    solve = {**RESOLVED["solve"], "tolerance": 1e-8, "max_steps": 99}
+    with pytest.raises(CheckpointError) as refused:
+        take_up(folder, PROVENANCE._replace(resolved={**RESOLVED, "solve": solve}))
+    assert "solve.tolerance: 1e-06 then, 1e-08 now" in str(refused.value)
+    assert "max_steps" not in str(refused.value)
+    monkeypatch.setattr("hfsim.output.checkpoint.versions", lambda: {"hfsim": "99"})
+    with pytest.raises(CheckpointError, match=r"hfsim: .* then, 99 now"):
+        take_up(folder, PROVENANCE)
+
+
+def test_libraries_not_imported_yet_do_not_count(folder, monkeypatch):
+    known = json.loads(str(np.load(folder / CHECKPOINT)["about"]))["versions"]
+    monkeypatch.setattr("hfsim.output.checkpoint.versions", lambda: {"hfsim": known["hfsim"]})
+    assert take_up(folder, PROVENANCE) is not None
+
+
+def test_a_checkpoint_that_cannot_be_read_is_told(folder):
+    (folder / CHECKPOINT).write_bytes(b"PK\x03\x04 cut short")
+    with pytest.raises(CheckpointError, match="cannot be read"):
+        take_up(folder, PROVENANCE)
+
+
+def hfsim(*arguments, **how):
+    command = [sys.executable, "-c", SLOW, "run", "pendulum", "--no-plots", "--after", "none", *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how)
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_run_that_was_killed_goes_on_as_if_nothing_had_been(tmp_path, number):
+    again = ("--set", "solve.duration=6")
+    own = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # else as of who calls
+    killed, whole = tmp_path / "killed", tmp_path / "whole"
+    process = hfsim("-o", str(killed), *again, **own)
+    until = time.monotonic() + 60.0
+    while not (killed / CHECKPOINT).exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    process.send_signal(number)
+    process.communicate(timeout=60)
+    codes = {signal.SIGKILL: -9, signal.SIGINT: 130}
+    assert process.returncode == codes.get(number, 143)
+    summary = json.loads((killed / "summary.json").read_text())
+    assert summary["status"] == ("running" if number == signal.SIGKILL else "interrupted")
+    assert (killed / "history.csv").read_text().startswith("t,b1.tip.x")
+    told = hfsim("-o", str(killed), *again, "--resume").communicate(timeout=60)
+    assert "going on at row" in told[1]
+    assert hfsim("-o", str(whole), *again).wait(timeout=60) == 0
+    assert (killed / "history.csv").read_bytes() == (whole / "history.csv").read_bytes()
+    assert not (killed / CHECKPOINT).exists()
+    assert "left as it is, done" in hfsim("-o", str(killed), *again, "--resume").communicate(timeout=60)[1]
+
+
+def test_a_second_process_is_kept_out_of_a_running_folder(tmp_path):
+    first = hfsim("-o", str(tmp_path / "out"), "--set", "solve.duration=60")
+    until = time.monotonic() + 60.0
+    while not (tmp_path / "out/summary.json").exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    second = hfsim("-o", str(tmp_path / "out"), "--force")
+    assert "another hfsim is writing" in second.communicate(timeout=60)[1]
+    assert second.returncode == 2
+    os.kill(first.pid, signal.SIGKILL)
+    first.communicate(timeout=60)
