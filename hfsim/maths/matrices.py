@@ -50,7 +50,7 @@ def smallest_step(J: Array, gap: Array) -> Array:
 
     These are of J J^T, raised by round-off so that rows may depend on one another.
     """
-    if max(J.shape) <= DENSE_UP_TO:
+    if min(J.shape) <= DENSE_UP_TO:
         return np.asarray(np.linalg.lstsq(J, gap, rcond=1e-10)[0])
     from scipy.sparse import csc_array, eye_array
     from scipy.sparse.linalg import splu

@@ -118,8 +118,12 @@ def _largest(unit: Matrix) -> float:
     """Return the largest singular value, near enough, by power iteration."""
     y = _in_no_order(unit.shape[0], 1)[:, 0]
     for _ in range(20):
-        y = unit @ (unit.T @ (y / np.linalg.norm(y)))
-    return float(np.sqrt(np.linalg.norm(y)))
+        y = unit @ (unit.T @ (y / max(np.linalg.norm(y), _NONE)))
+    return max(float(np.sqrt(np.linalg.norm(y))), _NONE)
+
+
+_NONE = 1e-300
+"""In place of a size of zero that something is divided by."""
 
 
 def _in_no_order(n_rows: int, count: int) -> Array:
