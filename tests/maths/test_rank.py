@@ -54,3 +54,9 @@ def test_rows_of_zeros_are_dependent():
     J = np.vstack([chain(300), np.zeros((2, 603))])
     assert measured(J).missing == measured(csr_array(J)).missing == 2
     assert measured(csr_array(J)).joints == ("j150",)
+
+
+@pytest.mark.filterwarnings("error")
+def test_rows_of_zeros_are_missing_without_a_warning():
+    found = measured(csr_array((ROWS, 5)))
+    assert found.missing == ROWS
