@@ -620,6 +620,8 @@ def _judge_all(batch: list[int], make: Callable[[int], Mutant], run: bool, base:
     warnings.simplefilter("always", RuntimeWarning)
     with open(writing, "w", encoding="utf-8") as pipe:
         for number in batch:
+            # what the mutant before was allowed does not bind the making of this one
+            resource.setrlimit(resource.RLIMIT_CPU, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
             one = make(number)
             pipe.write(f"{number}\n")
             pipe.flush()
