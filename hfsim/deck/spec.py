@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from importlib import import_module
 from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple, Self
@@ -307,6 +307,7 @@ def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:
     return Complaint(path, f"{message}, not {shown(item['input'])}", "", on_key)
 
 
+@cache
 def field_docstrings(spec: type[Spec]) -> dict[str, str]:
     """Return the text under each field of a class, from its source: pydantic would read it at every start."""
     import ast

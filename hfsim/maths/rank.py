@@ -118,7 +118,7 @@ def _largest(unit: Matrix) -> float:
     """Return the largest singular value, near enough, by power iteration."""
     y = _in_no_order(unit.shape[0], 1)[:, 0]
     for _ in range(20):
-        y = unit @ (unit.T @ (y / max(np.linalg.norm(y), _NONE)))
+        y = unit @ (unit.T @ (y / max(float(np.linalg.norm(y)), _NONE)))
     return max(float(np.sqrt(np.linalg.norm(y))), _NONE)
 
 

@@ -281,7 +281,8 @@ def _guess(start: Start, quantity: str, values: Array) -> float:
     if quantity == "position":
         return ROUGH_PLACE * link.size
     of_spins, of_speeds = largest(values[link.turns]), largest(values[~link.turns])
-    return ROUGH_RATE * (of_spins if quantity == "angular_velocity" else of_speeds)
+    # where nothing else moves, no stated rate is a guess
+    return ROUGH_RATE * max(of_spins if quantity == "angular_velocity" else of_speeds, 1e-300)
 
 
 def _contradicted(

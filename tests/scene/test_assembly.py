@@ -276,3 +276,16 @@ def test_a_run_tells_how_it_was_put_together():
     (changed,) = told["changed"]
     assert changed["body"] == "rocker" and changed["stated"] == (1.4,)
     assert [line for line in run.statistics["warnings"] if "initial.rocker.angle" in line]
+
+
+def test_a_stated_rate_where_nothing_may_move_is_no_guess():
+    deck = """hfsim: 1
+bodies: {hub: {type: rigid, mass: 1.0, inertia: 0.1}}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  motor: {type: driver, between: [ground, hub], angle: 0.0}
+initial: {hub: {angular_velocity: 21.0}}
+solve: {duration: 0.1}
+"""
+    with pytest.raises(DeckError, match=r"motor.*contradict this joint by 21 rad/s"):
+        build(parse_deck(deck))
