@@ -584,19 +584,21 @@ def _in_child(
         os._exit(0)
     os.close(writing)
     patience = WALL * (RUN_SECONDS if run else CHECK_SECONDS)
-    ended = ""
+    ended, rest = "", b""
     try:
-        with open(reading, encoding="utf-8") as pipe:
-            while not ended:
-                if not select.select([pipe], [], [], patience)[0]:
-                    ended = _TOO_LONG
-                    break
-                line = pipe.readline()
-                if not line:
-                    break
-                said = json.loads(line)
+        # a buffered reader would keep back what `select` then waits for
+        while True:
+            if not select.select([reading], [], [], patience)[0]:
+                ended = _TOO_LONG
+                break
+            data = os.read(reading, 65536)
+            if not data:
+                break
+            *lines, rest = (rest + data).split(b"\n")
+            for said in map(json.loads, lines):
                 yield said if isinstance(said, int) else Found(*said)
     finally:
+        os.close(reading)
         with contextlib.suppress(ProcessLookupError):
             os.kill(child, signal.SIGKILL)
         status = os.waitpid(child, 0)[1]
