@@ -112,7 +112,8 @@ def mutant(seed: int, number: int, runs: bool = False) -> Mutant:
     tree = _tree(path)
     if runs:
         _shorten(tree)
-    changes = [rng.choice(VALUES if runs else TREES) for _ in range(rng.choice((1, 1, 1, 1, 2, 3)))]
+    drawn = [rng.choice(VALUES if runs else TREES) for _ in range(rng.choice((1, 1, 1, 1, 2, 3)))]
+    changes = list(dict.fromkeys(drawn))  # what multiplies, twice, makes decks of a gigabyte
     for change in changes:
         change(rng, tree)
     text = "\n".join(_lines(tree)) + "\n"
