@@ -54,8 +54,7 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
     talk.facts({"deck": argument, "ok": True, **facts, "warnings": warnings})
     lines = [describe(facts), *_assembled(facts.get("assembly") or {}), *free_motions(facts)]
     talk.result(f"{argument}: ok: " + "\n  ".join(lines))
-    for warning in facts.get("warnings", ()):
-        talk.note(f"{argument}: warning: {warning}")
+    talk.warn(argument, facts.get("warnings", ()))
     for key, value in facts.items():
         talk.detail(f"  {key}: {value}")
     return 0

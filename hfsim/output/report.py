@@ -17,8 +17,7 @@ def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk, told: C
     """Print the results of one run, and what the user should be warned of, save what was told before."""
     for note in (summary.get("assembly") or {}).get("notes", ()):
         talk.note(f"{run.name}: {note}")
-    for warning in (one for one in summary["warnings"] if one not in told):
-        talk.note(f"{run.name}: warning: {warning}")
+    talk.warn(run.name, (one for one in summary["warnings"] if one not in told))
     if run.status != "done":
         print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
         if run.failure:

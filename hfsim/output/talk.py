@@ -8,12 +8,16 @@ from __future__ import annotations
 import json
 import os
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import click
 
 from hfsim.output.text import printable
+
+_MOST_WARNINGS = 50
+"""Warnings that are told of one thing."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +67,14 @@ class Talk:
         """Tell something useful to know; silent under ``-q``."""
         if not self.quiet:
             print_error(text)
+
+    def warn(self, about: str, warnings: Iterable[str]) -> None:
+        """Tell warnings about something, of many the first; silent under ``-q``."""
+        every = list(warnings)
+        for warning in every[:_MOST_WARNINGS]:
+            self.note(f"{about}: warning: {warning}")
+        if len(every) > _MOST_WARNINGS:
+            self.note(f"{about}: and {len(every) - _MOST_WARNINGS} more warnings (--json lists them)")
 
     def detail(self, text: str) -> None:
         """Tell something only ``-v`` asks for."""

@@ -8,6 +8,7 @@ import pytest
 
 from hfsim.output.progress import Progress
 from hfsim.output.runfolder import RunLog
+from hfsim.output.talk import Talk
 from hfsim.output.text import printable
 
 RED = "\x1b[31m"
@@ -100,3 +101,11 @@ def test_a_folder_name_too_long_for_the_system_is_refused(tmp_path):
     done = hfsim(["run", "pendulum", "-o", "a" * 300], tmp_path)
     assert done.returncode == 2
     assert b"error: cannot write to aaaa" in done.stderr
+
+
+def test_of_many_warnings_the_first_are_told(capsys):
+    Talk().warn("deck", (f"warning {k}" for k in range(3000)))
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "deck: warning: warning 0"
+    assert lines[-1] == "deck: and 2950 more warnings (--json lists them)"
+    assert len(lines) == 51

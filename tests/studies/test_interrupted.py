@@ -117,3 +117,13 @@ def test_a_measured_plan_keeps_what_it_has(wheel, monkeypatch):
     facts = json.loads(result.stdout)
     assert 0 < len(facts["measured"]) < len(facts["left_out"])
     assert len(calls) == 11
+
+
+def test_plan_tells_what_it_measured_without_warnings():
+    from click.testing import CliRunner
+
+    from hfsim.cli import app
+
+    told = CliRunner().invoke(app, ["plan", "two_beams", "--measure", "--repeats", "1"])
+    assert told.exit_code == 0
+    assert "measured, CPU" in told.stdout
