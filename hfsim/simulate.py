@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfsim.errors import LimitReached, SolverFailure, interruption_code, interruption_words
+from hfsim.integrators import Memory
 from hfsim.parts.bodies import BODIES
 from hfsim.run.clock import PhaseClock
 from hfsim.run.integration import Leg, run_integration
-from hfsim.run.nested import Memory
 from hfsim.run.plan import motions_of, plan_of
 from hfsim.run.record import Record, Sink
 from hfsim.run.sampling import outlines_of

@@ -8,6 +8,7 @@ from pkgutil import resolve_name
 
 from hfsim.integrators._base import Attempt, Integrator, Method, Options, Stability, Stepper
 from hfsim.integrators._loop import Limits, Stepping, integrate
+from hfsim.integrators._memory import Memory, packed, part_of
 from hfsim.integrators._problem import Counts, PlainIncrements, Problem
 from hfsim.integrators._trajectory import Segment, Trajectory, joined
 
@@ -62,6 +63,7 @@ __all__ = [
     "Counts",
     "Integrator",
     "Limits",
+    "Memory",
     "Method",
     "Options",
     "PlainIncrements",
@@ -76,5 +78,7 @@ __all__ = [
     "integrate",
     "integrator",
     "joined",
+    "packed",
+    "part_of",
     "steps_in_absolute_coordinates",
 ]

@@ -55,9 +55,16 @@ def unpacked(memory: Mapping[str, Array], owner: str) -> dict[str, Any]:
     >>> unpacked(packed({"pace": {"attempts": 3}, "state": {"t": 0.5}}), "state")
     {'t': 0.5}
     """
+    return {name: value if value.ndim else value.item() for name, value in part_of(memory, owner).items()}
+
+
+def part_of(memory: Mapping[str, Array], owner: str) -> Memory:
+    """Return what one thing remembers, as arrays.
+
+    Examples
+    --------
+    >>> part_of(packed({"pace": {"attempts": 3}, "state": {"t": 0.5}}), "pace")
+    {'attempts': array(3)}
+    """
     start = f"{owner}."
-    return {
-        name.removeprefix(start): value if value.ndim else value.item()
-        for name, value in memory.items()
-        if name.startswith(start)
-    }
+    return {name.removeprefix(start): one for name, one in memory.items() if name.startswith(start)}

@@ -82,6 +82,8 @@ class Trajectory:
     segments : list of Segment
     methods : list of str
         Names of what made the steps, in the order in which they were first used.
+    condensed : bool
+        Whether some steps are right at their ends only.
     """
 
     t_start: float
@@ -90,6 +92,7 @@ class Trajectory:
     v: Array
     segments: list[Segment] = field(default_factory=list)
     methods: list[str] = field(default_factory=list)
+    condensed: bool = False
 
     def at(self, times: Array) -> tuple[Array, Array]:
         """Return (q, v) at sorted times, shape (n_times, n) each."""
@@ -121,6 +124,7 @@ class Trajectory:
 
     def condense(self) -> None:
         """Join neighbouring steps two by two, but for the last: between their ends less is kept of them."""
+        self.condensed = True
         steps, count = self.segments, max(0, len(self.segments) - RECENT)
         old, last = steps[:count], steps[count:]
         pairs = zip(old[0::2], old[1::2], [*old[2::2], *last[:1]], strict=False)

@@ -9,9 +9,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfsim.integrators import Memory
 from hfsim.output.disk import read_history, write_whole
 from hfsim.output.writers import Provenance, versions
-from hfsim.run.nested import Memory
 
 CHECKPOINT = "checkpoint.npz"
 _MAY_DIFFER = ("solve.max_steps", "solve.budget", "output.plots")

@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import LimitReached, interruption_code
+from hfsim.integrators import Memory
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
 from hfsim.output.disk import History, disk, write_json
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, warnings_of, write_resolved
-from hfsim.run.nested import Memory
 from hfsim.run.solution import Run
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ class Recording:
         with disk(self.path):
             summary = running_summary(self._name, self._model, self.provenance)
             write_json(self.path / SUMMARY, {**summary, **told})
-        self.folder.release()
+        self._release()
 
     def take(self, run: Run, provenance: Provenance) -> None:
         """Write the rows of a run that was chosen among several, and the deck that gives it."""
@@ -137,17 +137,15 @@ class Recording:
         WriteError
             If the system refuses.
         """
-        self._ended = True
-        if run.status in ("interrupted", "limit"):
+        self._ended, resumable = True, run.status in ("interrupted", "limit")
+        if resumable:
             self._put_down()
-        else:
-            self._memory = None
         with disk(self.path), self._watch.phase("write"):
             if self._history is not None:
                 self._history.sync()
-            self._summarise(run, ())
-            if self._memory is None:
+            if not resumable:
                 (self.path / CHECKPOINT).unlink(missing_ok=True)
+            self._summarise(run, ())
 
     def finish(self, run: Run, pictures: bool) -> tuple[Run, dict[str, Any]]:
         """Draw pictures if wanted, and write the last summary; return the run as it is told there, and that.
@@ -172,12 +170,17 @@ class Recording:
         with disk(self.path):
             summary = self._summarise(run, plots)
             self._log.end(summary)
-        self.folder.release()
+        self._release()
         return run, summary
+
+    def _release(self) -> None:
+        if self._history is not None:
+            self._history.close()
+        self.folder.release()
 
     def _summarise(self, run: Run, plots: Iterable[str]) -> dict[str, Any]:
         files = ["history.csv", "resolved.yaml", "run.log", SUMMARY, *plots]
-        if self._memory is not None:
+        if (self.path / CHECKPOINT).exists():
             files.append(CHECKPOINT)
         summary = summary_of(run, self.provenance, files)
         write_json(self.path / SUMMARY, summary)

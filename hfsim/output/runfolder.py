@@ -1,7 +1,7 @@
 """Run folders: where results go, what may be overwritten, and in which order files are written.
 
-``summary.json`` is written last and removed first, so a folder with one is whole. It lists the files
-of its run; nothing but these is ever removed.
+``summary.json`` tells how far its run has come: it is there from the first step on, and replaced in one move.
+It lists the files of its run; nothing but these is ever removed.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import os
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -45,7 +46,7 @@ class RunFolder:
     replaces : str
         What stands there now and will be replaced, for a message; empty when nothing does.
     stale : tuple of str
-        Files of the older run, relative to `path`; the one that tells it is whole comes first.
+        Files of the older run, relative to `path`; the one that tells of it comes first.
     """
 
     path: Path
@@ -153,7 +154,8 @@ class RunLog:
 
     def _write(self, lines: Iterable[str]) -> None:
         assert self._path is not None
-        with self._path.open("a", encoding="utf-8") as file:
+        # on a full disk it is no result that is lost
+        with suppress(OSError), self._path.open("a", encoding="utf-8") as file:
             file.write("".join(f"{line}\n" for line in lines))
 
     def end(self, summary: Mapping[str, Any]) -> None:

@@ -12,11 +12,10 @@ from typing import Protocol
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.integrators import Counts, Trajectory
+from hfsim.integrators import Counts, Memory, Trajectory, packed, part_of
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import kind_of
 from hfsim.run.balance import Balance, step_samples
-from hfsim.run.nested import Memory, named, part_of
 from hfsim.run.sampling import SceneSamples, compute_channels, output_times
 from hfsim.run.solution import Channel, Run
 from hfsim.run.turns import count_turns
@@ -120,7 +119,7 @@ class Record:
             raise SolverFailure(f"{name} is not finite from t = {time:.6g} s on", time, name)
         if self._sink is not None and memory is not None:
             steps, own = memory(), leg.memory()
-            self._sink.block(lambda: named("steps", steps) | named("record", own()))
+            self._sink.block(lambda: packed({"steps": steps, "record": own()}))
 
     def keep(self, scene: Scene, path: Trajectory, counts: Counts) -> SolverFailure | None:
         """Take a leg as a whole; return the failure where an output is not finite."""
@@ -167,7 +166,7 @@ class LegRecord:
         self._angles: Mapping[str, float] = scene.start_angles
         self._first = 0
         self._cost = 0.0
-        self._states: list[Array] = []
+        self._states: list[Array] = [np.empty((0, 2 + 2 * scene.system.n))]
         self._stride = 1
 
     def due(self, counts: Counts, n: int) -> bool:
@@ -216,8 +215,7 @@ class LegRecord:
     @property
     def samples(self) -> SceneSamples:
         """States at the output times, in long runs at some of them; turns are not in it."""
-        n = self.scene.system.n
-        states = np.concatenate([*self._states, np.empty((0, 2 + 2 * n))])
+        n, states = self.scene.system.n, np.concatenate(self._states)
         return SceneSamples(self.scene, states[:, 1], states[:, 2 : 2 + n], states[:, 2 + n :], {})
 
     def memory(self) -> Callable[[], Memory]:

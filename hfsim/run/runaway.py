@@ -9,9 +9,9 @@ from typing import TypeAlias
 import numpy as np
 
 from hfsim.errors import SolverFailure
+from hfsim.integrators import Memory
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.system import System
-from hfsim.run.nested import Memory
 
 Watch: TypeAlias = Callable[[float, Array, Array], None]
 """Is told every kept state; may raise to end the run."""

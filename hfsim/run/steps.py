@@ -9,9 +9,20 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.integrators import Counts, Limits, Method, Problem, Segment, Stepping, Trajectory, joined
+from hfsim.integrators import (
+    Counts,
+    Limits,
+    Memory,
+    Method,
+    Problem,
+    Segment,
+    Stepping,
+    Trajectory,
+    joined,
+    packed,
+    part_of,
+)
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.run.nested import Memory, named, part_of
 from hfsim.run.runaway import Watches
 
 Stop: TypeAlias = HfsimError | KeyboardInterrupt | None
@@ -66,7 +77,7 @@ class Steps:
 
     def memory(self) -> Memory:
         """Return all that the next step depends on."""
-        return named("stepping", self._stepping.memory()) | named("watches", self._watches.memory())
+        return packed({"stepping": self._stepping.memory(), "watches": self._watches.memory()})
 
     def recall(self, memory: Memory) -> None:
         """Go on from a memory."""
@@ -155,12 +166,14 @@ class Together:
         own = {"t": np.array(self.path.t_end), "q": self.path.q, "v": self.path.v}
         own["turns"] = self.problem.turns.memory()
         for k, strand in enumerate(self._strands):
-            own |= named(str(k), strand.steps.memory() | named("ahead", _arrays(strand.steps.path)))
+            ahead = packed({"ahead": _arrays(strand.steps.path)})
+            own |= packed({str(k): strand.steps.memory() | ahead})
         return own
 
     def recall(self, memory: Memory) -> None:
         """Go on from a memory."""
-        self.path.t_end, self.path.q, self.path.v = float(memory["t"]), memory["q"], memory["v"]
+        t = float(memory["t"])
+        self.path = Trajectory(t, t, memory["q"], memory["v"])
         self.problem.turns.recall(memory["turns"])
         for k, strand in enumerate(self._strands):
             own = part_of(memory, str(k))

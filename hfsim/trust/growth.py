@@ -89,7 +89,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     -------
     Growth or None
         None if too little of the second run was done, or the scene is too large for dense algebra and has
-        no other.
+        no other; or if not all of the run is known, as it was taken up again or is too long to be kept.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
         If that ended the second run.
     """
     system, path = scene.system, done.trajectory
-    if system.n > DENSE and not system.linearizes:
+    if (system.n > DENSE and not system.linearizes) or path.t_start > 0.0 or path.condensed:
         return None
     times = np.linspace(0.0, path.t_end, _TIMES + 1)
     q, v = path.at(times)

@@ -43,7 +43,7 @@ def ringing(run: Compared, budget: Budget) -> dict[str, Any] | None:
     solve, steps = scene.deck.solve, done.problem.counts.steps
     if len(run.legs) > 1 or solve.step is not None or solve.tolerance >= LOOSEST:
         return None
-    looser, record = float(f"{min(LOOSER * solve.tolerance, LOOSEST):.2g}"), Record()
+    looser, record = float(f"{min(LOOSER * solve.tolerance, LOOSEST):.2g}"), Record(balanced=False)
     again = run_integration(
         scene,
         solve.model_copy(update={"tolerance": looser, "max_steps": steps}),

@@ -12,6 +12,7 @@ import pytest
 
 from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
 from hfsim.output.disk import History
+from hfsim.output.runfolder import RunLog
 from hfsim.output.writers import Provenance
 
 RESOLVED = {"name": "case", "solve": {"duration": 1.0, "tolerance": 1e-6, "max_steps": 5}}
@@ -103,3 +104,37 @@ def test_a_second_process_is_kept_out_of_a_running_folder(tmp_path):
     assert second.returncode == 2
     os.kill(first.pid, signal.SIGKILL)
     first.communicate(timeout=60)
+
+
+def status_of(folder):
+    return json.loads((folder / "summary.json").read_text())["status"]
+
+
+def test_an_interruption_before_the_first_block_keeps_the_older_checkpoint(tmp_path):
+    """Taken up again and interrupted at once, a run must not be back at its beginning."""
+    folder = tmp_path / "out"
+    first = hfsim("-o", str(folder), "--set", "solve.duration=60")
+    until = time.monotonic() + 60.0
+    while not (folder / CHECKPOINT).exists() and time.monotonic() < until:
+        time.sleep(0.01)
+    first.send_signal(signal.SIGTERM)
+    first.communicate(timeout=60)
+    before = (folder / CHECKPOINT).read_bytes()
+    no_blocks = SLOW.replace("0.0, 0.01", "0.0, 1e9")
+    command = ["run", "pendulum", "--no-plots", "--resume", "--set", "solve.duration=60", "-o", str(folder)]
+    again = subprocess.Popen([sys.executable, "-c", no_blocks, *command], stderr=subprocess.PIPE, text=True)
+    assert "going on" in again.stderr.readline() + again.stderr.readline()
+    until = time.monotonic() + 60.0
+    while status_of(folder) != "running" and time.monotonic() < until:
+        time.sleep(0.01)
+    again.send_signal(signal.SIGTERM)
+    again.communicate(timeout=60)
+    assert again.returncode == 143
+    assert (folder / CHECKPOINT).read_bytes() == before
+    assert CHECKPOINT in json.loads((folder / "summary.json").read_text())["files"]
+
+
+def test_a_log_that_cannot_be_written_costs_nothing(tmp_path):
+    log = RunLog()
+    log.to(tmp_path / "gone" / "run.log")
+    log.add("nobody hears this")

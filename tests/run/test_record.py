@@ -10,8 +10,11 @@ import hfsim.run.record
 from hfsim.errors import LimitReached
 from hfsim.integrators import Segment, Trajectory
 from hfsim.parts.channels import CHANNELS
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
+from hfsim.trust.growth import disturbed_growth
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -175,3 +178,28 @@ def test_a_condensed_trajectory_is_right_at_the_ends_of_its_steps(monkeypatch):
     assert path.segments[-1] is last
     for mine, theirs in zip(path.at(times), before, strict=True):
         assert mine == pytest.approx(theirs, abs=1e-12)
+
+
+def test_a_leg_without_a_row_yet_can_be_put_down(short_blocks):
+    """The first block of the last leg ends before the next output time."""
+    loaded = parse_deck(TURNING + "output: {interval: 0.9}\n", "deck")
+    notes = Notes(most=1)
+    assert run(loaded, notes).status == "limit"
+    assert notes.put_down()["record.states"].shape[0] <= 1
+    whole, resumed = Notes(), Notes()
+    run(loaded, whole)
+    run(loaded, resumed, notes.put_down())
+    assert resumed.table.tobytes() == whole.table.tobytes()
+
+
+@pytest.mark.parametrize("deck", ["pendulum.yaml", "rules/spare.yaml"])
+def test_what_is_not_known_of_the_beginning_is_not_judged(deck, short_blocks):
+    """Growth compares motions from their start: of a run that was taken up again only the end is known."""
+    loaded = load_deck(CASES / deck)
+    notes = Notes(most=2)
+    run(loaded, notes)
+    scene = build(loaded)
+    record = hfsim.run.record.Record(memory=notes.put_down())
+    done = run_integration(scene, scene.deck.solve, record=record)
+    assert done.trajectory.t_start > 0.0
+    assert disturbed_growth(scene, done, scene.deck.solve, lambda share: None) is None
