@@ -238,18 +238,18 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
     recording = Recording(job.folder, deck.name, deck.solve.model, provenance, watch, log, job.checkpoint)
     plots = settings.plots and deck.output.plots
-    try:
-        with Progress(deck.name, sys.stderr, settings.talk.quiet) as progress:
+    with Progress(deck.name, sys.stderr, settings.talk.quiet) as progress:
+        try:
             work = _refined if has_target(loaded) else _simulated
             result = work(job, settings, recording, progress, plots)
-    except BaseException as error:
-        recording.abandon(error)
-        raise
-    plots = plots and settings.after != 0.0 and result.exit_code not in (130, 143)
-    for line in method_lines(result.statistics.get("refinement")):
-        log.add(line.strip())
-    log.add(f"model {result.model}, method {result.method}")
-    result, summary = recording.finish(result, plots)
+        except BaseException as error:
+            recording.abandon(error)
+            raise
+        plots = plots and settings.after != 0.0 and result.exit_code not in (130, 143)
+        for line in method_lines(result.statistics.get("refinement")):
+            log.add(line.strip())
+        log.add(f"model {result.model}, method {result.method}")
+        result, summary = recording.finish(result, plots)
     tell(result, summary, job.folder.path, settings.talk, job.loaded.warnings)
     return result.exit_code
 

@@ -203,13 +203,16 @@ class Equations:
             M[:, body.columns, body.columns] = body.mass(x)
         return M
 
+    def momentum(self, x: Array, u: Array) -> Array:
+        """Return M_g u, shape (n_batch, n_x); one state may serve all rates."""
+        p = np.asarray(u @ self.constant_mass)
+        for body in self.variable_mass:
+            p[:, body.columns] += (body.mass(x) @ u[:, body.columns, None])[:, :, 0]
+        return p
+
     def kinetic_energy(self, x: Array, u: Array) -> Array:
         """Return the kinetic energy [J], shape (n_batch,)."""
-        energy = 0.5 * np.sum((u @ self.constant_mass) * u, axis=-1)
-        for body in self.variable_mass:
-            w = u[:, body.columns]
-            energy += 0.5 * np.einsum("bi,bij,bj->b", w, body.mass(x), w)
-        return np.asarray(energy)
+        return np.asarray(0.5 * np.sum(self.momentum(x, u) * u, axis=-1))
 
     # ------------------------------------------------------------------ solution
 

@@ -224,8 +224,20 @@ class ConstantForce(ForcePart):
 
 def merged(parts: Iterable[ForcePart]) -> tuple[ForcePart, ...]:
     """Return the parts with those joined that can be: one call then serves them all."""
-    found: dict[Hashable, ForcePart] = {}
+    found: dict[Hashable, list[tuple[int, ForcePart]]] = {}
     for part in parts:
         key = len(found) if part.shared is None else (type(part), part.shared)
-        found[key] = found[key].joined(part) if key in found else part
-    return tuple(found.values())
+        joined = found.setdefault(key, [])
+        joined.append((1, part))
+        # equal numbers only, so that nothing is copied as often as there are parts
+        while len(joined) > 1 and joined[-2][0] == joined[-1][0]:
+            _join_last(joined)
+    for joined in found.values():
+        while len(joined) > 1:
+            _join_last(joined)
+    return tuple(joined[0][1] for joined in found.values())
+
+
+def _join_last(parts: list[tuple[int, ForcePart]]) -> None:
+    (first, one), (second, other) = parts[-2:]
+    parts[-2:] = [(first + second, one.joined(other))]

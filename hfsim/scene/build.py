@@ -82,14 +82,21 @@ class Scene:
         """What the joints leave free at the start, bodies taken as rigid; None in large mechanisms."""
         return free_motions(self.assembly, self._rigid_energy)
 
+    @cached_property
+    def _rigid_inertia(self) -> Array:
+        """Mass matrices (n_bodies, k, k) of the bodies' frames at the start, bodies taken as rigid."""
+        x, units = self.system.absolute(self.q[None]), list(Twist.units(self.deck.dimension))
+        u = np.zeros((len(units), x.shape[1]))
+        for body, pose in zip(self.bodies.values(), self.assembly.poses.values(), strict=True):
+            u[:, body.columns] = [body.moving(pose, unit) for unit in units]
+        momentum = self.system.equations.momentum(x, u)
+        return np.stack([momentum[:, b.columns] @ u[:, b.columns].T for b in self.bodies.values()])
+
     def _rigid_energy(self, rates: Array) -> float:
         """Return the kinetic energy [J] of frames that move at rates (n,) at the start."""
-        x, n_dim = self.system.absolute(self.q[None]), self.deck.dimension
-        bodies, poses = list(self.bodies.values()), list(self.assembly.poses.values())
-        rows, u = rates.reshape(len(bodies), -1), np.zeros_like(x)
-        for k in np.flatnonzero(rows.any(axis=1)):
-            u[0, bodies[k].columns] = bodies[k].moving(poses[k], Twist(rows[k, :n_dim], rows[k, n_dim:]))
-        return float(self.system.kinetic_energy(x, u)[0])
+        rows = rates.reshape(len(self.bodies), 1, -1)
+        moving = np.flatnonzero(rows.any(axis=2))
+        return float(0.5 * np.sum(rows[moving] @ self._rigid_inertia[moving] * rows[moving]))
 
     @cached_property
     def warnings(self) -> list[str]:

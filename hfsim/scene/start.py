@@ -263,9 +263,9 @@ def _settle_rates(start: Start, J: Array, rates: _Stated) -> None:
 def _changes(start: Start, given: _Stated, values: Array) -> tuple[Change, ...]:
     """Return which stated values are changed by more than round-off."""
     found = []
-    for k, name in enumerate(start.names):
+    for name, own in zip(start.names, np.arange(len(values)).reshape(len(start.names), -1), strict=True):
         for quantity, part in given.parts.items():
-            where = np.arange(len(values)).reshape(len(start.names), -1)[k, part]
+            where = own[part]
             off = float(np.linalg.norm((values - given.given)[where]))
             if given.stated[where].all() and off > CLOSED * start.linkage.units[where[0]]:
                 before, after = (tuple(map(float, kind[where])) for kind in (given.given, values))
