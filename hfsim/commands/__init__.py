@@ -13,6 +13,7 @@ import click
 
 from hfsim.errors import DeckError, HfsimError
 from hfsim.output.talk import print_error
+from hfsim.run.stop import SHIELD
 
 STARTED = time.perf_counter()
 """When the program started, near enough [s]."""
@@ -34,7 +35,15 @@ def worst(codes: Iterable[int]) -> int:
 
 
 def report_error(error: Exception) -> int:
-    """Tell what went wrong and return the exit code; a traceback only under ``-v`` or HFSIM_DEBUG."""
+    """Tell what went wrong and return the exit code; a traceback only under ``-v`` or HFSIM_DEBUG.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If a signal has come: libraries that it interrupts may say anything.
+    """
+    if SHIELD.taken is not None and not isinstance(error, HfsimError):
+        raise SHIELD.taken from error
     if isinstance(error, DeckError):
         print_error(str(error))
     elif isinstance(error, HfsimError):

@@ -118,8 +118,7 @@ def load_decks(
 
 
 def _warn(loaded: LoadedDeck, talk: Talk) -> None:
-    for warning in loaded.warnings:
-        talk.note(warning)
+    talk.notes(loaded.deck.name, loaded.warnings)
 
 
 def assemble(loaded: LoadedDeck) -> None:

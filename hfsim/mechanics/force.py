@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
@@ -180,20 +181,32 @@ class ConstantForce(ForcePart):
 
     Attributes
     ----------
-    force : ndarray, shape (n,)
+    n : int
+        Number of coordinates of the scene.
+    columns : ndarray of int, shape (k,)
+        Coordinates that it acts on.
+    values : ndarray, shape (k,)
+        Its components there.
     energy : float
         Energy of bodies that cannot move [J].
     """
 
-    force: Array
+    n: int
+    columns: IntArray
+    values: Array
     energy: float = 0.0
     rule: ClassVar[str] = "weight"
     why: ClassVar[str] = "gravity"
 
+    @cached_property
+    def force(self) -> Array:
+        """The whole vector, (n,)."""
+        return np.asarray(np.bincount(self.columns, self.values, self.n), dtype=float)
+
     @property
     def idle(self) -> bool:
         """Whether there is no weight."""
-        return not self.force.any() and not self.energy
+        return not self.values.any() and not self.energy
 
     @property
     def shared(self) -> Hashable:
@@ -202,7 +215,9 @@ class ConstantForce(ForcePart):
 
     def joined(self, other: ConstantForce) -> ConstantForce:
         """Return the sum."""
-        return ConstantForce(self.force + other.force, self.energy + other.energy)
+        columns = np.concatenate([self.columns, other.columns])
+        values = np.concatenate([self.values, other.values])
+        return ConstantForce(self.n, columns, values, self.energy + other.energy)
 
     @property
     def quartic(self) -> bool:

@@ -68,9 +68,9 @@ class Recording:
     def begin(self, channels: Iterable[str]) -> None:
         """Make the folder with all that is known before the first step."""
         with disk(self.path), self._watch.phase("write"):
-            self.folder.prepare(keep=("history.csv", CHECKPOINT) if self._from else ())
+            summary = running_summary(self._name, self._model, self.provenance)
+            self.folder.prepare(("history.csv", CHECKPOINT) if self._from else (), summary)
             self._history = History(self.path / "history.csv", tuple(channels), self._size or None)
-            write_json(self.path / SUMMARY, running_summary(self._name, self._model, self.provenance))
             write_resolved(self.path / "resolved.yaml", self.provenance, self._model)
             self._log.to(self.path / "run.log", append=self._from is not None)
 

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from hfsim.errors import HfsimError
-from hfsim.output.disk import disk
+from hfsim.output.disk import disk, write_json
 from hfsim.output.text import printable
 from hfsim.run.clock import PhaseClock
 from hfsim.run.solution import Run
@@ -54,8 +54,11 @@ class RunFolder:
     stale: tuple[str, ...] = ()
     _lock: int | None = None
 
-    def prepare(self, keep: Sequence[str] = ()) -> None:
+    def prepare(self, keep: Sequence[str] = (), summary: Mapping[str, Any] | None = None) -> None:
         """Make the folder, hold it against other processes, and remove the files of the older run.
+
+        A summary of the new run takes the place of the old one first: at no time are there files that none
+        of the two lists.
 
         Raises
         ------
@@ -67,6 +70,10 @@ class RunFolder:
         with disk(self.path):
             self.path.mkdir(parents=True, exist_ok=True)
             self._hold()
+            if summary is not None:
+                files = list(dict.fromkeys([*summary["files"], *self.stale]))
+                write_json(self.path / SUMMARY, {**summary, "files": files})
+                keep = (*keep, SUMMARY)
             for name in self.stale:
                 if name not in keep:
                     (self.path / name).unlink(missing_ok=True)

@@ -70,9 +70,13 @@ class Talk:
 
     def warn(self, about: str, warnings: Iterable[str]) -> None:
         """Tell warnings about something, of many the first; silent under ``-q``."""
-        every = list(warnings)
-        for warning in every[:_MOST_WARNINGS]:
-            self.note(f"{about}: warning: {warning}")
+        self.notes(about, (f"{about}: warning: {warning}" for warning in warnings))
+
+    def notes(self, about: str, lines: Iterable[str]) -> None:
+        """Tell lines that are warnings about something, of many the first; silent under ``-q``."""
+        every = list(lines)
+        for line in every[:_MOST_WARNINGS]:
+            self.note(line)
         if len(every) > _MOST_WARNINGS:
             self.note(f"{about}: and {len(every) - _MOST_WARNINGS} more warnings (--json lists them)")
 

@@ -28,11 +28,14 @@ class Shield:
     """Holds interruptions back while something is done that must not be left half done."""
 
     def __init__(self) -> None:
+        self.taken: KeyboardInterrupt | None = None
+        """The interruption that has come, if any: what goes wrong after it is no mistake."""
         self._depth = 0
         self._held: KeyboardInterrupt | None = None
 
     def interrupt(self, by: KeyboardInterrupt) -> None:
         """Raise the interruption, or keep it until the last block that is shielded has ended."""
+        self.taken = by
         if not self._depth:
             raise by
         self._held = by

@@ -10,10 +10,12 @@ import time
 import numpy as np
 import pytest
 
+from hfsim.commands import report_error
 from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
 from hfsim.output.disk import History
 from hfsim.output.runfolder import RunLog
 from hfsim.output.writers import Provenance
+from hfsim.run.stop import SHIELD
 
 RESOLVED = {"name": "case", "solve": {"duration": 1.0, "tolerance": 1e-6, "max_steps": 5}}
 PROVENANCE = Provenance("case.yaml", "0" * 64, (), RESOLVED)
@@ -138,3 +140,27 @@ def test_a_log_that_cannot_be_written_costs_nothing(tmp_path):
     log = RunLog()
     log.to(tmp_path / "gone" / "run.log")
     log.add("nobody hears this")
+
+
+@pytest.mark.parametrize("after", ["history", "write_json"])
+def test_a_run_that_is_killed_while_it_begins_can_begin_again(tmp_path, after):
+    """Between making the folder's first files: what is there is known for what it is."""
+    folder = tmp_path / "out"
+    at = {"history": "recording.write_resolved", "write_json": "recording.History"}[after]
+    kill = f"import os, hfsim.output.recording as recording\n{at} = lambda *a, **k: os.kill(os.getpid(), 9)\n"
+    for replaced in (False, True):
+        if replaced:
+            assert hfsim("-o", str(folder), "--force").wait(60) == 0
+        command = ["run", "pendulum", "--no-plots", "-o", str(folder), "--force"]
+        assert subprocess.run([sys.executable, "-c", kill + SLOW, *command]).returncode == -signal.SIGKILL
+        assert status_of(folder) == "running"
+        again = hfsim("-o", str(folder), "--resume")
+        assert again.wait(60) == 0, again.stderr.read()
+        assert status_of(folder) == "done"
+
+
+def test_what_goes_wrong_after_a_signal_is_no_mistake(monkeypatch):
+    by = KeyboardInterrupt()
+    monkeypatch.setattr(SHIELD, "taken", by)
+    with pytest.raises(KeyboardInterrupt):
+        report_error(ImportError("initialization failed"))

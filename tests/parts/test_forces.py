@@ -241,7 +241,7 @@ def test_load_specs_build_what_they_say():
 
 
 def test_weight_is_the_slope_of_its_energy(rng):
-    part = ConstantForce(rng.normal(size=zoo.N))
+    part = ConstantForce(zoo.N, np.arange(zoo.N), rng.normal(size=zoo.N))
     x = zoo.random_state(rng)
     slope = jacobian(lambda s: part.potential_energy(np.zeros(len(s)), s), x)
     assert force_of(part, x) == pytest.approx(-slope, abs=1e-10)

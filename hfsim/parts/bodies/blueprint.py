@@ -124,6 +124,5 @@ class Blueprint(NamedTuple):
 
     def weight(self, n: int) -> ConstantForce:
         """Return the weight on its nodal vectors: masses of vectors times gravity (eq. 31)."""
-        force = np.zeros(n)
-        force[self.nodal_columns] = np.kron(self.mesh.vector_masses, self.gravity)
-        return ConstantForce(force, item=self.item)
+        columns = np.arange(self.nodal_columns.start, self.nodal_columns.stop)
+        return ConstantForce(n, columns, np.kron(self.mesh.vector_masses, self.gravity), item=self.item)

@@ -105,9 +105,7 @@ class RigidBody(Body):
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield the weight."""
-        force = np.zeros(n)
-        force[self.position_columns[0]] = self.mass * self.gravity
-        yield ConstantForce(force, item=self.item)
+        yield ConstantForce(n, self.position_columns[0], self.mass * self.gravity, item=self.item)
 
     def folded(self, pose: Pose) -> FoldedBody:
         """Return the same body held for ever at a pose."""
@@ -147,4 +145,5 @@ class FoldedBody(Body):
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield the weight, which does no work: only its energy counts."""
-        yield ConstantForce(np.zeros(n), -float(self.weight @ self.pose.origin), item=self.item)
+        energy = -float(self.weight @ self.pose.origin)
+        yield ConstantForce(n, np.zeros(0, dtype=np.intp), np.zeros(0), energy, item=self.item)
