@@ -58,12 +58,27 @@ SCENE = {
 }
 """A rigid hub that turns about the ground, and an arm on it; each example changes a little of it."""
 
+SPACE = {
+    **SCENE,
+    "gravity": [0.0, 0.0, -9.81],
+    "bodies": {
+        "hub": {"type": "rigid", "mass": 1.0, "inertia": [0.1, 0.2, 0.2], "points": {"rim": [0.5, 0, 0]}},
+        "arm": {"type": "rigid", "mass": 1.0, "inertia": [0.1, 0.2, 0.2], "points": {"root": [-0.5, 0, 0]}},
+    },
+    "joints": {"pin": {"type": "revolute", "between": ["ground", "hub"], "axis": [0, 1, 0]}},
+    "output": {"interval": 0.005, "channels": ["arm.x"]},
+}
+"""Two rigid bodies in space, for what only space has."""
+
 ELBOW, TO_ARM, AT_TIP = ["hub.rim", "arm.root"], ["ground", "arm.tip"], {"at": "arm.tip"}
 EXAMPLES = {
     "joint": {
         "revolute": {"elbow": {"between": ELBOW}},
         "fixed": {"elbow": {"between": ELBOW, "angle": 0.1}},
         "prismatic": {"elbow": {"between": ELBOW, "axis": [1.0, 0.5]}},
+        "spherical": {"elbow": {"between": ELBOW}},
+        "universal": {"elbow": {"between": ELBOW, "axes": [[1, 0, 0], [0, 1, 0]]}},
+        "cylindrical": {"elbow": {"between": ELBOW, "axis": [1, 0, 0]}},
         "driver": {"motor": {"between": ELBOW, "angle": {"type": "constant_rate", "rate": 1.0}}},
     },
     "spring": {
@@ -117,10 +132,11 @@ NEVER_DRAWN = ("law", "integrator", "rule")
 
 def scene_with(kind, name, example):
     """Return the deck that shows one thing."""
-    deck = deepcopy(SCENE)
+    space = kind == "joint" and name in ("spherical", "universal", "cylindrical")
+    deck = deepcopy(SPACE if space else SCENE)
     if kind == "joint":
         deck["joints"] |= {label: {"type": name, **entry} for label, entry in example.items()}
-        deck["output"]["channels"] += [f"{label}.moment" for label in example]
+        deck["output"]["channels"] += [f"{label}.moment{'_y' * space}" for label in example]
     elif kind in ("spring", "load"):
         deck[f"{kind}s"] = {"shown": {"type": name, **example}}
     elif kind == "law":

@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator
 
@@ -91,9 +91,7 @@ Length = Annotated[float, measures("length")]
 Angle = Annotated[float, measures("angle")]
 Time = Annotated[float, measures("time")]
 Force = Annotated[float, measures("force")]
-Moment = Annotated[float, measures("moment")]
 Velocity = Annotated[float, measures("velocity")]
-AngularVelocity = Annotated[float, measures("angular_velocity")]
 Acceleration = Annotated[float, measures("acceleration")]
 
 UnitInterval = Annotated[float, measures(at_least=0, at_most=1)]
@@ -103,7 +101,6 @@ PositiveTime = Annotated[float, measures("time", above=0)]
 NonNegativeTime = Annotated[float, measures("time", at_least=0)]
 PositiveFrequency = Annotated[float, measures("frequency", above=0)]
 PositiveMass = Annotated[float, measures("mass", above=0)]
-PositiveInertia = Annotated[float, measures("inertia", above=0)]
 PositiveDensity = Annotated[float, measures("density", above=0)]
 PositivePressure = Annotated[float, measures("pressure", above=0)]
 PositiveArea = Annotated[float, measures("area", above=0)]
@@ -117,7 +114,8 @@ Count = Annotated[int, whole()]
 Flag = Annotated[bool, ReadBy(_read_flag)]
 
 
-def _entries(value: object, counts: tuple[int, ...], what: str) -> object:
+def entries(value: object, counts: tuple[int, ...], what: str) -> object:
+    """Refuse what is no list of so many."""
     wanted = " or ".join(str(count) for count in counts)
     if not isinstance(value, list | tuple):
         raise refusal(f"must be a list of {wanted} {what}, not {shown(value)}")
@@ -126,7 +124,7 @@ def _entries(value: object, counts: tuple[int, ...], what: str) -> object:
     return value
 
 
-_vector = BeforeValidator(partial(_entries, counts=(2, 3), what="numbers"))
+_vector = BeforeValidator(partial(entries, counts=(2, 3), what="numbers"))
 
 Vector = Annotated[tuple[Number, ...], _vector]
 LengthVector = Annotated[tuple[Length, ...], _vector]
@@ -134,19 +132,58 @@ VelocityVector = Annotated[tuple[Velocity, ...], _vector]
 AccelerationVector = Annotated[tuple[Acceleration, ...], _vector]
 ForceVector = Annotated[tuple[Force, ...], _vector]
 
+_triple = BeforeValidator(partial(entries, counts=(3,), what="numbers"))
+
+SpatialAngle = Annotated[tuple[Angle, ...], _triple]
+
+
+def _one_or_three(dimension: str, value: object) -> object:
+    """Return a number, or the three of a vector in space."""
+    read = partial(_read_number, dimension, {})
+    if not isinstance(value, list | tuple):
+        return read(value)
+    return tuple(read(one) for one in entries(value, (3,), "numbers"))  # type: ignore[attr-defined]
+
+
+
+def _read_inertia(value: object) -> object:
+    """Return a moment of inertia, three, or a matrix of rows."""
+    read = partial(_read_number, "inertia", {})
+    if not isinstance(value, list | tuple):
+        return _read_number("inertia", {"above": 0.0}, value)
+    rows = entries(value, (3,), "numbers or rows")
+    if any(isinstance(row, list | tuple) for row in rows):  # type: ignore[attr-defined]
+        return tuple(tuple(map(read, entries(row, (3,), "numbers"))) for row in rows)  # type: ignore
+    return tuple(_read_number("inertia", {"at_least": 0.0}, one) for one in rows)  # type: ignore
+
+
+def flat(values: Iterable[object]) -> Iterator[float]:
+    """Yield the numbers of a vector or of the rows of a matrix."""
+    for value in values:
+        yield from value if isinstance(value, tuple) else (float(value),)  # type: ignore[arg-type]
+
+
+Inertia = Annotated[Any, ReadBy(_read_inertia)]
+"""A number, three of them, or three rows of three [kg m^2]."""
+
+Spin = Annotated[float | tuple[float, ...], ReadBy(partial(_one_or_three, "angular_velocity"))]
+Torque = Annotated[float | tuple[float, ...], ReadBy(partial(_one_or_three, "moment"))]
+
 
 _SHORTEST_AXIS = 1e-12
 
 
-def _check_axis(axis: tuple[float, ...]) -> tuple[float, ...]:
+def shortest(axis: tuple[float, ...], noun: str = "an axis") -> tuple[float, ...]:
+    """Refuse a direction without one."""
     if max(map(abs, axis)) < _SHORTEST_AXIS:
-        raise refusal("an axis cannot be zero", "give a direction such as [1, 0]")
+        example = ", ".join(["1", *"0" * (len(axis) - 1)])
+        raise refusal(f"{noun} cannot be zero", f"give a direction such as [{example}]")
     return axis
 
 
-Axis = Annotated[Vector, AfterValidator(_check_axis)]
+Axis = Annotated[Vector, AfterValidator(shortest)]
 
-Between = Annotated[tuple[str, str], BeforeValidator(partial(_entries, counts=(2,), what="points"))]
+Between = Annotated[tuple[str, str], BeforeValidator(partial(entries, counts=(2,), what="points"))]
 """The two points that a joint or a spring connects."""
 
 

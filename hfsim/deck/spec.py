@@ -42,7 +42,7 @@ class Complaint(NamedTuple):
     hint: str = ""
     on_key: bool = False
 
-    def inside(self, *steps: str) -> Self:
+    def inside(self, *steps: str | int) -> Self:
         """Return the same, its path counted from further out."""
         return self._replace(path=(*steps, *self.path))
 
@@ -54,6 +54,8 @@ class Around(NamedTuple):
     ----------
     n_dim : int or None
         Dimensions of space.
+    why : str
+        Which entry says so, where space has three.
     duration : float or None
         Of the run [s].
     model, elastic_form : str or None
@@ -64,6 +66,7 @@ class Around(NamedTuple):
     """
 
     n_dim: int | None
+    why: str
     duration: float | None
     model: str | None
     elastic_form: str | None
@@ -78,6 +81,12 @@ class Spec(BaseModel):
 
     vectors: ClassVar[tuple[str, ...]] = ()
     """Fields whose numbers are as many as the scene has dimensions, or maps of such."""
+
+    spatial: ClassVar[tuple[str, ...] | bool] = ()
+    """Fields that only space has; or whether the whole entry is of space only."""
+
+    planar: ClassVar[tuple[str, ...]] = ()
+    """Fields that only the plane has."""
 
     @classmethod
     def keys(cls) -> list[str]:
@@ -103,14 +112,36 @@ class Spec(BaseModel):
 
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield what in this entry, or in one inside it, does not fit the rest of the deck."""
+        n_dim, space = around.n_dim, {2: "planar", 3: "spatial"}.get(around.n_dim or 0, "")
+        why = f": {around.why}" if n_dim == 3 and around.why else ""
+        for path, vector in self._vectors():
+            if n_dim and len(vector) != n_dim:
+                yield Complaint(path, f"must be a list of {n_dim} numbers: this scene is {space}{why}")
+        for key in self._of(self.spatial) if n_dim == 2 else self._of(self.planar) if n_dim == 3 else ():
+            yield Complaint((key,), f"a {space} scene has no {key}", on_key=True)
+        for key, entry in self._inner():
+            yield from (one.inside(key) for one in entry.complaints_in(around))
+
+    def spaces(self) -> Iterator[tuple[int, Path]]:
+        """Yield how many dimensions space has by each vector or key in this entry, with its path."""
+        if self.spatial is True:
+            yield 3, ()
+        yield from ((3, (key,)) for key in self._of(self.spatial))
+        yield from ((len(vector), path) for path, vector in self._vectors())
+        for key, entry in self._inner():
+            yield from ((n, (key, *path)) for n, path in entry.spaces())
+
+    def _of(self, keys: tuple[str, ...] | bool) -> tuple[str, ...]:
+        """Return which of some fields are stated."""
+        return tuple(k for k in keys if getattr(self, k) is not None) if isinstance(keys, tuple) else ()
+
+    def _vectors(self) -> Iterator[tuple[Path, Sequence[float]]]:
+        """Yield the vectors in this entry with their keys."""
         for key in self.vectors:
             value = getattr(self, key)
             for name, vector in (value if isinstance(value, dict) else {"": value}).items():
-                if vector is not None and len(vector) != (around.n_dim or len(vector)):
-                    path = (key, name) if name else (key,)
-                    yield Complaint(path, f"must be a list of {around.n_dim} numbers: this scene is planar")
-        for key, entry in self._inner():
-            yield from (one.inside(key) for one in entry.complaints_in(around))
+                if isinstance(vector, tuple | list):
+                    yield ((key, name) if name else (key,)), vector
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield numbers in this entry, or in one inside it, that look like slips of units but may be meant.

@@ -1,10 +1,13 @@
-"""Rotations of the plane.
+"""Rotations of plane and space.
 
 A planar vector (a, b) is handled as the complex number a + ib: turning it by an angle is then one
-product for a whole batch of vectors.  Spatial rotations will stand beside these with the same names.
+product for a whole batch of vectors.  A *turn* has one number in the plane, its angle, and three in space,
+a rotation vector; so have spins and moments.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -49,20 +52,43 @@ def normal(a: Array) -> Array:
     return np.asarray(a @ QUARTER_TURN)
 
 
-def across(axis: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    """Return the directions perpendicular to an axis: one in the plane."""
-    x, y = axis
-    return ((-y, x),)
+def across(axis: Sequence[float]) -> tuple[tuple[float, ...], ...]:
+    """Return directions perpendicular to an axis and to each other: one in the plane, two unit ones in space.
+
+    Examples
+    --------
+    >>> across((0.0, 0.0, 2.0))
+    ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
+    """
+    if len(axis) == 2:
+        return ((-axis[1], axis[0]),)
+    n = np.asarray(axis) / np.linalg.norm(axis)
+    first = np.eye(3)[0 if abs(n[0]) < 0.9 else 1]
+    first = first - (first @ n) * n
+    first /= np.linalg.norm(first)
+    return tuple(first.tolist()), tuple(cross(n, first).tolist())
 
 
 def spun(spin: Array, a: Array) -> Array:
-    """Return the rates of vectors (..., 2) that turn with angular velocities (..., 1): spin x a."""
-    return np.asarray(spin * normal(a))
+    """Return the rates of vectors (..., n_dim) that turn with angular velocities (..., n_spin): spin x a."""
+    return np.asarray(spin * normal(a)) if a.shape[-1] == 2 else cross(spin, a)
+
+
+def turning(a: Array) -> Array:
+    """Return the matrices (..., n_dim, n_spin) by which angular velocities give `spun` of vectors."""
+    return normal(a)[..., None] if a.shape[-1] == 2 else -skew(a)
 
 
 def lever(a: Array, b: Array) -> Array:
-    """Return a x b of planar vectors, shape (..., 1): the moment of a force ``b`` at ``a``."""
+    """Return a x b of vectors (..., n_dim), shape (..., n_spin): the moment of a force ``b`` at ``a``."""
+    if a.shape[-1] == 3:
+        return cross(a, b)
     return np.asarray(np.sum(normal(a) * b, axis=-1, keepdims=True))
+
+
+def turned(turn: Array, a: Array) -> Array:
+    """Turn vectors (..., n_dim) by a turn (n_spin,)."""
+    return rotate(turn[0], a).reshape(a.shape) if len(turn) == 1 else np.asarray(a @ rotation(turn).T)
 
 
 def wrap(angle: Array) -> Array:
@@ -79,3 +105,90 @@ def wrap(angle: Array) -> Array:
 def freedoms(n_dim: int) -> int:
     """Return how many rigid motions there are: one shift along each axis, one turn in each pair of axes."""
     return n_dim * (n_dim + 1) // 2
+
+
+# --- space ----------------------------------------------------------------------------------------
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Return a x b of spatial vectors (..., 3): `numpy.cross` takes several times longer for few."""
+    return np.asarray(
+        a[..., [1, 2, 0]] * b[..., [2, 0, 1]] - a[..., [2, 0, 1]] * b[..., [1, 2, 0]]
+    )
+
+
+def skew(a: Array) -> Array:
+    """Return the matrices (..., 3, 3) with skew(a) b = a x b, of vectors (..., 3)."""
+    matrix = np.zeros((*a.shape, 3))
+    matrix[..., [2, 0, 1], [1, 2, 0]] = a
+    matrix[..., [1, 2, 0], [2, 0, 1]] = -a
+    return matrix
+
+
+def _squares(turn: Array) -> tuple[Array, Array, Array]:
+    """Return |turn| (..., 1, 1), kept from zero, and the first two powers of its matrix."""
+    K = skew(turn)
+    angle = np.linalg.norm(turn, axis=-1)[..., None, None]
+    return np.maximum(angle, 1e-150), K, K @ K
+
+
+def rotation(turn: Array) -> Array:
+    """Return the matrices (..., 3, 3) of rotation vectors (..., 3) (Rodrigues).
+
+    Examples
+    --------
+    >>> (rotation(np.array([0.0, 0.0, np.pi / 2])) @ [1.0, 0.0, 0.0]).round(12)
+    array([0., 1., 0.])
+    """
+    angle, K, K2 = _squares(turn)
+    half = 0.5 * angle
+    return np.asarray(np.eye(3) + np.sin(angle) / angle * K + 0.5 * (np.sin(half) / half) ** 2 * K2)
+
+
+def rotation_rates(turn: Array) -> Array:
+    """Return the matrices T (..., 3, 3) from rates of rotation vectors to angular velocities, ground axes."""
+    angle, K, K2 = _squares(turn)
+    half = 0.5 * angle
+    large = np.maximum(angle, 1e-3)
+    beyond = np.where(angle < large, 1.0 / 6.0 - angle**2 / 120.0, (large - np.sin(large)) / large**3)
+    return np.asarray(np.eye(3) + 0.5 * (np.sin(half) / half) ** 2 * K + beyond * K2)
+
+
+def quaternion(R: Array) -> Array:
+    """Return the unit quaternions (..., 4), scalar first and not negative, of matrices (..., 3, 3)."""
+    trace = np.trace(R, axis1=-2, axis2=-1)
+    diagonal = np.diagonal(R, axis1=-2, axis2=-1)
+    squares = np.concatenate([1.0 + trace[..., None], 1.0 + 2.0 * diagonal - trace[..., None]], axis=-1)
+    off = R - R.swapaxes(-1, -2)
+    on = R + R.swapaxes(-1, -2)
+    # four times the products q_i q_j: the row of the largest component gives all without cancellation
+    Q = np.zeros((*R.shape[:-2], 4, 4))
+    Q[..., range(4), range(4)] = squares
+    for k, (i, j) in enumerate(((2, 1), (0, 2), (1, 0))):
+        Q[..., 0, k + 1] = Q[..., k + 1, 0] = off[..., i, j]
+        Q[..., i + 1, j + 1] = Q[..., j + 1, i + 1] = on[..., i, j]
+    best = np.argmax(squares, axis=-1)
+    row = np.take_along_axis(Q, best[..., None, None], axis=-2)[..., 0, :]
+    row = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    return np.asarray(row * np.where(row[..., :1] < 0.0, -1.0, 1.0))
+
+
+def rotation_of_quaternion(q: Array) -> Array:
+    """Return the matrix (3, 3) of a quaternion (4,), scalar first, of any length but zero."""
+    w, v = q[0] / np.linalg.norm(q), q[1:] / np.linalg.norm(q)
+    K = skew(v)
+    return np.asarray(np.eye(3) + 2.0 * w * K + 2.0 * K @ K)
+
+
+def rotation_vector(R: Array) -> Array:
+    """Return the rotation vectors (..., 3), of half a turn at most, of matrices (..., 3, 3).
+
+    Examples
+    --------
+    >>> rotation_vector(rotation(np.array([0.1, -0.2, 3.0]))).round(12)
+    array([ 0.1, -0.2,  3. ])
+    """
+    q = quaternion(R)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, q[..., :1])
+    return np.asarray(np.where(sine > 1e-150, angle / np.maximum(sine, 1e-150), 2.0) * q[..., 1:])

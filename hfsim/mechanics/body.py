@@ -14,6 +14,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.chart import Chart
+from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.equations import VariableMass
 from hfsim.mechanics.force import ForcePart
@@ -21,7 +22,7 @@ from hfsim.mechanics.increments import BodyIncrements
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 
-Place = tuple[float, float]
+Place = tuple[float, ...]
 """A point in the undeformed body frame [m]."""
 Load = tuple[Marker, Array]
 """A point of a body, and the force of something else there on the body's coordinates."""
@@ -29,7 +30,7 @@ Load = tuple[Marker, Array]
 
 def places(points: Mapping[str, Sequence[float]]) -> dict[str, Place]:
     """Return named points as places."""
-    return {name: (point[0], point[1]) for name, point in points.items()}
+    return {name: tuple(point) for name, point in points.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +93,11 @@ class Body:
         """Coordinates that are positions, shape (n, n_dim), that of the origin first; none in body frames."""
         return np.zeros((0, 2), dtype=np.intp)
 
+    @property
+    def origin(self) -> Place:
+        """The origin of the body frame."""
+        return (0.0, 0.0)
+
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point."""
         raise NotImplementedError
@@ -106,7 +112,7 @@ class Body:
 
     def outline(self, x: Array) -> Array:
         """Return points along the body for pictures, shape (n_batch, n_points, n_dim): its named points."""
-        places = [(0.0, 0.0), *self.points.values()]
+        places = [self.origin, *self.points.values()]
         return np.stack([self.marker(place).position(x) for place in places], axis=1)
 
     # ------------------------------------------------------------------ how it deforms
@@ -169,6 +175,15 @@ class Body:
     def mass_entries(self) -> Entries:
         """Return the entries of its constant mass matrix, at the columns of x."""
         return NOTHING
+
+    def own_constraints(self) -> Iterator[Constraint]:
+        """Yield the equations between its own coordinates."""
+        yield from ()
+
+    @property
+    def invertible_mass(self) -> bool:
+        """Whether its constant mass matrix can be inverted without its own constraints."""
+        return True
 
     def tables(self, n: int) -> float:
         """Return the memory of its forces, in a scene of n coordinates, that grows faster than n [byte]."""

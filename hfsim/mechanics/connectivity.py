@@ -21,18 +21,21 @@ class Connectivity:
         Number of coordinates.
     columns : ndarray of int, shape (n_elements, k)
         Coordinates of each element.
-    local : ndarray, shape (n_elements, n_vectors * 2, k)
+    local : ndarray, shape (n_elements, n_vectors * n_dim, k)
         From them to its difference vectors.
+    n_dim : int
+        Of space.
     """
 
     n: int
     columns: IntArray
     local: Array
+    n_dim: int = 2
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """Number of elements, of difference vectors of each, and of their components."""
-        return len(self.columns), self.local.shape[1] // 2, 2
+        return len(self.columns), self.local.shape[1] // self.n_dim, self.n_dim
 
     @cached_property
     def gather(self) -> Matrix:
@@ -49,7 +52,7 @@ class Connectivity:
         return self.gather.T.tocsr() if is_sparse(self.gather) else np.ascontiguousarray(self.gather.T)
 
     def rows(self, x: Array) -> Array:
-        """Return the difference vectors as rows of equal components, (n_vectors, 2, n_elements * n_batch)."""
+        """Return difference vectors as rows of equal components, (n_vectors, n_dim, n_elements * n_batch)."""
         return np.asarray(self.gather.dot(x.T)).reshape(self._kinds)
 
     def push(self, rows: Array, n_batch: int) -> Array:
@@ -61,7 +64,7 @@ class Connectivity:
         return self.shape[1], self.shape[2], -1
 
     def vectors(self, x: Array) -> Array:
-        """Return the difference vectors, shape (n_batch, n_elements, n_vectors, 2)."""
+        """Return the difference vectors, shape (n_batch, n_elements, n_vectors, n_dim)."""
         rows = self.rows(x).reshape(*self.shape[1:], self.shape[0], len(x))
         return np.ascontiguousarray(rows.transpose(3, 2, 0, 1))
 
@@ -87,4 +90,4 @@ class Connectivity:
     def joined(self, other: Connectivity) -> Connectivity:
         """Return the connectivity of these elements followed by others of the same kind."""
         columns = np.concatenate([self.columns, other.columns])
-        return Connectivity(self.n, columns, np.concatenate([self.local, other.local]))
+        return Connectivity(self.n, columns, np.concatenate([self.local, other.local]), self.n_dim)

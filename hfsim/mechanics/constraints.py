@@ -17,7 +17,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, Places, run_of
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import lever, spun, wrap
+from hfsim.maths.rotations import wrap
 from hfsim.mechanics.force import difference
 from hfsim.mechanics.markers import Marker, joint_support
 
@@ -28,11 +28,7 @@ if TYPE_CHECKING:
 class Held(Protocol):
     """One thing that a joint holds between the frames of two points, A and B."""
 
-    @property
-    def places(self) -> bool:
-        """Whether it holds places, not turns alone."""
-
-    def between(self, first: Marker, second: Marker) -> Constraint:
+    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
         """Return the equations for a marker at A and one at B."""
 
 
@@ -50,17 +46,12 @@ class Shift(NamedTuple):
     axis: tuple[float, ...] | None = None
     law: Law | None = None
 
-    @property
-    def places(self) -> bool:
-        """Return True."""
-        return True
-
-    def between(self, first: Marker, second: Marker) -> Constraint:
+    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
         """Return the equations for two markers."""
         if self.axis is None:
-            return Coincide(first, second)
+            return (Coincide(first, second),)
         length = float(np.linalg.norm(self.axis))
-        return Along(first, second, tuple(a / length for a in self.axis), law=self.law)
+        return (Along(first, second, tuple(a / length for a in self.axis), law=self.law),)
 
 
 class Turn(NamedTuple):
@@ -77,21 +68,16 @@ class Turn(NamedTuple):
     angle: float = 0.0
     law: Law | None = None
 
-    @property
-    def places(self) -> bool:
-        """Return False."""
-        return False
-
-    def between(self, first: Marker, second: Marker) -> Constraint:
+    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
         """Return the equations for two markers."""
-        return RelativeAngle(first, second, offset=self.angle, law=self.law)
+        return (RelativeAngle(first, second, offset=self.angle, law=self.law),)
 
 
 def constraints_of(
     held: Iterable[Held], first: Marker, second: Marker, item: str = ""
 ) -> tuple[Constraint, ...]:
     """Return the equations of a joint between two markers."""
-    return tuple(replace(one.between(first, second), item=item) for one in held)
+    return tuple(replace(row, item=item) for one in held for row in one.between(first, second))
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,7 +298,7 @@ class Along(Constraint):
 
     def _geometry(self, x: Array) -> tuple[Array, Array]:
         """Return the direction and the distance vector."""
-        axis = self.first.turned(x, np.array(self.direction))
+        axis = self.first.axis(x, np.array(self.direction))
         return axis, self.second.position(x) - self.first.position(x)
 
     def gap(self, x: Array) -> Array:
@@ -324,16 +310,15 @@ class Along(Constraint):
         """Return the Jacobian of axis . gap."""
         axis, gap = self._geometry(x)
         row = axis[:, None] @ self.ends[end].position_jacobian(x)
-        return row if end else lever(axis, gap)[:, None] @ self.first.spin_jacobian(x) - row
+        return row if end else gap[:, None] @ self.first.axis_jacobian(x, np.array(self.direction)) - row
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return the terms of (axis . gap)'' without accelerations."""
-        (a, b), (axis, gap) = self.ends, self._geometry(x)
-        spin = a.spin(x, u)
-        turning = spun(spin, axis)
+        (a, b), (axis, gap), own = self.ends, self._geometry(x), np.array(self.direction)
+        turning = (a.axis_jacobian(x, own) @ u[:, a.columns, None])[..., 0]
         parts = axis * (b.position_bias(x, u) - a.position_bias(x, u))
         parts += 2.0 * turning * (b.velocity(x, u) - a.velocity(x, u))
-        parts += (spun(a.spin_bias(x, u), axis) + spun(spin, turning)) * gap
+        parts += a.axis_bias(x, u, own) * gap
         return np.asarray(np.sum(parts, axis=-1, keepdims=True))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:

@@ -70,6 +70,8 @@ class Equations:
         Which of them it eliminates is left out here.
     once : bool
         Factorise matrices that never change once; otherwise in every state, as if they did.
+    invertible : bool
+        Whether the constant mass matrix can be inverted without the constraints.
     """
 
     constant_mass: Matrix
@@ -77,6 +79,7 @@ class Equations:
     all_constraints: tuple[Constraint, ...]
     reduction: Reduction
     once: bool = True
+    invertible: bool = True
 
     @cached_property
     def n(self) -> int:
@@ -219,7 +222,7 @@ class Equations:
     @property
     def _changes(self) -> bool:
         """Whether the mass matrix is treated as one that depends on the state."""
-        return bool(self.variable_mass) or not self.once
+        return bool(self.variable_mass) or not self.once or not self.invertible
 
     @cached_property
     def solution(self) -> Array | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray, distinct
 from hfsim.maths.matrices import NOTHING, Entries
-from hfsim.maths.rotations import as_complex, as_vectors, rotate
+from hfsim.maths.rotations import as_complex, as_vectors, rotate, spun, turning
 from hfsim.mechanics.pose import Pose
 
 
@@ -27,6 +27,8 @@ class Marker:
     ----------
     n_dim, n_spin : int
         Numbers of a vector, and axes to turn about.
+    n_axes : int
+        How many of its own axes it has: one where it is on a line without sections in space.
     nodal : bool
         Whether the coordinates of its body are nodal vectors.
     linear_turn, keeps_turns : bool
@@ -39,6 +41,7 @@ class Marker:
 
     n_dim: ClassVar[int] = 2
     n_spin: ClassVar[int] = 1
+    n_axes: ClassVar[int] = 2
     nodal: ClassVar[bool] = False
     linear_turn: ClassVar[bool] = True
     keeps_turns: ClassVar[bool] = True
@@ -94,6 +97,19 @@ class Marker:
         """Return vectors (n_dim,), given in its axes, in ground axes, shape (n_batch, n_dim)."""
         return rotate(self.angle(x), a)
 
+    def axis(self, x: Array, a: Array) -> Array:
+        """Return vectors as `turned`, but as long as its own axes are: what joints hold directions of."""
+        return self.turned(x, a)
+
+    def axis_jacobian(self, x: Array, a: Array) -> Array:
+        """Return the derivative of `axis` by the coordinates, shape (n_batch or 1, n_dim, n_columns)."""
+        return turning(self.axis(x, a)) @ self.spin_jacobian(x)
+
+    def axis_bias(self, x: Array, u: Array, a: Array) -> Array:
+        """Return its second time derivative at zero accelerations, shape (n_batch, n_dim)."""
+        spin, axis = self.spin(x, u), self.axis(x, a)
+        return spun(self.spin_bias(x, u), axis) + spun(spin, spun(spin, axis))
+
     def spin_jacobian(self, x: Array) -> Array:
         """Return the derivative of its turn by the coordinates, shape (n_batch or 1, n_spin, n_columns)."""
         raise NotImplementedError
@@ -131,6 +147,21 @@ class GroundMarker(Marker):
     pose: Pose
     columns: slice = field(default_factory=lambda: slice(0, 0))
 
+    @property
+    def n_dim(self) -> int:  # type: ignore[override]
+        """Of the space it is in."""
+        return len(self.pose.origin)
+
+    @property
+    def n_spin(self) -> int:  # type: ignore[override]
+        """Of the space it is in."""
+        return len(self.pose.turn)
+
+    @property
+    def n_axes(self) -> int:  # type: ignore[override]
+        """All of the space it is in."""
+        return self.n_dim
+
     def position(self, x: Array) -> Array:
         """Return the fixed place."""
         return np.broadcast_to(self.pose.origin, (len(x), self.n_dim))
@@ -143,32 +174,40 @@ class GroundMarker(Marker):
         """Return the fixed angle."""
         return np.full(len(x), self.pose.angle)
 
+    def turned(self, x: Array, a: Array) -> Array:
+        """Return the fixed vectors."""
+        return np.repeat(self.pose.turned(np.asarray(a, dtype=float))[None], len(x), axis=0)
+
     def spin_jacobian(self, x: Array) -> Array:
         """Return an empty matrix."""
         return np.zeros((1, self.n_spin, 0))
 
 
 @dataclass(frozen=True, eq=False)
-class NodalMarker(Marker):
-    """A material point of a planar body whose coordinates are absolute nodal vectors.
+class LinearMarker(Marker):
+    """A material point of a body whose coordinates are absolute vectors, positions and directions.
 
     Attributes
     ----------
     columns : slice
-    place_row, slope_row : ndarray, shape (n_vectors,)
-        Shape rows of the position and of the slope vector that gives the direction.
+    place_row : ndarray, shape (n_vectors,)
+        Shape row of the position.
     """
 
     columns: slice
     place_row: Array
-    slope_row: Array
     linear_turn: ClassVar[bool] = False
     keeps_turns: ClassVar[bool] = False
     nodal: ClassVar[bool] = True
 
+    @property
+    def _involved(self) -> BoolArray:
+        """Which vectors place or directions depend on."""
+        raise NotImplementedError
+
     @cached_property
     def support(self) -> IntArray:
-        """Columns of the nodal vectors with an entry in either row."""
+        """Columns of the vectors with an entry in any row."""
         return self._columns_of(np.flatnonzero(self._involved))
 
     @cached_property
@@ -176,17 +215,8 @@ class NodalMarker(Marker):
         """The coordinates that are the position; None between nodes."""
         return self._vector_columns(self.place_row)
 
-    @cached_property
-    def slope_columns(self) -> IntArray | None:
-        """The coordinates that are the slope vector; None between nodes."""
-        return self._vector_columns(self.slope_row)
-
-    @property
-    def _involved(self) -> BoolArray:
-        return (np.abs(self.place_row) > ROUNDING) | (np.abs(self.slope_row) > ROUNDING)
-
     def _columns_of(self, vectors: IntArray) -> IntArray:
-        """Return the columns of nodal vectors, one vector after the other."""
+        """Return the columns of vectors, one vector after the other."""
         first = self.columns.start + self.n_dim * vectors
         return np.asarray(first[:, None] + np.arange(self.n_dim)).ravel()
 
@@ -197,7 +227,7 @@ class NodalMarker(Marker):
         return self._columns_of(np.array([k])) if np.abs(rest).max() <= ROUNDING else None
 
     def _combined(self, x: Array, row: Array) -> Array:
-        """Return a combination of the nodal vectors, shape (n_batch, n_dim)."""
+        """Return combinations of the vectors, shape (n_batch, ..., n_dim), for rows (..., n_vectors)."""
         return np.asarray(row @ x[:, self.columns].reshape(len(x), -1, self.n_dim))
 
     def position(self, x: Array) -> Array:
@@ -211,6 +241,28 @@ class NodalMarker(Marker):
     @cached_property
     def _place_jacobian(self) -> Array:
         return np.kron(self.place_row, np.eye(self.n_dim))[None]
+
+
+@dataclass(frozen=True, eq=False)
+class NodalMarker(LinearMarker):
+    """A material point of a planar body whose coordinates are absolute nodal vectors.
+
+    Attributes
+    ----------
+    slope_row : ndarray, shape (n_vectors,)
+        Shape row of the slope vector that gives the direction.
+    """
+
+    slope_row: Array
+
+    @cached_property
+    def slope_columns(self) -> IntArray | None:
+        """The coordinates that are the slope vector; None between nodes."""
+        return self._vector_columns(self.slope_row)
+
+    @property
+    def _involved(self) -> BoolArray:
+        return (np.abs(self.place_row) > ROUNDING) | (np.abs(self.slope_row) > ROUNDING)
 
     def _slope(self, x: Array) -> ComplexArray:
         """Return the slope vector t as a complex number."""
@@ -250,7 +302,7 @@ class RigidMarker(Marker):
     """A point of a rigid body with coordinates (x, y, angle)."""
 
     columns: slice
-    offset: tuple[float, float] = (0.0, 0.0)
+    offset: tuple[float, ...] = (0.0, 0.0)
 
     @property
     def linear(self) -> bool:

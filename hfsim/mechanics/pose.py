@@ -6,13 +6,13 @@ full turns.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import freedoms, rotate, spun
+from hfsim.maths.rotations import freedoms, spun, turned
 
 
 class Pose(NamedTuple):
@@ -23,7 +23,8 @@ class Pose(NamedTuple):
     origin : ndarray, shape (n_dim,)
         In ground axes [m].
     turn : ndarray, shape (n_spin,)
-        Of the body axes against those of the ground [rad]; an angle with its full turns in the plane.
+        Of the body axes against those of the ground [rad]: an angle with its full turns in the plane, in
+        space a rotation vector.
 
     Examples
     --------
@@ -39,14 +40,19 @@ class Pose(NamedTuple):
         """Return a pose in the plane."""
         return cls(np.asarray(origin, dtype=float), np.array([angle]))
 
+    @classmethod
+    def level(cls, origin: Sequence[float] | Array) -> Pose:
+        """Return a pose with the axes of the ground, in plane or space."""
+        return cls(np.asarray(origin, dtype=float), np.zeros(freedoms(len(origin)) - len(origin)))
+
     @property
     def angle(self) -> float:
-        """Angle of the frame in the plane, full turns included [rad]."""
-        return float(self.turn[0])
+        """Angle of the frame about the last axis there is, in the plane with full turns [rad]."""
+        return float(self.turn[-1])
 
     def turned(self, a: Array) -> Array:
         """Return vectors (..., n_dim), given in body axes, in ground axes."""
-        return rotate(self.turn[0], a).reshape(a.shape)
+        return turned(self.turn, a)
 
     def placed(self, a: Array) -> Array:
         """Return where points (..., n_dim) of the body frame are in ground axes [m]."""

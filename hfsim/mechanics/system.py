@@ -9,7 +9,7 @@ the parts are written: there the mass matrix of most bodies is constant.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -96,7 +96,7 @@ class System:
             return self.equations
         own = self.equations
         nothing = Reduction.nothing(self.n_x, is_sparse(own.constant_mass))
-        return Equations(own.constant_mass, own.variable_mass, own.all_constraints, nothing, own.once)
+        return replace(own, reduction=nothing)
 
     # ------------------------------------------------------------------ coordinates
 
@@ -264,7 +264,7 @@ class System:
     @property
     def linearizes(self) -> bool:
         """Whether `linearized` is at hand: the state are coordinates with a constant mass matrix."""
-        return not self.charts and not self.variable_mass
+        return not self.charts and not self.variable_mass and self.equations.invertible
 
     @property
     def quartic(self) -> bool:

@@ -40,9 +40,12 @@ class BodySpec(Spec):
         """Number of its absolute coordinates, near enough."""
         return 3
 
-    def default_channels(self) -> tuple[str, ...]:
+    def default_channels(self, n_dim: int) -> tuple[str, ...]:
         """Return what is written of it where a deck names no channels."""
-        return ("x", "y", "angle", "angular_velocity")
+        if n_dim == 2:
+            return ("x", "y", "angle", "angular_velocity")
+        turns = (f"{what}_{axis}" for what in ("rotation", "angular_velocity") for axis in "xyz")
+        return ("x", "y", "z", *turns)
 
 
 class JointSpec(Spec):
@@ -57,14 +60,21 @@ class JointSpec(Spec):
     welds: ClassVar[bool] = False
     """Whether it leaves no motion between its two bodies."""
 
-    def held(self) -> "tuple[Held, ...]":
-        """Return what it holds of the second point against the first, such as shifts and turns."""
+    follows_start: ClassVar[bool] = False
+    """Whether, in space, its axis on the second body is where both bodies' stated orientations have it."""
+
+    def held(self, facing: Array | None = None) -> "tuple[Held, ...]":
+        """Return what it holds of the second point against the first, such as shifts and turns.
+
+        In space that depends on how B's frame faces A's where all its angles are zero: by a matrix (3, 3)
+        that takes vectors in B's frame to A's.
+        """
         raise NotImplementedError
 
     @property
     def carries(self) -> bool:
         """Whether it resists shifts of its bodies, not turns alone."""
-        return any(one.places for one in self.held())
+        return True
 
     @property
     def stands(self) -> bool:

@@ -29,6 +29,8 @@ def count_turns(
     -------
     dict of str to ndarray, shape (n_times,)
     """
+    if scene.deck.dimension == 3:
+        return {}
     unread = scene.left_out["turns"]
     names = [
         name

@@ -27,6 +27,7 @@ from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Frame, Linkage
+from hfsim.scene.facing import Facings
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.memory import refuse_too_large
@@ -80,7 +81,9 @@ class Scene:
     @cached_property
     def free_motions(self) -> list[FreeMotion] | None:
         """What the joints leave free at the start, bodies taken as rigid; None in large mechanisms."""
-        return free_motions(self.assembly, self._rigid_energy)
+        markers = (body.marker(body.origin) for body in self.bodies.values())
+        lines = [k for k, marker in enumerate(markers) if marker.n_axes == 1]
+        return free_motions(self.assembly, self._rigid_energy, lines)
 
     @cached_property
     def _rigid_inertia(self) -> Array:
@@ -198,10 +201,11 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
 
 def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
     deck = loaded.deck
-    frames = Frame.of(bodies.values(), deck.dimension)
+    facing = Facings(deck)
+    frames = Frame.of(bodies.values(), deck.dimension, facing.centres)
     _, constraints = _joints(deck, frames)
     n = max(frame.columns.stop for frame in frames.values())
-    linkage = Linkage(constraints, n, deck.dimension)
+    linkage = Linkage(constraints, n, deck.dimension, facing.centres)
     return assembled(Start(tuple(bodies), deck.initial, linkage, loaded.problem))
 
 
@@ -252,10 +256,9 @@ def find_marker(point: str, bodies: Mapping[str, Body], deck: Deck) -> Marker:
     """Return the marker of a point as decks name it: ``BODY``, ``BODY.tip``, ``ground.name``."""
     owner, name = split_point(point)
     if owner == "ground":
-        place = deck.ground.points[name] if name else (0.0, 0.0)
-        return GroundMarker(Pose.planar(place, 0.0))
+        return GroundMarker(Pose.level(deck.ground.points[name] if name else (0.0,) * deck.dimension))
     body = bodies[owner]
-    return body.marker(body.points[name] if name else (0.0, 0.0))
+    return body.marker(body.points[name] if name else body.origin)
 
 
 def _bodies(
@@ -276,13 +279,17 @@ def _joints(
     joints: dict[str, tuple[int, ...]] = {}
     constraints: list[Constraint] = []
     held = welds(deck, [name for name, body in bodies.items() if body.still])
+    facings = Facings(deck)
     for name, spec in deck.joints.items():
         first, second = (find_marker(point, bodies, deck) for point in spec.between)
-        rows = () if name in held else constraints_of(spec.held(), first, second, f"joints.{name}")
+        holds = () if name in held else spec.held(*facings.of(spec))
+        rows = constraints_of(holds, first, second, f"joints.{name}")
         if left_out is not None and f"joints.{name}" in left_out["standing_drivers"]:
             rows = tuple(row.standing() for row in rows)
         joints[name] = tuple(range(len(constraints), len(constraints) + len(rows)))
         constraints.extend(rows)
+    for body in bodies.values():
+        constraints.extend(body.own_constraints())
     return joints, tuple(constraints)
 
 
@@ -304,11 +311,12 @@ def _system(
     free = eliminate(moving, constraints if left_out.fires("tree_joints") else (), sparse)
     charts = side_by_side(body.chart() for body in every)
     increments = side_by_side(body.increments() for body in every)
+    once, invertible = left_out.fires("constant_mass"), all(body.invertible_mass for body in every)
     natural = NaturalIncrements(increments, free.reduction, free.ties, free.natural_columns)
     return System(
         charts=tuple(chart.at(free.reduction.free_columns(chart.columns)) for chart in charts),
         forces=(*merged(needed), *_springs_and_loads(deck, bodies, left_out, x, angles)),
-        equations=Equations(mass, variable, constraints, free.reduction, left_out.fires("constant_mass")),
+        equations=Equations(mass, variable, constraints, free.reduction, once, invertible),
         natural=natural if increments else None,
         keeps_rates=not left_out.fires("rates"),
         keeps_work=not left_out.fires("work"),

@@ -77,7 +77,8 @@ class ChannelNames:
         elif (self.dimension or 2) not in kind.dimensions:
             others = self._known(lambda one: (one.subject, one.plot) == (kind.subject, kind.plot))
             hint = " or ".join(f"'{point}.{other}'" for other in others)
-            yield Complaint(path, f"a planar scene has no {quantity}", hint)
+            space = "spatial" if self.dimension == 3 else "planar"
+            yield Complaint(path, f"a {space} scene has no {quantity}", hint)
         elif kind.only_beams and not beam and points and points[owner] is not None:
             yield Complaint(path, f"only a beam has {quantity}, '{owner}' is {shown(body.get('type'))}")
         else:

@@ -9,11 +9,12 @@ from typing import Any
 from hfsim.deck.fields import split_point
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean, entry_at
-from hfsim.deck.spec import Around, Complaint, Spec
+from hfsim.deck.spec import Around, Complaint
 from hfsim.parts.channels import scene_words
 from hfsim.scene.channel_names import ChannelNames
 from hfsim.scene.declared import Declared
 from hfsim.scene.rules import RULES
+from hfsim.scene.schema import space_of, specs_in
 
 
 def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Complaint]:
@@ -26,27 +27,22 @@ def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Com
     entries : dict
         Of each top-level key what could be read.
     """
-    declared, n_dim = Declared(data), len(entries["gravity"] or ())
+    declared, (n_dim, where) = Declared(data), space_of(entries)
     for check in (_names, _references, _connections, _initial_names, _rules):
         yield from check(declared)
     yield from ChannelNames(declared, n_dim).complaints()
-    if n_dim == 3:
-        yield Complaint(("gravity",), "spatial scenes are not available yet; give two numbers")
-    around = _around(entries, None if n_dim == 3 else 2)
-    for key, group in entries.items():
-        for path, entry in _specs(key, group):
-            yield from (one.inside(*path) for one in entry.complaints_in(around))
+    why = f"{'.'.join(map(str, where))} has three" if where else ""
+    if n_dim == 3 and len(data.get("gravity") or (0, 0, 0)) == 2:
+        yield Complaint(("gravity",), f"must be a list of 3 numbers: this scene is spatial: {why}")
+    around = _around(entries, n_dim, why)
+    for path, entry in specs_in(entries):
+        yield from (one.inside(*path) for one in entry.complaints_in(around))
 
 
 def slips_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Complaint]:
     """Yield what looks like slips of units in a deck that can be run; see `complaints_of`."""
     around = _around(entries, len(entries["gravity"]))
-    found = [
-        one.inside(*path)
-        for key, group in entries.items()
-        for path, entry in _specs(key, group)
-        for one in entry.slips_in(around)
-    ]
+    found = [one.inside(*path) for path, entry in specs_in(entries) for one in entry.slips_in(around)]
     for slip in (*_gravity_slips(entries["gravity"]), *found):
         if not isinstance(entry_at(data, slip.path), str):
             yield slip
@@ -60,24 +56,17 @@ def _gravity_slips(gravity: tuple[float, ...]) -> Iterator[Complaint]:
         yield Complaint(path, f"{up:g} m/s^2 is a thousand times the Earth's", f"'{up:g} mm/s2'?")
 
 
-def _around(entries: dict[str, Any], n_dim: int | None) -> Around:
+def _around(entries: dict[str, Any], n_dim: int, why: str = "") -> Around:
     solve, output = entries["solve"], entries["output"]
     return Around(
         n_dim=n_dim,
+        why=why,
         duration=getattr(solve, "duration", None),
         model=getattr(solve, "model", None),
         elastic_form=getattr(solve, "elastic_form", None),
         sections=entries["sections"],
         channels=getattr(output, "channels", None),
     )
-
-
-def _specs(key: str, group: Any) -> Iterator[tuple[tuple[str, ...], Spec]]:
-    """Yield the entries under a top-level key with their paths."""
-    if isinstance(group, Spec):
-        yield (key,), group
-    elif isinstance(group, dict):
-        yield from (((key, name), entry) for name, entry in group.items())
 
 
 def _names(declared: Declared) -> Iterator[Complaint]:

@@ -9,16 +9,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import count, pairwise, repeat
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import smallest_step
-from hfsim.maths.rotations import freedoms
+from hfsim.maths.rotations import freedoms, rotation, rotation_rates, rotation_vector
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker, RigidMarker
+from hfsim.mechanics.pose import Pose
 
 CLOSED = 1e-9
 """Gap of a joint, relative to the size of the linkage or in radians, that counts as none."""
@@ -34,15 +35,29 @@ CUT = (1e-1, 1e-2, 1e-3, 1e-4)
 class Frame(Body):
     """A body at the start, when it is undeformed: only its frame moves."""
 
+    centre: Array | None
+
     @classmethod
-    def of(cls, bodies: Iterable[Body], n_dim: int) -> dict[str, Frame]:
-        """Return the frames of bodies by name."""
+    def of(cls, bodies: Iterable[Body], n_dim: int, centres: Array | None) -> dict[str, Frame]:
+        """Return the frames of bodies by name, in space turned from their centres."""
         size = freedoms(n_dim)
-        return {b.name: cls(b.name, slice(k * size, (k + 1) * size), b.points) for k, b in enumerate(bodies)}
+        columns = (slice(k * size, (k + 1) * size) for k in count())
+        places = repeat(None) if centres is None else centres
+        every = zip(bodies, columns, places, strict=False)
+        return {body.name: cls(body.name, own, body.points, centre) for body, own, centre in every}
+
+    @property
+    def origin(self) -> Place:
+        """The origin of the body frame."""
+        return (0.0, 0.0) if self.centre is None else (0.0, 0.0, 0.0)
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a point that turns with the frame."""
-        return RigidMarker(self.columns, place)
+        if self.centre is not None:
+            from hfsim.mechanics.spatial_markers import FrameMarker
+
+            return FrameMarker(self.columns, place, self.centre)
+        return RigidMarker(self.columns, (place[0], place[1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +70,14 @@ class Linkage:
     n : int
         Number of coordinates of all frames.
     n_dim : int
+    centres : ndarray, shape (n_bodies, 3, 3), or None
+        In space, from which the turns of the frames count, as rotation vectors.
     """
 
     constraints: tuple[Constraint, ...]
     n: int
     n_dim: int
+    centres: Array | None = None
 
     def owner(self, marker: Marker) -> int | None:
         """Return the number of the body that a marker is on; None for the ground."""
@@ -122,6 +140,23 @@ class Linkage:
             for marker, block in zip(c.ends, c.jacobians(x), strict=True):
                 J[:, rows, marker.columns] += block
         return J
+
+    def slopes_by_rates(self, x: Array) -> Array:
+        """Return the derivative of the gaps' rates by velocities and spins at places (n,), (n_rows, n)."""
+        J = self.jacobian(x[None])[0]
+        if self.centres is not None:
+            for k, turn in enumerate(x.reshape(-1, 6)[:, 3:]):
+                spins = slice(6 * k + 3, 6 * k + 6)
+                J[:, spins] = J[:, spins] @ np.linalg.inv(rotation_rates(turn))
+        return np.asarray(J)
+
+    def poses(self, x: Array) -> list[Pose]:
+        """Return the poses of all frames at places (n,)."""
+        rows = x.reshape(-1, freedoms(self.n_dim))
+        if self.centres is None:
+            return [Pose(row[: self.n_dim], row[self.n_dim :]) for row in rows]
+        turns = rotation_vector(rotation(rows[:, 3:]) @ self.centres)
+        return [Pose(row[:3], turn) for row, turn in zip(rows, turns, strict=True)]
 
     @cached_property
     def drift(self) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -60,7 +60,9 @@ class FreeMotion(NamedTuple):
         return f"{self.body}: {self.kind}{link} {self.about}{others}"
 
 
-def free_motions(assembly: Assembly, energy: Callable[[Array], float]) -> list[FreeMotion] | None:
+def free_motions(
+    assembly: Assembly, energy: Callable[[Array], float], lines: Collection[int] = ()
+) -> list[FreeMotion] | None:
     """Return the rigid motions that are left at the start, body by body from the ground outwards.
 
     None if a mechanism has so many bodies that they are not told apart.
@@ -70,13 +72,15 @@ def free_motions(assembly: Assembly, energy: Callable[[Array], float]) -> list[F
     assembly : Assembly
     energy : callable
         Rates of the frames (n,) -> kinetic energy of the scene [J].
+    lines : collection of int
+        Numbers of bodies in space that are lines without sections: that they roll is no motion.
     """
     groups = _mechanisms(assembly.linkage, len(assembly.poses))
     if max(map(len, groups)) > MOST_BODIES:
         return None
     link = assembly.linkage
     mass = energy(np.where(link.turns, 0.0, link.units)) / link.n_dim
-    return [motion for group in groups for motion in _motions_of(group, assembly, energy, mass)]
+    return [motion for group in groups for motion in _motions_of(group, assembly, energy, mass, lines)]
 
 
 def _mechanisms(link: Linkage, count: int) -> list[list[int]]:
@@ -103,11 +107,18 @@ def _mechanisms(link: Linkage, count: int) -> list[list[int]]:
 
 
 def _motions_of(
-    group: Sequence[int], assembly: Assembly, energy: Callable[[Array], float], whole_mass: float
+    group: Sequence[int],
+    assembly: Assembly,
+    energy: Callable[[Array], float],
+    whole_mass: float,
+    lines: Collection[int],
 ) -> Iterator[FreeMotion]:
     link, names = assembly.linkage, tuple(assembly.poses)
     columns = {body: link.columns_of(body) for body in group}
-    motions = _null_space(link, assembly.place, np.concatenate([columns[body] for body in group]))
+    rolls = np.zeros((len(lines), link.n))
+    for row, body in zip(rolls, lines, strict=True):
+        row[link.columns_of(body)[3:]] = list(assembly.poses.values())[body].turned(np.eye(3)[0])
+    motions = _null_space(link, assembly.place, np.concatenate([columns[body] for body in group]), rolls)
     found = []
     for body in group:
         own, sizes, mixed = np.linalg.svd(motions[columns[body]], full_matrices=True)
@@ -125,9 +136,10 @@ def _motions_of(
             yield FreeMotion(names[body], own.shape[1], kind, about, follow, least / whole_mass)
 
 
-def _null_space(link: Linkage, place: Array, columns: IntArray) -> Array:
+def _null_space(link: Linkage, place: Array, columns: IntArray, rolls: Array) -> Array:
     """Return the motions of some bodies that the joints allow, in steps of units, shape (n, n_motions)."""
-    J = link.slopes(place[None], columns)[0]
+    rows = link.slopes_by_rates(place) * link.units / link.scales[:, None]
+    J = np.concatenate([rows, rolls])[:, columns]
     J = J[J.any(axis=1)]
     _, sizes, right = np.linalg.svd(J, full_matrices=True)
     motions = np.zeros((link.n, len(columns)))
@@ -138,6 +150,8 @@ def _null_space(link: Linkage, place: Array, columns: IntArray) -> Array:
 def _described(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
     """Return kind and place of the motions (n_freedoms, k) of a body."""
     n_dim = assembly.linkage.n_dim
+    if n_dim == 3:
+        return _described_in_space(own)
     shifts = own @ _null(own[n_dim:])
     if shifts.shape[1] == n_dim:
         return "floats", ", ".join([*AXES[:n_dim], "turn"][: own.shape[1]])
@@ -146,6 +160,21 @@ def _described(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
     return (
         ("slides", _axis(shifts[:n_dim, 0])) if shifts.size else ("turns", _pole(own[:, 0], body, assembly))
     )
+
+
+def _described_in_space(own: Array) -> tuple[str, str]:
+    shifts, turns = own @ _null(own[3:]), own[3:]
+    sizes = np.linalg.svd(turns, compute_uv=False)
+    n_turns, n_shifts = int(np.sum(sizes > NONE)), shifts.shape[1]
+    if n_shifts >= 2:
+        names = ["x", "y", "z"] if n_shifts == 3 else [f"{n_shifts} shifts"]
+        return "floats", ", ".join([*names, *([f"{n_turns} turns"] if n_turns else [])])
+    if n_shifts and n_turns:
+        return "turns and slides", f"{n_turns} turns, along {_axis(shifts[:3, 0])}"
+    if n_shifts:
+        return "slides", _axis(shifts[:3, 0])
+    axis = np.linalg.svd(turns)[0][:, 0]
+    return "turns", _axis(axis) if n_turns == 1 else f"{n_turns} axes"
 
 
 def _null(rows: Array) -> Array:

@@ -2,16 +2,16 @@
 
 import math
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import Field
 
 from hfsim.deck.fields import (
     LONGEST_NAME,
     AccelerationVector,
     Angle,
-    AngularVelocity,
     Count,
     EmptyAllowed,
     Flag,
@@ -19,6 +19,7 @@ from hfsim.deck.fields import (
     Name,
     Points,
     PositiveTime,
+    Spin,
     UnitInterval,
     VelocityVector,
     degrees_as_radians,
@@ -27,9 +28,12 @@ from hfsim.deck.fields import (
     whole,
 )
 from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionSpec
+from hfsim.deck.orientation import OrientationSpec, matrix_of
+from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean
 from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, named_in, refusal, shown
 from hfsim.integrators import steps_in_absolute_coordinates
+from hfsim.maths.arrays import Array
 from hfsim.maths.memory import available, in_bytes
 from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.channels import is_judged
@@ -77,13 +81,17 @@ class GroundSpec(Spec):
 class InitialSpec(Spec):
     """Motion of one body at the start, absolute; what is not stated follows from the joints."""
 
-    vectors = ("position", "velocity")
+    vectors = ("position", "velocity", "angular_velocity")
+    spatial = ("orientation",)
 
     angle: Angle | None = None
-    """Angle of the body frame [rad]."""
+    """Angle of the body frame, in space about z [rad]."""
 
-    angular_velocity: AngularVelocity | None = None
-    """Angular velocity of the body frame [rad/s]."""
+    orientation: OrientationSpec | None = None
+    """Orientation of the body frame in space, against the ground's axes."""
+
+    angular_velocity: Spin | None = None
+    """Angular velocity of the body frame [rad/s]: a number, in space about z, or three in ground axes."""
 
     position: LengthVector | None = None
     """Position of the body's origin [m]."""
@@ -94,10 +102,32 @@ class InitialSpec(Spec):
     exact: Flag = False
     """Whether these values must hold as they are; else they are guesses where joints miss them by little."""
 
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield an orientation that is stated twice."""
+        if self.angle is not None and self.orientation is not None:
+            yield Complaint(("angle",), "orientation says this already", "leave one of them out", True)
+
+    def turn(self, n_dim: int) -> Array | None:
+        """Return how the frame is turned: an angle (1,), in space a matrix (3, 3); None if that is open."""
+        if n_dim == 3:
+            return matrix_of(self)
+        return None if self.angle is None else np.array([self.angle])
+
+    def spin(self, n_dim: int) -> Array | None:
+        """Return the angular velocity, shape (n_spin,), in ground axes; None where it is not stated."""
+        w = self.angular_velocity
+        if w is None:
+            return None
+        if isinstance(w, tuple):
+            return np.array(w)
+        return np.array([w] if n_dim == 2 else [0.0, 0.0, w])
+
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees, and a speed that looks like revolutions per minute."""
         yield from degrees_as_radians("angle", self.angle)
-        if (w := self.angular_velocity or 0.0) and abs(w) >= _FAST and w % 10 == 0:
+        spin = self.angular_velocity or 0.0
+        w = spin if isinstance(spin, float) else max(spin, key=abs)
+        if w and abs(w) >= _FAST and w % 10 == 0:
             message = f"{w:g} rad/s are {w * 30 / math.pi:.4g} revolutions per minute"
             yield Complaint(("angular_velocity",), message, f"'{w:g} rpm'?")
 
@@ -225,7 +255,7 @@ class Deck(Spec):
     """Name of the scene; the file's name without it."""
 
     gravity: AccelerationVector = (0.0, 0.0)
-    """Acceleration of gravity [m/s^2]; two numbers: planar scene."""
+    """Acceleration of gravity [m/s^2]; two numbers: planar scene, three: spatial."""
 
     materials: Annotated[dict[Name, MaterialSpec], EmptyAllowed] = Field(default_factory=dict)
     """Materials."""
@@ -260,12 +290,17 @@ class Deck(Spec):
     def model_post_init(self, context: Any, /) -> None:
         """Put the defaults that depend on other entries into the output."""
         super().model_post_init(context)
+        if "gravity" not in self.model_fields_set and self._states_space():
+            object.__setattr__(self, "gravity", (0.0, 0.0, 0.0))
         filled = OutputSpec.model_construct(
             interval=self.output.interval or self.solve.duration / 200,
-            channels=self.output.channels or default_channels(self.bodies),
+            channels=self.output.channels or default_channels(self.bodies, self.dimension),
             plots=self.output.plots,
         )
         object.__setattr__(self, "output", filled)
+
+    def _states_space(self) -> bool:
+        return space_of({key: getattr(self, key) for key in type(self).model_fields})[0] == 3
 
     @property
     def dimension(self) -> int:
@@ -298,7 +333,27 @@ class Deck(Spec):
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
 
-def default_channels(bodies: dict[str, AnyBody]) -> tuple[str, ...]:
+def specs_in(entries: Mapping[str, Any]) -> Iterator[tuple[Path, Spec]]:
+    """Yield the entries under top-level keys with their paths."""
+    for key, group in entries.items():
+        if isinstance(group, Spec):
+            yield (key,), group
+        elif isinstance(group, dict):
+            yield from (((key, name), entry) for name, entry in group.items() if isinstance(entry, Spec))
+
+
+def space_of(entries: Mapping[str, Any]) -> tuple[int, Path]:
+    """Return how many dimensions space has, and which entry says so: any vector of three numbers."""
+    if len(entries.get("gravity") or ()) == 3:
+        return 3, ("gravity",)
+    for path, spec in specs_in(entries):
+        for n, inner in spec.spaces():
+            if n == 3:
+                return 3, (*path, *inner)
+    return 2, ()
+
+
+def default_channels(bodies: dict[str, AnyBody], n_dim: int) -> tuple[str, ...]:
     """Return the channels of a deck that names none: beams' tips, rigid bodies, total energy."""
-    own = (f"{name}.{one}" for name, body in bodies.items() for one in body.default_channels())
+    own = (f"{name}.{one}" for name, body in bodies.items() for one in body.default_channels(n_dim))
     return (*own, "energy.total")

@@ -19,7 +19,7 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, wrap
 from hfsim.mechanics.constraints import Constraint
-from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import UNITS, Assembly, Branches, Change, listed
 from hfsim.scene.closing import CLOSED, Linkage, largest
 from hfsim.scene.schema import InitialSpec
@@ -75,10 +75,21 @@ class Start:
         parts = {origin: slice(self.n_dim), turn: slice(self.n_dim, None)}
         for k, name in enumerate(self.names):
             for quantity, part in parts.items():
-                value = getattr(self.initial.get(name), quantity, None)
+                value = self._value(name, quantity)
                 if value is not None:
                     values[k, part], stated[k, part], exact[k, part] = value, True, self.initial[name].exact
         return _Stated(parts, values.ravel(), stated.ravel(), exact.ravel())
+
+    def _value(self, name: str, quantity: str) -> Array | tuple[float, ...] | None:
+        initial = self.initial.get(name)
+        if initial is None:
+            return None
+        if quantity == "angular_velocity":
+            return initial.spin(self.n_dim)
+        if quantity == "angle" and (turn := initial.turn(self.n_dim)) is not None:
+            # in space it counts from the centre, which is the orientation stated
+            return turn if self.n_dim == 2 else np.zeros(3)
+        return None if quantity == "angle" else getattr(initial, quantity)
 
     def frames(self, given: _Stated) -> Iterator[tuple[str, tuple[Array, Array]]]:
         """Yield names of bodies with the values of both quantities."""
@@ -125,11 +136,11 @@ def assembled(start: Start) -> Assembly:
     closed, branches = _settle(start, place)
     rates = start.stated("velocity", "angular_velocity")
     _hand_on(start, rates, lambda tie: -tie.rate(AT_START)[0])
-    _settle_rates(start, start.linkage.jacobian(place.values[None])[0], rates)
+    _settle_rates(start, start.linkage.slopes_by_rates(place.values), rates)
     return Assembly(
         linkage=start.linkage,
         place=place.values,
-        poses={name: Pose(*parts) for name, parts in start.frames(place)},
+        poses=dict(zip(start.names, start.linkage.poses(place.values), strict=True)),
         twists={name: Twist(*parts) for name, parts in start.frames(rates)},
         changes=(*_changes(start, place, place.values), *_changes(start, rates, rates.values)),
         closed=closed,
@@ -190,10 +201,12 @@ def _settle(start: Start, place: _Stated) -> tuple[dict[str, float], Branches]:
     follow = _following(start, place.open & link.turns, np.abs(x - begin) > CLOSED)
 
     def closed(at: Array) -> dict[str, float]:
+        if start.n_dim == 3:
+            return {}
         return {start.names[k // freedoms(start.n_dim)]: float(at[k]) for k in follow}
 
     def branches() -> list[dict[str, float]]:
-        if link.moves(x, free):
+        if start.n_dim == 3 or link.moves(x, free):
             return []
         ways = [x]
         for one in link.search(starts, free):
@@ -240,7 +253,9 @@ def _guesses(start: Start, place: _Stated, starts: Array) -> list[Array]:
 
 
 def _near(link: Linkage, x: Array, begin: Array) -> Array:
-    """Return places with turns within half a turn of those at the beginning."""
+    """Return places with turns within half a turn of those at the beginning; in space as they are."""
+    if link.centres is not None:
+        return x
     return np.where(link.turns, begin + wrap(x - begin), x)
 
 

@@ -167,7 +167,7 @@ def _without_mass(stop: SolverFailure, trial: Experiments) -> SolverFailure | No
 def _masses(scene: Scene) -> dict[str, float]:
     """Return the masses [kg] of bodies that can move: their kinetic energy at unit speed, twice."""
     x, n_dim = scene.system.absolute(scene.q[None]), len(scene.deck.gravity)
-    pose, shift = Pose(np.zeros(n_dim), np.zeros(1)), next(Twist.units(n_dim))
+    pose, shift = Pose.level(np.zeros(n_dim)), next(Twist.units(n_dim))
     masses = {}
     for name, body in scene.bodies.items():
         if not body.still:

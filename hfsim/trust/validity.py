@@ -307,7 +307,8 @@ def _end(scene: Scene, point: str) -> str:
 def _turning(scene: Scene, body: Body, point: str, x: Array) -> Array:
     """Return the rates of a body that turns about one of its points, shape (n_spin, n_columns)."""
     n_dim = len(scene.deck.gravity)
-    motions = body.freedoms(x[0], Pose.planar(np.zeros(n_dim), scene.start_angles[body.name]))
+    turn = Pose.planar((0.0, 0.0), scene.start_angles[body.name]) if n_dim == 2 else Pose.level(np.zeros(3))
+    motions = body.freedoms(x[0], turn)
     shifts, spins = motions[:n_dim], motions[n_dim:]
     moved = spins @ scene.marker(point).position_jacobian(x)[0].T
     return np.asarray(spins - moved @ shifts)

@@ -14,6 +14,7 @@ from hfsim.deck.materials import MaterialSpec, SectionSpec
 from hfsim.deck.source import OverrideProblem, parse_source
 from hfsim.deck.units import SI_UNITS, UNITS, UnitError, parse_quantity
 from hfsim.errors import DeckError
+from hfsim.parts.joints import JOINTS
 from hfsim.scene.loading import load_deck, parse_deck
 
 HERE = Path(__file__).parent
@@ -92,8 +93,8 @@ def test_refusals_show_numbers_as_written():
     ("kind", "message"),
     [
         ("{between: [ground, arm.root]}", "missing key"),
-        ("{type: revolut}", "must be one of revolute, fixed, prismatic, driver, not 'revolut'"),
-        ("{type: 3}", "must be one of revolute, fixed, prismatic, driver, not 3"),
+        ("{type: revolut}", f"must be one of {', '.join(JOINTS)}, not 'revolut'"),
+        ("{type: 3}", f"must be one of {', '.join(JOINTS)}, not 3"),
         ("[1]", "must be a map, not a list"),
     ],
 )

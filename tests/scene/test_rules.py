@@ -259,7 +259,7 @@ class OnLine(Along):
 
 class HeldOnLine:
     def between(self, first, second):
-        return OnLine(first, second, (0.0, 1.0))
+        return (OnLine(first, second, (0.0, 1.0)),)
 
 
 class OnLineSpec(JointSpec):

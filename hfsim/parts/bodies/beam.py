@@ -105,8 +105,11 @@ class BeamSpec(BodySpec):
 
         return ELEMENTS[self.element].centre_line
 
-    def default_channels(self) -> tuple[str, ...]:
+    def default_channels(self, n_dim: int) -> tuple[str, ...]:
         """Return those of the tip and of the frame."""
+        if n_dim == 3:
+            spins = (f"angular_velocity_{axis}" for axis in "xyz")
+            return ("tip.x", "tip.y", "tip.z", "tip.deflection_y", "tip.deflection_z", *spins)
         return ("tip.x", "tip.y", "tip.deflection", "angle", "angular_velocity")
 
     def complaints(self) -> Iterator[Complaint]:
@@ -131,6 +134,8 @@ class BeamSpec(BodySpec):
         for key, value, words, instead in MODELS[model].lacks if model in MODELS else ():
             if getattr(self, key) == value:
                 yield Complaint((key,), f"the model {model} has no {words}", f"{instead}, or another model")
+        if around.n_dim == 3:
+            yield from self._spatial_complaints(model)
         if around.elastic_form not in (None, "gram") and (self.strain, self.curvature) != ("green", "linear"):
             key = "strain" if self.strain != "green" else "curvature"
             message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
@@ -148,6 +153,14 @@ class BeamSpec(BodySpec):
         if self.length >= 100.0 and self.length > 1e4 * height:
             message = f"{self.length:g} m for a section {height:.3g} m high"
             yield Complaint(("length",), message, f"'{self.length:g} mm'?")
+
+    def _spatial_complaints(self, model: str) -> Iterator[Complaint]:
+        if model not in ("exact", "ancf", ""):
+            yield Complaint(("model",), f"the model {model} is not available in space", "take exact or ancf")
+        if self.element != "cable":
+            yield Complaint(("element",), f"a {self.element} element is not available in space", "cable")
+        if self.curvature != "linear":
+            yield Complaint(("curvature",), "is linear in space", "remove this key")
 
     def _section_complaints(self, section: AnySection | None) -> Iterator[Complaint]:
         if section is None:

@@ -53,14 +53,15 @@ class Blueprint(NamedTuple):
         if not spec.rotary_inertia:
             properties = properties._replace(rotary_inertia=0.0)
         element = ELEMENTS[spec.element].of(spec.length / spec.elements, spec.degree)
-        quadrature = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
+        axial, bending = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
+        beside = (0.0,) * (deck.dimension - 1)
         return cls(
             name=name,
             start=start,
             mesh=BeamMesh(element, spec.elements, properties),
-            measures=Measures(spec.strain, spec.curvature, *quadrature),
+            measures=Measures(spec.strain, spec.curvature, axial, bending, deck.dimension),
             gravity=np.array(deck.gravity),
-            points={**places(spec.points), "root": (0.0, 0.0), "tip": (spec.length, 0.0)},
+            points={**places(spec.points), "root": (0.0, *beside), "tip": (spec.length, *beside)},
             whole=spec.truncation == "none",
             form=deck.solve.elastic_form,
         )
@@ -79,6 +80,12 @@ class Blueprint(NamedTuple):
     def n_dim(self) -> int:
         """Number of components of a vector."""
         return len(self.gravity)
+
+    @property
+    def undeformed(self) -> Array:
+        """Nodal vectors in the body frame, shape (n_vectors, n_dim)."""
+        plane = self.mesh.undeformed
+        return np.pad(plane, ((0, 0), (0, self.n_dim - plane.shape[1])))
 
     def columns(self, count: int) -> slice:
         """Return the run of so many coordinates."""
@@ -99,7 +106,7 @@ class Blueprint(NamedTuple):
     def connectivity(self, n: int, vectors: Array) -> Connectivity:
         """Return how vectors of each element follow from its nodal ones, by a matrix, among n coordinates."""
         local = np.kron(vectors, np.eye(self.n_dim))
-        return Connectivity(n, self.element_columns, np.tile(local, (self.mesh.count, 1, 1)))
+        return Connectivity(n, self.element_columns, np.tile(local, (self.mesh.count, 1, 1)), self.n_dim)
 
     def law(self, properties: BeamProperties, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""

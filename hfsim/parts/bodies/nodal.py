@@ -16,6 +16,7 @@ from hfsim.mechanics.deformation import Deformation, size
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.frame import FrameChart, relative_nodes
 from hfsim.parts.bodies.mesh import BeamMesh
@@ -71,16 +72,19 @@ class NodalBeam(Body):
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point; its direction is that of the beam's axis there."""
-        return NodalMarker(self.columns, self.mesh.shape(*place), self.mesh.shape(place[0], place[1], (1, 0)))
+        rows = self.mesh.shape(place[0], place[1]), self.mesh.shape(place[0], place[1], (1, 0))
+        if self.beam.n_dim == 3:
+            return VectorMarker(self.columns, rows[0], rows[1][None])
+        return NodalMarker(self.columns, *rows)
 
     def placed(self, pose: Pose) -> Array:
         """Return the turned and shifted undeformed nodal vectors."""
-        turned = pose.turned(self.mesh.undeformed)
+        turned = pose.turned(self.beam.undeformed)
         return np.asarray(turned + self.mesh.positions[:, None] * pose.origin).ravel()
 
     def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return the rates of the nodal vectors."""
-        turning = twist.turning(pose.turned(self.mesh.undeformed))
+        turning = twist.turning(pose.turned(self.beam.undeformed))
         return np.asarray(turning + self.mesh.positions[:, None] * twist.velocity).ravel()
 
     def outline(self, x: Array) -> Array:
@@ -96,6 +100,8 @@ class NodalBeam(Body):
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return that of the nodal vectors in the frame at the root."""
         axis, positions = self.mesh.axis, self.mesh.positions
+        if self.beam.n_dim == 3:
+            return self._deformation_in_space(x, u)
         origin, tangent, z = relative_nodes(self._vectors(x))
         p = (z - positions * origin) * tangent.conj()
         spin = (as_complex(self._vectors(u)[:, 1:2]) * tangent.conj()).imag / np.abs(z[:, 1:2])
@@ -104,6 +110,26 @@ class NodalBeam(Body):
         return Deformation(
             axis.places, axis.weights, axial, slope[..., None], curvature[..., None], tip[:, None], spin
         )
+
+    def _deformation_in_space(self, x: Array, u: Array) -> Deformation:
+        axis, root = self.mesh.axis, self.marker(self.origin)
+        vectors, frame = self._vectors(x), root.turned(x, np.eye(3))
+        p = (vectors - self.mesh.positions[:, None] * vectors[:, :1]) @ frame
+        slope, curvature, tip = (rows @ p for rows in (axis.slope, axis.curvature, axis.tip))
+        return Deformation(
+            axis.places,
+            axis.weights,
+            slope[..., 0] - 1.0,
+            slope[..., 1:],
+            curvature[..., 1:],
+            tip[:, 1:],
+            root.spin(x, u),
+        )
+
+    @property
+    def origin(self) -> Place:
+        """The origin of the body frame."""
+        return (0.0,) * self.beam.n_dim
 
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the bent and stretched beam; sections stay normal to the axis."""
@@ -163,10 +189,14 @@ class NodalBeam(Body):
 
     def chart(self) -> FrameChart | None:
         """Return the map to the body frame, if it is stepped in that."""
+        if self.beam.n_dim == 3:
+            return None
         return FrameChart(self.columns, 1, self.mesh.element.stride) if self.framed else None
 
     def increments(self) -> BeamIncrements | None:
         """Return the natural increments of the Green strain."""
+        if self.beam.n_dim == 3:
+            return None
         element = self.mesh.element
         row = (self.columns, 1, element.stride, element.length, self.framed)
         if element.stride == element.per_node:

@@ -10,15 +10,17 @@ from typing import Any, Literal
 import numpy as np
 from pydantic import Field
 
-from hfsim.deck.fields import Points, PositiveInertia, PositiveMass, within
+from hfsim.deck.fields import Inertia, Points, PositiveMass, flat, within
+from hfsim.deck.reader import Path
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import freedoms
 from hfsim.mechanics.body import Body, Place, places
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.mechanics.markers import GroundMarker, Marker, RigidMarker
+from hfsim.mechanics.markers import Marker, RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
+from hfsim.parts.bodies.folded import FoldedBody
 from hfsim.parts.specs import BodySpec
 
 _FAR = (200.0, 5000.0)
@@ -37,23 +39,54 @@ class RigidSpec(BodySpec):
     mass: PositiveMass
     """Mass [kg]."""
 
-    inertia: PositiveInertia
-    """Moment of inertia about the centre of mass [kg m^2]."""
+    inertia: Inertia
+    """Moment of inertia about the centre of mass [kg m^2]; in space the three principal moments or the whole
+    matrix, in body axes."""
 
     points: Points = Field(default_factory=dict)
     """Named points in the body frame [m]."""
 
+    def spaces(self) -> Iterator[tuple[int, Path]]:
+        """Yield what its vectors say, and a moment of inertia of several numbers."""
+        if isinstance(self.inertia, tuple):
+            yield 3, ("inertia",)
+        yield from super().spaces()
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a moment of inertia that space or no body has."""
+        yield from super().complaints_in(around)
+        if around.n_dim == 2:
+            if isinstance(self.inertia, tuple):
+                yield Complaint(("inertia",), "must be one number: this scene is planar")
+        elif isinstance(self.inertia, tuple):
+            from hfsim.parts.bodies.spatial_rigid import inertia_complaint
+
+            if complaint := inertia_complaint(self.inertia):
+                yield Complaint(("inertia",), *complaint)
+        else:
+            why = f": {around.why}" if around.why else ""
+            hint = f"a ball has [{self.inertia:g}, {self.inertia:g}, {self.inertia:g}]"
+            message = f"must be 3 numbers or 3 rows of 3: this scene is spatial{why}"
+            yield Complaint(("inertia",), message, hint)
+
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield a moment of inertia that puts the mass far away from all points of the body."""
         reach = max((math.hypot(*point) for point in self.points.values()), default=0.0)
-        gyration = math.sqrt(self.inertia / self.mass)
+        largest = self.inertia if isinstance(self.inertia, float) else max(map(abs, flat(self.inertia)))
+        gyration = math.sqrt(largest / self.mass)
         if reach and within(gyration / reach, _FAR):
             message = f"as if its mass were {gyration:.3g} m from its centre, no point beyond {reach:.3g} m"
-            yield Complaint(("inertia",), message, f"'{self.inertia:g} kg mm2'?")
+            yield Complaint(("inertia",), message, f"'{largest:g} kg mm2'?")
 
-    def assemble(self, name: str, start: int, deck: Any, model: Any) -> RigidBody:
+    def assemble(self, name: str, start: int, deck: Any, model: Any) -> Body:
         """Return the body whose coordinates begin at a column; rigid bodies have no models."""
         gravity = np.array(deck.gravity)
+        if isinstance(self.inertia, tuple):
+            from hfsim.parts.bodies.spatial_rigid import SpatialRigidBody, inertia_matrix
+
+            columns = slice(start, start + SpatialRigidBody.SIZE)
+            J = inertia_matrix(self.inertia)
+            return SpatialRigidBody(name, columns, places(self.points), self.mass, J, gravity)
         columns = slice(start, start + freedoms(len(gravity)))
         return RigidBody(name, columns, places(self.points), self.mass, self.inertia, gravity)
 
@@ -110,40 +143,3 @@ class RigidBody(Body):
     def folded(self, pose: Pose) -> FoldedBody:
         """Return the same body held for ever at a pose."""
         return FoldedBody(self.name, slice(0, 0), self.points, pose, self.mass * self.gravity)
-
-
-@dataclass(frozen=True, eq=False)
-class FoldedBody(Body):
-    """A body that cannot move: it has no coordinates, and its points are points of the ground.
-
-    Attributes
-    ----------
-    pose : Pose
-    weight : ndarray, shape (n_dim,)
-        [N].
-    """
-
-    pose: Pose
-    weight: Array
-
-    @property
-    def described(self) -> tuple[str, str]:
-        """What is left of it."""
-        return "points of the ground", "cannot move"
-
-    def marker(self, place: Place) -> Marker:
-        """Return a point of the ground."""
-        return GroundMarker(self.pose._replace(origin=self.pose.placed(np.array(place))))
-
-    def placed(self, pose: Pose) -> Array:
-        """Return no coordinates."""
-        return np.zeros(0)
-
-    def moving(self, pose: Pose, twist: Twist) -> Array:
-        """Return no rates."""
-        return np.zeros(0)
-
-    def forces(self, n: int) -> Iterator[ForcePart]:
-        """Yield the weight, which does no work: only its energy counts."""
-        energy = -float(self.weight @ self.pose.origin)
-        yield ConstantForce(n, np.zeros(0, dtype=np.intp), np.zeros(0), energy, item=self.item)

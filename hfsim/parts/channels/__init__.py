@@ -7,10 +7,23 @@ what computes it. A new one takes a file here and its name in that table.
 from __future__ import annotations
 
 from hfsim.parts.channels._base import ChannelKind, Plot, Sampled, Samples
-from hfsim.parts.channels.deformation import DEFLECTION, ELONGATION
+from hfsim.parts.channels.deformation import DEFLECTION, DEFLECTIONS, ELONGATION
 from hfsim.parts.channels.energy import KINETIC, POTENTIAL, STRAIN, TOTAL
-from hfsim.parts.channels.motion import ANGLE, ANGULAR_VELOCITY, SPEED, VX, VY, X, Y, Z
-from hfsim.parts.channels.reactions import FORCE_X, FORCE_Y, MOMENT
+from hfsim.parts.channels.motion import (
+    ANGLE,
+    ANGULAR_VELOCITY,
+    QUATERNIONS,
+    ROTATIONS,
+    SPEED,
+    SPINS,
+    VX,
+    VY,
+    VZ,
+    X,
+    Y,
+    Z,
+)
+from hfsim.parts.channels.reactions import FORCE_X, FORCE_Y, FORCE_Z, MOMENT, MOMENTS
 from hfsim.parts.channels.violation import POSITION, VELOCITY
 
 CHANNELS: dict[str, ChannelKind] = {
@@ -19,11 +32,16 @@ CHANNELS: dict[str, ChannelKind] = {
     "z": Z,
     "vx": VX,
     "vy": VY,
+    "vz": VZ,
     "speed": SPEED,
     "deflection": DEFLECTION,
+    **{f"deflection_{axis}": kind for axis, kind in zip("yz", DEFLECTIONS, strict=True)},
     "elongation": ELONGATION,
     "angle": ANGLE,
     "angular_velocity": ANGULAR_VELOCITY,
+    **{f"rotation_{axis}": kind for axis, kind in zip("xyz", ROTATIONS, strict=True)},
+    **{f"quaternion_{part}": kind for part, kind in zip("wxyz", QUATERNIONS, strict=True)},
+    **{f"angular_velocity_{axis}": kind for axis, kind in zip("xyz", SPINS, strict=True)},
     "kinetic": KINETIC,
     "strain": STRAIN,
     "potential": POTENTIAL,
@@ -32,7 +50,9 @@ CHANNELS: dict[str, ChannelKind] = {
     "velocity": VELOCITY,
     "force_x": FORCE_X,
     "force_y": FORCE_Y,
+    "force_z": FORCE_Z,
     "moment": MOMENT,
+    **{f"moment_{axis}": kind for axis, kind in zip("xyz", MOMENTS, strict=True)},
 }
 
 

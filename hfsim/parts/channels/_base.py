@@ -79,6 +79,12 @@ class Samples:
         return np.asarray(near + wrap(measured - near))
 
 
+    def frame(self, body: str) -> Array:
+        """Return the axes of a body frame in space as columns, shape (n_times, 3, 3)."""
+        marker = self.scene.marker(body)
+        return np.stack([marker.turned(self.x, axis) for axis in np.eye(3)], axis=-1)
+
+
 class Plot(NamedTuple):
     """A picture of channels against time.
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hfsim.deck.fields import split_point
@@ -11,15 +13,17 @@ from hfsim.parts.channels._base import ChannelKind, Plot, Samples
 
 
 def _relative(samples: Samples, point: str) -> Array:
-    """Return the position of a point in its body frame, shape (n_times, 2)."""
+    """Return the position of a point in its body frame, shape (n_times, n_dim)."""
     body, _ = split_point(point)
     origin = samples.scene.marker(body).position(samples.x)
     gap = samples.scene.marker(point).position(samples.x) - origin
+    if gap.shape[1] == 3:
+        return np.asarray((gap[:, None] @ samples.frame(body))[:, 0])
     return rotate(-samples.frame_angle(body), gap)
 
 
-def _deflection(samples: Samples, point: str) -> Array:
-    return _relative(samples, point)[:, 1]
+def _deflection(axis: int) -> Callable[[Samples, str], Array]:
+    return lambda samples, point: _relative(samples, point)[:, axis]
 
 
 def _elongation(samples: Samples, point: str) -> Array:
@@ -28,10 +32,16 @@ def _elongation(samples: Samples, point: str) -> Array:
     return np.asarray(_relative(samples, point)[:, 0] - place)
 
 
+_DEFLECTION = Plot("deflection", "deflection")
 DEFLECTION = ChannelKind(
-    "m", _deflection, "point", Plot("deflection", "deflection"), only_beams=True, in_frame=True
+    "m", _deflection(1), "point", _DEFLECTION, dimensions=(2,), only_beams=True, in_frame=True
 )
 """Distance of a point from the first axis of its body frame, across it."""
+DEFLECTIONS = tuple(
+    ChannelKind("m", _deflection(axis), "point", _DEFLECTION, dimensions=(3,), only_beams=True)
+    for axis in (1, 2)
+)
+"""The same in space, along the second and the third axis."""
 
 ELONGATION = ChannelKind(
     "m", _elongation, "point", Plot("elongation", "elongation"), only_beams=True, in_frame=True

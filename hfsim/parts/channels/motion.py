@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import quaternion, rotation_vector
 from hfsim.parts.channels._base import ChannelKind, Plot, Samples
 
 _POSITION, _VELOCITY = Plot("position", "position", rows=True), Plot("velocity")
@@ -29,8 +30,16 @@ def _speed(samples: Samples, point: str) -> Array:
     return np.asarray(np.linalg.norm(_velocities(samples, point), axis=1))
 
 
-def _angular_velocity(samples: Samples, body: str) -> Array:
-    return samples.scene.marker(body).spin(samples.x, samples.u)[:, 0]
+def _angular_velocity(axis: int) -> Callable[[Samples, str], Array]:
+    return lambda samples, body: samples.scene.marker(body).spin(samples.x, samples.u)[:, axis]
+
+
+def _rotation(axis: int) -> Callable[[Samples, str], Array]:
+    return lambda samples, body: rotation_vector(samples.frame(body))[:, axis]
+
+
+def _quaternion(part: int) -> Callable[[Samples, str], Array]:
+    return lambda samples, body: quaternion(samples.frame(body))[:, part]
 
 
 X, Y = (ChannelKind("m", _position(axis), "point", _POSITION) for axis in (0, 1))
@@ -38,11 +47,27 @@ Z = ChannelKind("m", _position(2), "point", _POSITION, dimensions=(3,))
 """Absolute position of a point."""
 
 VX, VY = (ChannelKind("m/s", _velocity(axis), "point", _VELOCITY) for axis in (0, 1))
+VZ = ChannelKind("m/s", _velocity(2), "point", _VELOCITY, dimensions=(3,))
 SPEED = ChannelKind("m/s", _speed, "point", _VELOCITY)
 """Magnitude of the velocity of a point."""
 
-ANGLE = ChannelKind("rad", Samples.frame_angle, "body", Plot("angle", "angle"), in_frame=True)
+_ANGLE = Plot("angle", "angle")
+ANGLE = ChannelKind("rad", Samples.frame_angle, "body", _ANGLE, dimensions=(2,), in_frame=True)
 """Angle of a body frame, continuous over full turns."""
-ANGULAR_VELOCITY = ChannelKind(
-    "rad/s", _angular_velocity, "body", Plot("angular velocity", "angular_velocity")
+_SPIN = Plot("angular velocity", "angular_velocity")
+ANGULAR_VELOCITY = ChannelKind("rad/s", _angular_velocity(0), "body", _SPIN, dimensions=(2,))
+SPINS = tuple(
+    ChannelKind("rad/s", _angular_velocity(axis), "body", _SPIN, dimensions=(3,)) for axis in range(3)
 )
+"""Angular velocity of a body frame, in ground axes."""
+
+ROTATIONS = tuple(
+    ChannelKind("rad", _rotation(axis), "body", Plot("rotation vector", "rotation"), dimensions=(3,))
+    for axis in range(3)
+)
+"""Rotation vector of a body frame, of half a turn at most."""
+QUATERNIONS = tuple(
+    ChannelKind("-", _quaternion(part), "body", Plot("quaternion", "quaternion"), dimensions=(3,))
+    for part in range(4)
+)
+"""Unit quaternion of a body frame; its scalar part is not negative."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hfsim.maths.arrays import Array
@@ -18,18 +20,13 @@ def _reaction(samples: Samples, joint: str) -> tuple[Array, Array]:
     return force, moment
 
 
-def _force_x(samples: Samples, joint: str) -> Array:
-    return _reaction(samples, joint)[0][:, 0]
+def _component(which: int, axis: int) -> Callable[[Samples, str], Array]:
+    return lambda samples, joint: _reaction(samples, joint)[which][:, axis]
 
 
-def _force_y(samples: Samples, joint: str) -> Array:
-    return _reaction(samples, joint)[0][:, 1]
-
-
-def _moment(samples: Samples, joint: str) -> Array:
-    return _reaction(samples, joint)[1][:, 0]
-
-
-FORCE_X = ChannelKind("N", _force_x, "joint", Plot("force"))
-FORCE_Y = ChannelKind("N", _force_y, "joint", Plot("force"))
-MOMENT = ChannelKind("N m", _moment, "joint", Plot("moment"))
+FORCE_X, FORCE_Y = (ChannelKind("N", _component(0, axis), "joint", Plot("force")) for axis in range(2))
+FORCE_Z = ChannelKind("N", _component(0, 2), "joint", Plot("force"), dimensions=(3,))
+MOMENT = ChannelKind("N m", _component(1, 0), "joint", Plot("moment"), dimensions=(2,))
+MOMENTS = tuple(
+    ChannelKind("N m", _component(1, axis), "joint", Plot("moment"), dimensions=(3,)) for axis in range(3)
+)

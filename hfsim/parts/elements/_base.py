@@ -33,12 +33,15 @@ class Measures(NamedTuple):
     axial_points, bending_points : int or None
         Gauss points an element where the energy is no polynomial; as many as the degree of the
         element asks for without a number.
+    n_dim : int
+        Of space.
     """
 
     strain: str = "green"
     curvature: str = "linear"
     axial_points: int | None = None
     bending_points: int | None = None
+    n_dim: int = 2
 
 
 USUAL = Measures()
@@ -128,7 +131,7 @@ class Element(Protocol):
     def law(self, properties: BeamProperties, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` equal elements."""
 
-    def gram_law(self, properties: BeamProperties, count: int) -> GramLaw:
+    def gram_law(self, properties: BeamProperties, count: int, n_dim: int = 2) -> GramLaw:
         """Return the law of the polynomial energy as a form in products of vectors."""
 
 

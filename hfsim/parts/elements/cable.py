@@ -73,13 +73,15 @@ def strain_moments(degree: int) -> Array:
     return np.asarray(np.einsum("q,qk,qa,qb->kab", w, tests, slope, slope))
 
 
-def green_linear_law(properties: BeamProperties, length: float, count: int, degree: int = 3) -> GramLaw:
+def green_linear_law(
+    properties: BeamProperties, length: float, count: int, degree: int = 3, n_dim: int = 2
+) -> GramLaw:
     """Energy with Green strain (eq. 47 on the centre line) and curvature r''; polynomial, so exact."""
     axial = np.full(count, properties.axial_stiffness * length)
-    return _in_products(axial, np.full(count, properties.bending_stiffness / length), degree)
+    return _in_products(axial, np.full(count, properties.bending_stiffness / length), degree, n_dim)
 
 
-def _in_products(axial: Array, bending: Array, degree: int) -> GramLaw:
+def _in_products(axial: Array, bending: Array, degree: int, n_dim: int) -> GramLaw:
     """Return the polynomial energy of elements with EA le and EI / le [J]."""
     quadratic, _, curvature = _gram_tables(degree)
     reference = np.zeros((degree, degree))
@@ -89,6 +91,7 @@ def _in_products(axial: Array, bending: Array, degree: int) -> GramLaw:
         linear=0.5 * np.outer(bending / axial, curvature),
         reference=reference.ravel(),
         scale=axial,
+        dimension=n_dim,
     )
 
 
@@ -104,8 +107,8 @@ class QuadratureLaw(RowLaw):
         Strain |r'| - 1 instead of Green's; curvature (r' x r'')/|r'|^2 instead of r''.
     axial_points, bending_points : int
         Gauss points per element.
-    degree : int
-        Of the element.
+    degree, n_dim : int
+        Of the element and of space.
     """
 
     axial: Array
@@ -115,6 +118,7 @@ class QuadratureLaw(RowLaw):
     axial_points: int
     bending_points: int
     degree: int = 3
+    n_dim: int = 2
 
     @property
     def integrals(self) -> str:
@@ -130,7 +134,8 @@ class QuadratureLaw(RowLaw):
     @property
     def shared(self) -> Hashable:
         """Measures, points and degree; elements differ in their stiffness only."""
-        return self.engineering, self.exact_curvature, self.axial_points, self.bending_points, self.degree
+        points = self.axial_points, self.bending_points
+        return self.engineering, self.exact_curvature, points, self.degree, self.n_dim
 
     def joined(self, other: QuadratureLaw) -> QuadratureLaw:
         """Return the law of this one's elements followed by the other's."""
@@ -164,7 +169,7 @@ class QuadratureLaw(RowLaw):
         """The same energy by products of vectors, where that is the cheaper way to the Hessian."""
         exact = self.axial_points >= exact_points(self.degree) and self.bending_points >= self.degree - 1
         if self.quartic and exact and self.degree <= LAST_GRAM_HESSIAN:
-            return _in_products(self.axial, self.bending, self.degree)
+            return _in_products(self.axial, self.bending, self.degree, self.n_dim)
         return None
 
     @cached_property
@@ -195,6 +200,8 @@ class QuadratureLaw(RowLaw):
         square = s * s
         tension = square[:, 0]
         tension += square[:, 1]
+        if self.n_dim == 3:
+            tension += square[:, 2]
         if self.engineering:
             # w (|s| - 1) s / |s| of what was multiplied by root^(1/2)
             tension = one * (2.0 - 2.0 * np.sqrt(one) / np.sqrt(tension))
@@ -374,7 +381,7 @@ class Cable:
         enough = exact_points(self.degree)
         if measures.strain == "green" and measures.curvature == "linear":
             if self.degree <= LAST_GRAM_DEGREE:
-                return self.gram_law(properties, count)
+                return self.gram_law(properties, count, measures.n_dim)
             measures = measures._replace(axial_points=enough, bending_points=self.degree - 1)
         return QuadratureLaw(
             axial=np.full(count, properties.axial_stiffness * self.length),
@@ -384,8 +391,9 @@ class Cable:
             axial_points=measures.axial_points or enough,
             bending_points=measures.bending_points or enough,
             degree=self.degree,
+            n_dim=measures.n_dim,
         )
 
-    def gram_law(self, properties: BeamProperties, count: int) -> GramLaw:
+    def gram_law(self, properties: BeamProperties, count: int, n_dim: int = 2) -> GramLaw:
         """Return the law of Green strain and curvature r'' as a form in products of vectors."""
-        return green_linear_law(properties, self.length, count, self.degree)
+        return green_linear_law(properties, self.length, count, self.degree, n_dim)

@@ -96,7 +96,7 @@ class Continuum:
         """Return the energy of ``count`` equal elements."""
         return self.gram_law(properties, count)
 
-    def gram_law(self, properties: BeamProperties, count: int) -> GramLaw:
+    def gram_law(self, properties: BeamProperties, count: int, n_dim: int = 2) -> GramLaw:
         """Return the energy (21)-(23) of ``count`` equal elements as a form in products of vectors."""
         weights, by_x, by_y = self.strain_table(properties)
         to_nodes = np.linalg.pinv(self.differences())

@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Moment
+from hfsim.deck.fields import Torque
 from hfsim.deck.law_specs import ScaleLaw
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
@@ -16,14 +16,16 @@ from hfsim.parts.specs import LoadSpec
 class MomentSpec(LoadSpec):
     """Moment on the frame of a point, constant or scaled over time."""
 
+    vectors = ("moment",)
+
     type: Literal["moment"]
     """Kind of load."""
 
     at: str
     """Point it acts on."""
 
-    moment: Moment
-    """Moment [N m], positive counter-clockwise."""
+    moment: Torque
+    """Moment [N m]: a number, counter-clockwise, in space about z; or three in ground axes."""
 
     law: ScaleLaw | None = None
     """Factor over time [-]; 1 without it."""
@@ -31,11 +33,12 @@ class MomentSpec(LoadSpec):
     @property
     def amount(self) -> tuple[float, ...]:
         """The moment."""
-        return (self.moment,)
+        return self.moment if isinstance(self.moment, tuple) else (self.moment,)
 
     def build(self, marker: Marker) -> "PointMoment":
         """Return the moment at a marker."""
-        return PointMoment(marker, self.law.build() if self.law else None, (self.moment,))
+        moment = (0.0,) * (marker.n_spin - len(self.amount)) + self.amount
+        return PointMoment(marker, self.law.build() if self.law else None, moment)
 
 
 @dataclass(frozen=True)

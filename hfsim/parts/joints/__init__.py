@@ -5,17 +5,24 @@ from typing import TYPE_CHECKING, Annotated
 from hfsim.deck.spec import OneOf, Spec
 
 if TYPE_CHECKING:
+    from hfsim.parts.joints.cylindrical import CylindricalSpec
     from hfsim.parts.joints.driver import DriverSpec
     from hfsim.parts.joints.fixed import FixedSpec
     from hfsim.parts.joints.prismatic import PrismaticSpec
     from hfsim.parts.joints.revolute import RevoluteSpec
+    from hfsim.parts.joints.spherical import SphericalSpec
+    from hfsim.parts.joints.universal import UniversalSpec
 
-    AnyJoint = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec
+    AnyPlanar = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec
+    AnyJoint = AnyPlanar | SphericalSpec | UniversalSpec | CylindricalSpec
 
 JOINTS = {
     "revolute": "hfsim.parts.joints.revolute.RevoluteSpec",
     "fixed": "hfsim.parts.joints.fixed.FixedSpec",
     "prismatic": "hfsim.parts.joints.prismatic.PrismaticSpec",
+    "spherical": "hfsim.parts.joints.spherical.SphericalSpec",
+    "universal": "hfsim.parts.joints.universal.UniversalSpec",
+    "cylindrical": "hfsim.parts.joints.cylindrical.CylindricalSpec",
     "driver": "hfsim.parts.joints.driver.DriverSpec",
 }
 

@@ -6,6 +6,7 @@ from typing import Literal
 from hfsim.deck.fields import Axis, Between
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
 from hfsim.deck.spec import Complaint
+from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
 
@@ -14,6 +15,7 @@ class DriverSpec(JointSpec):
     """Imposes the angle of B relative to A, or the distance of B from A along an axis."""
 
     vectors = ("axis",)
+    follows_start = True
 
     type: Literal["driver"]
     """Kind of joint."""
@@ -27,8 +29,9 @@ class DriverSpec(JointSpec):
     position: PositionLaw | None = None
     """Distance of B from A along the axis over time [m]; or give the angle."""
 
-    axis: Axis = (1.0, 0.0)
-    """Direction in A's frame along which the position is measured [-]; its length does not matter."""
+    axis: Axis | None = None
+    """Axis in A's frame along which the position is measured, or in space about which the angle is [-];
+    without it the first axis, in space [0, 0, 1]."""
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a driver of nothing or of two things."""
@@ -42,9 +45,20 @@ class DriverSpec(JointSpec):
             return self.angle.constant is not None
         return self.position is not None and self.position.constant == 0.0
 
-    def held(self) -> tuple[Held, ...]:
+    @property
+    def carries(self) -> bool:
+        """Whether it drives a distance."""
+        return self.position is not None
+
+    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return the angle or the distance that follows the law."""
-        if self.angle is not None:
+        if facing is not None:
+            from hfsim.mechanics.directions import THIRD, About
+
+            axis = self.axis or THIRD
+            if self.angle is not None:
+                return (About.of(axis, facing, self.angle.build()),)
+        elif self.angle is not None:
             return (Turn(law=self.angle.build()),)
         assert self.position is not None
-        return (Shift(self.axis, self.position.build()),)
+        return (Shift(self.axis or ((1.0, 0.0) if facing is None else THIRD), self.position.build()),)

@@ -4,7 +4,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 from hfsim.deck.fields import Angle, Between, degrees_as_radians
+from hfsim.deck.orientation import OrientationSpec
 from hfsim.deck.spec import Around, Complaint
+from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
 
@@ -12,6 +14,7 @@ from hfsim.parts.specs import JointSpec
 class FixedSpec(JointSpec):
     """Two points stay together and the frames there keep their relative angle."""
 
+    spatial = ("orientation",)
     meets = welds = True
 
     type: Literal["fixed"]
@@ -21,12 +24,19 @@ class FixedSpec(JointSpec):
     """The two points, [A, B]."""
 
     angle: Angle = 0.0
-    """Angle of B's frame relative to A's at the joint [rad]."""
+    """Angle of B's frame relative to A's at the joint, in space about z [rad]."""
+
+    orientation: OrientationSpec | None = None
+    """Orientation of B's frame relative to A's at the joint, in space; the same without it."""
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees."""
         return degrees_as_radians("angle", self.angle)
 
-    def held(self) -> tuple[Held, ...]:
+    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds."""
-        return Shift(), Turn(self.angle)
+        if facing is None:
+            return Shift(), Turn(self.angle)
+        from hfsim.mechanics.directions import Facing
+
+        return Shift(), Facing.of(facing)

@@ -4,7 +4,9 @@ from collections.abc import Iterator
 from typing import Literal
 
 from hfsim.deck.fields import Angle, Axis, Between, degrees_as_radians
+from hfsim.deck.orientation import OrientationSpec
 from hfsim.deck.spec import Around, Complaint
+from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
@@ -14,6 +16,7 @@ class PrismaticSpec(JointSpec):
     """Point B slides along an axis through A; the frames there keep their relative angle."""
 
     vectors = ("axis",)
+    spatial = ("orientation",)
 
     type: Literal["prismatic"]
     """Kind of joint."""
@@ -21,16 +24,23 @@ class PrismaticSpec(JointSpec):
     between: Between
     """The two points, [A, B]."""
 
-    axis: Axis = (1.0, 0.0)
-    """Direction of sliding in A's frame [-]; its length does not matter."""
+    axis: Axis | None = None
+    """Direction of sliding in A's frame [-]; without it the first axis, in space [0, 0, 1]."""
 
     angle: Angle = 0.0
-    """Angle of B's frame relative to A's at the joint [rad]."""
+    """Angle of B's frame relative to A's at the joint, in space about z [rad]."""
+
+    orientation: OrientationSpec | None = None
+    """Orientation of B's frame relative to A's at the joint, in space; the same without it."""
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees."""
         return degrees_as_radians("angle", self.angle)
 
-    def held(self) -> tuple[Held, ...]:
+    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds: no distance across the axis, no turning."""
-        return *(Shift(side) for side in across(self.axis)), Turn(self.angle)
+        if facing is None:
+            return *(Shift(side) for side in across(self.axis or (1.0, 0.0))), Turn(self.angle)
+        from hfsim.mechanics.directions import THIRD, Facing
+
+        return *(Shift(side) for side in across(self.axis or THIRD)), Facing.of(facing)

@@ -1,16 +1,18 @@
-"""Revolute joint: two points stay together."""
+"""Revolute joint: two points stay together, and in space an axis."""
 
 from typing import Literal
 
-from hfsim.deck.fields import Between
+from hfsim.deck.fields import Axis, Between
+from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift
 from hfsim.parts.specs import JointSpec
 
 
 class RevoluteSpec(JointSpec):
-    """Two points stay together, the bodies may turn."""
+    """Two points stay together, the bodies may turn; in space about an axis that both share."""
 
-    meets = True
+    vectors = spatial = ("axis",)
+    meets = follows_start = True
 
     type: Literal["revolute"]
     """Kind of joint."""
@@ -18,6 +20,13 @@ class RevoluteSpec(JointSpec):
     between: Between
     """The two points, [A, B]."""
 
-    def held(self) -> tuple[Held, ...]:
+    axis: Axis | None = None
+    """Axis in A's frame, in space [-]; [0, 0, 1] without it."""
+
+    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds."""
-        return (Shift(),)
+        if facing is None:
+            return (Shift(),)
+        from hfsim.mechanics.directions import shared_axis
+
+        return Shift(), shared_axis(self.axis, facing)

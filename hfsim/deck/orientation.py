@@ -1,0 +1,99 @@
+"""How decks state the orientation of a frame in space, in four forms."""
+
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import AfterValidator, BeforeValidator
+
+from hfsim.deck.fields import Angle, Axis, Number, SpatialAngle, entries, shortest
+from hfsim.deck.spec import Complaint, Spec
+from hfsim.maths.arrays import Array
+
+FORMS = "{axis, angle}, {rotation_vector}, {quaternion: [w, x, y, z]} or {x, y}"
+"""The forms, as hints show them."""
+_PARALLEL = 1e-6
+"""Sine of the angle between x and y below which they tell no plane."""
+_SQUARE = 1e-3
+"""Cosine of that angle from which they are not at right angles."""
+
+
+def _checked(q: tuple[float, ...]) -> tuple[float, ...]:
+    return shortest(q, "a quaternion")
+
+
+Quaternion = Annotated[
+    tuple[Number, ...],
+    BeforeValidator(lambda value: entries(value, (4,), "numbers")),
+    AfterValidator(_checked),
+]
+
+
+class OrientationSpec(Spec):
+    """Orientation of a frame in space."""
+
+    vectors = ("axis", "rotation_vector", "x", "y")
+    spatial = True
+
+    axis: Axis | None = None
+    """Axis of the rotation from the ground's axes, with the angle [-]."""
+
+    angle: Angle | None = None
+    """Angle about the axis [rad]."""
+
+    rotation_vector: SpatialAngle | None = None
+    """Axis of the rotation times its angle [rad]."""
+
+    quaternion: Quaternion | None = None
+    """Unit quaternion [w, x, y, z] of the rotation [-]; its length does not matter."""
+
+    x: Axis | None = None
+    """Where the first axis of the frame points [-]; with y."""
+
+    y: Axis | None = None
+    """Where the second axis points [-]; at right angles to x."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield an orientation in none of the four forms, or axes that are not at right angles."""
+        stated = {key for key in type(self).model_fields if getattr(self, key) is not None}
+        if stated not in ({"axis", "angle"}, {"rotation_vector"}, {"quaternion"}, {"x", "y"}):
+            yield Complaint((), "is stated in none of its forms, or in several", f"give one of {FORMS}")
+        elif self.x is not None and self.y is not None and len(self.x) == len(self.y) == 3:
+            x, y = (np.asarray(one) / np.linalg.norm(one) for one in (self.x, self.y))
+            if np.linalg.norm(np.cross(x, y)) < _PARALLEL:
+                yield Complaint(("y",), "points along x", "give the direction of the second axis")
+            elif abs(x @ y) > _SQUARE:
+                degrees = np.degrees(np.arccos(x @ y))
+                yield Complaint(("y",), f"is at {degrees:.4g} degrees to x, not at right angles")
+
+    @property
+    def matrix(self) -> Array:
+        """The rotation as a matrix (3, 3): its columns are the axes of the frame, in ground axes."""
+        from hfsim.maths.rotations import rotation, rotation_of_quaternion
+
+        if self.quaternion is not None:
+            return rotation_of_quaternion(np.array(self.quaternion))
+        if self.rotation_vector is not None:
+            return rotation(np.array(self.rotation_vector))
+        if self.axis is not None:
+            return rotation((self.angle or 0.0) * np.asarray(self.axis) / np.linalg.norm(self.axis))
+        x = np.asarray(self.x) / np.linalg.norm(np.asarray(self.x))
+        y = np.asarray(self.y) - (np.asarray(self.y) @ x) * x
+        y /= np.linalg.norm(y)
+        return np.column_stack([x, y, np.cross(x, y)])
+
+
+def about_z(angle: float) -> Array:
+    """Return the matrix (3, 3) of a rotation about the third axis."""
+    from hfsim.maths.rotations import rotation
+
+    return rotation(np.array([0.0, 0.0, angle]))
+
+
+def matrix_of(entry: Any) -> Array | None:
+    """Return the rotation that an entry states by ``orientation`` or by ``angle`` about z; None without."""
+    if entry is None:
+        return None
+    if entry.orientation is not None:
+        return np.asarray(entry.orientation.matrix)
+    return None if entry.angle is None else about_z(entry.angle)

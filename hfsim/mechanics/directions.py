@@ -1,0 +1,341 @@
+"""What joints in space hold of directions, and the equations of that: products of axes of two bodies.
+
+An axis is given in the frame of the point it belongs to.  A line without sections has its tangent for its
+only axis: what would need another one is not held, and `unheld` says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Entries
+from hfsim.maths.rotations import across, cross, lever, wrap
+from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.markers import Marker
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
+
+Direction: TypeAlias = tuple[float, ...]
+TANGENT = (1.0, 0.0, 0.0)
+"""The one axis of a line."""
+THIRD = (0.0, 0.0, 1.0)
+"""Axis of a joint that states none."""
+ALONG = 1e-9
+"""Part of a unit vector that counts as none."""
+
+
+class Parallel(NamedTuple):
+    """A joint keeps an axis of A and one of B parallel.
+
+    Attributes
+    ----------
+    first, second : tuple of float
+        Unit vectors in A's and in B's frame.
+    """
+
+    first: Direction
+    second: Direction
+
+    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return two equations; on a line one or none where its axis is not the tangent."""
+        if second.n_axes == 1 and not along(self.second, TANGENT):
+            sides = [(self.first, side) for side in _sides(self.second)]
+        elif first.n_axes == 1 and not along(self.first, TANGENT):
+            sides = [(side, self.second) for side in _sides(self.first)]
+        else:
+            sides = [(side, self.second) for side in across(self.first)]
+        return tuple(Perpendicular(first, second, *pair) for pair in sides if _known(first, second, *pair))
+
+
+class Square(NamedTuple):
+    """A joint keeps an axis of A and one of B at right angles.
+
+    Attributes
+    ----------
+    first, second : tuple of float
+        Unit vectors in A's and in B's frame.
+    """
+
+    first: Direction
+    second: Direction
+
+    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return one equation; none on a line whose axis is not the tangent."""
+        known = _known(first, second, self.first, self.second)
+        return (Perpendicular(first, second, self.first, self.second),) if known else ()
+
+
+class Facing(NamedTuple):
+    """A joint keeps B's frame turned against A's by a rotation.
+
+    Attributes
+    ----------
+    turn : tuple of tuple of float
+        Rows of the matrix that takes vectors in B's frame to A's.
+    """
+
+    turn: tuple[Direction, ...]
+
+    @classmethod
+    def of(cls, facing: Array) -> Facing:
+        """Return it for a matrix (3, 3)."""
+        return cls(tuple(direction(row) for row in facing))
+
+    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return three equations; two on a line."""
+        R, own = np.array(self.turn), np.eye(3)
+        if second.n_axes == 1:
+            return Parallel(direction(R @ TANGENT), TANGENT).between(first, second)
+        if first.n_axes == 1:
+            return Parallel(TANGENT, direction(R.T @ TANGENT)).between(first, second)
+        pairs = ((direction(R @ own[k]), direction(own[(k + 1) % 3])) for k in range(3))
+        return tuple(Perpendicular(first, second, *pair) for pair in pairs)
+
+
+class About(NamedTuple):
+    """A joint or a driver holds by what angle B is turned against A about an axis that both share.
+
+    Attributes
+    ----------
+    zero : tuple of float
+        Unit vector in A's frame, across the axis, from which the angle counts.
+    quarter : tuple of float
+        Where it points after a quarter turn.
+    second : tuple of float
+        Unit vector in B's frame that points along ``zero`` at angle zero.
+    law : Law or None
+        The angle over time [rad].
+    """
+
+    zero: Direction
+    quarter: Direction
+    second: Direction
+    law: Law | None = None
+
+    @classmethod
+    def of(cls, axis: Direction, facing: Array, law: Law | None = None) -> About:
+        """Return it for an axis in A's frame and the matrix from B's frame to A's at angle zero."""
+        zero, quarter = across(axis)
+        return cls(zero, quarter, direction(facing.T @ zero), law)
+
+    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return one equation."""
+        return (TurnAbout(first, second, self.zero, self.quarter, self.second, law=self.law),)
+
+
+def shared_axis(axis: Direction | None, facing: Array) -> Parallel:
+    """Return what holds an axis, given in A's frame, in both bodies; `facing` goes from B's frame to A's."""
+    own = unit(axis or THIRD)
+    return Parallel(own, direction(facing.T @ own))
+
+
+def direction(a: Array) -> Direction:
+    """Return a vector as plain numbers."""
+    return tuple(map(float, a))
+
+
+def unit(axis: Direction) -> Direction:
+    """Return a vector of length one along another."""
+    return direction(np.asarray(axis) / np.linalg.norm(axis))
+
+
+def along(a: Direction, b: Direction) -> bool:
+    """Tell whether two unit vectors are parallel."""
+    return bool(np.linalg.norm(cross(np.asarray(a), np.asarray(b))) < ALONG)
+
+
+def _sides(axis: Direction) -> tuple[Direction, ...]:
+    """Return two directions across an axis, of which only one has a part along the tangent of a line."""
+    across_tangent = cross(np.asarray(axis), np.asarray(TANGENT))
+    last = unit(direction(across_tangent))
+    return direction(cross(np.asarray(last), np.asarray(axis))), last
+
+
+def _known(first: Marker, second: Marker, a: Direction, b: Direction) -> bool:
+    """Tell whether both points have the axes a and b."""
+    pairs = ((first, a), (second, b))
+    return all(marker.n_axes == 3 or along(one, TANGENT) for marker, one in pairs)
+
+
+class _OfAxes(Constraint):
+    """A gap that depends on axes only."""
+
+    unit: ClassVar[str] = "rad"
+    why_kept: ClassVar[str] = "directions turn: not linear in the coordinates"
+
+
+@dataclass(frozen=True, eq=False)
+class Perpendicular(_OfAxes):
+    """Axes of two bodies are at right angles: their product is zero."""
+
+    axes: Direction
+    others: Direction
+
+    def _both(self, x: Array) -> tuple[Array, Array]:
+        return self.first.axis(x, np.array(self.axes)), self.second.axis(x, np.array(self.others))
+
+    def _jacobians(self, x: Array) -> tuple[Array, Array]:
+        a = self.first.axis_jacobian(x, np.array(self.axes))
+        return a, self.second.axis_jacobian(x, np.array(self.others))
+
+    def gap(self, x: Array) -> Array:
+        """Return the product of both axes."""
+        a, b = self._both(x)
+        return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
+
+    def jacobian(self, end: int, x: Array) -> Array:
+        """Return the other axis times the derivative of one."""
+        return np.asarray(self._both(x)[1 - end][:, None] @ self._jacobians(x)[end])
+
+    def bias(self, x: Array, u: Array) -> Array:
+        """Return the terms of the product's second derivative without accelerations."""
+        (a, b), rates = self._both(x), self._rates(x, u)
+        parts = 2.0 * rates[0] * rates[1]
+        parts += self.first.axis_bias(x, u, np.array(self.axes)) * b
+        parts += self.second.axis_bias(x, u, np.array(self.others)) * a
+        return np.asarray(np.sum(parts, axis=-1, keepdims=True))
+
+    def _rates(self, x: Array, u: Array) -> tuple[Array, Array]:
+        pairs = zip(self.ends, self._jacobians(x), strict=True)
+        a, b = ((J @ u[:, marker.columns, None])[..., 0] for marker, J in pairs)
+        return a, b
+
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return the multiplier times the product of both derivatives, and its transpose."""
+        (Ja, Jb), (first, second) = self._jacobians(x), self.ends
+        block = multipliers[0, 0] * (Ja[0].T @ Jb[0])
+        rows, columns = (np.arange(one.columns.start, one.columns.stop) for one in (first, second))
+        one, other = Entries.of_block(rows, columns, block), Entries.of_block(columns, rows, block.T)
+        return Entries(*(np.concatenate(pair) for pair in zip(one, other, strict=True)))
+
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return a moment across both axes."""
+        a, b = self._both(x)
+        return np.zeros((len(x), 3)), multipliers * lever(a, b)
+
+
+@dataclass(frozen=True, eq=False)
+class TurnAbout(_OfAxes):
+    """The angle of an axis of the second body in the plane of two axes of the first follows a law."""
+
+    zero: Direction
+    quarter: Direction
+    other: Direction
+
+    def _axes(self, x: Array) -> tuple[Array, Array, Array]:
+        first, second = self.ends
+        return (
+            first.axis(x, np.array(self.zero)),
+            first.axis(x, np.array(self.quarter)),
+            second.axis(x, np.array(self.other)),
+        )
+
+    def _parts(self, x: Array) -> tuple[Array, Array]:
+        """Return cosine and sine, times lengths, shape (n_batch, 1) each."""
+        zero, quarter, other = self._axes(x)
+        return np.sum(zero * other, axis=-1, keepdims=True), np.sum(quarter * other, axis=-1, keepdims=True)
+
+    def gap(self, x: Array) -> Array:
+        """Return the angle [rad], within half a turn."""
+        c, s = self._parts(x)
+        return np.arctan2(s, c)
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return the angle error [rad], within half a turn."""
+        return wrap(super().residual(t, x))
+
+    def jacobian(self, end: int, x: Array) -> Array:
+        """Return (c ds - s dc) / (c^2 + s^2)."""
+        (c, s), (zero, quarter, other) = self._parts(x), self._axes(x)
+        square = c * c + s * s
+        if end:
+            return np.asarray(
+                ((c * quarter - s * zero) / square)[:, None]
+                @ self.second.axis_jacobian(x, np.array(self.other))
+            )
+        J = self.first.axis_jacobian(x, np.array(self.quarter)) * (c / square)[..., None]
+        J = J - self.first.axis_jacobian(x, np.array(self.zero)) * (s / square)[..., None]
+        return np.asarray(other[:, None] @ J)
+
+    def bias(self, x: Array, u: Array) -> Array:
+        """Return the terms of the angle's second derivative without accelerations."""
+        (c, s), (zero, quarter, other) = self._parts(x), self._axes(x)
+        first, second = self.ends
+
+        def rate(marker: Marker, own: Direction) -> Array:
+            return np.asarray((marker.axis_jacobian(x, np.array(own)) @ u[:, marker.columns, None])[..., 0])
+
+        def total(a: Array) -> Array:
+            return np.asarray(np.sum(a, axis=-1, keepdims=True))
+
+        zero1, quarter1, other1 = rate(first, self.zero), rate(first, self.quarter), rate(second, self.other)
+        zero2, quarter2 = (first.axis_bias(x, u, np.array(own)) for own in (self.zero, self.quarter))
+        other2 = second.axis_bias(x, u, np.array(self.other))
+        c1, s1 = total(zero1 * other + zero * other1), total(quarter1 * other + quarter * other1)
+        c2 = total(zero2 * other + 2.0 * zero1 * other1 + zero * other2)
+        s2 = total(quarter2 * other + 2.0 * quarter1 * other1 + quarter * other2)
+        square, growth = c * c + s * s, 2.0 * (c * c1 + s * s1)
+        return np.asarray((c * s2 - s * c2) / square - (c * s1 - s * c1) * growth / square**2)
+
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return minus the multiplier as a moment about the axis."""
+        zero, quarter, _ = self._axes(x)
+        return np.zeros((len(x), 3)), -multipliers * lever(zero, quarter)
+
+
+@dataclass(frozen=True, eq=False)
+class Orthonormal(Constraint):
+    """The three axes of the second marker's body have unit length and are at right angles."""
+
+    unit: ClassVar[str] = "-"
+    why_kept: ClassVar[str] = "a rigid body's axes keep lengths and angles"
+
+    @property
+    def rows(self) -> int:
+        """Three lengths and three angles."""
+        return 6
+
+    def gap(self, x: Array) -> Array:
+        """Return half of what squares miss of one, and products of zero."""
+        D = self.second.axes(x)  # type: ignore[attr-defined]
+        G = D @ D.swapaxes(1, 2)
+        return np.concatenate([0.5 * (G[:, _EQUAL, _EQUAL] - 1.0), G[:, _ONE, _OTHER]], axis=1)
+
+    def jacobian(self, end: int, x: Array) -> Array:
+        """Return the products of axes with changes of axes."""
+        marker = self.ends[end]
+        J = np.zeros((len(x), 6, marker.columns.stop - marker.columns.start))
+        if end:
+            D = self.second.axes(x)  # type: ignore[attr-defined]
+            blocks = J.reshape(len(x), 6, -1, 3)[:, :, 1:]
+            for k in range(3):
+                blocks[:, k, k] = D[:, k]
+            for row, (i, j) in enumerate(zip(_ONE, _OTHER, strict=True), 3):
+                blocks[:, row, i], blocks[:, row, j] = D[:, j], D[:, i]
+        return J
+
+    def bias(self, x: Array, u: Array) -> Array:
+        """Return twice the products of the rates of axes, once for equal ones."""
+        D = self.second.axes(u)  # type: ignore[attr-defined]
+        G = D @ D.swapaxes(1, 2)
+        return np.concatenate([G[:, _EQUAL, _EQUAL], 2.0 * G[:, _ONE, _OTHER]], axis=1)
+
+    def stiffness(self, x: Array, multipliers: Array) -> Entries:
+        """Return the symmetric matrix of the multipliers, the same for each component."""
+        L = np.diag(multipliers[0, :3])
+        L[_ONE, _OTHER] = L[_OTHER, _ONE] = multipliers[0, 3:]
+        columns = np.arange(self.second.columns.start + 3, self.second.columns.stop)
+        return Entries.of_block(columns, columns, np.kron(L, np.eye(3)))
+
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return nothing: these forces are inside the body."""
+        return np.zeros((len(x), 3)), np.zeros((len(x), 3))
+
+
+_EQUAL = [0, 1, 2]
+_ONE, _OTHER = [1, 2, 0], [2, 0, 1]

@@ -1,0 +1,146 @@
+"""Markers in space: on bodies whose coordinates are vectors, and on frames before a scene is assembled.
+
+Axes of a body are vectors among its coordinates: every direction that joints hold is linear in these.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, BoolArray
+from hfsim.maths.matrices import Entries
+from hfsim.maths.rotations import lever, rotation, rotation_rates, skew
+from hfsim.mechanics.force import difference
+from hfsim.mechanics.markers import ROUNDING, LinearMarker, Marker
+
+
+@dataclass(frozen=True, eq=False)
+class VectorMarker(LinearMarker):
+    """A material point of a spatial body whose coordinates are absolute vectors.
+
+    Attributes
+    ----------
+    axis_rows : ndarray, shape (n_axes, n_vectors)
+        Shape rows of its axes: all three, of unit length and at right angles; or the first alone, of any
+        length, along a line without sections.
+    """
+
+    axis_rows: Array
+    n_dim: ClassVar[int] = 3
+    n_spin: ClassVar[int] = 3
+
+    @property
+    def n_axes(self) -> int:  # type: ignore[override]
+        """Number of its own axes."""
+        return len(self.axis_rows)
+
+    @property
+    def _involved(self) -> BoolArray:
+        return np.asarray(np.any(np.abs([self.place_row, *self.axis_rows]) > ROUNDING, axis=0))
+
+    def axes(self, x: Array) -> Array:
+        """Return its own axes, shape (n_batch, n_axes, 3)."""
+        return self._combined(x, self.axis_rows)
+
+    def frame(self, x: Array) -> Array:
+        """Return three axes of unit length and at right angles, as columns, shape (n_batch, 3, 3).
+
+        A line has the smallest rotation from the ground's first axis; a half turn is about the second one.
+        """
+        axes = self.axes(x)
+        if self.n_axes == 3:
+            return axes.swapaxes(1, 2)
+        t = axes[:, 0] / np.linalg.norm(axes[:, 0], axis=-1, keepdims=True)
+        c, s = t[:, 0], np.hypot(t[:, 1], t[:, 2])
+        about = np.stack([np.zeros_like(c), -t[:, 2], t[:, 1]], axis=-1)
+        about = np.where(s[:, None] > 1e-12, about / np.maximum(s, 1e-12)[:, None], [0.0, 1.0, 0.0])
+        return rotation(np.arctan2(s, c)[:, None] * about)
+
+    def turned(self, x: Array, a: Array) -> Array:
+        """Return vectors (3,), given in its axes, in ground axes."""
+        return np.asarray(self.frame(x) @ a)
+
+    def axis(self, x: Array, a: Array) -> Array:
+        """Return combinations of its own axes."""
+        return np.asarray(np.asarray(a)[: self.n_axes] @ self.axes(x))
+
+    def axis_jacobian(self, x: Array, a: Array) -> Array:
+        """Return the same matrix for every state."""
+        return np.asarray(np.kron(np.asarray(a)[: self.n_axes] @ self.axis_rows, np.eye(3))[None])
+
+    def axis_bias(self, x: Array, u: Array, a: Array) -> Array:
+        """Return zero: axes are linear in the coordinates."""
+        return np.zeros((len(x), 3))
+
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return the matrix of half the sum of d x d' over its axes, or of t x t' / |t|^2 on a line."""
+        axes = self.axes(x)
+        weights = 0.5 * axes if self.n_axes == 3 else axes / np.sum(axes * axes, axis=-1, keepdims=True)
+        J = np.einsum("bakl,an->bknl", skew(weights), self.axis_rows)
+        return np.asarray(J.reshape(len(x), 3, -1))
+
+    def spin_bias(self, x: Array, u: Array) -> Array:
+        """Return what is left of its angular acceleration where a line is stretched; else nothing."""
+        if self.n_axes == 3:
+            return np.zeros((len(x), 3))
+        t, rate = self.axes(x)[:, 0], self.axes(u)[:, 0]
+        square = np.sum(t * t, axis=-1, keepdims=True)
+        return np.asarray(-2.0 * np.sum(t * rate, axis=-1, keepdims=True) / square**2 * lever(t, rate))
+
+    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
+        """Return the derivative of moment . spin Jacobian, by differences."""
+
+        def pulled(moved: Array) -> Array:
+            out = np.zeros_like(moved)
+            out[:, self.columns] = moment @ self.spin_jacobian(moved)
+            return out
+
+        return difference(pulled, x, self.support)
+
+
+@dataclass(frozen=True, eq=False)
+class FrameMarker(Marker):
+    """A point of a frame in space with coordinates (x, y, z, rotation vector), before a scene is assembled.
+
+    Attributes
+    ----------
+    columns : slice
+    place : tuple of float
+        Its place in the frame [m].
+    centre : ndarray, shape (3, 3)
+        How the frame is turned where the rotation vector is zero; that is in ground axes.
+    """
+
+    columns: slice
+    place: tuple[float, ...]
+    centre: Array
+    n_dim: ClassVar[int] = 3
+    n_spin: ClassVar[int] = 3
+    n_axes: ClassVar[int] = 3
+
+    def _turn(self, x: Array) -> Array:
+        return np.asarray(x[:, self.columns][:, 3:])
+
+    def _arm(self, x: Array) -> Array:
+        return self.turned(x, np.array(self.place))
+
+    def position(self, x: Array) -> Array:
+        """Return r + A c."""
+        return np.asarray(x[:, self.columns][:, :3] + self._arm(x))
+
+    def position_jacobian(self, x: Array) -> Array:
+        """Return (1, - (A c) x T)."""
+        J = np.repeat(np.eye(3, 6)[None], len(x), axis=0)
+        J[:, :, 3:] = -skew(self._arm(x)) @ rotation_rates(self._turn(x))
+        return J
+
+    def turned(self, x: Array, a: Array) -> Array:
+        """Return vectors (3,), given in the frame, in ground axes."""
+        return np.asarray(rotation(self._turn(x)) @ (self.centre @ a))
+
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return (0, T)."""
+        return np.concatenate([np.zeros((len(x), 3, 3)), rotation_rates(self._turn(x))], axis=2)

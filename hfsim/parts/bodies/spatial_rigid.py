@@ -1,0 +1,138 @@
+"""Rigid bodies in space: origin and three axes, twelve coordinates in which the mass matrix is constant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import Entries
+from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.directions import Orthonormal
+from hfsim.mechanics.force import ConstantForce, ForcePart
+from hfsim.mechanics.markers import GroundMarker
+from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.spatial_markers import VectorMarker
+from hfsim.parts.bodies.folded import FoldedBody
+
+_TOUCHING = 1e-9
+"""Part of the largest moment by which the smaller two may miss the triangle inequality."""
+_SYMMETRIC = 1e-9
+"""The same for what products of inertia differ by."""
+
+FLAT = 1e-6
+"""Smallest part of Euler's tensor, over the largest, that is worth an inverse."""
+
+
+def inertia_matrix(inertia: tuple[Any, ...]) -> Array:
+    """Return the matrix (3, 3) of principal moments or of rows [kg m^2]."""
+    J = np.array(inertia, dtype=float)
+    return np.diag(J) if J.ndim == 1 else 0.5 * (J + J.T)
+
+
+def inertia_complaint(inertia: tuple[Any, ...]) -> tuple[str, str] | None:
+    """Return what keeps numbers from being a body's moments of inertia, and what would be right."""
+    rows = np.array(inertia, dtype=float)
+    if rows.ndim == 2 and np.abs(rows - rows.T).max() > _SYMMETRIC * np.abs(rows).max():
+        return "a matrix of inertia is symmetric", "give products of inertia with their signs, twice each"
+    moments = np.linalg.eigvalsh(inertia_matrix(inertia))
+    told = ", ".join(f"{moment:.4g}" for moment in moments)
+    if moments[0] <= 0.0:
+        return f"its principal moments are {told} kg m^2", "all must be greater than zero"
+    if moments[2] > moments[0] + moments[1] + _TOUCHING * moments[2]:
+        return (
+            f"no body has the principal moments {told} kg m^2: one is greater than the sum of the others",
+            "check the numbers and their units",
+        )
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialRigidBody(Body):
+    """A rigid body in space with coordinates (r, d1, d2, d3); its origin is its centre of mass.
+
+    Every point is linear in these, and T = 1/2 m |r'|^2 + 1/2 sum E_ij d_i' . d_j' with Euler's tensor
+    E = 1/2 tr(J) 1 - J; six equations keep the axes of unit length and at right angles.
+
+    Attributes
+    ----------
+    mass : float
+        [kg].
+    inertia : ndarray, shape (3, 3)
+        J, about the centre of mass, in body axes [kg m^2].
+    gravity : ndarray, shape (3,)
+        [m/s^2].
+    """
+
+    mass: float
+    inertia: Array
+    gravity: Array
+    SIZE: ClassVar[int] = 12
+
+    @property
+    def described(self) -> tuple[str, str]:
+        """What its coordinates are."""
+        return "place and axes", "rigid: no elastic coordinates"
+
+    @property
+    def origin(self) -> Place:
+        """The origin of the body frame."""
+        return (0.0, 0.0, 0.0)
+
+    @property
+    def position_columns(self) -> IntArray:
+        """The centre of mass."""
+        return np.asarray(self.columns.start + np.arange(3)[None])
+
+    def marker(self, place: Place) -> VectorMarker:
+        """Return the marker of a point of the body."""
+        return VectorMarker(self.columns, np.array([1.0, *place]), np.eye(4)[1:])
+
+    def placed(self, pose: Pose) -> Array:
+        """Return origin and axes."""
+        return np.concatenate([pose.origin, pose.turned(np.eye(3)).ravel()])
+
+    def moving(self, pose: Pose, twist: Twist) -> Array:
+        """Return the rates of origin and axes."""
+        return np.concatenate([twist.velocity, twist.turning(pose.turned(np.eye(3))).ravel()])
+
+    def freedoms(self, x: Array, pose: Pose) -> Array:
+        """Return the rates of each rigid motion from coordinates (n,) on."""
+        axes = x[self.columns][3:].reshape(3, 3)
+        units = Twist.units(3)
+        return np.array([np.concatenate([unit.velocity, unit.turning(axes).ravel()]) for unit in units])
+
+    def own_constraints(self) -> Iterator[Constraint]:
+        """Yield what keeps the axes."""
+        ground = GroundMarker(Pose.level(self.origin))
+        yield Orthonormal(ground, self.marker(self.origin), item=self.item)
+
+    @property
+    def _euler(self) -> Array:
+        return np.asarray(0.5 * np.trace(self.inertia) * np.eye(3) - self.inertia)
+
+    @property
+    def invertible_mass(self) -> bool:
+        """Whether it is neither flat nor slender."""
+        sizes = np.linalg.eigvalsh(self._euler)
+        return bool(sizes[0] > FLAT * sizes[-1])
+
+    def mass_entries(self) -> Entries:
+        """Return the mass of the origin and Euler's tensor on the axes."""
+        tensor = np.zeros((4, 4))
+        tensor[0, 0] = self.mass
+        tensor[1:, 1:] = self._euler
+        columns = np.arange(self.columns.start, self.columns.stop)
+        return Entries.of_block(columns, columns, np.kron(tensor, np.eye(3)))
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield the weight."""
+        yield ConstantForce(n, self.position_columns[0], self.mass * self.gravity, item=self.item)
+
+    def folded(self, pose: Pose) -> FoldedBody:
+        """Return the same body held for ever at a pose."""
+        return FoldedBody(self.name, slice(0, 0), self.points, pose, self.mass * self.gravity)

@@ -1,0 +1,25 @@
+"""Spherical joint: two points stay together in space."""
+
+from typing import Literal
+
+from hfsim.deck.fields import Between
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.constraints import Held, Shift
+from hfsim.parts.specs import JointSpec
+
+
+class SphericalSpec(JointSpec):
+    """Two points stay together in space, the bodies may turn in every way."""
+
+    spatial = True
+    meets = True
+
+    type: Literal["spherical"]
+    """Kind of joint."""
+
+    between: Between
+    """The two points, [A, B]."""
+
+    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
+        """Return what the joint holds."""
+        return (Shift(),)

@@ -1,0 +1,235 @@
+"""Markers and joints in space against differences; frames, reactions, redundancy of what they hold."""
+
+import numpy as np
+import pytest
+
+from hfsim.maths.rotations import (
+    across,
+    cross,
+    quaternion,
+    rotation,
+    rotation_of_quaternion,
+    rotation_rates,
+    rotation_vector,
+    skew,
+)
+from hfsim.mechanics.constraints import constraints_of
+from hfsim.mechanics.directions import About, Facing, Orthonormal, Parallel, Square
+from hfsim.mechanics.markers import GroundMarker
+from hfsim.mechanics.pose import Pose
+from hfsim.mechanics.spatial_markers import FrameMarker, VectorMarker
+from hfsim.parts.joints.cylindrical import CylindricalSpec
+from hfsim.parts.joints.driver import DriverSpec
+from hfsim.parts.joints.fixed import FixedSpec
+from hfsim.parts.joints.prismatic import PrismaticSpec
+from hfsim.parts.joints.revolute import RevoluteSpec
+from hfsim.parts.joints.spherical import SphericalSpec
+from hfsim.parts.joints.universal import UniversalSpec
+
+N = 12 + 12 + 6 + 6
+BODY, OTHER, LINE, FRAME = slice(0, 12), slice(12, 24), slice(24, 30), slice(30, 36)
+MARKERS = {
+    "ground": GroundMarker(Pose(np.array([0.3, -0.2, 0.1]), np.array([0.4, -0.3, 0.8]))),
+    "body": VectorMarker(BODY, np.array([1.0, 0.3, -0.2, 0.4]), np.eye(4)[1:]),
+    "other": VectorMarker(OTHER, np.array([1.0, -0.1, 0.5, 0.2]), np.eye(4)[1:]),
+    "line": VectorMarker(LINE, np.array([1.0, 0.0]), np.array([[0.0, 1.0]])),
+    "frame": FrameMarker(FRAME, (0.2, 0.1, -0.3), rotation(np.array([0.1, 0.9, -0.4]))),
+}
+ENDS = ("ground", "ground")
+SINE = {"type": "sine", "amplitude": 0.4, "frequency": 0.3, "phase": 0.2, "offset": 0.1}
+JOINTS = {
+    "revolute": (RevoluteSpec(type="revolute", between=ENDS, axis=(0.1, 1.0, 0.3)), 5),
+    "spherical": (SphericalSpec(type="spherical", between=ENDS), 3),
+    "universal": (UniversalSpec(type="universal", between=ENDS), 4),
+    "cylindrical": (CylindricalSpec(type="cylindrical", between=ENDS, axis=(0.0, 1.0, 2.0)), 4),
+    "prismatic": (PrismaticSpec(type="prismatic", between=ENDS, axis=(1.0, 1.0, 0.0)), 5),
+    "fixed": (FixedSpec(type="fixed", between=ENDS), 6),
+    "driven angle": (DriverSpec(type="driver", between=ENDS, angle=SINE, axis=(0.0, 1.0, 0.0)), 1),
+    "driven distance": (DriverSpec(type="driver", between=ENDS, position=SINE, axis=(0.0, 1.0, 0.0)), 1),
+}
+PAIRS = [("ground", "body"), ("body", "other"), ("other", "ground")]
+FACING = rotation(np.array([0.2, -0.5, 0.3]))
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)
+
+
+def rigid(rng):
+    """Coordinates and rates of a rigid body somewhere."""
+    R, spin = rotation(rng.normal(size=3)), rng.normal(size=3)
+    return np.r_[rng.normal(size=3), R.T.ravel()], np.r_[rng.normal(size=3), cross(spin, R.T).ravel()], spin
+
+
+def state(rng):
+    """Coordinates of all bodies; axes of bodies are orthonormal."""
+    x = rng.normal(size=N)
+    x[BODY], x[OTHER] = rigid(rng)[0], rigid(rng)[0]
+    x[FRAME][3:] *= 0.7
+    return x
+
+
+def path(rng):
+    x, u, a = state(rng), 0.3 * rng.normal(size=N), 0.3 * rng.normal(size=N)
+    return (lambda s: x + np.outer(s, u) + 0.5 * np.outer(s * s, a)), x, u, a
+
+
+def slope(f, step=1e-6):
+    lower, upper = f(np.array([-step])), f(np.array([step]))
+    return (upper - lower)[0] / (2.0 * step)
+
+
+def second(f, step=1e-4):
+    values = f(np.array([-step, 0.0, step]))
+    return (values[0] - 2.0 * values[1] + values[2]) / step**2
+
+
+@pytest.mark.parametrize("turn", [[0.0, 0.0, 0.0], [1e-9, 0.0, 0.0], [0.3, -0.8, 2.0], [3.0, 0.5, -0.5]])
+def test_rotations_and_their_rates(turn):
+    turn = np.array(turn)
+    R = rotation(turn)
+    assert np.allclose(R @ R.T, np.eye(3), rtol=0.0, atol=1e-14)
+    assert rotation(rotation_vector(R)) == pytest.approx(R, abs=1e-14)
+    assert rotation_of_quaternion(quaternion(R)) == pytest.approx(R, abs=1e-14)
+    rate = np.array([0.3, -0.2, 0.5])
+    spin = slope(lambda s: (rotation(turn + s[:, None] * rate) @ R.T).reshape(1, 9)).reshape(3, 3)
+    assert spin == pytest.approx(skew(rotation_rates(turn) @ rate), abs=1e-8)
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.95, 0.1, -2.0)])
+def test_two_directions_across_an_axis(axis):
+    first, other = map(np.array, across(axis))
+    frame = np.array([np.array(axis) / np.linalg.norm(axis), first, other])
+    assert np.allclose(frame @ frame.T, np.eye(3), rtol=0.0, atol=1e-14)
+    assert np.linalg.det(frame) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("name", MARKERS)
+def test_marker_against_differences(name, rng):
+    marker, (at, x, u, a) = MARKERS[name], path(rng)
+    ux = u[None, marker.columns, None]
+    own = np.array([1.0, 0.0, 0.0]) if marker.n_axes == 1 else np.array([0.3, -0.5, 0.8])
+    assert (marker.position_jacobian(x[None]) @ ux)[0, :, 0] == pytest.approx(
+        slope(lambda s: marker.position(at(s))), abs=1e-8
+    )
+    assert (marker.axis_jacobian(x[None], own) @ ux)[0, :, 0] == pytest.approx(
+        slope(lambda s: marker.axis(at(s), own)), abs=1e-8
+    )
+    if name != "frame":
+        full = marker.axis_jacobian(x[None], own) @ a[None, marker.columns, None]
+        found = full[0, :, 0] + marker.axis_bias(x[None], u[None], own)[0]
+        assert found == pytest.approx(second(lambda s: marker.axis(at(s), own)), abs=1e-5)
+
+
+def test_spin_of_a_rigid_body_is_its_angular_velocity(rng):
+    marker, x, u = MARKERS["body"], np.zeros((1, N)), np.zeros((1, N))
+    x[0, BODY], u[0, BODY], spin = rigid(rng)
+    assert marker.spin(x, u)[0] == pytest.approx(spin, abs=1e-14)
+    assert marker.turned(x, np.eye(3)[1])[0] == pytest.approx(x[0, 6:9])
+
+
+def test_a_line_does_not_roll(rng):
+    marker, x = MARKERS["line"], state(rng)[None]
+    t, u = x[0, 27:30], np.zeros((1, N))
+    rate = cross(np.array([0.3, -1.0, 0.7]), t)
+    u[0, 27:30] = rate + 0.2 * t
+    spin = marker.spin(x, u)[0]
+    assert spin @ t == pytest.approx(0.0, abs=1e-14)
+    assert cross(spin, t) == pytest.approx(rate, abs=1e-14)
+    assert marker.frame(x)[0][:, 0] == pytest.approx(t / np.linalg.norm(t))
+
+
+@pytest.mark.parametrize("pair", PAIRS, ids="-".join)
+@pytest.mark.parametrize("name", JOINTS)
+def test_joint_against_differences(name, pair, rng):
+    spec, rows = JOINTS[name]
+    first, other = (MARKERS[one] for one in pair)
+    found = constraints_of(spec.held(FACING), first, other)
+    assert sum(c.rows for c in found) == rows
+    at, x, u, a = path(rng)
+    zero = np.zeros(1)
+    for c in found:
+        J = np.zeros((c.rows, N))
+        for marker, block in zip(c.ends, c.jacobians(x[None]), strict=True):
+            J[:, marker.columns] += block[0]
+        c0 = c.standing() if c.law else c
+        assert J @ u == pytest.approx(slope(lambda s, c=c: c.gap(at(s))), abs=1e-8)
+        bias = c0.bias(x[None], u[None])[0]
+        assert J @ a + bias == pytest.approx(second(lambda s, c=c: c.gap(at(s))), abs=2e-5)
+        multipliers = rng.normal(size=(1, c.rows))
+        entries = c.stiffness(x[None], multipliers)
+        K = np.zeros((N, N))
+        np.add.at(K, (entries.rows, entries.columns), entries.values)
+
+        def pulled(s, c=c, multipliers=multipliers):
+            out = np.zeros((len(s), N))
+            for marker, block in zip(c.ends, c.jacobians(at(s)), strict=True):
+                out[:, marker.columns] += (multipliers @ block)[:, 0]
+            return out
+
+        assert K @ u == pytest.approx(slope(pulled), abs=1e-5)
+        force, moment = c.reaction(x[None], multipliers)
+        assert force.shape == moment.shape == (1, 3)
+        assert np.isfinite(c.residual(zero, x[None])).all()
+
+
+def test_the_axes_of_a_rigid_body_against_differences(rng):
+    c = Orthonormal(MARKERS["ground"], MARKERS["body"])
+    at, x, u, a = path(rng)
+    J = c.jacobian(1, x[None])[0]
+    assert J @ u[BODY] == pytest.approx(slope(lambda s: c.gap(at(s))), abs=1e-8)
+    bias = c.bias(x[None], u[None])[0]
+    assert J @ a[BODY] + bias == pytest.approx(second(lambda s: c.gap(at(s))), abs=1e-5)
+    multipliers = rng.normal(size=(1, 6))
+    entries = c.stiffness(x[None], multipliers)
+    K = np.zeros((N, N))
+    np.add.at(K, (entries.rows, entries.columns), entries.values)
+    pulled = slope(lambda s: (multipliers @ c.jacobian(1, at(s)))[:, 0])
+    assert K[BODY, BODY] @ u[BODY] == pytest.approx(pulled, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("name", "free"), [("revolute", 1), ("universal", 2), ("cylindrical", 2), ("fixed", 0)]
+)
+def test_a_joint_leaves_the_motions_of_its_name(name, free, rng):
+    """Of the six motions of a rigid body, where the joint holds."""
+    spec, _ = JOINTS[name]
+    first, other = MARKERS["ground"], MARKERS["body"]
+    x = np.zeros((1, N))
+    R = rotation(first.pose.turn) @ FACING
+    place = R @ other.place_row[1:]
+    x[0, BODY] = np.r_[first.pose.origin - place, R.T.ravel()]
+    found = constraints_of(spec.held(FACING), first, other)
+    assert max(np.abs(c.gap(x)).max() for c in found) < 1e-14
+    J = np.concatenate([c.jacobian(1, x)[0] for c in found])
+    motions = np.zeros((6, 12))
+    motions[:3, :3] = np.eye(3)
+    motions[3:] = [np.r_[np.zeros(3), cross(axis, R.T).ravel()] for axis in np.eye(3)]
+    assert 6 - np.linalg.matrix_rank(J @ motions.T) == free
+
+
+@pytest.mark.parametrize(
+    ("held", "rows"),
+    [
+        (Facing.of(np.eye(3)), 2),
+        (Parallel((1.0, 0.0, 0.0), (1.0, 0.0, 0.0)), 2),
+        (Parallel((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)), 1),
+        (Parallel((0.0, 0.6, 0.8), (0.6, 0.0, 0.8)), 0),
+        (Square((0.0, 0.0, 1.0), (1.0, 0.0, 0.0)), 1),
+        (Square((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), 0),
+    ],
+)
+def test_what_can_be_held_of_a_line(held, rows):
+    """A hinge across a line holds one direction, one along it two; what needs a section is not held."""
+    assert len(held.between(MARKERS["body"], MARKERS["line"])) == rows
+
+
+def test_an_angle_about_an_axis_counts_from_where_the_bodies_face():
+    about = About.of((0.0, 0.0, 1.0), FACING)
+    (c,) = about.between(MARKERS["ground"], MARKERS["body"])
+    x = np.zeros((1, N))
+    for angle in (0.0, 0.7, -2.0):
+        R = rotation(MARKERS["ground"].pose.turn) @ rotation(np.array([0.0, 0.0, angle])) @ FACING
+        x[0, BODY] = np.r_[np.zeros(3), R.T.ravel()]
+        assert c.gap(x)[0, 0] == pytest.approx(angle, abs=1e-14)
