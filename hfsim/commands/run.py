@@ -82,7 +82,8 @@ class Settings:
     "--after",
     metavar="TIME",
     callback=lambda _, __, text: None if text is None else 0.0 if text == "none" else parse_budget(text),
-    help="Time for estimates and diagnosis, e.g. 10s, or none; as much as the run without it, or 2s.",
+    help="Time for estimates, diagnosis and pictures, e.g. 10s, or none; without it as much as the run for "
+    "all but pictures, or 2s.",
 )
 @talk_options
 def run(
@@ -249,7 +250,7 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
         for line in method_lines(result.statistics.get("refinement")):
             log.add(line.strip())
         log.add(f"model {result.model}, method {result.method}")
-        result, summary = recording.finish(result, plots)
+        result, summary = recording.finish(result, plots, settings.after)
     tell(result, summary, job.folder.path, settings.talk, job.loaded.warnings)
     return result.exit_code
 

@@ -16,6 +16,8 @@ from hfsim.output.disk import History, disk, write_json
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, warnings_of, write_resolved
 from hfsim.run.solution import Run
+from hfsim.run.stop import Budget
+from hfsim.trust.after import AFTER
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -147,8 +149,10 @@ class Recording:
                 (self.path / CHECKPOINT).unlink(missing_ok=True)
             self._summarise(run, ())
 
-    def finish(self, run: Run, pictures: bool) -> tuple[Run, dict[str, Any]]:
+    def finish(self, run: Run, pictures: bool, after: float | None = None) -> tuple[Run, dict[str, Any]]:
         """Draw pictures if wanted, and write the last summary; return the run as it is told there, and that.
+
+        Where a time is allowed for all work after the run [s], pictures get what is left of it.
 
         Raises
         ------
@@ -159,9 +163,12 @@ class Recording:
         if pictures:
             from hfsim.output.pictures import lost, put_pictures
 
+            budget = None if after is None else Budget(after - _spent_after(run), time.process_time)
             try:
                 with self._watch.phase("plots"):
-                    plots = put_pictures(partial(_draw, run), self.path)
+                    plots = put_pictures(partial(_draw, run, budget), self.path)
+                if budget is not None and budget.left <= 0.0:
+                    run = _warned(run, f"{len(plots)} pictures until time was up; allow more with --after")
             except KeyboardInterrupt as stop:
                 run = _warned(replace(run, exit_code=interruption_code(stop)), lost(stop))
             except Exception as error:  # whatever it is, it must not cost the results
@@ -187,10 +194,18 @@ class Recording:
         return summary
 
 
-def _draw(run: Run, folder: Path) -> list[str]:
+def _draw(run: Run, budget: Budget | None, folder: Path) -> list[str]:
+    if budget is not None and budget.left <= 0.0:
+        return []
     from hfsim.output.plots import draw_run  # half a second of matplotlib, for those who want pictures
 
-    return draw_run(run, folder)
+    return draw_run(run, folder, budget)
+
+
+def _spent_after(run: Run) -> float:
+    """Return the CPU time of the work after a run so far [s]."""
+    spent = run.statistics.get("cpu_s") or {}
+    return float(sum(spent.get(name, 0.0) for name in AFTER))
 
 
 def _warned(run: Run, warning: str) -> Run:

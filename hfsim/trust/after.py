@@ -20,6 +20,8 @@ from hfsim.trust.experiments import time_for
 
 ESTIMATES = ("error_estimate", "mesh_error_estimate")
 """Keys of the estimates."""
+AFTER = (*ESTIMATES, "diagnosis")
+"""Phases of the work after a run."""
 LARGE = 1e-2
 """Time error from which a run warns [-]."""
 MESH_TOLD = 1e-3

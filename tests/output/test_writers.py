@@ -11,7 +11,7 @@ import yaml
 
 from hfsim.errors import LimitReached
 from hfsim.output.disk import History, WriteError, read_history, write_json
-from hfsim.output.recording import save_run
+from hfsim.output.recording import Recording, save_run
 from hfsim.output.runfolder import FolderError, RunLog, Stopwatch, claim, folder_name
 from hfsim.output.writers import Provenance, json_ready, write_table
 from hfsim.run.solution import Channel, Run
@@ -261,3 +261,16 @@ def test_a_file_in_the_way_is_refused(tmp_path):
 def test_no_deck_name_leads_out_of_the_folder(name):
     assert "/" not in folder_name(name, ".out")
     assert not folder_name(name, "").startswith(".")
+
+
+@pytest.mark.parametrize(("seconds", "some"), [(60.0, True), (0.25, False)])
+def test_pictures_get_what_the_work_before_has_left_of_the_time(tmp_path, seconds, some):
+    spent = {"build": 9.0, "solve": 9.0, "error_estimate": 0.2, "diagnosis": 0.05}
+    run = make_run(np.linspace(0.0, 1.0, 5), statistics={"cpu_s": spent, "wall_s": spent, "steps": 7})
+    recording = Recording(claim(tmp_path / "out", False), "case", "exact", PROVENANCE, Stopwatch(), RunLog())
+    recording.begin([channel.name for channel in run.channels])
+    recording.rows(run.table)
+    finished, summary = recording.finish(run, True, seconds)
+    told = [one for one in finished.statistics.get("warnings", ()) if "pictures until time was up" in one]
+    assert bool(told) != some
+    assert any(name.endswith(".png") for name in summary["files"]) == some

@@ -26,13 +26,14 @@ from hfsim.output.plots.style import (
 )
 from hfsim.parts.channels import CHANNELS, kind_of
 from hfsim.run.solution import Channel, Run
+from hfsim.run.stop import Budget
 
 _FRAMES = 20
 """Number of shapes in a stroboscopic picture."""
 _TIME_COLOURS = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
 """Early to late, without the palest yellow, which is lost on white."""
 
-def draw_run(run: Run, folder: Path) -> list[str]:
+def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
     """Draw one run: channels against time, paths of points, shapes of the bodies.
 
     Parameters
@@ -41,6 +42,8 @@ def draw_run(run: Run, folder: Path) -> list[str]:
         A run with finite values only.
     folder : Path
         Where the PNG files go; made if anything is drawn.
+    budget : Budget, optional
+        Time for it; pictures that it does not suffice for are not drawn.
 
     Returns
     -------
@@ -49,7 +52,8 @@ def draw_run(run: Run, folder: Path) -> list[str]:
     """
     if not len(run.t):
         return []
-    return save({**_time_figures(run), "path": _path_figure(run), "shapes": _shapes_figure(run)}, folder)
+    figures = {**_time_figures(run), "path": _path_figure(run), "shapes": _shapes_figure(run)}
+    return save(figures, folder, budget)
 
 
 def _headline(run: Run, words: str) -> str:

@@ -20,6 +20,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import NullFormatter
 
 from hfsim.run.solution import Run
+from hfsim.run.stop import Budget
 from hfsim.studies.compare.words import ending
 
 _DPI = 110
@@ -146,15 +147,18 @@ def _labelled(axes: Axes) -> Iterator[tuple[Artist, str]]:
     yield from ((artist, label) for label, artist in known.items())
 
 
-def save(figures: Mapping[str, Figure | None], folder: Path) -> list[str]:
-    """Write figures as PNG files, the folder made if there are any; return the file names.
+def save(figures: Mapping[str, Figure | None], folder: Path, budget: Budget | None = None) -> list[str]:
+    """Write figures as PNG files into a folder, made if need be, while a budget lasts; return their names.
 
     Names of decks, bodies and channels are drawn as they are, signs that the font lacks as boxes.
     """
     drawn = {f"{name}.png": figure for name, figure in figures.items() if figure is not None}
     if drawn:
         folder.mkdir(parents=True, exist_ok=True)
-    for name, figure in drawn.items():
+    for name, figure in list(drawn.items()):
+        if budget is not None and budget.left <= 0.0:
+            del drawn[name]
+            continue
         for text in figure.findobj(Text):
             if "$" in text.get_text():
                 text.set_parse_math(False)
