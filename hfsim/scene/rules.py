@@ -268,16 +268,18 @@ def _tree_joints(deck: Deck, models: Models) -> Items:
     linear = (
         name
         for name, joint in deck.joints.items()
-        if joint.meets and all(_is_linear(models, point) for point in joint.between)
+        if joint.meets and all(_is_linear(deck, models, point) for point in joint.between)
     )
     return tuple(f"joints.{name}" for name in linear)
 
 
-def _is_linear(models: Models, point: str) -> bool:
+def _is_linear(deck: Deck, models: Models, point: str) -> bool:
     """Whether the position of a point is linear: not in body frames, nor off the centre of a rigid body."""
     owner, place = split_point(point)
     if owner in models:
-        return not models[owner].frame and models[owner].strain == "exact"
+        # a rigid line in space has the positions of both its ends for coordinates
+        linear = ("exact", "none") if deck.dimension == 3 else ("exact",)
+        return not models[owner].frame and models[owner].strain in linear
     return owner == "ground" or not place
 
 

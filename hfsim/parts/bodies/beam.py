@@ -155,8 +155,9 @@ class BeamSpec(BodySpec):
             yield Complaint(("length",), message, f"'{self.length:g} mm'?")
 
     def _spatial_complaints(self, model: str) -> Iterator[Complaint]:
-        if model not in ("exact", "ancf", ""):
-            yield Complaint(("model",), f"the model {model} is not available in space", "take exact or ancf")
+        if model and not (model in MODELS and MODELS[model].spatial):
+            there = ", ".join(name for name, one in MODELS.items() if one.spatial)
+            yield Complaint(("model",), f"the model {model} is not available in space", f"take {there}")
         if self.element != "cable":
             yield Complaint(("element",), f"a {self.element} element is not available in space", "cable")
         if self.curvature != "linear":

@@ -18,8 +18,9 @@ class Model(NamedTuple):
 
     Attributes
     ----------
-    body : str
-        Where its class of bodies stands; it is imported when a scene has one.
+    body, spatial : str
+        Where its classes of bodies in plane and space stand; they are imported when a scene has one.  None
+        in space where it is planar only.
     frame : bool
         Whether the state has a body frame and coordinates relative to it.
     strain : str
@@ -42,6 +43,7 @@ class Model(NamedTuple):
     rung: int | None = None
     alone: bool = False
     lacks: tuple[tuple[str, object, str, str], ...] = ()
+    spatial: str = ""
 
     @property
     def flexible(self) -> bool:
@@ -55,7 +57,8 @@ class Model(NamedTuple):
 
     def assemble(self, beam: Blueprint) -> Body:
         """Return the body of a beam in this model."""
-        return cast("Body", resolve_name(f"hfsim.parts.bodies.{self.body}").of(beam, self.frame))
+        where = self.spatial if beam.n_dim == 3 else self.body
+        return cast("Body", resolve_name(f"hfsim.parts.bodies.{where}").of(beam, self.frame))
 
     def stepping_in(self, coordinates: Literal["auto", "frame", "absolute"]) -> Model:
         """Return the model with its state in the coordinates asked for, where it has them.
@@ -71,7 +74,12 @@ class Model(NamedTuple):
 
 MODELS: dict[str, Model] = {
     "rigid": Model(
-        "rigid_beam:RigidBeam", frame=False, strain="none", leaves_out=("bending", "stretch"), rung=0
+        "rigid_beam:RigidBeam",
+        frame=False,
+        strain="none",
+        leaves_out=("bending", "stretch"),
+        rung=0,
+        spatial="spatial_rigid_beam:SpatialRigidBeam",
     ),
     "linear": Model(
         "linear:LinearBeam",
@@ -91,8 +99,8 @@ MODELS: dict[str, Model] = {
             ("rotary_inertia", True, "rotary inertia", "false"),
         ),
     ),
-    "exact": Model("nodal:NodalBeam", frame=True, strain="exact", rung=2),
-    "ancf": Model("nodal:NodalBeam", frame=False, strain="exact"),
+    "exact": Model("nodal:NodalBeam", frame=True, strain="exact", rung=2, spatial="nodal:NodalBeam"),
+    "ancf": Model("nodal:NodalBeam", frame=False, strain="exact", spatial="nodal:NodalBeam"),
 }
 
 LADDER = tuple(

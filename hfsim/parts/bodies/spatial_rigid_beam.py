@@ -1,0 +1,173 @@
+"""Beams of the model rigid in space: a line without sections, which does not roll."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray, cumulative
+from hfsim.maths.matrices import Entries
+from hfsim.mechanics.body import Body, Load, Place
+from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.deformation import Deformation
+from hfsim.mechanics.directions import TANGENT, Perpendicular
+from hfsim.mechanics.force import ConstantForce, ForcePart
+from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.spatial_markers import VectorMarker
+from hfsim.parts.bodies.blueprint import Blueprint
+from hfsim.parts.bodies.folded import FoldedBody
+from hfsim.parts.bodies.rigid_beam import POINTS
+
+
+@dataclass(frozen=True, eq=False)
+class UnitAxis(Perpendicular):
+    """The axis of a line has unit length: its product with itself is one."""
+
+    unit: ClassVar[str] = "-"
+    why_kept: ClassVar[str] = "a rigid line keeps its length"
+
+    @classmethod
+    def of(cls, marker: VectorMarker, item: str) -> UnitAxis:
+        """Return the equation for the body of a marker."""
+        return cls(marker, marker, TANGENT, TANGENT, offset=1.0, item=item)
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialRigidBeam(Body):
+    """A beam of the model rigid in space: its coordinates are the positions of root and tip.
+
+    Every point of its axis is linear in these, and joints at either end hold positions of the state; one
+    equation keeps the distance.
+
+    Attributes
+    ----------
+    beam : Blueprint
+    """
+
+    beam: Blueprint
+
+    @classmethod
+    def of(cls, beam: Blueprint, framed: bool) -> SpatialRigidBeam:
+        """Return the body of a beam."""
+        return cls(beam.name, beam.columns(6), beam.points, beam)
+
+    @property
+    def described(self) -> tuple[str, str]:
+        """What its coordinates are."""
+        return "positions of root and tip", "rigid: no elastic coordinates"
+
+    @property
+    def origin(self) -> Place:
+        """The origin of the body frame."""
+        return (0.0, 0.0, 0.0)
+
+    @property
+    def position_columns(self) -> IntArray:
+        """Root and tip."""
+        return np.asarray(np.arange(self.columns.start, self.columns.stop).reshape(2, 3))
+
+    @property
+    def _length(self) -> float:
+        return self.beam.mesh.length
+
+    def marker(self, place: Place) -> VectorMarker:
+        """Return the marker of a point of the axis."""
+        along = place[0] / self._length
+        axis = np.array([[-1.0, 1.0]]) / self._length
+        return VectorMarker(self.columns, np.array([1.0 - along, along]), axis)
+
+    def placed(self, pose: Pose) -> Array:
+        """Return root and tip."""
+        return pose.placed(self._ends).ravel()
+
+    def moving(self, pose: Pose, twist: Twist) -> Array:
+        """Return the velocities of root and tip."""
+        return np.asarray(twist.velocity + twist.turning(pose.turned(self._ends))).ravel()
+
+    @property
+    def _ends(self) -> Array:
+        ends = np.zeros((2, 3))
+        ends[1, 0] = self._length
+        return ends
+
+    def freedoms(self, x: Array, pose: Pose) -> Array:
+        """Return the rates of each rigid motion from coordinates (n,) on."""
+        ends = x[self.columns].reshape(2, 3)
+        units = Twist.units(3)
+        return np.array([(unit.velocity + unit.turning(ends - ends[0])).ravel() for unit in units])
+
+    def outline(self, x: Array) -> Array:
+        """Return root and tip."""
+        return x[:, self.columns].reshape(len(x), 2, 3)
+
+    def own_constraints(self) -> Iterator[Constraint]:
+        """Yield what keeps the length."""
+        yield UnitAxis.of(self.marker(self.origin), self.item)
+
+    @property
+    def _mass(self) -> Array:
+        """The mesh's own mass matrix in rigid motion, over root and tip, shape (2, 2)."""
+        mesh = self.beam.mesh
+        tip = mesh.undeformed[:, 0] / mesh.length
+        motions = np.stack([mesh.positions - tip, tip])
+        return np.asarray(motions @ mesh.mass @ motions.T)
+
+    def mass_entries(self) -> Entries:
+        """Return the masses of root and tip."""
+        columns = self.position_columns.ravel()
+        return Entries.of_block(columns, columns, np.kron(self._mass, np.eye(3)))
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield the weight."""
+        weights = np.kron(self._mass.sum(axis=1), self.beam.gravity)
+        yield ConstantForce(n, self.position_columns.ravel(), weights, item=self.item)
+
+    def folded(self, pose: Pose) -> FoldedBody:
+        """Return the same body held for ever at a pose."""
+        return FoldedBody(self.name, slice(0, 0), self.points, pose, self._mass.sum() * self.beam.gravity)
+
+    def statics(self, x: Array, u: Array, ax: Array, loads: Iterable[Load]) -> Deformation:
+        """Return stretch and bending by inertia, weight and loads: N / EA and M / EI.
+
+        N and, across, M are resultants of everything beyond a place:
+
+            M(x) = sum m_p + (x_p - x) F_p + int_x^L f(s) (s - x) ds        f = rho A (g - r'')
+
+        Along the axis, r'' goes linearly from the root's to the tip's.
+        """
+        length, root = self._length, self.marker(self.origin)
+        frame = root.turned(x, np.eye(3))
+        ends = self.beam.gravity - ax[:, self.columns].reshape(len(x), 2, 3)
+        f0, f1 = np.moveaxis(self._mass.sum() / length * ends @ frame, 1, 0)
+        places = np.linspace(0.0, length, POINTS)
+        # integrals over the rest of the beam of f0 + slope s, and of that times s - x
+        rest, slope = length - places, (f1 - f0) / length
+        half = 0.5 * rest**2
+        N = np.outer(f0[:, 0], rest) + np.outer(slope[:, 0], places * rest + half)
+        M = half[:, None] * f0[:, None, 1:] + (places * half + rest**3 / 3.0)[:, None] * slope[:, None, 1:]
+        for marker, force in loads:
+            assert isinstance(marker, VectorMarker)
+            at = marker.place_row[1] * length
+            at_ends = force.reshape(len(x), 2, 3) @ frame
+            whole = at_ends.sum(axis=1)
+            moment = length * at_ends[:, 1, 1:] - at * whole[:, 1:]
+            beyond = at > places
+            N += whole[:, :1] * beyond
+            levers = (at - places)[:, None] * whole[:, None, 1:]
+            M += (moment[:, None] + levers) * beyond[:, None]
+        weights = np.full(POINTS, length / (POINTS - 1))
+        weights[[0, -1]] *= 0.5
+        curvature = M / self.beam.properties.bending_stiffness
+        bent = cumulative(curvature.swapaxes(0, 1), places).swapaxes(0, 1)
+        return Deformation(
+            places=places,
+            weights=weights,
+            axial=N / self.beam.properties.axial_stiffness,
+            slope=bent,
+            curvature=curvature,
+            tip=np.einsum("bxd,x->bd", bent, weights),
+            spin=root.spin(x, u),
+        )
