@@ -145,6 +145,23 @@ def rotation(turn: Array) -> Array:
     return np.asarray(np.eye(3) + np.sin(angle) / angle * K + 0.5 * (np.sin(half) / half) ** 2 * K2)
 
 
+def smallest_rotation(a: Array, b: Array) -> Array:
+    """Return the matrices (..., 3, 3) of the smallest rotations from a unit vector (3,) to others (..., 3).
+
+    A half turn is about the first of the directions `across`.
+
+    Examples
+    --------
+    >>> (smallest_rotation(np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])) @ [0.0, 1.0, 2.0]).round(12)
+    array([-1.,  0.,  2.])
+    """
+    about = cross(a, b)
+    sine = np.linalg.norm(about, axis=-1, keepdims=True)
+    known = about / np.maximum(sine, 1e-12)
+    about = np.where(sine > 1e-12, known, across(a)[0])  # type: ignore[arg-type]
+    return rotation(np.arctan2(sine, (b @ a)[..., None]) * about)
+
+
 def rotation_rates(turn: Array) -> Array:
     """Return the matrices T (..., 3, 3) from rates of rotation vectors to angular velocities, ground axes."""
     angle, K, K2 = _squares(turn)

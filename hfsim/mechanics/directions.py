@@ -7,18 +7,15 @@ only axis: what would need another one is not held, and `unheld` says so.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
+from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import across, cross, lever, wrap
+from hfsim.maths.rotations import across, cross, lever
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
-
-if TYPE_CHECKING:
-    from hfsim.deck.laws import Law
 
 Direction: TypeAlias = tuple[float, ...]
 TANGENT = (1.0, 0.0, 0.0)
@@ -97,37 +94,6 @@ class Facing(NamedTuple):
         return tuple(Perpendicular(first, second, *pair) for pair in pairs)
 
 
-class About(NamedTuple):
-    """A joint or a driver holds by what angle B is turned against A about an axis that both share.
-
-    Attributes
-    ----------
-    zero : tuple of float
-        Unit vector in A's frame, across the axis, from which the angle counts.
-    quarter : tuple of float
-        Where it points after a quarter turn.
-    second : tuple of float
-        Unit vector in B's frame that points along ``zero`` at angle zero.
-    law : Law or None
-        The angle over time [rad].
-    """
-
-    zero: Direction
-    quarter: Direction
-    second: Direction
-    law: Law | None = None
-
-    @classmethod
-    def of(cls, axis: Direction, facing: Array, law: Law | None = None) -> About:
-        """Return it for an axis in A's frame and the matrix from B's frame to A's at angle zero."""
-        zero, quarter = across(axis)
-        return cls(zero, quarter, direction(facing.T @ zero), law)
-
-    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
-        """Return one equation."""
-        return (TurnAbout(first, second, self.zero, self.quarter, self.second, law=self.law),)
-
-
 def shared_axis(axis: Direction | None, facing: Array) -> Parallel:
     """Return what holds an axis, given in A's frame, in both bodies; `facing` goes from B's frame to A's."""
     own = unit(axis or THIRD)
@@ -162,7 +128,7 @@ def _known(first: Marker, second: Marker, a: Direction, b: Direction) -> bool:
     return all(marker.n_axes == 3 or along(one, TANGENT) for marker, one in pairs)
 
 
-class _OfAxes(Constraint):
+class OfAxes(Constraint):
     """A gap that depends on axes only."""
 
     unit: ClassVar[str] = "rad"
@@ -170,7 +136,7 @@ class _OfAxes(Constraint):
 
 
 @dataclass(frozen=True, eq=False)
-class Perpendicular(_OfAxes):
+class Perpendicular(OfAxes):
     """Axes of two bodies are at right angles: their product is zero."""
 
     axes: Direction
@@ -208,8 +174,9 @@ class Perpendicular(_OfAxes):
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
         """Return the multiplier times the product of both derivatives, and its transpose."""
         (Ja, Jb), (first, second) = self._jacobians(x), self.ends
-        block = multipliers[0, 0] * (Ja[0].T @ Jb[0])
-        rows, columns = (np.arange(one.columns.start, one.columns.stop) for one in (first, second))
+        rows, columns = first.support, second.support
+        Ja, Jb = (J[0][:, one.support - one.columns.start] for J, one in ((Ja, first), (Jb, second)))
+        block = multipliers[0, 0] * (Ja.T @ Jb)
         one, other = Entries.of_block(rows, columns, block), Entries.of_block(columns, rows, block.T)
         return Entries(*(np.concatenate(pair) for pair in zip(one, other, strict=True)))
 
@@ -217,75 +184,6 @@ class Perpendicular(_OfAxes):
         """Return a moment across both axes."""
         a, b = self._both(x)
         return np.zeros((len(x), 3)), multipliers * lever(a, b)
-
-
-@dataclass(frozen=True, eq=False)
-class TurnAbout(_OfAxes):
-    """The angle of an axis of the second body in the plane of two axes of the first follows a law."""
-
-    zero: Direction
-    quarter: Direction
-    other: Direction
-
-    def _axes(self, x: Array) -> tuple[Array, Array, Array]:
-        first, second = self.ends
-        return (
-            first.axis(x, np.array(self.zero)),
-            first.axis(x, np.array(self.quarter)),
-            second.axis(x, np.array(self.other)),
-        )
-
-    def _parts(self, x: Array) -> tuple[Array, Array]:
-        """Return cosine and sine, times lengths, shape (n_batch, 1) each."""
-        zero, quarter, other = self._axes(x)
-        return np.sum(zero * other, axis=-1, keepdims=True), np.sum(quarter * other, axis=-1, keepdims=True)
-
-    def gap(self, x: Array) -> Array:
-        """Return the angle [rad], within half a turn."""
-        c, s = self._parts(x)
-        return np.arctan2(s, c)
-
-    def residual(self, t: Array, x: Array) -> Array:
-        """Return the angle error [rad], within half a turn."""
-        return wrap(super().residual(t, x))
-
-    def jacobian(self, end: int, x: Array) -> Array:
-        """Return (c ds - s dc) / (c^2 + s^2)."""
-        (c, s), (zero, quarter, other) = self._parts(x), self._axes(x)
-        square = c * c + s * s
-        if end:
-            return np.asarray(
-                ((c * quarter - s * zero) / square)[:, None]
-                @ self.second.axis_jacobian(x, np.array(self.other))
-            )
-        J = self.first.axis_jacobian(x, np.array(self.quarter)) * (c / square)[..., None]
-        J = J - self.first.axis_jacobian(x, np.array(self.zero)) * (s / square)[..., None]
-        return np.asarray(other[:, None] @ J)
-
-    def bias(self, x: Array, u: Array) -> Array:
-        """Return the terms of the angle's second derivative without accelerations."""
-        (c, s), (zero, quarter, other) = self._parts(x), self._axes(x)
-        first, second = self.ends
-
-        def rate(marker: Marker, own: Direction) -> Array:
-            return np.asarray((marker.axis_jacobian(x, np.array(own)) @ u[:, marker.columns, None])[..., 0])
-
-        def total(a: Array) -> Array:
-            return np.asarray(np.sum(a, axis=-1, keepdims=True))
-
-        zero1, quarter1, other1 = rate(first, self.zero), rate(first, self.quarter), rate(second, self.other)
-        zero2, quarter2 = (first.axis_bias(x, u, np.array(own)) for own in (self.zero, self.quarter))
-        other2 = second.axis_bias(x, u, np.array(self.other))
-        c1, s1 = total(zero1 * other + zero * other1), total(quarter1 * other + quarter * other1)
-        c2 = total(zero2 * other + 2.0 * zero1 * other1 + zero * other2)
-        s2 = total(quarter2 * other + 2.0 * quarter1 * other1 + quarter * other2)
-        square, growth = c * c + s * s, 2.0 * (c * c1 + s * s1)
-        return np.asarray((c * s2 - s * c2) / square - (c * s1 - s * c1) * growth / square**2)
-
-    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
-        """Return minus the multiplier as a moment about the axis."""
-        zero, quarter, _ = self._axes(x)
-        return np.zeros((len(x), 3)), -multipliers * lever(zero, quarter)
 
 
 @dataclass(frozen=True, eq=False)

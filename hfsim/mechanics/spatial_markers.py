@@ -12,7 +12,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import lever, rotation, rotation_rates, skew
+from hfsim.maths.rotations import lever, rotation, rotation_rates, skew, smallest_rotation
 from hfsim.mechanics.force import difference
 from hfsim.mechanics.markers import ROUNDING, LinearMarker, Marker
 
@@ -54,10 +54,7 @@ class VectorMarker(LinearMarker):
         if self.n_axes == 3:
             return axes.swapaxes(1, 2)
         t = axes[:, 0] / np.linalg.norm(axes[:, 0], axis=-1, keepdims=True)
-        c, s = t[:, 0], np.hypot(t[:, 1], t[:, 2])
-        about = np.stack([np.zeros_like(c), -t[:, 2], t[:, 1]], axis=-1)
-        about = np.where(s[:, None] > 1e-12, about / np.maximum(s, 1e-12)[:, None], [0.0, 1.0, 0.0])
-        return rotation(np.arctan2(s, c)[:, None] * about)
+        return smallest_rotation(np.eye(3)[0], t)
 
     def turned(self, x: Array, a: Array) -> Array:
         """Return vectors (3,), given in its axes, in ground axes."""

@@ -330,9 +330,11 @@ def _springs_and_loads(
     for name, spring in deck.springs.items():
         first, second = (find_marker(point, bodies, deck) for point in spring.between)
         found[f"springs.{name}"] = part = spring.build(first, second, x)
-        if part.counter is not None:
+        if part.counter is not None and deck.dimension == 2:
             a, b = (angles.get(split_point(point)[0], 0.0) for point in spring.between)
             part.counter.suppose(0.0, b - a)
+        elif part.counter is not None:
+            part.counter.suppose(0.0, float(part.angle(x[None])[0]))
     for name, load in deck.loads.items():
         found[f"loads.{name}"] = load.build(find_marker(load.at, bodies, deck))
     gone = {*left_out["springs"], *left_out["loads"]}

@@ -14,10 +14,11 @@ from hfsim.maths.rotations import (
     skew,
 )
 from hfsim.mechanics.constraints import constraints_of
-from hfsim.mechanics.directions import About, Facing, Orthonormal, Parallel, Square
+from hfsim.mechanics.directions import Facing, Orthonormal, Parallel, Square
 from hfsim.mechanics.markers import GroundMarker
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.spatial_markers import FrameMarker, VectorMarker
+from hfsim.mechanics.spatial_turns import About
 from hfsim.parts.joints.cylindrical import CylindricalSpec
 from hfsim.parts.joints.driver import DriverSpec
 from hfsim.parts.joints.fixed import FixedSpec
@@ -225,11 +226,14 @@ def test_what_can_be_held_of_a_line(held, rows):
     assert len(held.between(MARKERS["body"], MARKERS["line"])) == rows
 
 
-def test_an_angle_about_an_axis_counts_from_where_the_bodies_face():
-    about = About.of((0.0, 0.0, 1.0), FACING)
+@pytest.mark.parametrize("tilt", [[0.0, 0.0, 0.0], [0.4, -0.8, 0.0], [np.pi, 0.0, 0.0]])
+def test_an_angle_about_an_axis_counts_from_the_smallest_rotation(tilt):
+    """Wherever on its way the scene is assembled: the tilt has no part about the axis."""
+    tilt = rotation(np.array(tilt))
+    about = About.of((0.0, 0.0, 1.0), rotation(np.array([0.0, 0.0, 0.5])) @ tilt)
     (c,) = about.between(MARKERS["ground"], MARKERS["body"])
     x = np.zeros((1, N))
     for angle in (0.0, 0.7, -2.0):
-        R = rotation(MARKERS["ground"].pose.turn) @ rotation(np.array([0.0, 0.0, angle])) @ FACING
+        R = rotation(MARKERS["ground"].pose.turn) @ rotation(np.array([0.0, 0.0, angle])) @ tilt
         x[0, BODY] = np.r_[np.zeros(3), R.T.ravel()]
         assert c.gap(x)[0, 0] == pytest.approx(angle, abs=1e-14)

@@ -15,7 +15,7 @@ from hfsim.parts.forces import LOADS as LOAD_KINDS
 from hfsim.parts.forces import SPRINGS as SPRING_KINDS
 from hfsim.parts.forces.force import ForceSpec, PointForce
 from hfsim.parts.forces.moment import MomentSpec, PointMoment
-from hfsim.parts.forces.rotational import RotationalSpec, RotationalSpring
+from hfsim.parts.forces.rotational import RotationalSpec
 from hfsim.parts.forces.two_point import TwoPointSpec
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -152,11 +152,11 @@ def test_rest_length_is_the_first_distance_unless_stated():
 def test_rotational_spring_counts_turns_wherever_its_ends_are():
     x = np.zeros(zoo.N)
     x[zoo.PLATE.start + 2] = 0.3 + 2 * np.pi + 0.1
-    between_rigid = RotationalSpring(MARKERS["hub"], MARKERS["plate"], 30.0, 0.0, 0.3)
+    spec = RotationalSpec(type="rotational", between=("a", "b"), stiffness=30.0, rest_angle=0.3)
+    between_rigid = spec.build(MARKERS["hub"], MARKERS["plate"], x)
     assert between_rigid.counter is None
     assert force_of(between_rigid, x)[[2, 5]] == pytest.approx(30 * (2 * np.pi + 0.1) * np.array([1, -1]))
     x[zoo.ROPE] = zoo.CABLE.undeformed.ravel()
-    spec = RotationalSpec(type="rotational", between=("a", "b"), stiffness=30.0, rest_angle=0.3)
     to_beam = spec.build(MARKERS["rope_tip"], MARKERS["plate"], x)
     assert force_of(to_beam, x)[5] == pytest.approx(-3.0)
     for turns in (1, -3):

@@ -1,12 +1,14 @@
 """Moment on the frame of a point."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Torque
+from hfsim.deck.fields import Flag, Torque
 from hfsim.deck.law_specs import ScaleLaw
+from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
 from hfsim.parts.forces._base import Load
@@ -25,10 +27,21 @@ class MomentSpec(LoadSpec):
     """Point it acts on."""
 
     moment: Torque
-    """Moment [N m]: a number, counter-clockwise, in space about z; or three in ground axes."""
+    """Moment [N m]: a number, counter-clockwise, in space about z; or three in ground axes, or in those
+    of the point's frame if it follows."""
+
+    follower: Flag = False
+    """Whether, in space, the moment turns with the frame of its point."""
 
     law: ScaleLaw | None = None
     """Factor over time [-]; 1 without it."""
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a moment that cannot turn."""
+        yield from super().complaints_in(around)
+        if self.follower and around.n_dim == 2:
+            message = "a moment in the plane has no direction that could turn"
+            yield Complaint(("follower",), message, "remove this key", True)
 
     @property
     def amount(self) -> tuple[float, ...]:
@@ -38,15 +51,18 @@ class MomentSpec(LoadSpec):
     def build(self, marker: Marker) -> "PointMoment":
         """Return the moment at a marker."""
         moment = (0.0,) * (marker.n_spin - len(self.amount)) + self.amount
-        return PointMoment(marker, self.law.build() if self.law else None, moment)
+        return PointMoment(marker, self.law.build() if self.law else None, moment, self.follower)
 
 
 @dataclass(frozen=True)
 class PointMoment(Load):
-    """A moment on the direction of a marker; its work is power put in."""
+    """A moment on the frame of a marker, fixed in direction or turning with it; its work is power put in."""
 
     moment: tuple[float, ...]
+    follower: bool = False
 
     def unscaled(self, x: Array) -> tuple[Array, Array]:
         """Return the moment and the turn's Jacobian."""
-        return np.array([self.moment]), self.marker.spin_jacobian(x)
+        moment = np.array(self.moment)
+        turned = self.marker.turned(x, moment) if self.follower else moment[None]
+        return turned, self.marker.spin_jacobian(x)

@@ -1,4 +1,4 @@
-"""Rotational spring and damper between two frames."""
+"""Rotational spring and damper between two frames, in space about an axis."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -8,6 +8,7 @@ import numpy as np
 
 from hfsim.deck.fields import (
     Angle,
+    Axis,
     Between,
     RotationalDamping,
     RotationalStiffness,
@@ -16,6 +17,7 @@ from hfsim.deck.fields import (
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
+from hfsim.mechanics.constraints import Constraint, RelativeAngle
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.turns import TurnCount
 from hfsim.parts.forces._base import Spring
@@ -23,7 +25,9 @@ from hfsim.parts.specs import SpringSpec
 
 
 class RotationalSpec(SpringSpec):
-    """Linear spring and damper on the angle of B relative to A."""
+    """Linear spring and damper on the angle of B relative to A, in space about an axis fixed in A."""
+
+    vectors = spatial = ("axis",)
 
     type: Literal["rotational"]
     """Kind of spring."""
@@ -40,6 +44,9 @@ class RotationalSpec(SpringSpec):
     rest_angle: Angle = 0.0
     """Angle of B relative to A without moment [rad]."""
 
+    axis: Axis | None = None
+    """Axis in A's frame, in space [-]; [0, 0, 1] without it."""
+
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees."""
         return degrees_as_radians("rest_angle", self.rest_angle)
@@ -48,21 +55,35 @@ class RotationalSpec(SpringSpec):
         """Return the force between two markers."""
         known = first.keeps_turns and second.keeps_turns
         turns = None if known else TurnCount()
-        return RotationalSpring(first, second, self.stiffness, self.damping, self.rest_angle, turns)
+        angle = self._angle_between(first, second, start)
+        return RotationalSpring(first, second, self.stiffness, self.damping, self.rest_angle, angle, turns)
+
+    def _angle_between(self, first: Marker, second: Marker, start: Array) -> Constraint:
+        if first.n_dim == 2:
+            return RelativeAngle(first, second)
+        from hfsim.mechanics.directions import THIRD
+        from hfsim.mechanics.spatial_turns import About
+
+        own, other = (np.array([one.turned(start[None], e)[0] for e in np.eye(3)]) for one in (first, second))
+        (angle,) = About.of(self.axis or THIRD, own @ other.T).between(first, second)
+        return angle
 
 
 @dataclass(frozen=True)
 class RotationalSpring(Spring):
     """Moment -k (angle - rest) - d angle' on the second body, the opposite on the first.
 
-    The angle counts full turns: where a beam's slope gives it, along the motion.
+    The angle counts full turns: where vectors of a body give it, along the motion.
 
     Attributes
     ----------
+    turn : Constraint
+        Whose gap is the angle.
     counter : TurnCount or None
         None between bodies whose coordinates keep their turns.
     """
 
+    turn: Constraint
     counter: TurnCount | None = None
 
     @property
@@ -72,14 +93,14 @@ class RotationalSpring(Spring):
 
     def angle(self, x: Array) -> Array:
         """Return how far the second frame has turned against the first."""
-        return np.asarray(self.second.angle(x) - self.first.angle(x))
+        return np.asarray(self.turn.gap(x)[:, 0])
 
     def spin(self, x: Array, u: Array) -> Array:
         """Return the rate of that."""
         return self._rate(self._rows(x), u)
 
     def _rows(self, x: Array) -> list[Array]:
-        return [sign * marker.spin_jacobian(x)[:, 0] for sign, marker in self._ends]
+        return [self.turn.jacobian(end, x)[:, 0] for end in (0, 1) if not self.turn.ends[end].grounded]
 
     def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return how far the second frame has turned against the first, from the rest angle."""
@@ -89,10 +110,9 @@ class RotationalSpring(Spring):
         return angle - self.rest, self._rows(x)
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
-        """Return k J^T J and what the angles' second derivatives make of the moment, in one state."""
+        """Return k J^T J and what the angle's second derivative makes of the moment, in one state."""
         if self.damping:
             return super().tangent(t, x, u)
         moment = self.stiffness * self.measured(t, x)[0]
-        parts = [self._dyad(t, x, self.stiffness)]
-        parts += [marker.spin_stiffness(x, sign * moment) for sign, marker in self._ends]
+        parts = self._dyad(t, x, self.stiffness), self.turn.stiffness(x, moment[:, None])
         return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))

@@ -53,7 +53,8 @@ class DriverSpec(JointSpec):
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return the angle or the distance that follows the law."""
         if facing is not None:
-            from hfsim.mechanics.directions import THIRD, About
+            from hfsim.mechanics.directions import THIRD
+            from hfsim.mechanics.spatial_turns import About
 
             axis = self.axis or THIRD
             if self.angle is not None:
