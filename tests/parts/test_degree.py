@@ -11,13 +11,9 @@ from hfsim.errors import DeckError
 from hfsim.maths.shapes import hierarchic, interior
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELASTIC_FORMS, Cable, Measures, elastic_form
-from hfsim.parts.elements.cable import (
-    LAST_GRAM_DEGREE,
-    QuadratureLaw,
-    difference_rows,
-    exact_points,
-    green_linear_law,
-)
+from hfsim.parts.elements.cable import LAST_GRAM_DEGREE
+from hfsim.parts.elements.polynomial import difference_rows, exact_points, green_linear_law
+from hfsim.parts.elements.quadrature import QuadratureLaw
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

@@ -4,8 +4,15 @@ import json
 
 import numpy as np
 import pytest
+from analytical import gauss, jacobian
 
-from hfsim.maths.rotations import rotation, rotation_vector
+from hfsim.deck.materials import BeamProperties
+from hfsim.maths.matrices import assemble
+from hfsim.maths.rotations import cross, rotation, rotation_vector
+from hfsim.mechanics.pose import Pose
+from hfsim.parts.elements import Cable, Measures
+from hfsim.parts.elements.forces import KelvinVoigtForce
+from hfsim.parts.elements.polynomial import difference_rows
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -63,6 +70,11 @@ def both(model, options="", damping=0.0, duration=0.5, coordinates="auto"):
     return parse_deck(head + PLANE.format(BEAM=BEAM, options=options)), parse_deck(head + space)
 
 
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
 def values(result, name):
     return next(c.values for c in result.channels if c.name == name)
 
@@ -87,9 +99,104 @@ def check_same_motion(*args, **kwargs):
         assert values(space, name) == pytest.approx(values(plane, name), abs=1e-8)
 
 
-@pytest.mark.parametrize("model", ["rigid"])
-def test_a_planar_motion_in_space_is_the_planar_one(model):
-    check_same_motion(model)
+ENGINEERING = ", strain: engineering"
+
+
+@pytest.mark.parametrize(
+    ("model", "options", "damping"),
+    [
+        ("rigid", "", 0.0),
+        ("ancf", "", 0.0),
+        ("exact", ", curvature: exact, quadrature: {axial: 5, bending: 3}", 0.0),
+        ("exact", ENGINEERING, 0.0),
+        ("exact", ENGINEERING + ", curvature: exact, degree: 5", 0.0),
+        ("exact", ENGINEERING + ", curvature: exact", 1e-3),
+    ],
+)
+def test_a_planar_motion_in_space_is_the_planar_one(model, options, damping):
+    check_same_motion(model, options, damping)
+
+
+# elastic and damping forces ----------------------------------------------------------------------------
+
+LENGTH, DEGREE = 0.6, 4
+STIFFNESS = BeamProperties(axial_stiffness=300.0, bending_stiffness=2.0)
+OPTIONS = [(s, c) for s in ("green", "engineering") for c in ("linear", "exact")]
+
+
+def law_of(strain, curvature, n_dim=3):
+    return Cable(LENGTH, DEGREE).law(STIFFNESS, 1, Measures(strain, curvature, 12, 12, n_dim))
+
+
+def bent(rng, n_dim=3, size=0.3):
+    """Difference vectors of one element, shape (1, 1, n_vectors, n_dim)."""
+    V = size * rng.normal(size=(1, 1, DEGREE, n_dim))
+    V[..., [0, 1, -1], 0] += 1.0
+    return V
+
+
+@pytest.mark.parametrize(("strain", "curvature"), OPTIONS)
+def test_energy_of_a_line_in_space(strain, curvature, rng):
+    law, V = law_of(strain, curvature), bent(rng)
+    x, w = gauss(12, 0.0, 1.0)
+    s, c = (difference_rows(x, k, DEGREE) @ V[0, 0] for k in (1, 2))
+    stretch = np.linalg.norm(s, axis=1)
+    e = stretch - 1.0 if strain == "engineering" else 0.5 * (stretch**2 - 1.0)
+    k = np.cross(s, c) / stretch[:, None] ** 2 if curvature == "exact" else c
+    density = 300.0 * LENGTH * e**2 + 2.0 / LENGTH * np.sum(k * k, axis=1)
+    assert law.energy(V)[0, 0] == pytest.approx(0.5 * w @ density, rel=1e-12)
+    flat = V.reshape(-1)
+
+    def energy(v):
+        return law.energy(v.reshape(-1, 1, *V.shape[2:]))[:, 0]
+
+    def gradient(v):
+        return law.gradient(v.reshape(-1, 1, *V.shape[2:])).reshape(len(v), -1)
+
+    assert law.gradient(V).ravel() == pytest.approx(jacobian(lambda v: energy(v)[:, None], flat)[0], rel=1e-7)
+    H = law.hessian(V)[0, 0]
+    assert np.abs(H - jacobian(gradient, flat)).max() < 1e-8 * np.abs(H).max()
+    assert np.abs(H - H.T).max() < 1e-13 * np.abs(H).max()
+    assert law.energy(V @ R.T) == pytest.approx(law.energy(V), rel=1e-12)
+
+
+def damper(scene):
+    return next(part for part in scene.system.forces if isinstance(part, KelvinVoigtForce))
+
+
+def test_damping_in_space_resists_no_rigid_motion_and_exerts_none(rng):
+    scene = build(both("exact", damping=1e-2)[1])
+    part, body = damper(scene), scene.bodies["b1"]
+    x = np.zeros((1, scene.system.n_x))
+    x[0] = scene.system.absolute(scene.q[None])[0] + 0.2 * rng.normal(size=x.shape[1])
+    motions = np.zeros((6, x.shape[1]))
+    motions[:, body.columns] = body.freedoms(x[0], Pose.level(np.zeros(3)))
+    force, rates = np.zeros_like(motions), rng.normal(size=(1, x.shape[1]))
+    part.add_force(np.zeros(6), np.repeat(x, 6, axis=0), motions, force)
+    size = np.zeros_like(x)
+    part.add_force(np.zeros(1), x, rates, size)
+    assert np.abs(force).max() < 1e-9 * np.abs(size).max()
+    assert np.abs(motions @ size[0]).max() < 1e-9 * np.abs(size).max()
+    assert (size * rates).sum() == pytest.approx(part.power(np.zeros(1), x, rates)[0], rel=1e-12)
+    K = assemble([part.rate_tangent(np.zeros(1), x, rates)], (x.shape[1],) * 2)
+    assert -K @ rates[0] == pytest.approx(size[0], abs=1e-12 * np.abs(size).max())
+
+
+def test_all_of_the_rate_of_a_straight_line_s_curvature_is_damped(rng):
+    """At rest in a straight line there is no direction yet: both planes count, and to second order in all."""
+    scene = build(both("exact", damping=1e-2)[1])
+    part, x = damper(scene), scene.system.absolute(scene.q[None])
+    u = np.zeros((1, scene.system.n_x))
+    slopes = scene.bodies["b1"].columns.start + 3 + np.arange(3)
+    u[:, slopes] = rng.normal(size=3)
+    t = scene.bodies["b1"].marker((0.0, 0.0, 0.0)).axes(x)[0, 0]
+    across, turn = cross(t, u[0, slopes]), rotation(0.8 * t)
+    lost = [part.power(np.zeros(1), x, u)[0]]
+    u[:, slopes] = turn @ u[0, slopes]
+    lost.append(part.power(np.zeros(1), x, u)[0])
+    assert lost[0] == pytest.approx(lost[1], rel=1e-9)
+    u[:, slopes] = across
+    assert abs(part.power(np.zeros(1), x, u)[0]) > 1e-3 * abs(lost[0])
 
 
 # rigid -----------------------------------------------------------------------------------------------

@@ -160,8 +160,6 @@ class BeamSpec(BodySpec):
             yield Complaint(("model",), f"the model {model} is not available in space", f"take {there}")
         if self.element != "cable":
             yield Complaint(("element",), f"a {self.element} element is not available in space", "cable")
-        if self.curvature != "linear":
-            yield Complaint(("curvature",), "is linear in space", "remove this key")
 
     def _section_complaints(self, section: AnySection | None) -> Iterator[Complaint]:
         if section is None:

@@ -16,7 +16,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.parts.bodies.frame import ROOT
 from hfsim.parts.bodies.natural import BeamIncrements
-from hfsim.parts.elements.cable import strain_moments
+from hfsim.parts.elements.polynomial import strain_moments
 
 _MOST_CORRECTIONS = 8
 _ENOUGH = 1e-8

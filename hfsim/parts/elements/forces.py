@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -14,7 +14,10 @@ from hfsim.maths.matrices import Entries
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import DIFFERENCE, ForcePart
 from hfsim.parts.elements._base import ElasticLaw, join_laws
-from hfsim.parts.elements.cable import exact_points, gauss_rows
+from hfsim.parts.elements.polynomial import exact_points, gauss_rows
+
+ROLL = 1e-6
+"""Curvature times the length of an element [-] from which a line in space is seen to roll."""
 
 AT_ONCE = 1024
 """Elements, counted once for each state, whose forces are computed together: what they take stays in the
@@ -77,7 +80,9 @@ class KelvinVoigtForce(ForcePart):
     """Damping proportional to the rates of axial strain and curvature, of cable elements.
 
     Dissipated per length: EA tau_a strain'^2 + EI tau_b curvature'^2 with the Green strain and the
-    curvature (r' x r'')/|r'|^2, whose rates vanish in every rigid motion.
+    curvature (r' x r'')/|r'|^2, whose rates vanish in every rigid motion.  In space that is the rate of its
+    size: a line without sections does not tell a curvature that turns about it from its own roll.  Where
+    there is less than `ROLL` of it, curvature has no direction yet, and all of its rate counts.
 
     Attributes
     ----------
@@ -137,26 +142,33 @@ class KelvinVoigtForce(ForcePart):
             item=item,
         )
 
-    def _measures(self, V: Array, dV: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
+    def _rates(self, V: Array, dV: Array) -> _Rates:
         s, c = self.slope @ V, self.bend @ V
         ds, dc = self.slope @ dV, self.bend @ dV
-        square = np.sum(s * s, axis=-1, keepdims=True)
-        kappa = (s[..., :1] * c[..., 1:] - s[..., 1:] * c[..., :1]) / square
-        by_c = np.stack([-s[..., 1], s[..., 0]], axis=-1) / square
-        by_s = np.stack([c[..., 1], -c[..., 0]], axis=-1) / square - 2.0 * kappa / square * s
-        strain_rate = np.sum(s * ds, axis=-1)
-        curvature_rate = np.sum(by_s * ds + by_c * dc, axis=-1)
-        return s, by_s, by_c, strain_rate, curvature_rate, square
+        square, strain = _dot(s, s), _dot(s, ds)
+        share = _dot(s, c) / square
+        size = np.sqrt(square)
+        curvature = (c - share * s) / size
+        rate = dc - share * ds
+        rate = (rate - _dot(s, rate) / square * s) / size - strain / square * curvature
+        return _Rates(s, share, size, curvature, strain, self._kept(curvature, rate))
+
+    def _kept(self, curvature: Array, rate: Array) -> Array:
+        """Return of vectors across the axis what is along the curvature; in the plane that is all of them."""
+        if curvature.shape[-1] == 2:
+            return rate
+        along = ROLL**2 * rate + _dot(curvature, rate) * curvature
+        return np.asarray(along / (ROLL**2 + _dot(curvature, curvature)))
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the damping force."""
         out -= self.elements.force(self._gradient(self.elements.vectors(x), self.elements.vectors(u)))
 
     def _gradient(self, V: Array, dV: Array) -> Array:
-        s, by_s, by_c, strain_rate, curvature_rate, _ = self._measures(V, dV)
-        moment = (self.bending * curvature_rate)[..., None]
-        tension = (self.axial * strain_rate)[..., None]
-        return np.asarray(self.slope.T @ (tension * s + moment * by_s) + self.bend.T @ (moment * by_c))
+        at = self._rates(V, dV)
+        moment = self._kept(at.curvature, self.bending[..., None] * at.rate) / at.size
+        tension = self.axial[..., None] * at.strain - _dot(at.curvature, moment) / at.size
+        return np.asarray(self.slope.T @ (tension * at.s - at.share * moment) + self.bend.T @ moment)
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state; by differences, element by element."""
@@ -183,7 +195,21 @@ class KelvinVoigtForce(ForcePart):
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return minus the dissipated power."""
-        V, dV = self.elements.vectors(x), self.elements.vectors(u)
-        _, _, _, strain_rate, curvature_rate, _ = self._measures(V, dV)
-        lost = self.axial * strain_rate**2 + self.bending * curvature_rate**2
+        at = self._rates(self.elements.vectors(x), self.elements.vectors(u))
+        lost = self.axial * at.strain[..., 0] ** 2 + self.bending * _dot(at.rate, at.rate)[..., 0]
         return np.asarray(-lost.sum(axis=(-1, -2)))
+
+
+class _Rates(NamedTuple):
+    """Of points of elements: r', r'.r''/|r'|^2, |r'|, the curvature as a vector; rates of strain and that."""
+
+    s: Array
+    share: Array
+    size: Array
+    curvature: Array
+    strain: Array
+    rate: Array
+
+
+def _dot(a: Array, b: Array) -> Array:
+    return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
