@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.hull import wire
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
@@ -111,8 +112,13 @@ class Body:
         raise NotImplementedError
 
     def outline(self, x: Array) -> Array:
-        """Return points along the body for pictures, shape (n_batch, n_points, n_dim): its named points."""
+        """Return points along the body for pictures, shape (n_batch, n_points, n_dim).
+
+        Its origin and its named points; in space the edges of what they enclose.
+        """
         places = [self.origin, *self.points.values()]
+        if len(self.origin) == 3:
+            places = [places[k] for k in wire(np.array(places))]
         return np.stack([self.marker(place).position(x) for place in places], axis=1)
 
     # ------------------------------------------------------------------ how it deforms

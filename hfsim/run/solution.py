@@ -49,7 +49,7 @@ class Run:
         Columns in the order of the deck.
     outline_t : ndarray, shape (n_outlines,)
         When outlines were taken: at the output times, in long runs at some of them [s].
-    outlines : dict of str to ndarray, shape (n_outlines, n_points, 2)
+    outlines : dict of str to ndarray, shape (n_outlines, n_points, n_dim)
         Absolute points [m] of each body's centre line (beam) or of the polyline through
         its frame points (rigid body).
     statistics : dict
@@ -79,6 +79,11 @@ class Run:
         import numpy as np
 
         return np.column_stack([self.t, *(channel.values for channel in self.channels)])
+
+    @property
+    def dimension(self) -> int:
+        """Of the space that its bodies move in, 2 where none is known."""
+        return max((points.shape[-1] for points in self.outlines.values()), default=2)
 
     @property
     def end_time(self) -> float:

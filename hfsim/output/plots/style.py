@@ -6,13 +6,15 @@ import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+import matplotlib
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import Collection
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
@@ -35,6 +37,8 @@ BLUE, RED, GREEN, PURPLE, ORANGE, SKY, YELLOW = (
 )
 COLOURS = (BLUE, RED, GREEN, PURPLE, ORANGE, SKY)
 """Okabe and Ito's colours, which colour-blind readers can tell apart; the yellow is too pale for lines."""
+TIME_COLOURS = ListedColormap(matplotlib.colormaps["viridis_r"](np.linspace(0.1, 1.0, 256)))
+"""Early to late, without the palest yellow, which is lost on white."""
 
 
 def slug(name: str) -> str:
@@ -52,9 +56,17 @@ def ended(run: Run) -> str:
     return f"{ending(run.status)} at {run.stop_time:.3g} s"
 
 
-def new_figure(size: tuple[float, float] = SIZE) -> Figure:
-    """Return an empty figure of a size [inch]."""
-    return Figure(figsize=size, dpi=_DPI, layout="constrained")
+def headline(run: Run, words: str) -> str:
+    """Return the title of a picture of a run."""
+    title = f"{run.name}, {run.model}: {words}"
+    return title if run.status == "done" else f"{title} ({ended(run)})"
+
+
+def new_figure(
+    size: tuple[float, float] = SIZE, layout: Literal["constrained", "compressed"] = "constrained"
+) -> Figure:
+    """Return an empty figure of a size [inch]; ``compressed`` suits several axes of one scale."""
+    return Figure(figsize=size, dpi=_DPI, layout=layout)
 
 
 def log_figure(size: tuple[float, float] = WIDE, columns: int = 1) -> tuple[Figure, list[Axes]]:

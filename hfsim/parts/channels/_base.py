@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -78,7 +79,6 @@ class Samples:
         near = self.turns[body]
         return np.asarray(near + wrap(measured - near))
 
-
     def frame(self, body: str) -> Array:
         """Return the axes of a body frame in space as columns, shape (n_times, 3, 3)."""
         marker = self.scene.marker(body)
@@ -96,11 +96,14 @@ class Plot(NamedTuple):
         Name of its file. Without one, all channels of the same unit share a picture ``other_<unit>``.
     rows : bool
         Whether each quantity has a row of its own and each subject a colour; else each unit and each channel.
+    jump : float
+        Step of all quantities of a subject together, in their unit, that is no motion but breaks curves.
     """
 
     words: str = "other outputs"
     stem: str = ""
     rows: bool = False
+    jump: float = math.inf
 
 
 class ChannelKind(NamedTuple):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -61,13 +62,15 @@ SPINS = tuple(
 )
 """Angular velocity of a body frame, in ground axes."""
 
+_ROTATION = Plot("rotation vector", "rotation", jump=math.pi)
 ROTATIONS = tuple(
-    ChannelKind("rad", _rotation(axis), "body", Plot("rotation vector", "rotation"), dimensions=(3,))
+    ChannelKind("rad", _rotation(axis), "body", _ROTATION, dimensions=(3,))
     for axis in range(3)
 )
 """Rotation vector of a body frame, of half a turn at most."""
+_QUATERNION = Plot("quaternion", "quaternion", jump=1.0)
 QUATERNIONS = tuple(
-    ChannelKind("-", _quaternion(part), "body", Plot("quaternion", "quaternion"), dimensions=(3,))
+    ChannelKind("-", _quaternion(part), "body", _QUATERNION, dimensions=(3,))
     for part in range(4)
 )
 """Unit quaternion of a body frame; its scalar part is not negative."""

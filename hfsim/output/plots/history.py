@@ -1,0 +1,107 @@
+"""Pictures of channels against time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.output.plots.style import (
+    SIZE,
+    colour,
+    dress,
+    finished,
+    headline,
+    new_figure,
+    slug,
+    stacked,
+    with_unit,
+)
+from hfsim.parts.channels import CHANNELS, kind_of
+from hfsim.run.solution import Channel, Run
+
+
+def time_figures(run: Run) -> dict[str, Figure]:
+    """Return a picture for each plot that channels name, then one for each unit of the others."""
+    figures: dict[str, Figure] = {}
+    kinds = [(channel, kind_of(channel.name).plot) for channel in run.channels]
+    for stem in dict.fromkeys(kind.plot.stem for kind in CHANNELS.values() if kind.plot.stem):
+        chosen = [channel for channel, plot in kinds if plot.stem == stem]
+        if chosen:
+            figures[stem] = _time_figure(run, chosen)
+    rest = [channel for channel, plot in kinds if not plot.stem]
+    for unit in dict.fromkeys(channel.unit for channel in rest):
+        name = slug("other_" + (unit or "number").replace("/", "_per_"))
+        figures[name] = _time_figure(run, [channel for channel in rest if channel.unit == unit])
+    return figures
+
+
+def _time_figure(run: Run, channels: Sequence[Channel]) -> Figure:
+    kinds = [kind_of(channel.name) for channel in channels]
+    several = all(len(set(one)) > 1 for one in zip(*map(_parts, channels), strict=True))
+    vectors = several and any(kind.dimensions == (3,) for kind in kinds)
+    draw = _quantities_figure if kinds[0].plot.rows or vectors else _units_figure
+    return draw(run, channels)
+
+
+def _parts(channel: Channel) -> tuple[str, str]:
+    """Return subject and quantity."""
+    subject, _, quantity = channel.name.rpartition(".")
+    return subject, quantity
+
+
+def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Figure:
+    """Draw a row for each quantity and a colour for each subject."""
+    quantities = sorted({_parts(channel)[1] for channel in channels})
+    subjects = list(dict.fromkeys(_parts(channel)[0] for channel in channels))
+    figure = new_figure((SIZE[0], 1.4 + (2.4 if len(quantities) < 3 else 1.9) * len(quantities)))
+    rows = stacked(figure, len(quantities))
+    breaks = _breaks(channels)
+    for axes, wanted in zip(rows, quantities, strict=True):
+        for channel in channels:
+            subject, quantity = _parts(channel)
+            if quantity == wanted:
+                own = colour(subjects.index(subject))
+                axes.plot(*_broken(run.t, channel.values, breaks[subject]), color=own, label=subject)
+        dress(axes, "", with_unit(wanted, channels[0].unit))
+    plot = kind_of(channels[0].name).plot
+    of = f" of {subjects[0]}" if len(subjects) == 1 else " of points" if plot.rows else ""
+    return _over_time(figure, rows, headline(run, plot.words + of))
+
+
+def _units_figure(run: Run, channels: Sequence[Channel]) -> Figure:
+    """Draw a row for each unit and a colour for each channel."""
+    words = kind_of(channels[0].name).plot.words
+    units = list(dict.fromkeys(channel.unit for channel in channels))
+    figure = new_figure((SIZE[0], 2.2 + 2.4 * len(units)))
+    rows = stacked(figure, len(units))
+    breaks = _breaks(channels)
+    for axes, unit in zip(rows, units, strict=True):
+        for i, channel in enumerate(c for c in channels if c.unit == unit):
+            curve = _broken(run.t, channel.values, breaks[_parts(channel)[0]])
+            axes.plot(*curve, color=colour(i), label=channel.name)
+        dress(axes, "", with_unit(words, unit))
+    return _over_time(figure, rows, headline(run, channels[0].name if len(channels) == 1 else words))
+
+
+def _breaks(channels: Sequence[Channel]) -> dict[str, IntArray]:
+    """Return by subject before which rows its curves are broken."""
+    steps: dict[str, Array] = {}
+    for channel in channels:
+        subject = _parts(channel)[0]
+        steps[subject] = np.hypot(steps.get(subject, 0.0), np.diff(channel.values))
+    jump = kind_of(channels[0].name).plot.jump
+    return {subject: 1 + np.flatnonzero(step > jump) for subject, step in steps.items()}
+
+
+def _broken(t: Array, values: Array, breaks: IntArray) -> tuple[Array, Array]:
+    """Return the curve of a channel with gaps at the breaks."""
+    return np.insert(t, breaks, np.nan), np.insert(values, breaks, np.nan)
+
+
+def _over_time(figure: Figure, rows: Sequence[Axes], title: str) -> Figure:
+    rows[-1].set_xlabel("time [s]")
+    return finished(figure, title, rows)

@@ -1,0 +1,41 @@
+"""Pictures of planar motion: paths of points, shapes of the bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from hfsim.output.plots.style import dress, finished, headline
+from hfsim.output.plots.tracks import (
+    draw_shapes,
+    draw_tracks,
+    equal_axes,
+    shown_outlines,
+    track_words,
+    tracks_of,
+)
+from hfsim.run.solution import Run
+
+
+def planar_path(run: Run) -> Figure | None:
+    """Draw the paths of points; None where there are none."""
+    tracks = tracks_of(run)
+    if not tracks or len(run.t) < 2:
+        return None
+    figure, axes = equal_axes(np.vstack(list(tracks.values())))
+    dress(axes, "x [m]", "y [m]")
+    draw_tracks(axes, tracks)
+    return finished(figure, headline(run, track_words(tracks)), [axes])
+
+
+def planar_shapes(run: Run) -> Figure | None:
+    """Draw the bodies at some times; None where there are none."""
+    shown = shown_outlines(run)
+    if shown is None:
+        return None
+    times, outlines = shown
+    figure, axes = equal_axes(np.vstack([points.reshape(-1, 2) for points in outlines.values()]))
+    dress(axes, "x [m]", "y [m]")
+    lines = draw_shapes(axes, outlines, times)
+    figure.colorbar(lines, ax=axes, label="time [s]", fraction=0.04, pad=0.02)
+    return finished(figure, headline(run, "shapes of the bodies"))

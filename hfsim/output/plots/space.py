@@ -1,0 +1,183 @@
+"""Pictures of motion in space: three views that share their scales, and an oblique one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, Self
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from hfsim.maths.arrays import Array
+from hfsim.output.plots.style import dress, finished, headline, new_figure
+from hfsim.output.plots.tracks import (
+    bounds,
+    draw_shapes,
+    draw_tracks,
+    equal_axes,
+    shown_outlines,
+    track_words,
+    tracks_of,
+)
+from hfsim.run.solution import Run
+
+_VIEWS = {(0, 0): (0, 1), (1, 0): (0, 2), (1, 1): (1, 2)}
+"""Row and column of each view, and the axes it shows: from above, below it from the front, then the right."""
+_WIDTH, _HEIGHT = 7.2, 6.4
+"""Of all views together [inch]."""
+_THINNEST = 0.3
+"""Shortest side of a view over the longest."""
+_STEPS = (1, 2, 5, 10)
+"""Between two lines of a grid, but for a power of ten."""
+_AZIMUTH, _ELEVATION = np.radians(-60.0), np.radians(24.0)
+"""From where the oblique picture is seen: from the right in front, and above."""
+_ACROSS = np.array([-np.sin(_AZIMUTH), np.cos(_AZIMUTH), 0.0])
+_UP = np.sin(_ELEVATION) * np.array([-np.cos(_AZIMUTH), -np.sin(_AZIMUTH), 1.0 / np.tan(_ELEVATION)])
+_PLOTTED = np.array([_ACROSS, _UP])
+"""Its horizontal and its vertical axis, in ground axes."""
+SHADOW = "0.87"
+"""Colour of what lies straight below the bodies."""
+
+_ARROW = {"arrowstyle": "-|>", "color": "0.35", "shrinkA": 0.0, "shrinkB": 0.0}
+
+
+def spatial_path(run: Run) -> Figure | None:
+    """Draw the paths of points in three views; None where there are none."""
+    tracks = tracks_of(run)
+    if not tracks or len(run.t) < 2:
+        return None
+    figure, views = _three_views(np.vstack(list(tracks.values())))
+    for pair, axes in views.items():
+        draw_tracks(axes, _seen(tracks, pair))
+    return finished(figure, headline(run, track_words(tracks)), list(views.values()))
+
+
+def spatial_shapes(run: Run) -> Figure | None:
+    """Draw the bodies at some times in three views; None where there are none."""
+    shown = shown_outlines(run)
+    if shown is None:
+        return None
+    times, outlines = shown
+    figure, views = _three_views(_all_points(outlines))
+    for pair, axes in views.items():
+        lines = draw_shapes(axes, _seen(outlines, pair), times)
+    figure.colorbar(lines, ax=list(views.values()), label="time [s]", fraction=0.04, pad=0.02)
+    return finished(figure, headline(run, "shapes of the bodies"))
+
+
+def oblique_shapes(run: Run) -> Figure | None:
+    """Draw the bodies at some times as seen from above in front; None where there are none."""
+    shown = shown_outlines(run)
+    if shown is None:
+        return None
+    times, outlines = shown
+    figure, axes, floor = oblique_axes(_all_points(outlines))
+    for points in outlines.values():
+        shadow = oblique(floor.below(points))
+        axes.add_collection(LineCollection(list(shadow), colors=SHADOW, linewidths=1.0), autolim=False)
+    lines = draw_shapes(axes, {body: oblique(points) for body, points in outlines.items()}, times)
+    figure.colorbar(lines, ax=axes, label="time [s]", fraction=0.04, pad=0.02)
+    return finished(figure, headline(run, "shapes of the bodies"))
+
+
+def _all_points(outlines: Mapping[str, Array]) -> Array:
+    return np.vstack([points.reshape(-1, 3) for points in outlines.values()])
+
+
+def _seen(curves: Mapping[str, Array], pair: tuple[int, int]) -> dict[str, Array]:
+    return {name: points[..., pair] for name, points in curves.items()}
+
+
+def _three_views(points: Array) -> tuple[Figure, dict[tuple[int, int], Axes]]:
+    """Return a figure and, by the two coordinates it shows, each view of points (n, 3) [m]."""
+    low, high = bounds(points, _THINNEST)
+    x, y, z = high - low
+    scale = min(_WIDTH / (x + y), _HEIGHT / (y + z))
+    figure = new_figure((scale * (x + y) + 2.2, scale * (y + z) + 1.2), layout="compressed")
+    grid = figure.add_gridspec(2, 2, width_ratios=[x, y], height_ratios=[y, z])
+    views = {}
+    for place, pair in _VIEWS.items():
+        axes = figure.add_subplot(grid[place])
+        horizontal, vertical = pair
+        dress(axes, f"{'xyz'[horizontal]} [m]", f"{'xyz'[vertical]} [m]")
+        axes.set_aspect("equal")
+        axes.set(xlim=(low[horizontal], high[horizontal]), ylim=(low[vertical], high[vertical]))
+        for axis, length in ((axes.xaxis, (x, y)[place[1]]), (axes.yaxis, (y, z)[place[0]])):
+            axis.set_major_locator(MaxNLocator(max(2, int(1.5 * scale * length)), steps=_STEPS))
+        views[pair] = axes
+    return figure, views
+
+
+# --- oblique ----------------------------------------------------------------------------------------
+
+
+class Floor(NamedTuple):
+    """A level grid below all that is drawn.
+
+    Attributes
+    ----------
+    x, y : ndarray
+        Where its lines are [m].
+    z : float
+        Its height [m].
+    """
+
+    x: Array
+    y: Array
+    z: float
+
+    @classmethod
+    def below_all(cls, points: Array) -> Self:
+        """Return that of points, shape (n, 3) [m]."""
+        low, high = bounds(points, _THINNEST)
+        ticks = MaxNLocator(9, steps=_STEPS).tick_values(0.0, float((high - low).max()))
+        step = float(ticks[1] - ticks[0])
+        first, last = np.floor(low / step), np.ceil(high / step)
+        x, y = (step * np.arange(first[k], last[k] + 1.0) for k in range(2))
+        return cls(x, y, float(np.floor(low[2] / (0.2 * step)) * 0.2 * step))
+
+    @property
+    def step(self) -> float:
+        """Between two lines [m]."""
+        return float(self.x[1] - self.x[0])
+
+    @property
+    def corner(self) -> Array:
+        """The one with the smallest coordinates [m]."""
+        return np.array([self.x[0], self.y[0], self.z])
+
+    def lines(self) -> list[Array]:
+        """Return its lines, each of shape (2, 3) [m]."""
+        ends = (self.x[0], self.x[-1]), (self.y[0], self.y[-1])
+        along_y = [np.array([(x, y, self.z) for y in ends[1]]) for x in self.x]
+        return along_y + [np.array([(x, y, self.z) for x in ends[0]]) for y in self.y]
+
+    def below(self, points: Array) -> Array:
+        """Return points of it straight below others, (..., 3) [m]."""
+        return np.concatenate([points[..., :2], np.full_like(points[..., 2:], self.z)], axis=-1)
+
+
+def oblique(points: Array) -> Array:
+    """Return where points (..., 3) are in the oblique picture, shape (..., 2) [m]."""
+    return np.asarray(points @ _PLOTTED.T)
+
+
+def oblique_axes(points: Array) -> tuple[Figure, Axes, Floor]:
+    """Return a figure of the oblique view of points (n, 3) [m] with its floor and the ground's axes."""
+    floor = Floor.below_all(points)
+    lines = floor.lines()
+    figure, axes = equal_axes(oblique(np.vstack([points, *lines])))
+    axes.set_axis_off()
+    axes.add_collection(LineCollection([oblique(line) for line in lines], colors="0.9", linewidths=0.8))
+    corner = oblique(floor.corner)
+    for name, along in zip("xyz", floor.step * _PLOTTED.T, strict=True):
+        axes.annotate("", tuple(corner + along), tuple(corner), arrowprops=_ARROW)
+        x, y = corner + 1.15 * along
+        axes.text(x, y, name, color="0.35", ha="center", va="center")
+    words = ", ".join(f"{one:.4g}" for one in floor.corner)
+    told = f"grid {floor.step:.4g} m, from ({words}) m"
+    axes.text(0.0, 0.0, told, transform=axes.transAxes, color="0.35", va="top", fontsize=9)
+    return figure, axes, floor

@@ -1,0 +1,124 @@
+"""Pictures of runs in space: what is drawn is what was computed, to one scale in all views."""
+
+import numpy as np
+import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+
+from hfsim.output.plots import draw_run
+from hfsim.output.plots.history import time_figures
+from hfsim.output.plots.space import oblique, oblique_shapes, spatial_path, spatial_shapes
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+
+DECK = """
+hfsim: 1
+name: top
+gravity: [0.0, 0.0, -9.81]
+materials: {rubber: {density: 1100.0, youngs_modulus: 5.0e6}}
+sections: {round: {area: 1.0e-4, second_moment: 1.0e-9}}
+bodies:
+  hub:
+    type: rigid
+    mass: 1.0
+    inertia: [0.1, 0.2, 0.25]
+    points: {a: [0.4, 0, 0.1], b: [-0.2, 0.3, 0.1], c: [0, -0.3, 0]}
+  whip: {type: beam, element: cable, material: rubber, section: round, length: 0.5, elements: 2}
+joints:
+  ball: {type: spherical, between: [hub.a, whip.root]}
+initial:
+  hub: {position: [0.0, 0.0, 0.0], velocity: [0.0, 1.0, 2.0], angular_velocity: [0.1, 12.0, 0.1]}
+  whip: {orientation: {x: [0.0, 0.0, -1.0], y: [0.0, 1.0, 0.0]}}
+solve: {duration: 0.4, tolerance: 1.0e-5}
+output:
+  channels: [hub.a.x, hub.a.y, hub.a.z, whip.tip.x, whip.tip.y, whip.tip.z, whip.tip.vx,
+    whip.tip.vy, whip.tip.vz, hub.vx, hub.vy, hub.vz, hub.quaternion_w, hub.quaternion_x,
+    hub.quaternion_y, hub.quaternion_z,
+    hub.rotation_x, hub.rotation_y, hub.rotation_z, ball.force_x, ball.force_y, ball.force_z]
+"""
+
+
+@pytest.fixture(scope="module")
+def run():
+    return simulate(parse_deck(DECK, "top.yaml"), error_estimate=False, outlines=True)
+
+
+def test_a_run_in_space_has_its_pictures(run, tmp_path):
+    names = draw_run(run, tmp_path)
+    assert {"path.png", "shapes.png", "oblique.png", "rotation.png", "quaternion.png"} <= set(names)
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+
+
+@pytest.mark.parametrize("draw", [spatial_path, spatial_shapes])
+def test_views_share_one_scale_and_stand_in_line(run, draw):
+    figure = draw(run)
+    FigureCanvasAgg(figure).draw()
+    views = {(axes.get_xlabel()[0], axes.get_ylabel()[0]): axes for axes in figure.axes[:3]}
+    assert set(views) == {("x", "y"), ("x", "z"), ("y", "z")}
+    metres = [axes.transData.transform([[0, 0], [1, 0], [0, 1]]) for axes in views.values()]
+    sizes = [np.linalg.norm(ends[1:] - ends[0], axis=1) for ends in metres]
+    assert np.array(sizes) == pytest.approx(np.full((3, 2), sizes[0][0]), rel=1e-3)
+    above, front, right = (views[pair].get_window_extent() for pair in (("x", "y"), ("x", "z"), ("y", "z")))
+    assert (above.x0, above.x1) == pytest.approx((front.x0, front.x1), abs=1.0)
+    assert (right.y0, right.y1) == pytest.approx((front.y0, front.y1), abs=1.0)
+    assert above.y0 > front.y1 and right.x0 > front.x1
+
+
+def test_paths_are_the_channels(run):
+    columns = {channel.name: channel.values for channel in run.channels}
+    for axes in spatial_path(run).axes:
+        names = axes.get_xlabel()[0], axes.get_ylabel()[0]
+        curve = next(line for line in axes.lines if line.get_label() == "whip.tip")
+        track = np.array([columns[f"whip.tip.{one}"] for one in names])
+        x, y = curve.get_data()
+        assert np.array([x, y]) == pytest.approx(track)
+
+
+def collections(axes):
+    return [one for one in axes.collections if isinstance(one, LineCollection)]
+
+
+def test_shapes_are_the_outlines_of_first_to_last(run):
+    figure = spatial_shapes(run)
+    for axes in figure.axes[:3]:
+        pair = ["xyz".index(one[0]) for one in (axes.get_xlabel(), axes.get_ylabel())]
+        (lines,) = collections(axes)
+        segments = lines.get_segments()
+        for k, at in ((0, 0), (-2, -1)):
+            assert segments[k] == pytest.approx(run.outlines["hub"][at][:, pair])
+            assert segments[k + 1] == pytest.approx(run.outlines["whip"][at][:, pair])
+        low, high = axes.get_xlim()
+        assert all(low < one[:, 0].min() and one[:, 0].max() < high for one in segments)
+
+
+def test_the_oblique_picture_is_seen_from_above_in_front(run):
+    plotted = oblique(np.eye(3))
+    assert plotted.T @ plotted == pytest.approx(np.eye(2), abs=1e-15)
+    assert plotted[0, 0] > plotted[1, 0] > 0.0 and plotted[1, 1] > 0.0 > plotted[0, 1]
+    assert plotted[2] == pytest.approx([0.0, plotted[2, 1]]) and plotted[2, 1] > 0.0
+    floor, *shadows, shapes = collections(oblique_shapes(run).axes[0])
+    assert shapes.get_segments()[0] == pytest.approx(oblique(run.outlines["hub"][0]))
+    under = run.outlines["hub"][0].copy()
+    under[:, 2] = shadows[0].get_segments()[0][0, 1]  # any height: below means straight below
+    assert shadows[0].get_segments()[0][:, 0] == pytest.approx(oblique(under)[:, 0])
+    assert floor.get_segments()[0].shape == (2, 2)
+
+
+@pytest.mark.parametrize(("name", "jump"), [("rotation", np.pi), ("quaternion", 1.0)])
+def test_where_a_turn_has_several_values_its_curve_is_broken(run, name, jump):
+    (axes,) = time_figures(run)[name].axes
+    curves = np.array([line.get_ydata() for line in axes.lines])
+    assert np.isnan(curves).any(axis=0).sum() == np.isnan(curves).all(axis=0).sum() > 0
+    steps = np.linalg.norm(np.diff(curves, axis=1), axis=0)
+    assert np.nanmax(steps) < 0.5 * jump
+    shown = curves[:, ~np.isnan(curves[0])]
+    assert shown == pytest.approx(np.array([c.values for c in run.channels if f".{name}_" in c.name]))
+
+
+def test_vectors_of_several_subjects_have_a_row_for_each_component(run):
+    figures = time_figures(run)
+    rows = figures["other_m_per_s"].axes
+    assert [axes.get_ylabel() for axes in rows] == [f"{name} [m/s]" for name in ("vx", "vy", "vz")]
+    assert all([line.get_label() for line in axes.lines] == ["whip.tip", "hub"] for axes in rows)
+    (axes,) = figures["other_N"].axes
+    assert [line.get_label() for line in axes.lines] == [f"ball.force_{one}" for one in "xyz"]
