@@ -151,7 +151,7 @@ def _read_inertia(value: object) -> object:
     read = partial(_read_number, "inertia", {})
     if not isinstance(value, list | tuple):
         return _read_number("inertia", {"above": 0.0}, value)
-    rows = entries(value, (3,), "numbers or rows")
+    rows = entries(value, (3,), "numbers (principal moments) or rows (the matrix)")
     if any(isinstance(row, list | tuple) for row in rows):  # type: ignore[attr-defined]
         return tuple(tuple(map(read, entries(row, (3,), "numbers"))) for row in rows)  # type: ignore
     return tuple(_read_number("inertia", {"at_least": 0.0}, one) for one in rows)  # type: ignore

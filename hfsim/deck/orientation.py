@@ -57,14 +57,17 @@ class OrientationSpec(Spec):
         """Yield an orientation in none of the four forms, or axes that are not at right angles."""
         stated = {key for key in type(self).model_fields if getattr(self, key) is not None}
         if stated not in ({"axis", "angle"}, {"rotation_vector"}, {"quaternion"}, {"x", "y"}):
-            yield Complaint((), "is stated in none of its forms, or in several", f"give one of {FORMS}")
+            told = " and ".join(sorted(stated)) + (" alone is" if len(stated) == 1 else " together are")
+            yield Complaint((), f"{told if stated else 'is'} none of its forms", f"give one of {FORMS}")
         elif self.x is not None and self.y is not None and len(self.x) == len(self.y) == 3:
             x, y = (np.asarray(one) / np.linalg.norm(one) for one in (self.x, self.y))
             if np.linalg.norm(np.cross(x, y)) < _PARALLEL:
                 yield Complaint(("y",), "points along x", "give the direction of the second axis")
             elif abs(x @ y) > _SQUARE:
                 degrees = np.degrees(np.arccos(x @ y))
-                yield Complaint(("y",), f"is at {degrees:.4g} degrees to x, not at right angles")
+                near = ", ".join(f"{part:.6g}" for part in y - (x @ y) * x)
+                message = f"is at {degrees:.4g} degrees to x, not at right angles"
+                yield Complaint(("y",), message, f"[{near}] is the nearest that is")
 
     @property
     def matrix(self) -> Array:

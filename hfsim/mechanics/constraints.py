@@ -31,6 +31,9 @@ class Held(Protocol):
     def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
         """Return the equations for a marker at A and one at B."""
 
+    def fits(self, first: bool, second: bool) -> bool:
+        """Tell whether it has a meaning where A, or B, is on a line without sections."""
+
 
 class Shift(NamedTuple):
     """A joint holds B where A is, or at a distance from A along an axis.
@@ -53,6 +56,10 @@ class Shift(NamedTuple):
         length = float(np.linalg.norm(self.axis))
         return (Along(first, second, tuple(a / length for a in self.axis), law=self.law),)
 
+    def fits(self, first: bool, second: bool) -> bool:
+        """Tell whether the axis is one that A has: on a line the tangent alone."""
+        return self.axis is None or not (first and any(self.axis[1:]))
+
 
 class Turn(NamedTuple):
     """A joint holds how B's frame is turned relative to A's.
@@ -71,6 +78,10 @@ class Turn(NamedTuple):
     def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
         """Return the equations for two markers."""
         return (RelativeAngle(first, second, offset=self.angle, law=self.law),)
+
+    def fits(self, first: bool, second: bool) -> bool:
+        """Return True: in the plane, lines have directions."""
+        return True
 
 
 def constraints_of(

@@ -1,7 +1,7 @@
 """What joints in space hold of directions, and the equations of that: products of axes of two bodies.
 
 An axis is given in the frame of the point it belongs to.  A line without sections has its tangent for its
-only axis: what would need another one is not held, and `unheld` says so.
+only axis: what would need another one is not held.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import across, cross, lever
+from hfsim.maths.rotations import across, cross, lever, smallest_rotation
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
 
@@ -40,13 +40,23 @@ class Parallel(NamedTuple):
 
     def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
         """Return two equations; on a line one or none where its axis is not the tangent."""
-        if second.n_axes == 1 and not along(self.second, TANGENT):
-            sides = [(self.first, side) for side in _sides(self.second)]
-        elif first.n_axes == 1 and not along(self.first, TANGENT):
+        tangents = along(self.first, TANGENT), along(self.second, TANGENT)
+        on_lines = first.n_axes == 1, second.n_axes == 1
+        if all(tangents) and all(on_lines):
+            return (Tangential(first, second),)
+        if on_lines[0] and not tangents[0]:
             sides = [(side, self.second) for side in _sides(self.first)]
+        elif on_lines[1] and not tangents[1]:
+            sides = [(self.first, side) for side in _sides(self.second)]
+        elif on_lines[0]:
+            sides = [(self.first, side) for side in across(self.second)]
         else:
             sides = [(side, self.second) for side in across(self.first)]
         return tuple(Perpendicular(first, second, *pair) for pair in sides if _known(first, second, *pair))
+
+    def fits(self, first: bool, second: bool) -> bool:
+        """Tell whether the axis is along or across the tangent of each line."""
+        return _straight(self, first, second)
 
 
 class Square(NamedTuple):
@@ -65,6 +75,10 @@ class Square(NamedTuple):
         """Return one equation; none on a line whose axis is not the tangent."""
         known = _known(first, second, self.first, self.second)
         return (Perpendicular(first, second, self.first, self.second),) if known else ()
+
+    def fits(self, first: bool, second: bool) -> bool:
+        """Tell whether the axes are along or across the tangent of each line."""
+        return _straight(self, first, second)
 
 
 class Facing(NamedTuple):
@@ -93,6 +107,11 @@ class Facing(NamedTuple):
         pairs = ((direction(R @ own[k]), direction(own[(k + 1) % 3])) for k in range(3))
         return tuple(Perpendicular(first, second, *pair) for pair in pairs)
 
+    def fits(self, first: bool, second: bool) -> bool:
+        """Tell whether tangents of two lines are along or across each other."""
+        own = direction(np.array(self.turn) @ TANGENT)
+        return not (first and second) or along(own, TANGENT) or abs(own[0]) < ALONG
+
 
 def shared_axis(axis: Direction | None, facing: Array) -> Parallel:
     """Return what holds an axis, given in A's frame, in both bodies; `facing` goes from B's frame to A's."""
@@ -113,6 +132,12 @@ def unit(axis: Direction) -> Direction:
 def along(a: Direction, b: Direction) -> bool:
     """Tell whether two unit vectors are parallel."""
     return bool(np.linalg.norm(cross(np.asarray(a), np.asarray(b))) < ALONG)
+
+
+def _straight(held: Parallel | Square, first: bool, second: bool) -> bool:
+    """Tell whether the axes of those ends that are on lines are along or across the tangent."""
+    axes = [axis for axis, on_line in ((held.first, first), (held.second, second)) if on_line]
+    return all(along(axis, TANGENT) or abs(axis[0]) < ALONG for axis in axes)
 
 
 def _sides(axis: Direction) -> tuple[Direction, ...]:
@@ -184,6 +209,56 @@ class Perpendicular(OfAxes):
         """Return a moment across both axes."""
         a, b = self._both(x)
         return np.zeros((len(x), 3)), multipliers * lever(a, b)
+
+
+@dataclass(frozen=True, eq=False)
+class Tangential(OfAxes):
+    """The tangents of two lines have one direction: that of the second has no parts across that of the first.
+
+    Across are two axes f of a frame on the first tangent e.  Their roll about it changes gaps by parts of the
+    gaps themselves: Jacobian and bias hold where the gaps are zero, for f' = - e (f . e').
+    """
+
+    @property
+    def rows(self) -> int:
+        """One for each direction across."""
+        return 2
+
+    def _frame(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return the length of the first tangent (n_batch, 1), its direction, both axes across it as rows."""
+        t = self.first.axis(x, np.array(TANGENT))
+        size = np.linalg.norm(t, axis=-1, keepdims=True)
+        return size, t / size, smallest_rotation(np.array(TANGENT), t / size)[:, :, 1:].swapaxes(1, 2)
+
+    def gap(self, x: Array) -> Array:
+        """Return the products of the second tangent with the axes across the first."""
+        return np.asarray((self._frame(x)[2] @ self.second.axis(x, np.array(TANGENT))[..., None])[..., 0])
+
+    def jacobian(self, end: int, x: Array) -> Array:
+        """Return f for the second tangent, and - f times the ratio of the lengths for the first."""
+        size, e, across_it = self._frame(x)
+        if end:
+            return np.asarray(across_it @ self.second.axis_jacobian(x, np.array(TANGENT)))
+        ratio = np.sum(e * self.second.axis(x, np.array(TANGENT)), axis=-1, keepdims=True) / size
+        return np.asarray(-ratio[..., None] * across_it @ self.first.axis_jacobian(x, np.array(TANGENT)))
+
+    def bias(self, x: Array, u: Array) -> Array:
+        """Return 2 (f . e') (r l' / l - r') with the lengths l and r of both tangents."""
+        (size, e, across_it), own = self._frame(x), np.array(TANGENT)
+        first, second = (
+            (marker.axis_jacobian(x, own) @ u[:, marker.columns, None])[..., 0] for marker in self.ends
+        )
+        other = self.second.axis(x, own)
+        growth = np.sum(e * other, axis=-1) * np.sum(e * first, axis=-1) / size[:, 0] - np.sum(
+            e * second, axis=-1
+        )
+        turning = (across_it @ (first / size)[..., None])[..., 0]
+        return np.asarray(2.0 * turning * growth[:, None])
+
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return a moment across the tangents."""
+        force = -(multipliers[:, None] @ self._frame(x)[2])[:, 0]
+        return np.zeros((len(x), 3)), lever(self.second.axis(x, np.array(TANGENT)), force)
 
 
 @dataclass(frozen=True, eq=False)

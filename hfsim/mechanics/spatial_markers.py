@@ -109,14 +109,16 @@ class FrameMarker(Marker):
         Its place in the frame [m].
     centre : ndarray, shape (3, 3)
         How the frame is turned where the rotation vector is zero; that is in ground axes.
+    n_axes : int
+        How many of its axes joints may hold.
     """
 
     columns: slice
     place: tuple[float, ...]
     centre: Array
+    n_axes: int = 3  # type: ignore[misc]
     n_dim: ClassVar[int] = 3
     n_spin: ClassVar[int] = 3
-    n_axes: ClassVar[int] = 3
 
     def _turn(self, x: Array) -> Array:
         return np.asarray(x[:, self.columns][:, 3:])

@@ -53,12 +53,20 @@ class About(NamedTuple):
 
     def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
         """Return one equation; none on a line whose tangent is not across the axis, or for A on a line."""
-        R, axis = np.array(self.turn), np.array(self.axis)
-        zero = R @ TANGENT if second.n_axes == 1 else np.array(across(self.axis)[0])
-        if first.n_axes == 1 or abs(zero @ axis) > ACROSS:
+        if not self.fits(first.n_axes == 1, second.n_axes == 1):
             return ()
-        pair = direction(zero), direction(cross(axis, zero))
-        return (TurnAbout(first, second, *pair, direction(R.T @ zero), law=self.law),)
+        zero = self._tangent if second.n_axes == 1 else np.array(across(self.axis)[0])
+        pair = direction(zero), direction(cross(np.array(self.axis), zero))
+        return (TurnAbout(first, second, *pair, direction(np.array(self.turn).T @ zero), law=self.law),)
+
+    @property
+    def _tangent(self) -> Array:
+        """That of B at angle zero, in A's frame."""
+        return np.asarray(np.array(self.turn) @ TANGENT)
+
+    def fits(self, first: bool, second: bool) -> bool:
+        """Tell whether A has the axis, and B a tangent across it."""
+        return not first and not (second and abs(self._tangent @ self.axis) > ACROSS)
 
 
 @dataclass(frozen=True, eq=False)

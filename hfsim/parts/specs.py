@@ -29,6 +29,11 @@ class BodySpec(Spec):
     rigid: ClassVar[bool] = False
     """Whether it cannot deform: it has no model, and can be folded into the ground."""
 
+    @property
+    def sectioned(self) -> bool:
+        """Whether, in space, its points have three axes, not the tangent of a line alone."""
+        return True
+
     vectors = ("points",)
 
     def assemble(self, name: str, start: int, deck: Any, model: Any) -> "Body":
@@ -108,6 +113,11 @@ class LoadSpec(Spec):
 
     if TYPE_CHECKING:
         law: LawSpec | None
+
+        follower: bool
+
+    carries: ClassVar[bool] = False
+    """Whether it is a force, not a moment."""
 
     def build(self, marker: "Marker") -> "ForcePart":
         """Return the force on a marker."""

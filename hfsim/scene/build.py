@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -81,9 +81,20 @@ class Scene:
     @cached_property
     def free_motions(self) -> list[FreeMotion] | None:
         """What the joints leave free at the start, bodies taken as rigid; None in large mechanisms."""
-        markers = (body.marker(body.origin) for body in self.bodies.values())
-        lines = [k for k, marker in enumerate(markers) if marker.n_axes == 1]
-        return free_motions(self.assembly, self._rigid_energy, lines)
+        lines = [list(self.bodies).index(name) for name in self._lines]
+        held = replace(self.assembly, linkage=self._held) if lines else self.assembly
+        return free_motions(held, self._rigid_energy, lines)
+
+    @cached_property
+    def _lines(self) -> tuple[str, ...]:
+        """Bodies that are lines without sections in space."""
+        markers = ((name, body.marker(body.origin)) for name, body in self.bodies.items())
+        return tuple(name for name, marker in markers if marker.n_dim == 3 and marker.n_axes == 1)
+
+    @cached_property
+    def _held(self) -> Linkage:
+        """The joints between frames of which they hold no more than of the bodies."""
+        return _linkage(self.deck, self.bodies, Facings(self.deck), self._lines)
 
     @cached_property
     def _rigid_inertia(self) -> Array:
@@ -105,10 +116,19 @@ class Scene:
     def warnings(self) -> list[str]:
         """What looks wrong with the start: guesses far off, motions that can hardly be meant to be free."""
         found = list(self.assembly.warnings())
-        for path, what in slips(self.deck, self.assembly, self.free_motions or []):
+        looks = slips(self.deck, self.assembly, self.free_motions or [])
+        for path, what in (*looks, *self._not_borne()):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
         return found
+
+    def _not_borne(self) -> Iterator[tuple[str, str]]:
+        """Yield, with the deck path, what lines without sections would need them for."""
+        if self._lines:
+            from hfsim.scene.spatial_lines import twisting, untwisted
+
+            yield from untwisted(self.assembly, self._held, self._lines)
+            yield from twisting(self.deck, self.assembly, self._lines)
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -201,12 +221,17 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
 
 def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
     deck = loaded.deck
-    facing = Facings(deck)
-    frames = Frame.of(bodies.values(), deck.dimension, facing.centres)
+    linkage = _linkage(deck, bodies, Facings(deck))
+    return assembled(Start(tuple(bodies), deck.initial, linkage, loaded.problem))
+
+
+def _linkage(
+    deck: Deck, bodies: Mapping[str, Body], facing: Facings, lines: Collection[str] = ()
+) -> Linkage:
+    frames = Frame.of(bodies.values(), deck.dimension, facing.centres, lines)
     _, constraints = _joints(deck, frames)
     n = max(frame.columns.stop for frame in frames.values())
-    linkage = Linkage(constraints, n, deck.dimension, facing.centres)
-    return assembled(Start(tuple(bodies), deck.initial, linkage, loaded.problem))
+    return Linkage(constraints, n, deck.dimension, facing.centres)
 
 
 def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:

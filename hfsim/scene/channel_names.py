@@ -76,6 +76,7 @@ class ChannelNames:
             yield Complaint(path, f"{quantity} belongs to a body, not to a point", f"'{owner}.{quantity}'")
         elif (self.dimension or 2) not in kind.dimensions:
             others = self._known(lambda one: (one.subject, one.plot) == (kind.subject, kind.plot))
+            others = others or self._known(lambda one: (one.subject, one.unit) == (kind.subject, kind.unit))
             hint = " or ".join(f"'{point}.{other}'" for other in others)
             space = "spatial" if self.dimension == 3 else "planar"
             yield Complaint(path, f"a {space} scene has no {quantity}", hint)

@@ -31,12 +31,21 @@ def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Com
     for check in (_names, _references, _connections, _initial_names, _rules):
         yield from check(declared)
     yield from ChannelNames(declared, n_dim).complaints()
-    why = f"{'.'.join(map(str, where))} has three" if where else ""
+    why = _space_said_by(data, where) if where else ""
     if n_dim == 3 and len(data.get("gravity") or (0, 0, 0)) == 2:
         yield Complaint(("gravity",), f"must be a list of 3 numbers: this scene is spatial: {why}")
     around = _around(entries, n_dim, why)
     for path, entry in specs_in(entries):
         yield from (one.inside(*path) for one in entry.complaints_in(around))
+
+
+def _space_said_by(data: dict[str, Any], path: Path) -> str:
+    value, name = entry_at(data, path), ".".join(map(str, path))
+    if isinstance(value, list):
+        return f"{name} has three"
+    if isinstance(value, dict) and "type" in value:
+        return f"{name} is {value['type']}, which only space has"
+    return f"only space has {name}"
 
 
 def slips_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Complaint]:

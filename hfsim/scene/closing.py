@@ -6,7 +6,7 @@ places of all frames, one after the other, are a vector x: that of an assembled 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count, pairwise, repeat
@@ -36,15 +36,22 @@ class Frame(Body):
     """A body at the start, when it is undeformed: only its frame moves."""
 
     centre: Array | None
+    n_axes: int = 3
 
     @classmethod
-    def of(cls, bodies: Iterable[Body], n_dim: int, centres: Array | None) -> dict[str, Frame]:
-        """Return the frames of bodies by name, in space turned from their centres."""
+    def of(
+        cls, bodies: Iterable[Body], n_dim: int, centres: Array | None, lines: Collection[str] = ()
+    ) -> dict[str, Frame]:
+        """Return the frames of bodies by name, in space turned from their centres.
+
+        Of ``lines``, the bodies that are lines without sections, joints hold the tangent alone.
+        """
         size = freedoms(n_dim)
         columns = (slice(k * size, (k + 1) * size) for k in count())
         places = repeat(None) if centres is None else centres
         every = zip(bodies, columns, places, strict=False)
-        return {body.name: cls(body.name, own, body.points, centre) for body, own, centre in every}
+        axes = dict.fromkeys(lines, 1)
+        return {b.name: cls(b.name, own, b.points, at, axes.get(b.name, 3)) for b, own, at in every}
 
     @property
     def origin(self) -> Place:
@@ -56,7 +63,7 @@ class Frame(Body):
         if self.centre is not None:
             from hfsim.mechanics.spatial_markers import FrameMarker
 
-            return FrameMarker(self.columns, place, self.centre)
+            return FrameMarker(self.columns, place, self.centre, self.n_axes)
         return RigidMarker(self.columns, (place[0], place[1]))
 
 

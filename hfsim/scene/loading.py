@@ -126,6 +126,10 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         complaints = explained(Deck, error)
         entries = _readable_entries(data)
     complaints += islice(complaints_of(data, entries), MOST_PROBLEMS + 1)
+    if deck is not None and not complaints and deck.dimension == 3:
+        from hfsim.scene.spatial_lines import refusals
+
+        complaints = list(refusals(deck))
     problems = source.problems + [source.problem(*complaint) for complaint in complaints]
     if problems or deck is None:
         # What follows from a problem at the very same place is left out.

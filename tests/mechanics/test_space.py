@@ -36,6 +36,7 @@ MARKERS = {
     "line": VectorMarker(LINE, np.array([1.0, 0.0]), np.array([[0.0, 1.0]])),
     "frame": FrameMarker(FRAME, (0.2, 0.1, -0.3), rotation(np.array([0.1, 0.9, -0.4]))),
 }
+TAPE = VectorMarker(slice(0, 6), np.array([1.0, 0.0]), np.array([[0.0, 1.0]]))
 ENDS = ("ground", "ground")
 SINE = {"type": "sine", "amplitude": 0.4, "frequency": 0.3, "phase": 0.2, "offset": 0.1}
 JOINTS = {
@@ -224,6 +225,54 @@ def test_a_joint_leaves_the_motions_of_its_name(name, free, rng):
 def test_what_can_be_held_of_a_line(held, rows):
     """A hinge across a line holds one direction, one along it two; what needs a section is not held."""
     assert len(held.between(MARKERS["body"], MARKERS["line"])) == rows
+
+
+@pytest.mark.parametrize(
+    ("held", "ends", "rows"),
+    [
+        (Facing.of(np.eye(3)), ("line", "body"), 2),
+        (Facing.of(np.eye(3)), ("line", "tape"), 2),
+        (Facing.of(rotation(np.array([0.0, 0.0, np.pi / 2]))), ("line", "tape"), 1),
+        (Parallel((1.0, 0.0, 0.0), (0.0, 0.6, 0.8)), ("line", "body"), 2),
+        (Parallel((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)), ("line", "body"), 1),
+        (Parallel((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), ("line", "tape"), 1),
+        (Parallel((0.0, 0.0, 1.0), (0.0, 0.0, 1.0)), ("line", "tape"), 0),
+    ],
+)
+def test_what_can_be_held_from_a_line(held, ends, rows):
+    first, second = (MARKERS.get(name, TAPE) for name in ends)
+    assert sum(c.rows for c in held.between(first, second)) == rows
+    assert held.fits(True, ends[1] == "tape")
+
+
+def test_tangents_of_two_lines_have_one_direction(rng):
+    """Jacobian and bias hold where the gaps are zero: along a motion in which both lines turn and stretch."""
+    (c,) = Facing.of(np.eye(3)).between(MARKERS["line"], TAPE)
+    turn, spin, swing = 0.4 * rng.normal(size=(3, 3))
+    ratio, x = np.array([1.3, 0.2, -0.5]), np.zeros((1, N))
+
+    def at(s):
+        R = rotation(turn + s[:, None] * spin + 0.5 * s[:, None] ** 2 * swing)
+        t = (1.0 + 0.3 * s[:, None]) * R[:, :, 0]
+        found = np.repeat(x, len(s), axis=0)
+        found[:, 27:30], found[:, 3:6] = t, (ratio[0] + ratio[1] * s + ratio[2] * s**2)[:, None] * t
+        return found
+
+    x0, u, a = at(np.zeros(1)), slope(at), second(at)
+    assert c.gap(x0) == pytest.approx(np.zeros((1, 2)), abs=1e-14)
+    J = np.zeros((2, N))
+    for marker, block in zip(c.ends, c.jacobians(x0), strict=True):
+        J[:, marker.columns] += block[0]
+    for k in (*range(3, 6), *range(27, 30)):
+        moved = np.array([np.eye(N)[k] * s for s in (-1e-6, 1e-6)]) + x0
+        assert J[:, k] == pytest.approx((c.gap(moved)[1] - c.gap(moved)[0]) / 2e-6, abs=1e-8)
+    assert J @ u == pytest.approx(np.zeros(2), abs=1e-8)
+    assert np.abs(J @ a).max() > 0.05
+    assert J @ a + c.bias(x0, u[None])[0] == pytest.approx(np.zeros(2), abs=1e-6)
+    force, moment = c.reaction(x0, np.array([[2.0, -1.0]]))
+    assert np.abs(moment).max() > 1.0
+    assert moment[0] @ x0[0, 27:30] == pytest.approx(0.0, abs=1e-12)
+    assert not force.any()
 
 
 @pytest.mark.parametrize("tilt", [[0.0, 0.0, 0.0], [0.4, -0.8, 0.0], [np.pi, 0.0, 0.0]])

@@ -105,6 +105,11 @@ class BeamSpec(BodySpec):
 
         return ELEMENTS[self.element].centre_line
 
+    @property
+    def sectioned(self) -> bool:
+        """Whether its elements are more than a line."""
+        return self.element != "cable"
+
     def default_channels(self, n_dim: int) -> tuple[str, ...]:
         """Return those of the tip and of the frame."""
         if n_dim == 3:

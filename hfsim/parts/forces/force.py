@@ -17,6 +17,7 @@ class ForceSpec(LoadSpec):
     """Force on a point, constant or scaled over time."""
 
     vectors = ("force",)
+    carries = True
 
     type: Literal["force"]
     """Kind of load."""

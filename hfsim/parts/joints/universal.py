@@ -48,7 +48,9 @@ class UniversalSpec(JointSpec):
         a, b = (np.asarray(axis) / np.linalg.norm(axis) for axis in self.axes)
         if abs(a @ b) > _SQUARE:
             degrees = np.degrees(np.arccos(np.clip(a @ b, -1.0, 1.0)))
-            yield Complaint(("axes",), f"are at {degrees:.4g} degrees to each other, not at right angles")
+            near = ", ".join(f"{part:.6g}" for part in b - (a @ b) * a)
+            message = f"are at {degrees:.4g} degrees to each other, not at right angles"
+            yield Complaint(("axes",), message, f"the second may be [{near}]")
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds."""

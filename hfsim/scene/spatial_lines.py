@@ -1,0 +1,135 @@
+"""What beams without sections cannot do in space: they are lines, whose points have a tangent and no more."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+import numpy as np
+
+from hfsim.deck.fields import split_point
+from hfsim.deck.spec import Complaint
+from hfsim.maths.arrays import Array
+from hfsim.parts.specs import LoadSpec
+from hfsim.scene.assembly import Assembly
+from hfsim.scene.closing import Linkage
+from hfsim.scene.facing import Facings
+from hfsim.scene.freedom import MOST_BODIES, NONE
+from hfsim.scene.schema import Deck
+
+SECTIONS = "take an element with sections"
+"""What helps in every case."""
+NOT_HELD = 1e-5
+"""Gap of a joint, in its units, over a motion that opens it, from which it would resist the motion."""
+
+
+# --- what has no meaning ---------------------------------------------------------------------------
+
+
+def refusals(deck: Deck) -> Iterator[Complaint]:
+    """Yield the joints, springs and loads of a spatial deck that need directions which a line has not."""
+    lines = {name for name, body in deck.bodies.items() if not body.sectioned}
+    if not lines:
+        return
+    facings = Facings(deck)
+    for name, joint in deck.joints.items():
+        first, second = (split_point(end)[0] in lines for end in joint.between)
+        if not all(one.fits(first, second) for one in joint.held(*facings.of(joint))):
+            own = " and ".join(f"'{end}'" for end in joint.between if split_point(end)[0] in lines)
+            message = f"needs directions that {own} has not: a line without sections has its tangent alone"
+            hint = f"turn its axis along or across the tangent, name the line second, or {SECTIONS}"
+            yield Complaint(("joints", name), message, hint)
+    for name, spring in deck.springs.items():
+        on = [end for end in spring.between if split_point(end)[0] in lines]
+        if on and not spring.carries:
+            message = f"'{on[0]}' has no section whose turn could be measured: it is on a line"
+            yield Complaint(("springs", name), message, f"{SECTIONS}, or two_point springs beside the axis")
+    for name, load in deck.loads.items():
+        if split_point(load.at)[0] in lines and (complaint := _following(load)):
+            yield complaint.inside("loads", name)
+
+
+def _following(load: LoadSpec) -> Complaint | None:
+    """Return why a load cannot turn with a line, if it is to."""
+    amount = tuple(load.amount)
+    if not load.follower or (load.carries and not any(amount[1:])):
+        return None
+    what = "a force" if load.carries else "a moment"
+    hint = f"state it along the tangent, [F, 0, 0], or {SECTIONS}" if load.carries else SECTIONS
+    message = f"{what} across a line without sections cannot turn with it: only its tangent is known"
+    return Complaint(("follower",), message, hint)
+
+
+# --- what is not held, and not borne ---------------------------------------------------------------
+
+
+def untwisted(assembly: Assembly, held: Linkage, lines: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Yield the joints that would hold more if their lines could be twisted, with the lines.
+
+    A motion that the joints leave is one of these if joints of beams with sections would resist it, however
+    the beams roll as a whole.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        With the linkage of joints that hold whole frames.
+    held : Linkage
+        The same of which joints hold no more than tangents of lines.
+    lines : collection of str
+    """
+    names, whole = list(assembly.poses), assembly.linkage
+    if len(names) > MOST_BODIES:
+        return
+    rolls = _rolls(assembly, lines)
+    slopes = held.slopes_by_rates(assembly.place) * held.units / held.scales[:, None]
+    motions = _null_space(np.concatenate([slopes, rolls]))
+    every = whole.slopes_by_rates(assembly.place) * whole.units / whole.scales[:, None]
+    rows = [
+        (c.item, k, [whole.owner(end) for end in c.ends])
+        for c, own in zip(whole.constraints, whole.rows, strict=True)
+        for k in range(own.start, own.stop)
+    ]
+    for line, roll in zip(lines, rolls, strict=True):
+        tied = [(item, k) for item, k, owners in rows if names.index(line) in owners]
+        own = every[[k for _, k in tied]]
+        resisted, by_roll = own @ motions, own @ roll
+        if size := by_roll @ by_roll:
+            resisted = resisted - np.outer(by_roll, by_roll @ resisted) / size
+        much = np.abs(resisted).max(axis=1, initial=0.0) > NOT_HELD
+        involved = list(dict.fromkeys(item for (item, _), one in zip(tied, much, strict=True) if one))
+        if involved:
+            told = " and ".join(f"'{item.removeprefix('joints.')}'" for item in involved)
+            message = (
+                f"'{line}', a line without sections, bears no torsion: what {told} would hold by it is free"
+            )
+            yield involved[-1], f"{message}; {SECTIONS}"
+
+
+def _rolls(assembly: Assembly, lines: Collection[str]) -> Array:
+    """Return the motions (n_lines, n) in which each line rolls about its tangent."""
+    link, rolls = assembly.linkage, np.zeros((len(lines), assembly.linkage.n))
+    for row, line in zip(rolls, lines, strict=True):
+        row[link.columns_of(list(assembly.poses).index(line))[3:]] = _tangent(assembly, line)
+    return rolls
+
+
+def _tangent(assembly: Assembly, line: str) -> Array:
+    return assembly.poses[line].turned(np.eye(3)[0])
+
+
+def _null_space(rows: Array) -> Array:
+    """Return an orthonormal basis, as columns, of the motions that rows are zero for."""
+    _, sizes, right = np.linalg.svd(rows, full_matrices=True)
+    return np.asarray(right[int(np.sum(sizes > NONE * sizes.max(initial=0.0))) :].T)
+
+
+def twisting(deck: Deck, assembly: Assembly, lines: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Yield the moments that would twist a line at the start."""
+    for name, load in deck.loads.items():
+        line = split_point(load.at)[0]
+        if load.carries or line not in lines:
+            continue
+        moment = np.array([0.0] * (3 - len(tuple(load.amount))) + list(load.amount))
+        part = float(moment @ _tangent(assembly, line))
+        if abs(part) > NONE * np.linalg.norm(moment):
+            message = f"{abs(part):.4g} N m would twist '{line}', a line without sections: these do nothing"
+            yield f"loads.{name}", f"{message}; {SECTIONS}"
