@@ -20,6 +20,7 @@ from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.force import difference
 from hfsim.mechanics.markers import Marker, joint_support
+from hfsim.mechanics.products import Product
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
@@ -139,6 +140,11 @@ class Constraint:
     def constant(self) -> bool:
         """Whether Phi is a linear function of the coordinates, at all times the same."""
         return False
+
+    @property
+    def products(self) -> tuple[Product, ...]:
+        """Its equations as products of vectors linear in the coordinates; none where they are not."""
+        return ()
 
     @property
     def driven(self) -> bool:
@@ -306,6 +312,15 @@ class Along(Constraint):
 
     direction: tuple[float, ...]
     why_kept: ClassVar[str] = "the direction turns: not linear in the coordinates"
+
+    @property
+    def products(self) -> tuple[Product, ...]:
+        """The axis times the distance, in space."""
+        axis = self.first.linear_axis(np.array(self.direction))
+        ends = [marker.linear_place for marker in self.ends]
+        if axis is None or ends[0] is None or ends[1] is None or self.driven or self.offset:
+            return ()
+        return (Product(axis, ends[1].minus(ends[0])),)
 
     def _geometry(self, x: Array) -> tuple[Array, Array]:
         """Return the direction and the distance vector."""

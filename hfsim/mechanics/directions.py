@@ -16,6 +16,7 @@ from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import across, cross, lever, smallest_rotation
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.products import Product
 
 Direction: TypeAlias = tuple[float, ...]
 TANGENT = (1.0, 0.0, 0.0)
@@ -167,6 +168,12 @@ class Perpendicular(OfAxes):
     axes: Direction
     others: Direction
 
+    @property
+    def products(self) -> tuple[Product, ...]:
+        """The product itself, where both axes are linear in the coordinates."""
+        a, b = self.first.linear_axis(np.array(self.axes)), self.second.linear_axis(np.array(self.others))
+        return () if a is None or b is None else (Product(a, b),)
+
     def _both(self, x: Array) -> tuple[Array, Array]:
         return self.first.axis(x, np.array(self.axes)), self.second.axis(x, np.array(self.others))
 
@@ -272,6 +279,13 @@ class Orthonormal(Constraint):
     def rows(self) -> int:
         """Three lengths and three angles."""
         return 6
+
+    @property
+    def products(self) -> tuple[Product, ...]:
+        """The products of its axes."""
+        d = [one for own in np.eye(3) if (one := self.second.linear_axis(own)) is not None]
+        angles = (Product(d[i], d[j]) for i, j in zip(_ONE, _OTHER, strict=True))
+        return (*(Product(one, one, 0.5, 0.5) for one in d), *angles)
 
     def gap(self, x: Array) -> Array:
         """Return half of what squares miss of one, and products of zero."""

@@ -11,16 +11,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
-from hfsim.mechanics.constraints import Constraint, End
-from hfsim.mechanics.markers import joint_support
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_point
+from hfsim.mechanics.constraints import Constraint
+from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.reduction import Reduction
 
 FEW = 60
@@ -93,89 +92,19 @@ class Equations:
         return tuple(c for k, c in enumerate(self.all_constraints) if k not in gone)
 
     @cached_property
+    def phi(self) -> JointRows:
+        """Their equations."""
+        return JointRows(self.constraints, len(self.reduction.offset), is_sparse(self.constant_mass))
+
+    @property
     def rows(self) -> tuple[slice, ...]:
         """Rows of each constraint in Phi."""
-        ends = np.cumsum([0] + [c.rows for c in self.constraints])
-        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+        return self.phi.rows
 
-    @cached_property
+    @property
     def n_rows(self) -> int:
         """Number of constraint equations."""
-        return sum(c.rows for c in self.constraints)
-
-    # ------------------------------------------------------------------ constraints
-
-    @cached_property
-    def constraints_constant(self) -> bool:
-        """Whether Phi_x is the same for every state."""
-        return all(c.constant for c in self.constraints)
-
-    def residual(self, t: Array, x: Array) -> Array:
-        """Return Phi, shape (n_batch, n_rows)."""
-        if self.constraints_constant:
-            return np.asarray(x @ self._constant_transpose + self._origin_residual)
-        return self._stack(len(x), lambda c: c.residual(t, x))
-
-    def drift(self, t: Array, x: Array, u: Array) -> Array:
-        """Return Phi' = Phi_x u + Phi_t, shape (n_batch, n_rows)."""
-        if self.constraints_constant:
-            return np.asarray(u @ self._constant_transpose)
-        drift = self.rate(t)
-        for end in self._ends:
-            drift[:, end.rows] += (end.jacobian(x) @ u[:, end.columns, None])[..., 0]
-        return drift
-
-    def rate(self, t: Array) -> Array:
-        """Return Phi_t, shape (n_batch, n_rows)."""
-        return self._stack(len(t), lambda c: c.rate(t))
-
-    def curvature(self, t: Array, x: Array, u: Array) -> Array:
-        """Return gamma of eq. (37), shape (n_batch, n_rows)."""
-        gamma = np.zeros((len(x), self.n_rows))
-        for constraint, rows in self.changing:
-            gamma[:, rows] = constraint.acceleration(t, x, u)
-        return gamma
-
-    @cached_property
-    def changing(self) -> tuple[tuple[Constraint, slice], ...]:
-        """Constraints whose Jacobian depends on the state, with their rows."""
-        pairs = zip(self.constraints, self.rows, strict=True)
-        return tuple((c, rows) for c, rows in pairs if not c.constant)
-
-    @cached_property
-    def _constant_transpose(self) -> Matrix:
-        jacobian = self.jacobian_at(self._origin)
-        return jacobian.T.tocsr() if is_sparse(jacobian) else np.ascontiguousarray(jacobian.T)
-
-    @cached_property
-    def _origin_residual(self) -> Array:
-        """Residual of linear constraints where all coordinates are zero."""
-        return self._stack(1, lambda c: c.residual(np.zeros(1), self._origin))
-
-    @cached_property
-    def _origin(self) -> Array:
-        """Coordinates zero, (1, n_x): where a Jacobian that never changes is evaluated."""
-        return np.zeros((1, len(self.reduction.offset)))
-
-    def _stack(self, n_batch: int, rows_of: Callable[[Constraint], Array]) -> Array:
-        out = np.zeros((n_batch, self.n_rows))
-        for constraint, rows in zip(self.constraints, self.rows, strict=True):
-            out[:, rows] = rows_of(constraint)
-        return out
-
-    def jacobians(self, x: Array) -> Array:
-        """Return Phi_x by the coordinates x, dense, shape (n_batch or 1, n_rows, n_x)."""
-        J = self._constant_joint_rows if self.constraints_constant else self._joint_jacobians(x)
-        Phi_x = np.zeros((*J.shape[:2], x.shape[1]))
-        Phi_x[..., self._support] = J
-        return Phi_x
-
-    def jacobian_at(self, x: Array) -> Matrix:
-        """Return Phi_x of one state (1, n_x), shape (n_rows, n_x); dense or sparse as the mass matrix is."""
-        if not is_sparse(self.constant_mass):
-            return self.jacobians(x)[0]
-        parts = [Entries.of_block(np.r_[end.rows], end.columns, end.jacobian(x)[0]) for end in self._ends]
-        return assemble(parts, (self.n_rows, x.shape[1]), sparse=True)
+        return self.phi.n_rows
 
     # ------------------------------------------------------------------ mass
 
@@ -227,11 +156,12 @@ class Equations:
     @cached_property
     def solution(self) -> Array | None:
         """Matrix W, shape (n_x, n), with z'' = f W, in small scenes whose matrices never change."""
-        if self._changes or not self.constraints_constant or is_sparse(self.constant_mass):
+        if self._changes or not self.phi.constant or is_sparse(self.constant_mass):
             return None
         inverse = self._inverse_mass
         if self.constraints:
-            Phi_z = self._constant_joint_rows[0] @ self.reduction.basis[self._support]
+            rows = self.phi.at_joints(np.zeros((1, self.phi.n_x)))[0]
+            Phi_z = rows @ self.reduction.basis[self.phi.support]
             Y = Phi_z @ inverse
             inverse = inverse - Y.T @ np.linalg.solve(Y @ Phi_z.T, Y)
         return np.asarray(self.reduction.basis @ inverse)
@@ -261,8 +191,8 @@ class Equations:
         if not self.constraints:
             return forces, np.zeros((len(x), 0))
         reading, mobility, _ = self._at_joints
-        J = self._joint_jacobians(x)
-        gaps = self.curvature(t, x, u) - (J @ (az @ reading)[..., None])[..., 0]
+        J = self.phi.at_joints(x)
+        gaps = self.phi.curvature(t, x, u) - (J @ (az @ reading)[..., None])[..., 0]
         free = (J @ (forces @ self._inverse_mass @ reading)[..., None])[..., 0]
         multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), (free - gaps)[..., None])
         return forces - (multipliers.swapaxes(1, 2) @ J)[:, 0] @ reading.T, gaps
@@ -281,7 +211,7 @@ class Equations:
         numpy.linalg.LinAlgError
             If the equations are singular in this state.
         """
-        return self.constrained(x, self.reduction.free_force(f), self.curvature(t, x, u))
+        return self.constrained(x, self.reduction.free_force(f), self.phi.curvature(t, x, u))
 
     def constrained(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Solve M a + Phi_z^T lambda = f, Phi_z a = gamma for the free coordinates, f (n_batch, n)."""
@@ -293,7 +223,7 @@ class Equations:
         if not self.constraints:
             return free, gamma
         reading, mobility, spreading = self._at_joints
-        J = self._joint_jacobians(x)
+        J = self.phi.at_joints(x)
         gap = (J @ (free @ reading)[..., None])[..., 0] - gamma
         multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), gap[..., None])[..., 0]
         return free - (multipliers[:, None, :] @ J)[:, 0] @ spreading, multipliers
@@ -301,7 +231,7 @@ class Equations:
     @cached_property
     def _few_joint_coordinates(self) -> bool:
         """Whether joints are best solved with the few coordinates they depend on, in a large scene."""
-        return self.once and len(self._support) <= FEW
+        return self.once and len(self.phi.support) <= FEW
 
     def _unconstrained(self, f: Array) -> Array:
         """Return M^-1 f for forces (n_batch, n)."""
@@ -312,51 +242,20 @@ class Equations:
         return factorised(self.free_mass)
 
     @cached_property
-    def _support(self) -> IntArray:
-        """Columns of x that the constraints depend on."""
-        return joint_support(*(marker for c in self.constraints for marker in c.ends))
-
-    @cached_property
-    def _ends(self) -> tuple[End, ...]:
-        """The ends of all constraints that are on bodies."""
-        return tuple(
-            End.of(c, k, rows, self._support)
-            for c, rows in zip(self.constraints, self.rows, strict=True)
-            for k, marker in enumerate(c.ends)
-            if not marker.grounded
-        )
-
-    @cached_property
     def _at_joints(self) -> tuple[Array, Array, Array]:
         """Constant matrices between the free coordinates and those at the joints.
 
         From free coordinates to those at the joints (n, k); what unit forces there accelerate there
         (k, k), and everywhere (k, n).
         """
-        rows = dense(self.reduction.basis[self._support])
+        rows = dense(self.reduction.basis[self.phi.support])
         spreading = self._unconstrained(rows)
         return np.ascontiguousarray(rows.T), spreading @ rows.T, spreading
-
-    def _joint_jacobians(self, x: Array) -> Array:
-        """Return Phi_x by the coordinates at the joints alone, shape (n_batch or 1, n_rows, k)."""
-        return self._with_ends(np.repeat(self._constant_joint_rows, len(x), axis=0), x, still=False)
-
-    @cached_property
-    def _constant_joint_rows(self) -> Array:
-        """What never changes of the Jacobian by the coordinates at the joints, shape (1, n_rows, k)."""
-        return self._with_ends(np.zeros((1, self.n_rows, len(self._support))), self._origin, still=True)
-
-    def _with_ends(self, J: Array, x: Array, still: bool) -> Array:
-        """Add the blocks of the ends that never change, or of those that do."""
-        for end in self._ends:
-            if end.still == still:
-                J[:, end.rows, end.place] += end.jacobian(x)
-        return J
 
     def _solve_whole(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Solve with the whole matrix of eq. (37): a mass matrix may be indefinite where joints hold it."""
         n, m, B = self.n, self.n_rows, self.reduction.basis
-        M, Phi_z = self.mass(x), self.jacobians(x)
+        M, Phi_z = self.mass(x), self.phi.jacobians(x)
         if not self.reduction.identity:
             M, Phi_z = B.T @ M @ B, Phi_z @ B
         matrix = np.zeros((len(x), n + m, n + m))
@@ -369,11 +268,11 @@ class Equations:
     @cached_property
     def _constant_factor(self) -> Callable[[Array], Array]:
         """Factor of the whole matrix where it never changes."""
-        return self._factor_at(self._origin)
+        return self._factor_at(np.zeros((1, self.phi.n_x)))
 
     def _solve_sparse(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         rhs = np.concatenate([f, gamma], axis=1)
-        if self.constraints_constant and self.once:
+        if self.phi.constant and self.once:
             solution = self._constant_factor(rhs)
         else:
             solution = np.array([self._factor_at(x[k : k + 1])(one) for k, one in enumerate(rhs)])
@@ -383,4 +282,4 @@ class Equations:
         """Factor of the whole matrix in one state (1, n_x)."""
         if not self.constraints:
             return factorised(self.free_mass)
-        return factorised(saddle_point(self.free_mass, self.jacobian_at(x) @ self.reduction.basis))
+        return factorised(saddle_point(self.free_mass, self.phi.jacobian_at(x) @ self.reduction.basis))

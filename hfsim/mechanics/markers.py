@@ -18,6 +18,7 @@ from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray, distinc
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import as_complex, as_vectors, rotate, spun, turning
 from hfsim.mechanics.pose import Pose
+from hfsim.mechanics.products import LinearVector
 
 
 class Marker:
@@ -110,6 +111,15 @@ class Marker:
         spin, axis = self.spin(x, u), self.axis(x, a)
         return spun(self.spin_bias(x, u), axis) + spun(spin, spun(spin, axis))
 
+    def linear_axis(self, a: Array) -> LinearVector | None:
+        """Return `axis` as a linear function of the coordinates in space; None where it is not."""
+        return None
+
+    @property
+    def linear_place(self) -> LinearVector | None:
+        """The position as a linear function of the coordinates in space; None where it is not."""
+        return None
+
     def spin_jacobian(self, x: Array) -> Array:
         """Return the derivative of its turn by the coordinates, shape (n_batch or 1, n_spin, n_columns)."""
         raise NotImplementedError
@@ -169,6 +179,15 @@ class GroundMarker(Marker):
     def position_jacobian(self, x: Array) -> Array:
         """Return an empty matrix."""
         return np.zeros((1, self.n_dim, 0))
+
+    def linear_axis(self, a: Array) -> LinearVector | None:
+        """Return a constant in space."""
+        return LinearVector.constant(self.pose.turned(a)) if self.n_dim == 3 else None
+
+    @property
+    def linear_place(self) -> LinearVector | None:
+        """A constant in space."""
+        return LinearVector.constant(self.pose.origin) if self.n_dim == 3 else None
 
     def angle(self, x: Array) -> Array:
         """Return the fixed angle."""

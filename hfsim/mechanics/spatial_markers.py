@@ -15,6 +15,7 @@ from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import lever, rotation, rotation_rates, skew, smallest_rotation
 from hfsim.mechanics.force import difference
 from hfsim.mechanics.markers import ROUNDING, LinearMarker, Marker
+from hfsim.mechanics.products import LinearVector
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,19 @@ class VectorMarker(LinearMarker):
     def axis(self, x: Array, a: Array) -> Array:
         """Return combinations of its own axes."""
         return np.asarray(np.asarray(a)[: self.n_axes] @ self.axes(x))
+
+    def linear_axis(self, a: Array) -> LinearVector | None:
+        """Return combinations of its own axes."""
+        return self._linear(np.asarray(a)[: self.n_axes] @ self.axis_rows)
+
+    @property
+    def linear_place(self) -> LinearVector | None:
+        """Return the position."""
+        return self._linear(self.place_row)
+
+    def _linear(self, row: Array) -> LinearVector:
+        vectors = np.flatnonzero(np.abs(row) > ROUNDING)
+        return LinearVector(self._columns_of(vectors), np.kron(row[vectors], np.eye(3)), np.zeros(3))
 
     def axis_jacobian(self, x: Array, a: Array) -> Array:
         """Return the same matrix for every state."""

@@ -149,7 +149,7 @@ class System:
     @cached_property
     def uses_rates(self) -> bool:
         """Whether forces or constraints need the rates u."""
-        needed = any(f.uses_rates for f in self.forces) or not self.equations.constraints_constant
+        needed = any(f.uses_rates for f in self.forces) or not self.equations.phi.constant
         return needed or self.keeps_rates
 
     @cached_property
@@ -205,7 +205,7 @@ class System:
         if not any(c.driven for c in self.constraints):
             return power
         _, multipliers = self.equations.solve(t, x, u, self.force(t, x, u))
-        return np.asarray(power + np.sum(multipliers * self.equations.rate(t), axis=-1))
+        return np.asarray(power + np.sum(multipliers * self.equations.phi.rate(t), axis=-1))
 
     def multipliers(self, t: Array, x: Array, u: Array) -> Array:
         """Return the multipliers of all constraints, shape (n_batch, n_rows of `unreduced`)."""
@@ -213,11 +213,11 @@ class System:
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return Phi of all constraints, shape (n_batch, n_rows of `unreduced`)."""
-        return self.unreduced.residual(t, x)
+        return self.unreduced.phi.residual(t, x)
 
     def drift(self, t: Array, x: Array, u: Array) -> Array:
         """Return Phi' of all constraints, shape (n_batch, n_rows of `unreduced`)."""
-        return self.unreduced.drift(t, x, u)
+        return self.unreduced.phi.drift(t, x, u)
 
     # ------------------------------------------------------------------ equations of motion
 
@@ -269,7 +269,7 @@ class System:
     @property
     def quartic(self) -> bool:
         """Whether mass and joints are constant in the state and the potential a polynomial of degree four."""
-        constant = self.linearizes and self.equations.constraints_constant
+        constant = self.linearizes and self.equations.phi.constant
         return constant and all(part.quartic for part in self.forces)
 
     def linearized(self, t: float, q: Array, v: Array) -> Linearized:
@@ -277,13 +277,13 @@ class System:
         time, x, u = np.array([t]), self.absolute(q[None]), self.absolute_velocity(q[None], v[None])
         equations, reduction = self.equations, self.reduction
         stiff = [part.tangent(time, x, u) for part in self.forces]
-        if equations.changing:
+        if not equations.phi.constant:
             multipliers = equations.solve(time, x, u, self.force(time, x, u))[1]
-            stiff += [c.stiffness(x, multipliers[:, rows]) for c, rows in equations.changing]
+            stiff += equations.phi.stiffness(x, multipliers)
         damping = None
         if self.dissipates:
             damping = self._free_matrix([part.rate_tangent(time, x, u) for part in self.forces])
-        jacobian = equations.jacobian_at(x) @ reduction.basis if equations.constraints else None
+        jacobian = equations.phi.jacobian_at(x) @ reduction.basis if equations.constraints else None
         root = None if is_sparse(equations.free_mass) else equations.inverse_root
         return Linearized(equations.free_mass, self._free_matrix(stiff), damping, jacobian, root)
 
@@ -329,7 +329,7 @@ class System:
         M = equations.mass(x)[0] * np.outer(scale, scale)
         Z = np.eye(self.n_x)
         if equations.constraints:
-            rows = equations.jacobians(x)[0] * scale
+            rows = equations.phi.jacobians(x)[0] * scale
             Z = np.linalg.qr(rows.T, mode="complete")[0][:, len(rows) :]
         sizes, motions = np.linalg.eigh(Z.T @ M @ Z)
         return float(sizes[0]), Z @ motions[:, 0]
@@ -367,14 +367,14 @@ class System:
         """Return absolute coordinates and rates on the constraints: themselves if they are there already."""
         equations = self.equations
         for _ in range(8):
-            gap = equations.residual(t, x)
+            gap = equations.phi.residual(t, x)
             if _largest(gap) <= ROUNDING * max(1.0, _largest(x)):
                 break
             x = x - self._correction(x, gap)
         else:
-            if strict and not _largest(equations.residual(t, x)) <= CLOSED * max(1.0, _largest(x)):
+            if strict and not _largest(equations.phi.residual(t, x)) <= CLOSED * max(1.0, _largest(x)):
                 raise np.linalg.LinAlgError("the joints cannot be closed")
-        drift = equations.drift(t, x, u)
+        drift = equations.phi.drift(t, x, u)
         if _largest(drift) > ROUNDING * max(1.0, _largest(u)):
             u = u - self._correction(x, drift)
         return x, u

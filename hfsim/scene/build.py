@@ -377,11 +377,11 @@ def _check_independent(
         Naming the joints whose equations depend on one another.
     """
     own = system.equations
-    rows = own.jacobian_at(x[None]) @ own.reduction.basis
+    rows = own.phi.jacobian_at(x[None]) @ own.reduction.basis
     if not dependence(rows, own.rows, {}).missing:
         return
     equations = system.unreduced
-    found = dependence(equations.jacobian_at(x[None]), equations.rows, joints)
+    found = dependence(equations.phi.jacobian_at(x[None]), equations.rows, joints)
     *others, last = found.joints
     raise loaded.problem(
         f"joints.{last}",

@@ -79,7 +79,7 @@ def linearise(scene: Scene, t: float, q: Array, v: Array) -> AnyModes:
         If the scene is large and its matrices change with the state.
     """
     system = scene.system
-    resting = not v.any() or system.equations.constraints_constant
+    resting = not v.any() or system.equations.phi.constant
     if system.linearizes and (resting or system.n > MOST_UNKNOWNS):
         return analytic_modes(system, t, q, v, MOST_UNKNOWNS)
     if system.n > MOST_UNKNOWNS:

@@ -182,7 +182,7 @@ def joint_dependence(scene: Scene, q: Array) -> Dependence:
     if not scene.system.n_rows:
         return Dependence(0, 1.0, ())
     equations = scene.system.unreduced
-    rows = equations.jacobian_at(scene.system.absolute(q[None]))
+    rows = equations.phi.jacobian_at(scene.system.absolute(q[None]))
     return dependence(rows, equations.rows, scene.joints, ALIGNED)
 
 

@@ -176,7 +176,7 @@ def test_every_step_ends_on_the_constraints():
     for s in trajectory.segments:
         x = s.q[None]
         assert np.abs(system.residual(np.zeros(1), x)).max() < 1e-12
-        assert np.abs(system.unreduced.jacobians(x)[0] @ s.v).max() < 1e-12
+        assert np.abs(system.unreduced.phi.jacobians(x)[0] @ s.v).max() < 1e-12
 
 
 # tolerance, cost, dense output -----------------------------------------------------------------------

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hfsim.maths.matrices import assemble
 from hfsim.maths.rotations import (
     across,
     cross,
@@ -15,6 +16,7 @@ from hfsim.maths.rotations import (
 )
 from hfsim.mechanics.constraints import constraints_of
 from hfsim.mechanics.directions import Facing, Orthonormal, Parallel, Square
+from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.markers import GroundMarker
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.spatial_markers import FrameMarker, VectorMarker
@@ -286,3 +288,35 @@ def test_an_angle_about_an_axis_counts_from_the_smallest_rotation(tilt):
         R = rotation(MARKERS["ground"].pose.turn) @ rotation(np.array([0.0, 0.0, angle])) @ tilt
         x[0, BODY] = np.r_[np.zeros(3), R.T.ravel()]
         assert c.gap(x)[0, 0] == pytest.approx(angle, abs=1e-14)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_products_of_a_whole_scene_are_those_of_each_joint(sparse, rng):
+    found = [
+        Orthonormal(MARKERS["ground"], MARKERS["body"]),
+        Orthonormal(MARKERS["ground"], MARKERS["other"]),
+    ]
+    for k, (spec, _) in enumerate(JOINTS.values()):
+        found += constraints_of(spec.held(FACING), *(MARKERS[one] for one in PAIRS[k % 3]))
+    found += Facing.of(FACING).between(MARKERS["body"], MARKERS["line"])
+    phi = JointRows(tuple(found), N, sparse)
+    assert sum(len(c.products) for c in found) > 20
+    x, u, t = np.array([state(rng), state(rng)]), rng.normal(size=(2, N)), np.array([0.1, 0.3])
+    J, multipliers = np.zeros((2, phi.n_rows, N)), rng.normal(size=(1, phi.n_rows))
+    stiff = []
+    for c, rows in zip(found, phi.rows, strict=True):
+        for marker, block in zip(c.ends, c.jacobians(x), strict=True):
+            J[:, rows, marker.columns] += block
+        stiff.append(c.stiffness(x[:1], multipliers[:, rows]))
+    each = [
+        np.concatenate(parts, axis=1)
+        for parts in zip(*((c.residual(t, x), c.acceleration(t, x, u)) for c in found), strict=True)
+    ]
+    assert phi.residual(t, x) == pytest.approx(each[0], abs=1e-13)
+    assert phi.curvature(t, x, u) == pytest.approx(each[1], abs=1e-12)
+    assert phi.drift(t, x, u) == pytest.approx((J @ u[..., None])[..., 0] + phi.rate(t), abs=1e-13)
+    assert np.allclose(phi.jacobians(x), J, rtol=0.0, atol=1e-14)
+    one = phi.jacobian_at(x[:1])
+    assert np.allclose(one.toarray() if sparse else one, J[0], rtol=0.0, atol=1e-14)
+    mine, theirs = (assemble(parts, (N, N), False) for parts in (phi.stiffness(x[:1], multipliers), stiff))
+    assert np.allclose(mine, theirs, rtol=0.0, atol=1e-6)

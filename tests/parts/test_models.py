@@ -524,7 +524,7 @@ def test_energy_changes_by_the_power_put_in(model, options, rng):
         q = scene.q[None] + size * rng.normal(size=(1, system.n))
         q, v = system.project(t, q, rng.normal(size=(1, system.n)))
         x, u = system.absolute(q), system.absolute_velocity(q, v)
-        drift = (system.unreduced.jacobians(x) @ u[..., None])[..., 0] + system.unreduced.rate(t)
+        drift = (system.unreduced.phi.jacobians(x) @ u[..., None])[..., 0] + system.unreduced.phi.rate(t)
         assert np.abs(drift).max() < 1e-10
         a = system.acceleration(t, q, v)
 

@@ -630,7 +630,7 @@ def start(text, model="exact"):
     x, u = samples.x, samples.u
     if built.system.unreduced.n_rows:
         assert np.abs(built.system.residual(np.zeros(1), x)).max() < 1e-13
-        rate = (built.system.unreduced.jacobians(x) @ u[..., None])[..., 0] + built.system.unreduced.rate(np.zeros(1))
+        rate = (built.system.unreduced.phi.jacobians(x) @ u[..., None])[..., 0] + built.system.unreduced.phi.rate(np.zeros(1))
         assert np.abs(rate).max() < 1e-12
     return {c.name: c.values[0] for c in compute_channels(samples)}
 

@@ -1,0 +1,188 @@
+"""The joint equations Phi(x, t) = 0 of a scene: one row below the other, for all states at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.mechanics.constraints import Constraint, End
+from hfsim.mechanics.markers import joint_support
+from hfsim.mechanics.products import Products
+
+
+@dataclass(frozen=True, eq=False)
+class JointRows:
+    """Constraints of a scene.
+
+    Attributes
+    ----------
+    constraints : tuple of Constraint
+    n_x : int
+        Number of coordinates.
+    sparse : bool
+        Whether `jacobian_at` gives a sparse matrix.
+    """
+
+    constraints: tuple[Constraint, ...]
+    n_x: int
+    sparse: bool
+
+    @cached_property
+    def rows(self) -> tuple[slice, ...]:
+        """Rows of each constraint in Phi."""
+        ends = np.cumsum([0] + [c.rows for c in self.constraints])
+        return tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
+
+    @cached_property
+    def n_rows(self) -> int:
+        """Number of equations."""
+        return sum(c.rows for c in self.constraints)
+
+    @cached_property
+    def constant(self) -> bool:
+        """Whether Phi_x is the same for every state."""
+        return all(c.constant for c in self.constraints)
+
+    @cached_property
+    def support(self) -> IntArray:
+        """Columns of x that the constraints depend on."""
+        return joint_support(*(marker for c in self.constraints for marker in c.ends))
+
+    @property
+    def _pairs(self) -> Iterator[tuple[Constraint, slice]]:
+        return zip(self.constraints, self.rows, strict=True)
+
+    @cached_property
+    def _products(self) -> Products:
+        """The equations that are products."""
+        found = [(one, rows.start + k) for c, rows in self._pairs for k, one in enumerate(c.products)]
+        rows = np.array([row for _, row in found], dtype=np.intp)
+        return Products(rows, [one for one, _ in found], self.n_x, self.sparse)
+
+    @cached_property
+    def _others(self) -> tuple[tuple[Constraint, slice], ...]:
+        """The constraints that are no products, with their rows."""
+        return tuple((c, rows) for c, rows in self._pairs if not c.products)
+
+    @cached_property
+    def _changing(self) -> tuple[tuple[Constraint, slice], ...]:
+        """Those of them whose Jacobian depends on the state."""
+        return tuple((c, rows) for c, rows in self._others if not c.constant)
+
+    # ------------------------------------------------------------------ what they miss
+
+    def residual(self, t: Array, x: Array) -> Array:
+        """Return Phi, shape (n_batch, n_rows)."""
+        if self.constant:
+            return np.asarray(x @ self._constant_transpose + self._origin_residual)
+        out = self._stack(len(x), lambda c: c.residual(t, x))
+        if self._products:
+            out[:, self._products.rows] = self._products.gap(x)
+        return out
+
+    def drift(self, t: Array, x: Array, u: Array) -> Array:
+        """Return Phi' = Phi_x u + Phi_t, shape (n_batch, n_rows)."""
+        if self.constant:
+            return np.asarray(u @ self._constant_transpose)
+        drift = self.rate(t)
+        for end in self.ends:
+            drift[:, end.rows] += (end.jacobian(x) @ u[:, end.columns, None])[..., 0]
+        if self._products:
+            drift[:, self._products.rows] = self._products.rate(x, u)
+        return drift
+
+    def rate(self, t: Array) -> Array:
+        """Return Phi_t, shape (n_batch, n_rows)."""
+        return self._stack(len(t), lambda c: c.rate(t))
+
+    def curvature(self, t: Array, x: Array, u: Array) -> Array:
+        """Return gamma of eq. (37), shape (n_batch, n_rows)."""
+        gamma = np.zeros((len(x), self.n_rows))
+        for constraint, rows in self._changing:
+            gamma[:, rows] = constraint.acceleration(t, x, u)
+        if self._products:
+            gamma[:, self._products.rows] = -self._products.bias(u)
+        return gamma
+
+    @cached_property
+    def _constant_transpose(self) -> Matrix:
+        jacobian = self.jacobian_at(self._origin)
+        return jacobian.T.tocsr() if is_sparse(jacobian) else np.ascontiguousarray(jacobian.T)
+
+    @cached_property
+    def _origin_residual(self) -> Array:
+        """Residual of linear constraints where all coordinates are zero."""
+        return self._stack(1, lambda c: c.residual(np.zeros(1), self._origin))
+
+    @cached_property
+    def _origin(self) -> Array:
+        """Coordinates zero, (1, n_x): where a Jacobian that never changes is evaluated."""
+        return np.zeros((1, self.n_x))
+
+    def _stack(self, n_batch: int, rows_of: Callable[[Constraint], Array]) -> Array:
+        out = np.zeros((n_batch, self.n_rows))
+        for constraint, rows in self._others:
+            out[:, rows] = rows_of(constraint)
+        return out
+
+    # ------------------------------------------------------------------ how that depends on the coordinates
+
+    @cached_property
+    def ends(self) -> tuple[End, ...]:
+        """The ends, on bodies, of all constraints that are no products."""
+        return tuple(
+            End.of(c, k, rows, self.support)
+            for c, rows in self._others
+            for k, marker in enumerate(c.ends)
+            if not marker.grounded
+        )
+
+    def jacobians(self, x: Array) -> Array:
+        """Return Phi_x by the coordinates x, dense, shape (n_batch or 1, n_rows, n_x)."""
+        J = self.at_joints(x)
+        Phi_x = np.zeros((*J.shape[:2], x.shape[1]))
+        Phi_x[..., self.support] = J
+        return Phi_x
+
+    def jacobian_at(self, x: Array) -> Matrix:
+        """Return Phi_x of one state (1, n_x), shape (n_rows, n_x)."""
+        if not self.sparse:
+            return self.jacobians(x)[0]
+        parts = [Entries.of_block(np.r_[end.rows], end.columns, end.jacobian(x)[0]) for end in self.ends]
+        if self._products:
+            parts.append(self._products.entries(x))
+        return assemble(parts, (self.n_rows, x.shape[1]), sparse=True)
+
+    def at_joints(self, x: Array) -> Array:
+        """Return Phi_x by the coordinates `support` alone, shape (n_batch or 1, n_rows, k)."""
+        if self.constant:
+            return self._constant_rows
+        J = self._with_ends(np.repeat(self._constant_rows, len(x), axis=0), x, still=False)
+        if self._products:
+            J[:, self._products.rows] += self._products.jacobian(x, self.support)
+        return J
+
+    @cached_property
+    def _constant_rows(self) -> Array:
+        """What never changes of the Jacobian by the coordinates at the joints, shape (1, n_rows, k)."""
+        return self._with_ends(np.zeros((1, self.n_rows, len(self.support))), self._origin, still=True)
+
+    def _with_ends(self, J: Array, x: Array, still: bool) -> Array:
+        """Add the blocks of the ends that never change, or of those that do."""
+        for end in self.ends:
+            if end.still == still:
+                J[:, end.rows, end.place] += end.jacobian(x)
+        return J
+
+    def stiffness(self, x: Array, multipliers: Array) -> list[Entries]:
+        """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, n_rows)."""
+        parts = [c.stiffness(x, multipliers[:, rows]) for c, rows in self._changing]
+        if self._products:
+            parts.append(self._products.stiffness(multipliers[0, self._products.rows]))
+        return parts
