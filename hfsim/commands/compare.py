@@ -274,6 +274,7 @@ def _exit_code(runs: Sequence[Run], comparison: Comparison, require: Sequence[st
 
 def run_model(plan: Plan, model: str, first: bool) -> Run:
     """Run one model, write its folder, and return the run."""
+    from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
     from hfsim.output.recording import save_run
     from hfsim.output.runfolder import RunLog, Stopwatch
@@ -290,7 +291,7 @@ def run_model(plan: Plan, model: str, first: bool) -> Run:
         run = simulate(
             deck, model=model, progress=progress, error_estimate=plan.error_estimate, outlines=True
         )
-    run, summary = save_run(plan.folders[model], run, provenance, watch, log, plan.study.plots)
+    run, summary = save_run(plan.folders[model], run, provenance, watch, log, Extras(plan.study.plots))
     for warning in summary["warnings"]:
         told_with_differences = validity_warnings(summary.get("models") or {}, summary.get("validity") or {})
         if warning not in (*told_with_differences, *deck.warnings):

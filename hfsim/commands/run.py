@@ -26,6 +26,7 @@ from hfsim.output.talk import Destination, Talk
 
 if TYPE_CHECKING:
     from hfsim.output.checkpoint import Checkpoint
+    from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
     from hfsim.output.recording import Recording
     from hfsim.output.runfolder import RunFolder
@@ -48,12 +49,16 @@ class Settings:
     """How all jobs of one call are done."""
 
     overrides: tuple[str, ...]
-    plots: bool
+    wanted: Extras
     error_estimate: bool
     diagnosis: bool
     resume: bool
-    after: float | None
     talk: Talk
+
+    @property
+    def after(self) -> float | None:
+        """Time for all work after a run [s]."""
+        return self.wanted.after
 
 
 @click.command()
@@ -85,6 +90,8 @@ class Settings:
     help="Time for estimates, diagnosis and pictures, e.g. 10s, or none; without it as much as the run for "
     "all but pictures, or 2s.",
 )
+@click.option("--animate", is_flag=True, help="Draw the motion as plots/motion.gif.")
+@click.option("--vtk", is_flag=True, help="Write the motion for ParaView: <deck name>.pvd and vtk/*.vtu.")
 @talk_options
 def run(
     decks: tuple[str, ...],
@@ -97,6 +104,8 @@ def run(
     resume: bool,
     no_diagnosis: bool,
     after: float | None,
+    animate: bool,
+    vtk: bool,
     talk: Talk,
 ) -> None:
     """Simulate each DECK (a YAML file, or the name of a shipped case such as 'pendulum').
@@ -115,8 +124,11 @@ def run(
     with beams of elements: auto has only these refined, to 1e-2 unless it states a target. Exit code 4: no
     refinement reaches it; 5: the budget does not suffice. The best result is kept then.
     """
+    from hfsim.output.extras import Extras
+
     overrides = (*overrides, *_target(target_error, target_channels, budget))
-    settings = Settings(overrides, to.plots, not no_error_estimate, not no_diagnosis, resume, after, talk)
+    wanted = Extras(to.plots and after != 0.0, animate, vtk, after)
+    settings = Settings(overrides, wanted, not no_error_estimate, not no_diagnosis, resume, talk)
     jobs = plan_jobs(decks, settings, to)
     _refuse_blind(jobs, settings)
     codes = [0]
@@ -226,6 +238,7 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     HfsimError
         If the deck cannot be assembled or the disk refuses.
     """
+    from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
     from hfsim.output.recording import Recording
     from hfsim.output.runfolder import RunLog, Stopwatch
@@ -238,24 +251,23 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     log.add(command_line())
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
     recording = Recording(job.folder, deck.name, deck.solve.model, provenance, watch, log, job.checkpoint)
-    plots = settings.plots and deck.output.plots
+    wanted = settings.wanted._replace(pictures=settings.wanted.pictures and deck.output.plots)
     with Progress(deck.name, sys.stderr, settings.talk.quiet) as progress:
         try:
             work = _refined if has_target(loaded) else _simulated
-            result = work(job, settings, recording, progress, plots)
+            result = work(job, settings, recording, progress, wanted.any)
         except BaseException as error:
             recording.abandon(error)
             raise
-        plots = plots and settings.after != 0.0 and result.exit_code not in (130, 143)
         for line in method_lines(result.statistics.get("refinement")):
             log.add(line.strip())
         log.add(f"model {result.model}, method {result.method}")
-        result, summary = recording.finish(result, plots, settings.after)
+        result, summary = recording.finish(result, Extras() if result.exit_code in (130, 143) else wanted)
     tell(result, summary, job.folder.path, settings.talk, job.loaded.warnings)
     return result.exit_code
 
 
-def _simulated(job: Job, settings: Settings, recording: Recording, progress: Progress, plots: bool) -> Run:
+def _simulated(job: Job, settings: Settings, recording: Recording, progress: Progress, shown: bool) -> Run:
     from hfsim.run.stop import Budget
     from hfsim.simulate import simulate
 
@@ -265,7 +277,7 @@ def _simulated(job: Job, settings: Settings, recording: Recording, progress: Pro
         progress=progress if budget is None else Budget(budget).limiting(progress),
         error_estimate=settings.error_estimate,
         diagnosis=settings.diagnosis,
-        outlines=plots,
+        outlines=shown,
         mesh_estimate=settings.error_estimate,
         after=settings.after,
         sink=recording,
@@ -273,7 +285,7 @@ def _simulated(job: Job, settings: Settings, recording: Recording, progress: Pro
     )
 
 
-def _refined(job: Job, settings: Settings, recording: Recording, progress: Progress, plots: bool) -> Run:
+def _refined(job: Job, settings: Settings, recording: Recording, progress: Progress, shown: bool) -> Run:
     from hfsim.studies.refine import refine
 
     assemble(job.loaded)

@@ -1,4 +1,7 @@
-"""Pictures on their way into a folder: what goes wrong costs no results, and nobody else's files."""
+"""Pictures, and other files that show a run, on their way into a folder.
+
+What goes wrong costs no results, and nobody else's files.
+"""
 
 from __future__ import annotations
 
@@ -9,44 +12,54 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 
 _ASIDE = ".plots.part"
+_TOLD = 10
+"""Names of files in a message at most."""
 
 
 def put_pictures(draw: Callable[[Path], Iterable[str]], folder: Path) -> list[str]:
-    """Draw pictures aside and put them into ``plots`` of a folder; return their names, relative to it.
+    """Draw pictures aside and put them into ``plots`` of a folder; as `put_files`."""
+    # where it cannot keep its cache is nothing to tell of a scene
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    return put_files(draw, folder, lambda name: f"plots/{name}")
+
+
+def put_files(make: Callable[[Path], Iterable[str]], folder: Path, place: Callable[[str], str]) -> list[str]:
+    """Make files aside and put them into a folder; return their names, relative to it.
 
     Parameters
     ----------
-    draw : callable
-        Draws into a folder and returns names of files.
+    make : callable
+        Writes into a folder and returns names of files.
     folder : Path
-        Of a run or a study; the pictures of an older one are gone.
+        Of a run or a study; the files of an older one are gone.
+    place : callable
+        Returns where in that folder a file goes.
 
     Raises
     ------
     OSError
-        If the system refuses, or ``plots`` has other files of these names; none is put there then.
+        If the system refuses, or there are other files of these names; none is put there then.
     """
-    # where it cannot keep its cache is nothing to tell of a scene
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    aside, there = folder / _ASIDE, folder / "plots"
+    aside = folder / _ASIDE
     shutil.rmtree(aside, ignore_errors=True)
     aside.mkdir()
     try:
-        names = list(draw(aside))
-        if names:
-            there.mkdir(exist_ok=True)
-        taken = [name for name in names if os.path.lexists(there / name)]
+        places = {name: folder / place(name) for name in make(aside)}
+        for parent in {there.parent for there in places.values()}:
+            parent.mkdir(exist_ok=True)
+        taken = [there for there in places.values() if os.path.lexists(there)]
         if taken:
-            raise FileExistsError(f"{there} has files that are not of hfsim: {', '.join(taken)}")
-        for name in names:
-            os.replace(aside / name, there / name)
+            names = ", ".join(there.name for there in taken[:_TOLD])
+            raise FileExistsError(f"{taken[0].parent} has files that are not of hfsim: {names}")
+        for name, there in places.items():
+            os.replace(aside / name, there)
     finally:
         shutil.rmtree(aside, ignore_errors=True)
-    return [f"plots/{name}" for name in names]
+    return [place(name) for name in places]
 
 
-def lost(error: BaseException) -> str:
-    """Return a warning that pictures were not drawn, and why."""
+def lost(error: BaseException, what: str = "the pictures were not drawn") -> str:
+    """Return a warning that files were not made, and why."""
     if isinstance(error, KeyboardInterrupt):
-        return "the pictures were not drawn: interrupted"
-    return f"the pictures were not drawn: {str(error).strip() or type(error).__name__}"
+        return f"{what}: interrupted"
+    return f"{what}: {str(error).strip() or type(error).__name__}"

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import replace
-from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import LimitReached, interruption_code
 from hfsim.integrators import Memory
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
 from hfsim.output.disk import History, disk, write_json
+from hfsim.output.extras import Extras, add_extras
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
-from hfsim.output.writers import Provenance, running_summary, summary_of, warnings_of, write_resolved
+from hfsim.output.writers import Provenance, running_summary, summary_of, write_resolved
 from hfsim.run.solution import Run
-from hfsim.run.stop import Budget
-from hfsim.trust.after import AFTER
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -149,33 +145,18 @@ class Recording:
                 (self.path / CHECKPOINT).unlink(missing_ok=True)
             self._summarise(run, ())
 
-    def finish(self, run: Run, pictures: bool, after: float | None = None) -> tuple[Run, dict[str, Any]]:
-        """Draw pictures if wanted, and write the last summary; return the run as it is told there, and that.
-
-        Where a time is allowed for all work after the run [s], pictures get what is left of it.
+    def finish(self, run: Run, wanted: Extras) -> tuple[Run, dict[str, Any]]:
+        """Make what is wanted beside, write the last summary; return the run as it is told there, and that.
 
         Raises
         ------
         WriteError
             If the system refuses.
         """
-        plots: list[str] = []
-        if pictures:
-            from hfsim.output.pictures import lost, put_pictures
-
-            budget = None if after is None else Budget(after - _spent_after(run), time.process_time)
-            try:
-                with self._watch.phase("plots"):
-                    plots = put_pictures(partial(_draw, run, budget), self.path)
-                if budget is not None and budget.left <= 0.0:
-                    run = _warned(run, f"{len(plots)} pictures until time was up; allow more with --after")
-            except KeyboardInterrupt as stop:
-                run = _warned(replace(run, exit_code=interruption_code(stop)), lost(stop))
-            except Exception as error:  # whatever it is, it must not cost the results
-                run = _warned(run, lost(error))
+        run, files = add_extras(run, wanted, self.path, self._watch)
         run = self._watch.added_to(run)
         with disk(self.path):
-            summary = self._summarise(run, plots)
+            summary = self._summarise(run, files)
             self._log.end(summary)
         self._release()
         return run, summary
@@ -185,8 +166,8 @@ class Recording:
             self._history.close()
         self.folder.release()
 
-    def _summarise(self, run: Run, plots: Iterable[str]) -> dict[str, Any]:
-        files = ["history.csv", "resolved.yaml", "run.log", SUMMARY, *plots]
+    def _summarise(self, run: Run, extra: Iterable[str]) -> dict[str, Any]:
+        files = ["history.csv", "resolved.yaml", "run.log", SUMMARY, *extra]
         if (self.path / CHECKPOINT).exists():
             files.append(CHECKPOINT)
         summary = summary_of(run, self.provenance, files)
@@ -194,29 +175,11 @@ class Recording:
         return summary
 
 
-def _draw(run: Run, budget: Budget | None, folder: Path) -> list[str]:
-    if budget is not None and budget.left <= 0.0:
-        return []
-    from hfsim.output.plots import draw_run  # half a second of matplotlib, for those who want pictures
-
-    return draw_run(run, folder, budget)
-
-
-def _spent_after(run: Run) -> float:
-    """Return the CPU time of the work after a run so far [s]."""
-    spent = run.statistics.get("cpu_s") or {}
-    return float(sum(spent.get(name, 0.0) for name in AFTER))
-
-
-def _warned(run: Run, warning: str) -> Run:
-    return replace(run, statistics={**run.statistics, "warnings": [*warnings_of(run), warning]})
-
-
 def save_run(
-    folder: RunFolder, run: Run, provenance: Provenance, watch: Stopwatch, log: RunLog, pictures: bool = True
+    folder: RunFolder, run: Run, provenance: Provenance, watch: Stopwatch, log: RunLog, wanted: Extras
 ) -> tuple[Run, dict[str, Any]]:
     """Write everything of a run that has ended; as `Recording.finish`."""
     recording = Recording(folder, run.name, run.model, provenance, watch, log)
     recording.begin([channel.name for channel in run.channels])
     recording.rows(run.table)
-    return recording.finish(run, pictures)
+    return recording.finish(run, wanted)

@@ -11,6 +11,7 @@ import yaml
 
 from hfsim.errors import LimitReached
 from hfsim.output.disk import History, WriteError, read_history, write_json
+from hfsim.output.extras import Extras
 from hfsim.output.recording import Recording, save_run
 from hfsim.output.runfolder import FolderError, RunLog, Stopwatch, claim, folder_name
 from hfsim.output.writers import Provenance, json_ready, write_table
@@ -49,7 +50,7 @@ def make_run(values, status="done", **changes):
 
 
 def save(path, run, force=False, plots=False):
-    return save_run(claim(path, force), run, PROVENANCE, Stopwatch(), RunLog(), plots)
+    return save_run(claim(path, force), run, PROVENANCE, Stopwatch(), RunLog(), Extras(plots))
 
 
 def test_history_reads_back_bit_for_bit(tmp_path):
@@ -270,7 +271,7 @@ def test_pictures_get_what_the_work_before_has_left_of_the_time(tmp_path, second
     recording = Recording(claim(tmp_path / "out", False), "case", "exact", PROVENANCE, Stopwatch(), RunLog())
     recording.begin([channel.name for channel in run.channels])
     recording.rows(run.table)
-    finished, summary = recording.finish(run, True, seconds)
+    finished, summary = recording.finish(run, Extras(pictures=True, after=seconds))
     told = [one for one in finished.statistics.get("warnings", ()) if "pictures until time was up" in one]
     assert bool(told) != some
     assert any(name.endswith(".png") for name in summary["files"]) == some
