@@ -1,0 +1,215 @@
+# ruff: noqa: E402
+"""Measure hfsim and Exudyn side by side in space: ``python tests/benchmarks/peers_space.py [SCENE...]``.
+
+As `peers.py`: CPU time of the solve call alone, one thread, median of three; the error is the largest
+distance of the last point from the converged trajectory of the same equations, hfsim's at a far tighter
+tolerance. In a Python that has no Exudyn only hfsim is measured. No test.
+"""
+
+from __future__ import annotations
+
+import os  # first: the libraries read these names when they are imported
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ[_name] = "1"
+
+import sys
+import time
+from collections.abc import Callable
+from itertools import pairwise
+from pathlib import Path
+from statistics import median
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.exudynFast = True  # type: ignore[attr-defined]  # read by the import: build without range checks
+
+import numpy as np
+
+from hfsim.run.integration import run_integration
+from hfsim.run.sampling import samples_at
+from hfsim.scene.build import build
+from hfsim.scene.loading import load_deck
+
+try:
+    import exudyn as exu
+    from exudyn import itemInterface as items  # noqa: N813
+    from exudyn.rigidBodyUtilities import RigidBodyInertia
+except ImportError:
+    exu = None
+
+DECKS = Path(__file__).parent / "decks"
+POINTS = {"chain_of_five": "b5.b", "pendulum_in_space": "b1.tip"}
+LEVELS = tuple(10.0**-k for k in range(2, 11))
+LONGEST = 10.0
+"""CPU time that a point may take [s]."""
+HALF = np.array([0.5, 0.0, 0.0])
+"""From the middle of a link to its end [m]."""
+Solve = Callable[[], tuple[float, "np.ndarray | None"]]
+
+
+def solve_hfsim(name: str, tolerance: float) -> tuple[float, np.ndarray | None]:
+    """Return CPU time of the solve call and path of the last point."""
+    loaded = load_deck(DECKS / f"{name}.yaml", [f"solve.tolerance={tolerance:g}"])
+    scene = build(loaded)
+    begin = time.process_time()
+    done = run_integration(scene, loaded.deck.solve)
+    cpu = time.process_time() - begin
+    if done.stop is not None:
+        return cpu, None
+    samples = samples_at(scene, done.trajectory, times_of(name))
+    return cpu, np.asarray(scene.marker(POINTS[name]).position(samples.x))
+
+
+def times_of(name: str) -> np.ndarray:
+    """Return the output times."""
+    deck = load_deck(DECKS / f"{name}.yaml").deck
+    return deck.interval * np.arange(round(deck.solve.duration / deck.interval) + 1)
+
+
+def chain(mbs: object) -> int:
+    """Add five bodies on spherical joints; return a sensor at the last end."""
+    spins = ((1.0, 0.0, 0.5), (-2.0, 0.0, 0.5), (3.0, 0.0, 0.5), (-1.0, 0.0, 0.5), (2.0, 0.0, 0.5))
+    before, place = mbs.CreateGround(), np.zeros(3)
+    velocity = np.zeros(3)
+    for spin in spins:
+        turning = np.cross(spin, HALF)
+        body = mbs.CreateRigidBody(
+            inertia=RigidBodyInertia(1.0, np.diag([0.02, 0.09, 0.1])),
+            referencePosition=list(place + HALF),
+            initialVelocity=list(velocity + turning),
+            initialAngularVelocity=list(spin),
+            gravity=[0.0, 0.0, -9.81],
+        )
+        mbs.CreateSphericalJoint(bodyNumbers=[before, body], position=list(place), show=False)
+        before, place, velocity = body, place + 2.0 * HALF, velocity + 2.0 * turning
+    return mbs.AddSensor(
+        items.SensorBody(
+            bodyNumber=before,
+            localPosition=[0.5, 0.0, 0.0],
+            outputVariableType=exu.OutputVariableType.Position,
+            writeToFile=False,
+            storeInternal=True,
+        )
+    )
+
+
+def pendulum(mbs: object) -> int:
+    """Add four cable elements pinned at the root; return a sensor at the tip."""
+    nodes = []
+    for k in range(5):
+        x = 0.3 * k
+        nodes.append(
+            mbs.AddNode(
+                items.NodePointSlope1(
+                    referenceCoordinates=[x, 0.0, 0.0, 1.0, 0.0, 0.0],
+                    initialVelocities=[0.0, 3.0 * x, 0.0, 0.0, 3.0, 0.0],
+                )
+            )
+        )
+    for first, last in pairwise(nodes):
+        cable = mbs.AddObject(
+            items.ObjectANCFCable(
+                length=0.3,
+                massPerLength=5540.0 * 0.0018,
+                bendingStiffness=7.0e5 * 1.215e-8,
+                axialStiffness=7.0e5 * 0.0018,
+                nodeNumbers=[first, last],
+                useReducedOrderIntegration=0,
+            )
+        )
+        marker = mbs.AddMarker(items.MarkerBodyMass(bodyNumber=cable))
+        mbs.AddLoad(items.Gravity(markerNumber=marker, loadVector=[0.0, 0.0, -9.81]))
+    ground = mbs.AddMarker(
+        items.MarkerNodeCoordinate(nodeNumber=mbs.AddNode(items.NodePointGround()), coordinate=0)
+    )
+    for k in range(3):
+        held = mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=nodes[0], coordinate=k))
+        mbs.AddObject(items.CoordinateConstraint(markerNumbers=[ground, held]))
+    return mbs.AddSensor(
+        items.SensorNode(
+            nodeNumber=nodes[-1],
+            outputVariableType=exu.OutputVariableType.Position,
+            writeToFile=False,
+            storeInternal=True,
+        )
+    )
+
+
+MODELS = {"chain_of_five": chain, "pendulum_in_space": pendulum}
+
+
+def solve_exudyn(name: str, method: str, steps: int) -> tuple[float, np.ndarray | None]:
+    """Return CPU time of Exudyn's solver call, with output on the grid, and path of the last point."""
+    times = times_of(name)
+    mbs = exu.SystemContainer().AddSystem()
+    sensor = MODELS[name](mbs)
+    mbs.Assemble()
+    settings = exu.SimulationSettings()
+    settings.parallel.numberOfThreads = 1
+    settings.solutionSettings.writeSolutionToFile = False
+    settings.solutionSettings.solutionInformation = ""
+    settings.solutionSettings.sensorsWritePeriod = times[1]
+    integration = settings.timeIntegration
+    integration.numberOfSteps, integration.endTime = steps, times[-1]
+    integration.automaticStepSize = integration.adaptiveStep = False
+    integration.verboseMode = 0
+    integration.newton.relativeTolerance, integration.newton.absoluteTolerance = 1e-8, 1e-10
+    integration.newton.useModifiedNewton = True
+    integration.newton.modifiedNewtonJacUpdatePerStep = False
+    settings.linearSolverType = exu.LinearSolverType.EXUdense
+    begin = time.process_time()
+    try:
+        good = mbs.SolveDynamic(settings, solverType=getattr(exu.DynamicSolverType, method), showHints=False)
+    except Exception:
+        good = False
+    cpu = time.process_time() - begin
+    path = np.asarray(mbs.GetSensorStoredData(sensor)) if good is not False else np.zeros((0, 4))
+    at = np.searchsorted(path[:, 0], times - 1e-6 * times[1])
+    return cpu, path[at, 1:] if len(path) and at[-1] < len(path) else None
+
+
+def measured(solve: Solve) -> tuple[float, np.ndarray | None]:
+    """Return the median CPU time of three, of one where that takes long, and the path."""
+    cpu, path = solve()
+    more = [solve()[0] for _ in range(2)] if cpu < 1.0 and path is not None else []
+    return median([cpu, *more]), path
+
+
+def least(points: list[tuple[float, float]], level: float) -> float | None:
+    """Return the least CPU time with which an error is kept, of (error, CPU) points measured."""
+    return min((cpu for error, cpu in points if error <= level), default=None)
+
+
+def compare(name: str) -> None:
+    """Measure a scene and print its table."""
+    reference = solve_hfsim(name, 1e-13)[1]
+    points: dict[str, list[tuple[float, float]]] = {"hfsim": [], "Exudyn": []}
+
+    def add(code: str, solve: Solve) -> float:
+        cpu, path = measured(solve)
+        if path is not None and np.isfinite(path).all():
+            points[code].append((float(np.linalg.norm(path - reference, axis=1).max()), cpu))
+        return cpu
+
+    for k in range(2, 12):
+        add("hfsim", lambda k=k: solve_hfsim(name, 10.0**-k))
+    for method in ("TrapezoidalIndex2", "GeneralizedAlpha") if exu else ():
+        steps, cpu = len(times_of(name)) - 1, 0.0
+        while 2.0 * cpu < LONGEST:
+            cpu = add("Exudyn", lambda steps=steps, method=method: solve_exudyn(name, method, steps))
+            steps *= 2
+    print(f"\n### {name}\n\n| error [m] | hfsim [s] | Exudyn [s] | ratio |\n|---|---|---|---|")
+    for level in LEVELS:
+        own, peer = (least(points[code], level) for code in ("hfsim", "Exudyn"))
+        cells = ["-" if one is None else f"{one:.3g}" for one in (own, peer)]
+        print(f"| {level:.0e} | {cells[0]} | {cells[1]} | {f'{peer / own:.2g}' if own and peer else '-'} |")
+
+
+if __name__ == "__main__":
+    if exu is None:
+        print("Exudyn left out: this Python cannot import it")
+    print(
+        "CPU time of the solve call, the cheapest point measured that keeps the error; ratio: Exudyn / hfsim."
+    )
+    for one in sys.argv[1:] or POINTS:
+        compare(one)
