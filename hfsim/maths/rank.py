@@ -61,7 +61,7 @@ def dependence(
     missing = int(np.sum(sizes <= LOST))
     weight = np.abs(np.pad(left[:, : max(missing, 1)], ((0, beyond), (0, 0)))).max(axis=1)
     missing += beyond
-    involved = (n for n, members in joints.items() if any(weight[rows[k]].max() > share for k in members))
+    involved = (n for n, members in joints.items() if any((weight[rows[k]] > share).any() for k in members))
     return Dependence(missing, float(sizes[0]), tuple(involved))
 
 

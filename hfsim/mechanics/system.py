@@ -8,7 +8,7 @@ the parts are written: there the mass matrix of most bodies is constant.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -25,6 +25,7 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.linearized import Linearized
 from hfsim.mechanics.reduction import Reduction
+from hfsim.mechanics.subset import parted
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
@@ -50,6 +51,8 @@ class System:
         Coordinates for Newton corrections of the state; None where the state's own serve.
     keeps_rates, keeps_work : bool
         Compute rates and the power put in even where they are not needed.
+    redundant : tuple of Constraint
+        What has no multipliers: others hold it already.
     """
 
     charts: tuple[Chart, ...]
@@ -58,6 +61,7 @@ class System:
     natural: NaturalIncrements | None
     keeps_rates: bool = False
     keeps_work: bool = False
+    redundant: tuple[Constraint, ...] = ()
 
     @property
     def n(self) -> int:
@@ -94,9 +98,8 @@ class System:
         """The equations of all coordinates with all constraints: what reactions are computed from."""
         if not self.reduction.eliminated:
             return self.equations
-        own = self.equations
-        nothing = Reduction.nothing(self.n_x, is_sparse(own.constant_mass))
-        return replace(own, reduction=nothing)
+        nothing = Reduction.nothing(self.n_x, is_sparse(self.equations.constant_mass))
+        return replace(self.equations, reduction=nothing)
 
     # ------------------------------------------------------------------ coordinates
 
@@ -160,9 +163,8 @@ class System:
     @cached_property
     def exchanges_power(self) -> bool:
         """Whether energy can enter or leave by loads, dampers, drivers; or power is computed all the same."""
-        if self.keeps_work:
-            return True
-        return any(f.exchanges_power for f in self.forces) or any(c.driven for c in self.constraints)
+        exchanged = any(f.exchanges_power for f in self.forces) or any(c.driven for c in self.constraints)
+        return exchanged or self.keeps_work
 
     @property
     def _laws(self) -> Iterator[tuple[Law, int]]:
@@ -202,22 +204,32 @@ class System:
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power put in by loads, dampers and drivers [W], shape (n_batch,)."""
         power = np.asarray(sum((f.power(t, x, u) for f in self.forces), np.zeros(len(x))))
-        if not any(c.driven for c in self.constraints):
-            return power
-        _, multipliers = self.equations.solve(t, x, u, self.force(t, x, u))
-        return np.asarray(power + np.sum(multipliers * self.equations.phi.rate(t), axis=-1))
+        if any(c.driven for c in self.constraints):
+            _, multipliers = self.equations.solve(t, x, u, self.force(t, x, u))
+            power += np.sum(multipliers * self.equations.phi.rate(t), axis=-1)
+        return power
 
     def multipliers(self, t: Array, x: Array, u: Array) -> Array:
-        """Return the multipliers of all constraints, shape (n_batch, n_rows of `unreduced`)."""
+        """Return the multipliers of constraints, shape (n_batch, n_rows of `unreduced`)."""
         return self.unreduced.solve(t, x, u, self.force(t, x, u))[1]
 
     def residual(self, t: Array, x: Array) -> Array:
-        """Return Phi of all constraints, shape (n_batch, n_rows of `unreduced`)."""
-        return self.unreduced.phi.residual(t, x)
+        """Return Phi of all constraints: rows of `unreduced`, then redundant ones, shape (n_batch, ...)."""
+        return np.hstack([one.phi.residual(t, x) for one in self._monitored])
 
     def drift(self, t: Array, x: Array, u: Array) -> Array:
-        """Return Phi' of all constraints, shape (n_batch, n_rows of `unreduced`)."""
-        return self.unreduced.phi.drift(t, x, u)
+        """Return Phi' of all constraints, as `residual`."""
+        return np.hstack([one.phi.drift(t, x, u) for one in self._monitored])
+
+    @cached_property
+    def _monitored(self) -> tuple[Equations, ...]:
+        own = self.unreduced
+        return (own, replace(own, all_constraints=self.redundant)) if self.redundant else (own,)
+
+    def without(self, rows: Mapping[int, Sequence[int]]) -> System:
+        """Return the same system without some rows of constraints, by the constraints' numbers."""
+        kept, gone = parted(self.constraints, rows)
+        return replace(self, equations=replace(self.equations, all_constraints=kept), redundant=gone)
 
     # ------------------------------------------------------------------ equations of motion
 
@@ -254,8 +266,7 @@ class System:
 
         Returns
         -------
-        forces : ndarray, shape (n_batch, n)
-        gaps : ndarray, shape (n_batch, n_rows)
+        forces, gaps : ndarray, shape (n_batch, n) and (n_batch, n_rows)
         """
         x = self.absolute(q)
         u = self.absolute_velocity(q, v) if self.uses_rates else x

@@ -16,6 +16,8 @@ from hfsim.mechanics.system import System
 Watch: TypeAlias = Callable[[float, Array, Array], None]
 """Is told every kept state; may raise to end the run."""
 
+APART = 1e-6
+"""Gap of redundant joint equations, relative to the largest coordinate (or 1), that ends a run."""
 LIMIT = 100.0
 """Energy out of nothing, relative to all that was ever there, at which a model has broken down; large enough
 for a mass matrix that turns singular to be seen first."""
@@ -114,6 +116,41 @@ class PartsWatch:
 
 
 @dataclass(eq=False)
+class RedundantWatch:
+    """Ends a run in which joint equations that others make superfluous no longer hold.
+
+    Then these others have come to depend on one another along the way, or joints agreed near the start only.
+    """
+
+    system: System
+
+    def __call__(self, t: float, q: Array, v: Array) -> None:
+        """Look at a kept state.
+
+        Raises
+        ------
+        SolverFailure
+            Naming the joint that has come apart the most.
+        """
+        rows = self.system.redundant
+        if not rows:
+            return
+        time, x = np.array([t]), self.system.absolute(q[None])
+        gaps = [float(np.abs(row.residual(time, x)).max()) for row in rows]
+        worst = int(np.argmax(gaps))
+        if gaps[worst] > APART * max(1.0, float(np.abs(x).max())):
+            joint, unit = rows[worst].item, rows[worst].unit
+            raise SolverFailure(
+                reason=f"{joint} comes apart by {gaps[worst]:.3g} {unit}: redundant equations are left out",
+                time=t,
+                item=joint,
+                kind="deck",
+                evidence={"gap": gaps[worst]},
+                remedy="free a motion of a joint of that loop: spherical or cylindrical for revolute",
+            )
+
+
+@dataclass(eq=False)
 class RateWatch:
     """Ends a run whose steps feed the motion without end, before numbers overflow.
 
@@ -162,7 +199,7 @@ class Watches:
 
     def __init__(self, system: System, others: Sequence[Watch] = ()) -> None:
         self._energy = EnergyWatch(system)
-        self._every: tuple[Watch, ...] = (self._energy, PartsWatch(system), *others)
+        self._every: tuple[Watch, ...] = (self._energy, PartsWatch(system), RedundantWatch(system), *others)
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
         """Look at a kept state."""

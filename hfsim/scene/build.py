@@ -13,7 +13,6 @@ from hfsim.deck.fields import split_point
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import DENSE_UP_TO, assemble
-from hfsim.maths.rank import dependence
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.chart import side_by_side
 from hfsim.mechanics.constraints import Constraint, constraints_of
@@ -31,6 +30,7 @@ from hfsim.scene.facing import Facings
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.memory import refuse_too_large
+from hfsim.scene.redundancy import Redundancy, redundancy
 from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
 from hfsim.scene.schema import Deck
 from hfsim.scene.start import Start, assembled
@@ -59,6 +59,8 @@ class Scene:
         What the rules found that the scene does not need.
     assembly : Assembly
         How the bodies were put together.
+    redundancy : Redundancy
+        What the joints hold more than once.
     """
 
     loaded: LoadedDeck
@@ -72,6 +74,7 @@ class Scene:
     start_angles: dict[str, float]
     left_out: LeftOut
     assembly: Assembly
+    redundancy: Redundancy
 
     @property
     def deck(self) -> Deck:
@@ -117,7 +120,7 @@ class Scene:
         """What looks wrong with the start: guesses far off, motions that can hardly be meant to be free."""
         found = list(self.assembly.warnings())
         looks = slips(self.deck, self.assembly, self.free_motions or [])
-        for path, what in (*looks, *self._not_borne()):
+        for path, what in (*looks, *self.redundancy.told(self.loaded), *self._not_borne()):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
         return found
@@ -205,14 +208,16 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     elif left_out.fires("standing_drivers"):
         joints, constraints = _joints(deck, bodies, left_out)
     system = _system(deck, bodies, constraints, left_out, x, angles)
-    _check_independent(loaded, system, joints, x)
+    found = redundancy(loaded, system, joints, x)
+    if found.left_out:
+        system = system.without(found.left_out)
     near = np.zeros((1, system.n_x))
     for body in bodies.values() if system.charts else ():
         if body.angle_column is not None:
             near[0, body.angle_column] = angles[body.name]
     q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
     q, v = system.project(np.zeros(1), q, v)
-    return Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start)
+    return Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, found)
 
 
 def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
@@ -364,33 +369,3 @@ def _springs_and_loads(
         found[f"loads.{name}"] = load.build(find_marker(load.at, bodies, deck))
     gone = {*left_out["springs"], *left_out["loads"]}
     return [replace(part, item=item) for item, part in found.items() if item not in gone]
-
-
-def _check_independent(
-    loaded: LoadedDeck, system: System, joints: dict[str, tuple[int, ...]], x: Array
-) -> None:
-    """Refuse joints that block the same motion twice: no multipliers would be determined.
-
-    Raises
-    ------
-    DeckError
-        Naming the joints whose equations depend on one another.
-    """
-    own = system.equations
-    rows = own.phi.jacobian_at(x[None]) @ own.reduction.basis
-    if not dependence(rows, own.rows, {}).missing:
-        return
-    equations = system.unreduced
-    found = dependence(equations.phi.jacobian_at(x[None]), equations.rows, joints)
-    *others, last = found.joints
-    raise loaded.problem(
-        f"joints.{last}",
-        f"blocks what {_listed(loaded, others) or 'it'} already block{'s' if len(others) < 2 else ''}: "
-        f"{found.missing} of {equations.n_rows} joint equations are redundant",
-        "remove a joint or free one of its motions",
-    )
-
-
-def _listed(loaded: LoadedDeck, names: list[str]) -> str:
-    lines = {name: loaded.line_of(f"joints.{name}") for name in names}
-    return ", ".join(f"'{name}' (line {line})" if line else f"'{name}'" for name, line in lines.items())

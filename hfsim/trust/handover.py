@@ -92,7 +92,7 @@ def _close(scene: Scene, t: Array, y: Array, angles: Mapping[str, float]) -> Non
     if not system.constraints:
         return
     for _ in range(CLOSING):
-        gap = system.residual(t, y)[0]
+        gap = system.unreduced.phi.residual(t, y)[0]
         motions = np.concatenate([_motions(body, y, angles[name]) for name, body in scene.bodies.items()])
         moves = np.linalg.lstsq(system.unreduced.phi.jacobians(y)[0] @ motions.T, -gap, rcond=1e-10)[0]
         y += moves @ motions

@@ -1,0 +1,249 @@
+"""Joints that hold the same motion more than once: refused in the plane, told in space where they agree.
+
+Spatial mechanisms may move though their joints hold too much: every plane one with parallel hinges, a door on
+two of them, Bennett's and Bricard's loops.  Whether joints agree is tried by moving the scene along what they
+leave free.  Rows that others make superfluous are left out then, of few joints, and such that the rest stays
+independent along all of the motion that was tried; the multipliers of a smaller set are unique, the reactions
+in the joints are not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.errors import DeckError
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import dense
+from hfsim.maths.rank import LOST, dependence
+from hfsim.mechanics.equations import Equations
+from hfsim.mechanics.system import System
+from hfsim.scene.loading import LoadedDeck
+
+STEP = 0.1
+"""Largest change of a coordinate in a step of the motion that is tried [m, or - of axes]."""
+MOST_STEPS, EFFORT = 100, 4e5
+"""Steps at most, and products of rows and coordinates of all of them."""
+ROUND = 10
+"""Steps from which the motion may have come round to where it began."""
+ITERATIONS = 8
+"""Newton iterations that close the joints after a step."""
+AGREE = 1e-8
+"""Gap, per unit of a row's derivative, up to which joints agree."""
+TAKES_PART = 1e-6
+"""Component of a null vector from which a row takes part in a dependence."""
+MOST_ROWS = 1500
+"""Joint equations up to which redundant ones are sought and left out."""
+
+
+class Redundancy(NamedTuple):
+    """Joint equations that others make superfluous.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Joints that take part.
+    missing, of : int
+        Number of equations that are superfluous, and of all.
+    left_out : dict of int to list of int
+        Constraints of the system, with the rows that are left out.
+    """
+
+    joints: tuple[str, ...] = ()
+    missing: int = 0
+    of: int = 0
+    left_out: Mapping[int, Sequence[int]] = {}
+
+    def told(self, loaded: LoadedDeck) -> Iterator[tuple[str, str]]:
+        """Yield what a user should know of it, with the deck path of a joint."""
+        if self.joints:
+            names = _listed(loaded, list(self.joints))
+            message = (
+                f"{names} hold more than they must: {self.missing} of {self.of} joint equations are redundant"
+            )
+            hint = "their forces and moments are not unique, one set of many is computed"
+            yield f"joints.{self.joints[-1]}", f"{message}; {hint}"
+
+
+def redundancy(
+    loaded: LoadedDeck, system: System, joints: dict[str, tuple[int, ...]], x: Array
+) -> Redundancy:
+    """Return which joint equations are superfluous at the start, coordinates (n_x,), of a scene.
+
+    Raises
+    ------
+    DeckError
+        Naming the joints whose equations depend on one another, where these contradict each other as soon as
+        anything moves, or in the plane.
+    """
+    own = system.equations
+    rows = own.phi.jacobian_at(x[None]) @ own.reduction.basis
+    missing = dependence(rows, own.rows, {}).missing
+    if not missing:
+        return Redundancy()
+    equations = system.unreduced
+    found = dependence(equations.phi.jacobian_at(x[None]), equations.rows, joints)
+    if loaded.deck.dimension == 2 or own.n_rows > MOST_ROWS:
+        raise _refusal(loaded, found.joints, found.missing, equations.n_rows)
+    motion = _Motion(own, missing)
+    if gap := motion.contradiction(x):
+        why = f": these agree at the start alone, and miss by {gap:.3g} after a motion of {STEP:g}"
+        raise _refusal(loaded, found.joints, found.missing, equations.n_rows, why)
+    if any(own.constraints[k].driven for k in motion.taking_part):
+        raise _refusal(loaded, found.joints, found.missing, equations.n_rows, ", that of a driver among them")
+    return Redundancy(found.joints, missing, equations.n_rows, _numbered(own, motion.superfluous()))
+
+
+def _refusal(loaded: LoadedDeck, joints: Sequence[str], missing: int, count: int, why: str = "") -> DeckError:
+    *others, last = joints
+    return loaded.problem(
+        f"joints.{last}",
+        f"blocks what {_listed(loaded, others) or 'it'} already block{'s' if len(others) < 2 else ''}: "
+        f"{missing} of {count} joint equations are redundant{why}",
+        "remove a joint or free one of its motions",
+    )
+
+
+def _listed(loaded: LoadedDeck, names: list[str]) -> str:
+    lines = {name: loaded.line_of(f"joints.{name}") for name in names}
+    return ", ".join(f"'{name}' (line {line})" if line else f"'{name}'" for name, line in lines.items())
+
+
+def _numbered(own: Equations, rows: Sequence[int]) -> dict[int, list[int]]:
+    """Return rows of Phi by the number of their constraint among all."""
+    numbers = [k for k in range(len(own.all_constraints)) if k not in own.reduction.eliminated]
+    found: dict[int, list[int]] = {}
+    for k, place in zip(numbers, own.rows, strict=True):
+        if inside := [row - place.start for row in rows if place.start <= row < place.stop]:
+            found[k] = inside
+    return found
+
+
+class _Motion:
+    """A motion of a scene along what its joints leave free.
+
+    Attributes
+    ----------
+    null : list of ndarray, shape (n_rows, missing)
+        Left null vectors of the joint equations, of rows of unit length, along the motion.
+    """
+
+    def __init__(self, own: Equations, missing: int) -> None:
+        self._own, self._missing = own, missing
+        self.null: list[Array] = []
+
+    def contradiction(self, x: Array) -> float:
+        """Move on from coordinates (n_x,); return by how much rows miss that agreed there, or 0."""
+        reduction, ahead = self._own.reduction, None
+        first, z = None, reduction.free(x[None])
+        for _ in range(int(np.clip(EFFORT / (self._own.n_rows * self._own.n), 4, MOST_STEPS))):
+            left, sizes, right = self._decomposed(z)[:3]
+            if sizes[-1] <= LOST**0.5 * sizes[0]:
+                break
+            self.null.append(left[:, len(sizes) :])
+            free = right[len(sizes) :]
+            if not len(free):
+                break
+            step = free.T @ (
+                free @ (np.sin(np.arange(1.0, len(z[0]) + 1.0) ** 2) if ahead is None else ahead)
+            )
+            ahead = step * STEP / np.abs(reduction.expand_rates(step[None])).max()
+            first = ahead if first is None else first
+            z, rest, apart = self._closed(z + ahead)
+            if rest > AGREE:
+                break
+            if apart > AGREE:
+                return apart
+            if (
+                len(self.null) > ROUND
+                and np.abs(reduction.expand(z) - x).max() < STEP
+                and ahead @ first > 0.0
+            ):
+                break
+        return 0.0
+
+    def _decomposed(self, z: Array) -> tuple[Array, Array, Array, Array]:
+        """Return left vectors, sizes, right vectors of what is independent, gaps over the rows' lengths."""
+        x = self._own.reduction.expand(z)
+        J = dense(self._own.phi.jacobian_at(x) @ self._own.reduction.basis)
+        lengths = np.maximum(np.linalg.norm(J, axis=1), 1e-300)
+        left, sizes, right = np.linalg.svd(J / lengths[:, None])
+        gaps = self._own.phi.residual(np.zeros(1), x)[0] / lengths
+        return left, sizes[: len(J) - self._missing], right, gaps
+
+    def _closed(self, z: Array) -> tuple[Array, float, float]:
+        """Return the nearest state in which independent rows hold, what is left of these and of the rest."""
+        for _ in range(ITERATIONS):
+            left, sizes, right, gaps = self._decomposed(z)
+            own = left[:, : len(sizes)].T @ gaps
+            if np.abs(own).max(initial=0.0) < 1e-3 * AGREE:
+                break
+            z = z - (own / np.maximum(sizes, LOST)) @ right[: len(sizes)]
+        left, sizes, _, gaps = self._decomposed(z)
+        parts = np.abs(left.T @ gaps)
+        return z, float(parts[: len(sizes)].max(initial=0.0)), float(parts[len(sizes) :].max(initial=0.0))
+
+    @property
+    def _weights(self) -> Array:
+        return np.asarray(np.linalg.norm(self.null[0], axis=1))
+
+    @property
+    def taking_part(self) -> list[int]:
+        """Numbers of the constraints whose rows depend on others."""
+        pairs = enumerate(self._own.rows)
+        return [k for k, rows in pairs if self._weights[rows].max(initial=0.0) > TAKES_PART]
+
+    def superfluous(self) -> list[int]:
+        """Return the rows without which the others stay farthest from depending on one another."""
+        joints: dict[str, list[int]] = {}
+        for k in self.taking_part:
+            rows, item = self._own.rows[k], self._own.constraints[k].item
+            if item.startswith("joints."):
+                joints.setdefault(item, []).extend(range(rows.start, rows.stop))
+        places = [np.array(rows) for rows in joints.values()]
+        trials = [
+            chosen
+            for null in self.null[:: max(1, len(self.null) // 4)]
+            for first in range(len(places))
+            if len(chosen := _cut(null, places, first)) == self._missing
+        ]
+        return max(trials, key=self._margin)
+
+    def _margin(self, rows: list[int]) -> float:
+        """Return how independent the other rows stay along the motion."""
+        return min(float(np.linalg.svd(null[rows], compute_uv=False)[-1]) for null in self.null)
+
+
+def _cut(null: Array, places: Sequence[IntArray], first: int) -> list[int]:
+    """Return as many rows as there are null vectors, joint after joint, on which none of these is zero.
+
+    Parameters
+    ----------
+    null : ndarray, shape (n_rows, missing)
+    places : sequence of ndarray of int
+        Rows of each joint.
+    first : int
+        The joint to begin with; then come those that take most.
+    """
+    chosen: list[int] = []
+    left = list(range(len(places)))
+    joint = first
+    while null.shape[1]:
+        rest = null[places[joint]].copy()
+        rows: list[int] = []
+        while len(rows) < null.shape[1]:
+            sizes = np.linalg.norm(rest, axis=1)
+            k = int(np.argmax(sizes))
+            if sizes[k] < 0.1 * np.linalg.norm(null[places[joint]]) or sizes[k] < TAKES_PART:
+                break
+            rows.append(int(places[joint][k]))
+            rest = rest - np.outer(rest @ rest[k], rest[k]) / sizes[k] ** 2
+        chosen += rows
+        null = null @ np.linalg.svd(null[rows])[2][len(rows) :].T if rows else null
+        left.remove(joint)
+        if not left:
+            break
+        joint = max(left, key=lambda one: float(np.linalg.norm(null[places[one]])))
+    return chosen

@@ -1,0 +1,133 @@
+# ruff: noqa: E501
+"""Spatial loops that are held too often: named, run with what is independent, and refused where joints disagree."""
+
+import mechanisms
+import numpy as np
+import pytest
+
+from hfsim.errors import DeckError
+from hfsim.maths.rotations import rotation
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+
+LOOPS = {"four_bar": 3, "bennett": 3, "bricard": 1}
+"""Joint equations too many."""
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_a_loop_that_is_held_too_often_is_named_and_has_its_one_freedom(name):
+    text = getattr(mechanisms, name)()
+    built = build(parse_deck(text, "loop.yaml"))
+    joints = list(built.deck.joints)
+    assert built.redundancy.joints == tuple(joints)
+    (warning,) = built.warnings
+    assert (
+        f"{LOOPS[name]} of {built.system.residual(np.zeros(1), built.system.absolute(built.q[None])).shape[1]}"
+        in warning
+    )
+    assert all(f"'{joint}' (line " in warning for joint in joints)
+    assert sum(motion.number for motion in built.free_motions) == 1
+    assert built.system.n - built.system.n_rows == 1
+
+
+@pytest.mark.parametrize("name", ["four_bar", "bennett"])
+def test_a_loop_that_is_held_too_often_moves_as_one_that_is_not(name):
+    """All its equations are monitored; with a ball and a sliding hinge in it nothing is superfluous."""
+    text = getattr(mechanisms, name)()
+    run = simulate(parse_deck(text), error_estimate=False)
+    assert run.statistics["constraint_position"] < 1e-11
+    assert run.statistics["energy_drift"] < 1e-11
+    if name == "four_bar":
+        text = text.replace("j1: {type: revolute", "j1: {type: cylindrical").replace(
+            "j2: {type: revolute", "j2: {type: spherical"
+        )
+        text = "\n".join(
+            line.split(", axis")[0] + "}" if "spherical" in line else line for line in text.split("\n")
+        )
+        other = simulate(parse_deck(text), error_estimate=False)
+        assert other.statistics["warnings"] == []
+        for one, same in zip(run.channels[:3], other.channels[:3], strict=True):
+            assert np.ptp(one.values) > 0.05 or one.name.endswith("z")
+            assert one.values == pytest.approx(same.values, abs=2e-8)
+
+
+def test_a_loop_in_another_place_moves_alike():
+    R, shift = rotation(np.array([0.3, -1.0, 0.7])), np.array([0.2, 0.5, -1.0])
+    run, other = (
+        simulate(parse_deck(mechanisms.bennett(**to)), error_estimate=False)
+        for to in ({}, {"R": R, "shift": shift})
+    )
+    here, there = (np.array([channel.values for channel in one.channels[:3]]) for one in (run, other))
+    assert there == pytest.approx(R @ here + shift[:, None], abs=1e-9)
+
+
+DOOR = """hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+ground: {{points: {{low: [0.0, 0.0, 0.0], high: [0.3, 0.0, 1.8]}}}}
+bodies:
+  door: {{type: rigid, mass: 20.0, inertia: [5.0, 7.0, 2.0], points: {{low: [-0.4, 0, -0.9], high: [-0.1, 0, 0.9]}}}}
+joints:
+  lower: {{type: revolute, between: [ground.low, door.low], axis: [0.3, 0.0, 1.8]}}
+  upper: {{type: {upper}, between: [ground.high, door.high]{more}}}
+initial: {{door: {{angular_velocity: [0.3, 0.0, 1.8]}}}}
+solve: {{duration: 1.0, tolerance: 1.0e-9}}
+output: {{channels: [door.x, door.rotation_z, lower.force_z, upper.force_z, upper.force_x, lower.force_x]}}
+"""
+HINGED = DOOR.format(upper="revolute", more=", axis: [0.3, 0.0, 1.8]")
+
+
+def test_a_door_on_two_hinges():
+    """Its motion and the sum of both forces are those with a ball and a slide in place of one hinge."""
+    door = simulate(parse_deck(HINGED), error_estimate=False)
+    (warning,) = door.statistics["warnings"]
+    assert "5 of 16" in warning and "not unique" in warning
+    single = simulate(
+        parse_deck(HINGED.replace("  upper", "  # upper").replace(", upper.force_z, upper.force_x", "")),
+        error_estimate=False,
+    )
+    x, turn, low_z, high_z, high_x, low_x = (channel.values for channel in door.channels)
+    own = [channel.values for channel in single.channels]
+    assert np.ptp(turn) > 0.3
+    for found, expected in zip((x, turn, low_z + high_z, low_x + high_x), own, strict=True):
+        assert found == pytest.approx(expected, abs=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("rate", [3.0, -2.0])
+def test_joints_that_agree_at_the_start_alone_are_refused(rate):
+    """A parallelogram that is stretched out can go on in two ways; there its joints hold one motion more often."""
+    with pytest.raises(DeckError, match="agree at the start alone") as refusal:
+        build(parse_deck(mechanisms.four_bar(rate, 0.0, (0.3, 0.8, 0.3, 0.8))))
+    (problem,) = refusal.value.problems
+    assert problem.path == "joints.j3" and "'j0' (line 10)" in problem.message
+
+
+def test_a_driver_that_drives_what_another_drives_is_refused():
+    motors = "".join(
+        f"  {name}: {{type: driver, between: [ground, door], axis: [0.3, 0.0, 1.8], angle: {{type: constant_rate, rate: {rate}}}}}\n"
+        for name, rate in (("m1", 1.0), ("m2", 1.0))
+    )
+    text = HINGED.replace("initial: {door: {angular_velocity: [0.3, 0.0, 1.8]}}\n", "").replace(
+        "solve:", motors + "solve:"
+    )
+    with pytest.raises(DeckError, match="driver among them"):
+        build(parse_deck(text))
+
+
+def test_the_plane_keeps_refusing():
+    text = """hfsim: 1
+bodies: {bar: {type: rigid, mass: 1.0, inertia: 1.0, points: {a: [0.0, 0.0], b: [0.0, 0.0]}}}
+joints: {one: {type: revolute, between: [ground, bar.a]}, two: {type: revolute, between: [ground, bar.b]}}
+solve: {duration: 1.0}
+"""
+    with pytest.raises(DeckError, match="redundant"):
+        build(parse_deck(text))
+
+
+def test_a_run_whose_left_out_equations_no_longer_hold_ends(monkeypatch):
+    """After a short look ahead rows are kept that come to depend on one another half a turn later."""
+    monkeypatch.setattr("hfsim.scene.redundancy.MOST_STEPS", 24)
+    run = simulate(parse_deck(mechanisms.bennett()), error_estimate=False)
+    assert (run.status, run.failure["class"]) == ("failed", "deck")
+    assert run.failure["item"].startswith("joints.j")
+    assert "comes apart by" in run.reason
