@@ -1,21 +1,11 @@
-"""Materials, cross-sections and all numbers that follow from them; no other file computes these."""
+"""Materials, and all numbers that follow from them and from cross-sections; no other file computes these."""
 
-import math
 from collections.abc import Iterator
-from typing import Annotated, Literal, NamedTuple, Protocol, Self
+from typing import Annotated, NamedTuple, Self
 
-from hfsim.deck.fields import (
-    NonNegativeLength,
-    NonNegativeTime,
-    PositiveArea,
-    PositiveDensity,
-    PositiveLength,
-    PositivePressure,
-    PositiveSecondMoment,
-    measures,
-    within,
-)
-from hfsim.deck.spec import Around, Complaint, OneOf, Spec
+from hfsim.deck.fields import NonNegativeTime, PositiveDensity, PositivePressure, measures, within
+from hfsim.deck.sections import AnySection, Moments, StiffnessSection
+from hfsim.deck.spec import Around, Complaint, Spec
 
 _PLASTIC_TO_OSMIUM = (0.5, 23.0)
 """Densities of solids [g/cm^3]."""
@@ -23,10 +13,6 @@ _MODULI = (0.05, 1200.0)
 """Young's moduli of solids [GPa]."""
 _METALS = (5e4, 4.5e5)
 """Young's moduli of metals [MPa]."""
-_USUAL = (1e-5, 1e5)
-"""Height over width of sections that are built [-]."""
-_LIKELY = (1e-2, 1e2)
-"""Height over width that a corrected unit must lead to [-]."""
 
 
 class MaterialSpec(Spec):
@@ -74,145 +60,6 @@ class MaterialSpec(Spec):
         return self.youngs_modulus / (2 * (1 + self.poisson_ratio))
 
 
-class _Moments(Protocol):
-    @property
-    def area(self) -> float: ...
-
-    @property
-    def second_moment(self) -> float: ...
-
-
-class _EquivalentRectangle(Spec):
-    """A section seen as the rectangle with its area A and second moment I, sqrt(12 I/A) high."""
-
-    @property
-    def height(self: _Moments) -> float:
-        """Height of the equivalent rectangle, in the bending plane [m]."""
-        return math.sqrt(12 * self.second_moment / self.area)
-
-    @property
-    def width(self: _Moments) -> float:
-        """Width of the equivalent rectangle, across the bending plane [m]."""
-        return self.area / math.sqrt(12 * self.second_moment / self.area)
-
-
-class GeneralSection(_EquivalentRectangle):
-    """Cross-section given by its area and second moment."""
-
-    area: PositiveArea
-    """Area [m^2]."""
-
-    second_moment: PositiveSecondMoment
-    """Second moment of area about the axis across the bending plane [m^4]."""
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield moments that would be a usual section's if one of them had another unit."""
-        height, width = self.height, self.width
-        if within(height / width, _USUAL):
-            return
-        others = {"mm4": 1e-12, "cm4": 1e-8, "mm2": 1e12, "cm2": 1e8}
-        for unit in (unit for unit, factor in others.items() if within(height / width * factor, _LIKELY)):
-            key, value = ("area", self.area) if unit.endswith("2") else ("second_moment", self.second_moment)
-            message = f"the section would be {height:.3g} m high and {width:.3g} m wide"
-            yield Complaint((key,), message, f"'{value:g} {unit}'?")
-
-
-class RectangleSection(Spec):
-    """Rectangular cross-section."""
-
-    shape: Literal["rectangle"]
-    """Kind of section."""
-
-    width: PositiveLength
-    """Side across the bending plane [m]."""
-
-    height: PositiveLength
-    """Side in the bending plane [m]."""
-
-    @property
-    def area(self) -> float:
-        """Area [m^2]."""
-        return self.width * self.height
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area, width height^3 / 12 [m^4]."""
-        return self.width * self.height**3 / 12
-
-
-class CircleSection(_EquivalentRectangle):
-    """Full circular cross-section."""
-
-    shape: Literal["circle"]
-    """Kind of section."""
-
-    radius: PositiveLength | None = None
-    """Radius [m]; or give the diameter."""
-
-    diameter: PositiveLength | None = None
-    """Diameter [m]; or give the radius."""
-
-    def complaints(self) -> Iterator[Complaint]:
-        """Yield a circle without a size or with two."""
-        if (self.radius is None) == (self.diameter is None):
-            yield Complaint((), "a circle needs its radius or its diameter, one of the two")
-
-    @property
-    def outer_radius(self) -> float:
-        """Radius, however it was given [m]."""
-        return self.radius if self.radius is not None else (self.diameter or 0.0) / 2
-
-    @property
-    def area(self) -> float:
-        """Area [m^2]."""
-        return math.pi * self.outer_radius**2
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area, pi r^4 / 4 [m^4]."""
-        return math.pi * self.outer_radius**4 / 4
-
-
-class TubeSection(_EquivalentRectangle):
-    """Circular tube."""
-
-    shape: Literal["tube"]
-    """Kind of section."""
-
-    outer_radius: PositiveLength
-    """Outer radius [m]."""
-
-    inner_radius: NonNegativeLength
-    """Inner radius [m]."""
-
-    def complaints(self) -> Iterator[Complaint]:
-        """Yield a tube without a wall."""
-        if self.inner_radius >= self.outer_radius:
-            yield Complaint(("inner_radius",), f"must be less than the outer radius {self.outer_radius:g} m")
-
-    @property
-    def area(self) -> float:
-        """Area [m^2]."""
-        return math.pi * (self.outer_radius - self.inner_radius) * (self.outer_radius + self.inner_radius)
-
-    @property
-    def second_moment(self) -> float:
-        """Second moment of area, pi (R^4 - r^4) / 4 [m^4]."""
-        return self.area * (self.outer_radius**2 + self.inner_radius**2) / 4
-
-
-AnySection = GeneralSection | RectangleSection | CircleSection | TubeSection
-SectionSpec = Annotated[
-    AnySection,
-    OneOf(
-        "shape",
-        {"rectangle": RectangleSection, "circle": CircleSection, "tube": TubeSection},
-        otherwise=GeneralSection,
-    ),
-]
-"""Any cross-section: area and second moment, or a shape; all have area, second_moment, height and width."""
-
-
 class BeamProperties(NamedTuple):
     """All that follows from a beam's material and section.
 
@@ -246,13 +93,21 @@ class BeamProperties(NamedTuple):
     width: float = 0.0
 
     @classmethod
-    def of(cls, material: MaterialSpec, section: AnySection) -> Self:
-        """Return the properties of a beam of a material with a section."""
+    def of(cls, material: MaterialSpec | None, section: AnySection) -> Self:
+        """Return the properties of a beam with a section, of a material unless that is stiff by itself."""
+        if isinstance(section, StiffnessSection):
+            return cls(
+                mass_per_length=section.mass_per_length,
+                rotary_inertia=section.rotary_inertia[2],
+                axial_stiffness=section.axial_stiffness,
+                bending_stiffness=section.bending_stiffness[1],
+            )
+        assert material is not None
         return cls(
             mass_per_length=material.density * section.area,
-            rotary_inertia=material.density * section.second_moment,
+            rotary_inertia=material.density * section.bending[1],
             axial_stiffness=material.youngs_modulus * section.area,
-            bending_stiffness=material.youngs_modulus * section.second_moment,
+            bending_stiffness=material.youngs_modulus * section.bending[1],
             axial_damping=material.axial_damping,
             bending_damping=material.bending_damping,
             lame_lambda=material.lame_lambda,
@@ -265,3 +120,73 @@ class BeamProperties(NamedTuple):
     def damped(self) -> bool:
         """Whether the material loses energy."""
         return bool(self.axial_damping or self.bending_damping)
+
+
+class SectionProperties(NamedTuple):
+    """All that follows from the material and the section of a beam in space; pairs are of y and z.
+
+    Attributes
+    ----------
+    mass_per_length : float
+        rho A [kg/m].
+    rotary_inertia : tuple of float
+        rho I_y and rho I_z, per length [kg m]; that about the axis is their sum.
+    axial_stiffness : float
+        EA [N].
+    shear_stiffness : tuple of float
+        k_y GA and k_z GA [N].
+    torsion_stiffness : float
+        GJ [N m^2].
+    bending_stiffness : tuple of float
+        EI_y and EI_z: bending about y, about z [N m^2].
+    axial_damping, bending_damping : float
+        Kelvin-Voigt retardation times of stretch and shear, and of twist and curvature [s].
+    """
+
+    mass_per_length: float
+    rotary_inertia: Moments
+    axial_stiffness: float
+    shear_stiffness: Moments
+    torsion_stiffness: float
+    bending_stiffness: Moments
+    axial_damping: float = 0.0
+    bending_damping: float = 0.0
+
+    @classmethod
+    def of(cls, material: MaterialSpec | None, section: AnySection) -> Self:
+        """Return the properties of a beam with a section, of a material unless that is stiff by itself."""
+        if isinstance(section, StiffnessSection):
+            _, *rotary = section.rotary_inertia
+            return cls(
+                mass_per_length=section.mass_per_length,
+                rotary_inertia=(rotary[0], rotary[1]),
+                axial_stiffness=section.axial_stiffness,
+                shear_stiffness=(section.shear_stiffness[0], section.shear_stiffness[1]),
+                torsion_stiffness=section.torsion_stiffness,
+                bending_stiffness=(section.bending_stiffness[0], section.bending_stiffness[1]),
+            )
+        assert material is not None
+        E, G, (I_y, I_z) = material.youngs_modulus, material.lame_mu, section.bending
+        k_y, k_z = section.shear(material.poisson_ratio)
+        return cls(
+            mass_per_length=material.density * section.area,
+            rotary_inertia=(material.density * I_y, material.density * I_z),
+            axial_stiffness=E * section.area,
+            shear_stiffness=(k_y * G * section.area, k_z * G * section.area),
+            torsion_stiffness=G * section.torsion,
+            bending_stiffness=(E * I_y, E * I_z),
+            axial_damping=material.axial_damping,
+            bending_damping=material.bending_damping,
+        )
+
+    @property
+    def stiffness(self) -> tuple[float, ...]:
+        """EA, GA_y, GA_z [N], GJ, EI_y, EI_z [N m^2]."""
+        forces = (self.axial_stiffness, *self.shear_stiffness)
+        return (*forces, self.torsion_stiffness, *self.bending_stiffness)
+
+    @property
+    def damping(self) -> tuple[float, ...]:
+        """The same times retardation times [N s], [N m^2 s]."""
+        times = (self.axial_damping,) * 3 + (self.bending_damping,) * 3
+        return tuple(time * one for time, one in zip(times, self.stiffness, strict=True))

@@ -214,12 +214,18 @@ class OneOf:
         The key's values and the class of each, or where it stands: ``hfsim.parts.joints.fixed.FixedSpec``.
     otherwise : type, optional
         The class of entries without the key.
+    told_by : mapping of str to type
+        Other keys by which an entry without the key is another class.
     """
 
     def __init__(
-        self, key: str, kinds: Mapping[str, type[Spec] | str], otherwise: type[Spec] | None = None
+        self,
+        key: str,
+        kinds: Mapping[str, type[Spec] | str],
+        otherwise: type[Spec] | None = None,
+        told_by: Mapping[str, type[Spec]] | None = None,
     ) -> None:
-        self.key, self.kinds, self.otherwise = key, kinds, otherwise
+        self.key, self.kinds, self.otherwise, self.told_by = key, kinds, otherwise, told_by or {}
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         """Tell pydantic how the field is validated."""
@@ -233,7 +239,7 @@ class OneOf:
         kind = value.get(self.key)
         spec = self.kinds.get(kind) if isinstance(kind, str) else None
         if self.key not in value:
-            spec = self.otherwise
+            spec = next((one for key, one in self.told_by.items() if key in value), self.otherwise)
         if isinstance(spec, str):
             spec = _at(spec)
         if spec is not None:

@@ -113,3 +113,48 @@ def gauss_legendre(points: int) -> tuple[Array, Array]:
     """
     x, w = np.polynomial.legendre.leggauss(points)
     return 0.5 * (x + 1.0), 0.5 * w
+
+
+@lru_cache(maxsize=64)
+def gauss_lobatto(points: int) -> tuple[Array, Array]:
+    """Return places and weights of Gauss-Lobatto quadrature on the unit interval: both ends are among them.
+
+    Examples
+    --------
+    >>> x, w = gauss_lobatto(3)
+    >>> x.tolist(), w.round(12).tolist()
+    ([0.0, 0.5, 1.0], [0.166666666667, 0.666666666667, 0.166666666667])
+    """
+    legendre = np.polynomial.legendre.Legendre.basis(points - 1)
+    inner = np.sort(legendre.deriv().roots().real)
+    t = np.concatenate([[-1.0], 0.5 * (inner - inner[::-1]), [1.0]])
+    return 0.5 * (t + 1.0), 1.0 / (points * (points - 1) * legendre(t) ** 2)
+
+
+def lagrange(xi: Array | float, nodes: Array, derivative: int = 0) -> Array:
+    """Evaluate the polynomials that are one at one node and zero at all others, or their derivative.
+
+    Parameters
+    ----------
+    xi : array_like, shape (n,)
+    nodes : ndarray, shape (n_nodes,)
+    derivative : int
+        0 or 1.
+
+    Returns
+    -------
+    ndarray, shape (n, n_nodes)
+
+    Examples
+    --------
+    >>> lagrange(0.5, np.array([0.0, 0.5, 1.0])), lagrange(0.5, np.array([0.0, 0.5, 1.0]), 1)
+    (array([[0., 1., 0.]]), array([[-1.,  0.,  1.]]))
+    """
+    gaps = np.atleast_1d(np.asarray(xi, dtype=float))[:, None] - nodes
+    out = np.zeros(gaps.shape)
+    for k, node in enumerate(nodes):
+        others = np.delete(np.arange(len(nodes)), k)
+        scale = np.prod(node - nodes[others])
+        left_out = [others] if derivative == 0 else [np.delete(others, j) for j in range(len(others))]
+        out[:, k] = sum(np.prod(gaps[:, one], axis=1) for one in left_out) / scale
+    return out

@@ -105,7 +105,8 @@ class Facing(NamedTuple):
             return Parallel(direction(R @ TANGENT), TANGENT).between(first, second)
         if first.n_axes == 1:
             return Parallel(TANGENT, direction(R.T @ TANGENT)).between(first, second)
-        pairs = ((direction(R @ own[k]), direction(own[(k + 1) % 3])) for k in range(3))
+        # the last two axes of B first: where one of its axes is no vector of the state, it is the first
+        pairs = ((direction(R @ own[j]), direction(own[k])) for j, k in ((0, 1), (0, 2), (1, 2)))
         return tuple(Perpendicular(first, second, *pair) for pair in pairs)
 
     def fits(self, first: bool, second: bool) -> bool:
@@ -204,13 +205,16 @@ class Perpendicular(OfAxes):
         return a, b
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
-        """Return the multiplier times the product of both derivatives, and its transpose."""
+        """Return the multiplier times both derivatives, and times each axis and what bends the other."""
         (Ja, Jb), (first, second) = self._jacobians(x), self.ends
         rows, columns = first.support, second.support
         Ja, Jb = (J[0][:, one.support - one.columns.start] for J, one in ((Ja, first), (Jb, second)))
         block = multipliers[0, 0] * (Ja.T @ Jb)
-        one, other = Entries.of_block(rows, columns, block), Entries.of_block(columns, rows, block.T)
-        return Entries(*(np.concatenate(pair) for pair in zip(one, other, strict=True)))
+        parts = [Entries.of_block(rows, columns, block), Entries.of_block(columns, rows, block.T)]
+        a, b = (multipliers[0, 0] * axis[0] for axis in self._both(x))
+        parts.append(first.axis_stiffness(np.array(self.axes), b))
+        parts.append(second.axis_stiffness(np.array(self.others), a))
+        return Entries(*(np.concatenate(kinds) for kinds in zip(*parts, strict=True)))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return a moment across both axes."""
@@ -270,52 +274,64 @@ class Tangential(OfAxes):
 
 @dataclass(frozen=True, eq=False)
 class Orthonormal(Constraint):
-    """The three axes of the second marker's body have unit length and are at right angles."""
+    """The axes among the second marker's columns, which follow a position, are orthonormal."""
 
     unit: ClassVar[str] = "-"
-    why_kept: ClassVar[str] = "a rigid body's axes keep lengths and angles"
+    why_kept: ClassVar[str] = "axes of bodies and sections keep lengths and angles"
+
+    @property
+    def _count(self) -> int:
+        """Number of axes: three of a rigid body, two of a beam's section."""
+        return int(self.second.columns.stop - self.second.columns.start) // 3 - 1
 
     @property
     def rows(self) -> int:
-        """Three lengths and three angles."""
-        return 6
+        """As many lengths as axes, and an angle of each pair."""
+        return self._count * (self._count + 1) // 2
+
+    def _axes(self, x: Array) -> Array:
+        """Return the axes, shape (n_batch, n_axes, 3)."""
+        return x[:, self.second.columns].reshape(len(x), -1, 3)[:, 1:]
 
     @property
     def products(self) -> tuple[Product, ...]:
         """The products of its axes."""
-        d = [one for own in np.eye(3) if (one := self.second.linear_axis(own)) is not None]
-        angles = (Product(d[i], d[j]) for i, j in zip(_ONE, _OTHER, strict=True))
+        _, first, other = _PAIRS[self._count]
+        units = np.eye(self._count)
+        d = [one for own in units if (one := self.second.linear_axis(own)) is not None]
+        angles = (Product(d[i], d[j]) for i, j in zip(first, other, strict=True))
         return (*(Product(one, one, 0.5, 0.5) for one in d), *angles)
 
     def gap(self, x: Array) -> Array:
         """Return half of what squares miss of one, and products of zero."""
-        D = self.second.axes(x)  # type: ignore[attr-defined]
+        D, (equal, one, other) = self._axes(x), _PAIRS[self._count]
         G = D @ D.swapaxes(1, 2)
-        return np.concatenate([0.5 * (G[:, _EQUAL, _EQUAL] - 1.0), G[:, _ONE, _OTHER]], axis=1)
+        return np.concatenate([0.5 * (G[:, equal, equal] - 1.0), G[:, one, other]], axis=1)
 
     def jacobian(self, end: int, x: Array) -> Array:
         """Return the products of axes with changes of axes."""
-        marker = self.ends[end]
-        J = np.zeros((len(x), 6, marker.columns.stop - marker.columns.start))
+        marker, (equal, one, other) = self.ends[end], _PAIRS[self._count]
+        J = np.zeros((len(x), self.rows, marker.columns.stop - marker.columns.start))
         if end:
-            D = self.second.axes(x)  # type: ignore[attr-defined]
-            blocks = J.reshape(len(x), 6, -1, 3)[:, :, 1:]
-            for k in range(3):
+            D = self._axes(x)
+            blocks = J.reshape(len(x), self.rows, -1, 3)[:, :, 1:]
+            for k in equal:
                 blocks[:, k, k] = D[:, k]
-            for row, (i, j) in enumerate(zip(_ONE, _OTHER, strict=True), 3):
+            for row, (i, j) in enumerate(zip(one, other, strict=True), self._count):
                 blocks[:, row, i], blocks[:, row, j] = D[:, j], D[:, i]
         return J
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return twice the products of the rates of axes, once for equal ones."""
-        D = self.second.axes(u)  # type: ignore[attr-defined]
+        D, (equal, one, other) = self._axes(u), _PAIRS[self._count]
         G = D @ D.swapaxes(1, 2)
-        return np.concatenate([G[:, _EQUAL, _EQUAL], 2.0 * G[:, _ONE, _OTHER]], axis=1)
+        return np.concatenate([G[:, equal, equal], 2.0 * G[:, one, other]], axis=1)
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
         """Return the symmetric matrix of the multipliers, the same for each component."""
-        L = np.diag(multipliers[0, :3])
-        L[_ONE, _OTHER] = L[_OTHER, _ONE] = multipliers[0, 3:]
+        _, one, other = _PAIRS[self._count]
+        L = np.diag(multipliers[0, : self._count])
+        L[one, other] = L[other, one] = multipliers[0, self._count :]
         columns = np.arange(self.second.columns.start + 3, self.second.columns.stop)
         return Entries.of_block(columns, columns, np.kron(L, np.eye(3)))
 
@@ -324,5 +340,5 @@ class Orthonormal(Constraint):
         return np.zeros((len(x), 3)), np.zeros((len(x), 3))
 
 
-_EQUAL = [0, 1, 2]
-_ONE, _OTHER = [1, 2, 0], [2, 0, 1]
+_PAIRS = {2: ([0, 1], [0], [1]), 3: ([0, 1, 2], [1, 2, 0], [2, 0, 1])}
+"""By the number of axes: which have a length, and both axes of each pair."""

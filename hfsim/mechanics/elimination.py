@@ -163,8 +163,10 @@ def _held_slopes(constraints: Iterable[Constraint]) -> Iterator[tuple[IntArray, 
 def _between_positions(
     bodies: Mapping[str, Body], constraints: tuple[Constraint, ...], owners: Mapping[int, str]
 ) -> Iterator[tuple[int, Constraint]]:
-    """Yield, with their numbers, the constraints between bodies whose coordinates are absolute."""
+    """Yield, with their numbers, what joints hold between bodies whose coordinates are absolute."""
     for k, c in enumerate(constraints):
+        if not (c.holds_place or c.holds_turn):
+            continue
         ends = (_owner(marker, owners) for marker in (c.first, c.second))
         if all(name is None or len(bodies[name].position_columns) for name in ends):
             yield k, c

@@ -120,6 +120,10 @@ class Marker:
         """The position as a linear function of the coordinates in space; None where it is not."""
         return None
 
+    def axis_stiffness(self, a: Array, force: Array) -> Entries:
+        """Return force . d2(axis)/dx2 for a vector (n_dim,): nothing where axes are linear in x."""
+        return NOTHING
+
     def spin_jacobian(self, x: Array) -> Array:
         """Return the derivative of its turn by the coordinates, shape (n_batch or 1, n_spin, n_columns)."""
         raise NotImplementedError

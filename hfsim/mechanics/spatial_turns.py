@@ -143,10 +143,7 @@ class TurnAbout(OfAxes):
         return np.asarray((c * s2 - s * c2) / square - (c * s1 - s * c1) * growth / square**2)
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
-        """Return the multiplier times the second derivative, Im(ddz / z - dz dz / z^2) with z = c + i s.
-
-        Axes must be linear in the coordinates, as those of assembled scenes are.
-        """
+        """Return the multiplier times the second derivative, Im(ddz / z - dz dz / z^2) with z = c + i s."""
         c, s = (float(part[0, 0]) for part in self._parts(x))
         z = complex(c, s)
         (zero, quarter, other), (of_zero, of_quarter, of_other) = self._axes(x), self._slopes(x)
@@ -157,8 +154,14 @@ class TurnAbout(OfAxes):
         cross_term = of_first.T @ of_second / z
         second[:k, k:] += cross_term
         second[k:, :k] += cross_term.T
-        columns = np.concatenate([self.first.support, self.second.support])
-        return Entries.of_block(columns, columns, float(multipliers[0, 0]) * second.imag)
+        columns, moment = np.concatenate([self.first.support, self.second.support]), float(multipliers[0, 0])
+        parts = [Entries.of_block(columns, columns, moment * second.imag)]
+        pull = moment / (c * c + s * s)
+        parts.append(self.first.axis_stiffness(np.array(self.zero), -pull * s * other[0]))
+        parts.append(self.first.axis_stiffness(np.array(self.quarter), pull * c * other[0]))
+        across_it = pull * (c * quarter[0] - s * zero[0])
+        parts.append(self.second.axis_stiffness(np.array(self.other), across_it))
+        return Entries(*(np.concatenate(kinds) for kinds in zip(*parts, strict=True)))
 
     def _slopes(self, x: Array) -> Iterator[Array]:
         """Yield the derivatives (3, k) of its axes by the coordinates that each end depends on."""

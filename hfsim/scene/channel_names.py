@@ -82,6 +82,8 @@ class ChannelNames:
             yield Complaint(path, f"a {space} scene has no {quantity}", hint)
         elif kind.only_beams and not beam and points and points[owner] is not None:
             yield Complaint(path, f"only a beam has {quantity}, '{owner}' is {shown(body.get('type'))}")
+        elif kind.of_sections and body.get("element") == "cable":
+            yield Complaint(path, f"a cable element has no {quantity}", "take element: cosserat")
         else:
             yield from self.declared.point_complaint(path, point)
 

@@ -27,9 +27,10 @@ from hfsim.deck.fields import (
     read_text,
     whole,
 )
-from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionSpec
+from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionProperties
 from hfsim.deck.orientation import OrientationSpec, matrix_of
 from hfsim.deck.reader import Path
+from hfsim.deck.sections import SectionSpec
 from hfsim.deck.source import did_you_mean
 from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, named_in, refusal, shown
 from hfsim.integrators import steps_in_absolute_coordinates
@@ -292,6 +293,8 @@ class Deck(Spec):
         super().model_post_init(context)
         if "gravity" not in self.model_fields_set and self._states_space():
             object.__setattr__(self, "gravity", (0.0, 0.0, 0.0))
+        beams = {k: b.in_space(self.dimension) for k, b in self.bodies.items() if isinstance(b, BeamSpec)}
+        object.__setattr__(self, "bodies", {**self.bodies, **beams})
         filled = OutputSpec.model_construct(
             interval=self.output.interval or self.solve.duration / 200,
             channels=self.output.channels or default_channels(self.bodies, self.dimension),
@@ -321,7 +324,15 @@ class Deck(Spec):
         """Return what follows from the material and the section of a beam."""
         spec = self.bodies[beam]
         assert isinstance(spec, BeamSpec)
-        return BeamProperties.of(self.materials[spec.material], self.sections[spec.section])
+        material = None if spec.material is None else self.materials[spec.material]
+        return BeamProperties.of(material, self.sections[spec.section])
+
+    def section_properties(self, beam: str) -> SectionProperties:
+        """Return the same of a beam in space, in all directions."""
+        spec = self.bodies[beam]
+        assert isinstance(spec, BeamSpec)
+        material = None if spec.material is None else self.materials[spec.material]
+        return SectionProperties.of(material, self.sections[spec.section])
 
     def models(self, model: str) -> dict[str, str]:
         """Return the model of each beam: its own, or else the one given."""

@@ -204,7 +204,7 @@ def _slenderness(deck: Deck, ratio: float) -> Iterator[tuple[str, object]]:
             continue
         section = deck.sections[body.section]
         k = body.length / ratio / section.height
-        own = {"area": section.area * k**2, "second_moment": section.second_moment * k**4}
+        own = {"area": section.area * k**2, "second_moment": section.bending[1] * k**4}
         yield f"sections.{body.section}_of_{name}", own
         yield f"bodies.{name}.section", f"{body.section}_of_{name}"
 

@@ -95,7 +95,7 @@ def _richer(spec: BeamSpec) -> dict[str, int]:
 
 
 def _takes_degrees(spec: BeamSpec) -> bool:
-    return spec.centre_line and spec.quadrature is None and spec.degree < _MOST_DEGREE
+    return spec.takes_degrees and spec.degree < _MOST_DEGREE
 
 
 def _coarser(spec: BeamSpec) -> dict[str, int]:

@@ -10,7 +10,8 @@ import yaml
 from pydantic import TypeAdapter
 
 from hfsim.deck.law_specs import LAWS, AngleLaw, PositionLaw
-from hfsim.deck.materials import MaterialSpec, SectionSpec
+from hfsim.deck.materials import MaterialSpec, SectionProperties
+from hfsim.deck.sections import SectionSpec
 from hfsim.deck.source import OverrideProblem, parse_source
 from hfsim.deck.units import SI_UNITS, UNITS, UnitError, parse_quantity
 from hfsim.errors import DeckError
@@ -304,7 +305,39 @@ def test_section_formulas():
     circle, tube = section(shape="circle", radius=2), section(shape="tube", outer_radius=2, inner_radius=1)
     assert (circle.area, circle.second_moment) == pytest.approx((4 * math.pi, 4 * math.pi))
     assert (tube.area, tube.second_moment) == pytest.approx((3 * math.pi, 15 * math.pi / 4))
-    assert section(shape="rectangle", width=2, height=3).second_moment == pytest.approx(4.5)
+    rectangle = section(shape="rectangle", width=2, height=3)
+    assert rectangle.second_moment == pytest.approx(4.5)
+    assert rectangle.bending == pytest.approx((2.0, 4.5))
+    assert section(shape="rectangle", width=1e-3, height=1).torsion == pytest.approx(1e-9 / 3 * 0.99937)
+    assert section(shape="rectangle", width=3.2024e-3, height=12.377e-3).torsion == pytest.approx(
+        1.13399529628e-10, rel=1e-11
+    )
+    assert circle.torsion == pytest.approx(8 * math.pi)
+    assert circle.shear(0.3) == pytest.approx((7.8 / 8.8,) * 2)
+    thin = section(shape="tube", outer_radius=1, inner_radius=1 - 1e-9)
+    assert thin.shear(0.3) == pytest.approx((2 * 1.3 / (4 + 0.9),) * 2)
+    assert section(area=2, second_moment=3).bending == (3, 3)
+    assert section(area=2, second_moment=3).torsion == 6
+
+
+def test_what_follows_from_material_and_section_in_space():
+    material = MaterialSpec(density=2.0, youngs_modulus=30.0, poisson_ratio=0.25, bending_damping=0.1)
+    numbers = {"area": 2, "second_moments": [3, 4], "torsion_constant": 5, "shear_factors": [0.5, 0.25]}
+    own = SectionProperties.of(material, TypeAdapter(SectionSpec).validate_python(numbers))
+    assert own.stiffness == pytest.approx((60.0, 12.0, 6.0, 60.0, 90.0, 120.0))
+    assert own.damping == pytest.approx((0.0, 0.0, 0.0, 6.0, 9.0, 12.0))
+    assert (own.mass_per_length, own.rotary_inertia) == (4.0, (6.0, 8.0))
+    given = {
+        "mass_per_length": 4.0,
+        "rotary_inertia": [14, 6, 8],
+        "axial_stiffness": 60.0,
+        "shear_stiffness": [12, 6],
+        "torsion_stiffness": "60 N*m^2",
+        "bending_stiffness": [90, 120],
+    }
+    stated = SectionProperties.of(None, TypeAdapter(SectionSpec).validate_python(given))
+    assert stated.stiffness == pytest.approx(own.stiffness)
+    assert stated.rotary_inertia == own.rotary_inertia
 
 
 def test_lame_constants_give_back_modulus_and_ratio():

@@ -19,6 +19,7 @@ from hfsim.mechanics.directions import Facing, Orthonormal, Parallel, Square
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.markers import GroundMarker
 from hfsim.mechanics.pose import Pose
+from hfsim.mechanics.section_markers import SectionMarker
 from hfsim.mechanics.spatial_markers import FrameMarker, VectorMarker
 from hfsim.mechanics.spatial_turns import About
 from hfsim.parts.joints.cylindrical import CylindricalSpec
@@ -29,13 +30,20 @@ from hfsim.parts.joints.revolute import RevoluteSpec
 from hfsim.parts.joints.spherical import SphericalSpec
 from hfsim.parts.joints.universal import UniversalSpec
 
-N = 12 + 12 + 6 + 6
+N = 12 + 12 + 6 + 6 + 18
 BODY, OTHER, LINE, FRAME = slice(0, 12), slice(12, 24), slice(24, 30), slice(30, 36)
+SECTION = slice(36, 54)
 MARKERS = {
     "ground": GroundMarker(Pose(np.array([0.3, -0.2, 0.1]), np.array([0.4, -0.3, 0.8]))),
     "body": VectorMarker(BODY, np.array([1.0, 0.3, -0.2, 0.4]), np.eye(4)[1:]),
     "other": VectorMarker(OTHER, np.array([1.0, -0.1, 0.5, 0.2]), np.eye(4)[1:]),
     "line": VectorMarker(LINE, np.array([1.0, 0.0]), np.array([[0.0, 1.0]])),
+    "section": SectionMarker(
+        SECTION,
+        np.array([0.4, 0.1, -0.1, 0.6, 0.15, -0.15]),
+        np.kron([0.4, 0.6], np.eye(3)[1:]),
+        rotation(np.array([0.5, -0.3, 0.2])),
+    ),
     "frame": FrameMarker(FRAME, (0.2, 0.1, -0.3), rotation(np.array([0.1, 0.9, -0.4]))),
 }
 TAPE = VectorMarker(slice(0, 6), np.array([1.0, 0.0]), np.array([[0.0, 1.0]]))
@@ -51,7 +59,10 @@ JOINTS = {
     "driven angle": (DriverSpec(type="driver", between=ENDS, angle=SINE, axis=(0.0, 1.0, 0.0)), 1),
     "driven distance": (DriverSpec(type="driver", between=ENDS, position=SINE, axis=(0.0, 1.0, 0.0)), 1),
 }
-PAIRS = [("ground", "body"), ("body", "other"), ("other", "ground")]
+PAIRS = [
+    *(("ground", "body"), ("body", "other"), ("other", "ground")),
+    *(("section", "body"), ("ground", "section")),
+]
 FACING = rotation(np.array([0.2, -0.5, 0.3]))
 
 
@@ -71,6 +82,7 @@ def state(rng):
     x = rng.normal(size=N)
     x[BODY], x[OTHER] = rigid(rng)[0], rigid(rng)[0]
     x[FRAME][3:] *= 0.7
+    x[SECTION] = np.concatenate([np.r_[rng.normal(size=3), rigid(rng)[0][6:]] for _ in range(2)])
     return x
 
 
@@ -131,6 +143,19 @@ def test_spin_of_a_rigid_body_is_its_angular_velocity(rng):
     x[0, BODY], u[0, BODY], spin = rigid(rng)
     assert marker.spin(x, u)[0] == pytest.approx(spin, abs=1e-14)
     assert marker.turned(x, np.eye(3)[1])[0] == pytest.approx(x[0, 6:9])
+
+
+def test_spin_of_a_section_is_its_angular_velocity(rng):
+    own, x, u = np.eye(2, 3, 1), np.zeros((1, N)), np.zeros((1, N))
+    marker = SectionMarker(slice(36, 45), np.eye(3)[0], own, rotation(np.array([0.3, 0.0, 0.0])))
+    R, spin = rotation(rng.normal(size=3)), rng.normal(size=3)
+    x[0, 39:45], u[0, 39:45] = R.T[1:].ravel(), cross(spin, R.T[1:]).ravel()
+    assert marker.spin(x, u)[0] == pytest.approx(spin, abs=1e-14)
+    assert marker.frame(x)[0] == pytest.approx(R @ marker.body.T, abs=1e-14)
+    a = rng.normal(size=3)
+    assert marker.axis(x, a)[0] == pytest.approx(R @ marker.body.T @ a, abs=1e-14)
+    bias = slope(lambda s: marker.spin(x + s[:, None] * u, np.repeat(u, len(s), axis=0)))
+    assert marker.spin_bias(x, u)[0] == pytest.approx(bias, abs=1e-8)
 
 
 def test_a_line_does_not_roll(rng):

@@ -1,12 +1,12 @@
 """Beams: slender flexible bodies."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field
 
-from hfsim.deck.fields import Flag, Points, PositiveLength, whole
-from hfsim.deck.materials import AnySection
+from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, whole
+from hfsim.deck.sections import AnySection, alike
 from hfsim.deck.spec import Around, Complaint, Spec, named_in, refusal, shown
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.specs import BodySpec
@@ -20,6 +20,19 @@ END_POINTS = ("root", "tip")
 
 DEFAULT_ELEMENTS = 4
 """Elements of a beam whose deck states none, or ``auto`` where nothing chooses them."""
+
+
+USUAL_ELEMENTS = {2: "cable", 3: "cosserat"}
+"""Element of a beam that states none, by the dimensions of space."""
+_STRAINS = (
+    ("strain", "green", "has strains of its own", ""),
+    ("curvature", "linear", "has no curvature of its own", ""),
+)
+_OWN = {
+    "continuum": (("degree", 3, "is cubic along its axis", ", or take element: cable"), *_STRAINS),
+    "cosserat": (*_STRAINS, ("rotary_inertia", False, "always has it", "")),
+}
+"""Options that elements do not know, with their usual values."""
 
 
 def _read_elements(value: object) -> object:
@@ -43,12 +56,13 @@ class BeamSpec(BodySpec):
 
     own_points = END_POINTS
     noun = "beam"
+    spatial = ("section_angle",)
 
     type: Literal["beam"]
     """Kind of body."""
 
-    material: str
-    """Name of the material."""
+    material: str | None = None
+    """Name of the material; a section given by its stiffness needs none."""
 
     section: str
     """Name of the section."""
@@ -59,11 +73,16 @@ class BeamSpec(BodySpec):
     elements: Annotated[int, whole(at_most=100_000), BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
     """Number of elements [-]; auto: `run` chooses it and the degree, all else takes 4."""
 
-    element: Annotated[str, named_in("hfsim.parts.elements.ELEMENTS")] = "cable"
-    """Centre line only, or the fully parameterised element of Liu, Hong & Cui (2007), eq. 22-27."""
+    element: Annotated[str, named_in("hfsim.parts.elements.ELEMENTS", "cosserat")] | None = None
+    """cable: centre line only, usual in the plane; continuum: fully parameterised as in Liu, Hong & Cui
+    (2007), eq. 22-27; cosserat: line with sections, with shear and torsion too, usual in space."""
 
-    degree: Annotated[int, whole(3, 12)] = 3
-    """Degree of the cable element's shapes: cubic Hermite and degree - 3 interior functions [-]."""
+    degree: Annotated[int, whole(1, 12)] = 3
+    """Degree of the shapes [-]: of a cable 3 or more, cubic Hermite and degree - 3 interior functions;
+    of a cosserat element any, so many intervals between nodes."""
+
+    section_angle: Angle | None = None
+    """Angle by which the section's axes are turned about the beam from those of its frame, in space [rad]."""
 
     strain: Literal["green", "engineering"] = "green"
     """Axial strain of the cable element: (r'.r' - 1)/2 or abs(r') - 1."""
@@ -88,22 +107,30 @@ class BeamSpec(BodySpec):
 
     def assemble(self, name: str, start: int, deck: Any, model: "Model | None") -> "Body":
         """Return the body of a model whose coordinates begin at a column."""
+        assert model is not None
+        if self.element == "cosserat":
+            from hfsim.parts.bodies.cosserat import CosseratBeam
+
+            return CosseratBeam.of(self, name, start, deck)
         from hfsim.parts.bodies.blueprint import Blueprint
 
-        assert model is not None
         return model.assemble(Blueprint.of(self, name, start, deck))
 
     @property
     def size(self) -> int:
         """Number of coordinates of the nodes and of the elements' interiors."""
+        if self.element == "cosserat":
+            return 9 * (self.elements * self.degree + 1)
         return 4 * (self.elements + 1) + 2 * (self.degree - 3) * self.elements
 
-    @property
-    def centre_line(self) -> bool:
-        """Whether its elements are a line without height."""
-        from hfsim.parts.elements import ELEMENTS
+    def in_space(self, n_dim: int) -> Self:
+        """Return the beam with the element that is usual in a space, unless it states one."""
+        return self if self.element else self.model_copy(update={"element": USUAL_ELEMENTS[n_dim]})
 
-        return ELEMENTS[self.element].centre_line
+    @property
+    def takes_degrees(self) -> bool:
+        """Whether its degree may be chosen."""
+        return self.element != "continuum" and self.quadrature is None
 
     @property
     def sectioned(self) -> bool:
@@ -119,28 +146,29 @@ class BeamSpec(BodySpec):
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield options that exclude one another, and points outside the beam."""
-        yield from self._element_complaints()
         for name, point in self.points.items():
             if name in END_POINTS:
                 yield Complaint(("points", name), f"every beam has a point '{name}'", "choose another name")
             elif not 0 <= point[0] <= self.length:
                 message = f"x = {point[0]:g} m is outside the beam, which goes from 0 to {self.length:g} m"
                 yield Complaint(("points", name), message)
-            elif self.centre_line and any(point[1:]):
-                hint = "give y = 0, or element: continuum"
-                message = f"a {self.element} element has points on its centre line only"
+            elif any(point[1:]) and (self.element or USUAL_ELEMENTS[len(point)]) == "cable":
+                hint = f"give y = 0, or element: {'continuum' if len(point) == 2 else 'cosserat'}"
+                message = "a cable element has points on its centre line only"
                 yield Complaint(("points", name), message, hint)
 
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield what does not fit the section, the model and the form of the elastic force."""
+        beam = self.in_space(around.n_dim or 2)
         yield from super().complaints_in(around)
-        yield from self._section_complaints(around.sections.get(self.section))
+        yield from beam._element_complaints(around.n_dim)
+        yield from beam._section_complaints(around.sections.get(self.section))
         model = self.model or around.model or ""
         for key, value, words, instead in MODELS[model].lacks if model in MODELS else ():
-            if getattr(self, key) == value:
+            if getattr(beam, key) == value:
                 yield Complaint((key,), f"the model {model} has no {words}", f"{instead}, or another model")
         if around.n_dim == 3:
-            yield from self._spatial_complaints(model)
+            yield from beam._spatial_complaints(model, around.sections.get(self.section))
         if around.elastic_form not in (None, "gram") and (self.strain, self.curvature) != ("green", "linear"):
             key = "strain" if self.strain != "green" else "curvature"
             message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
@@ -159,34 +187,48 @@ class BeamSpec(BodySpec):
             message = f"{self.length:g} m for a section {height:.3g} m high"
             yield Complaint(("length",), message, f"'{self.length:g} mm'?")
 
-    def _spatial_complaints(self, model: str) -> Iterator[Complaint]:
+    def _spatial_complaints(self, model: str, section: AnySection | None) -> Iterator[Complaint]:
         if model and not (model in MODELS and MODELS[model].spatial):
             there = ", ".join(name for name, one in MODELS.items() if one.spatial)
             yield Complaint(("model",), f"the model {model} is not available in space", f"take {there}")
-        if self.element != "cable":
-            yield Complaint(("element",), f"a {self.element} element is not available in space", "cable")
+        if self.element == "continuum":
+            hint = "take cosserat or cable"
+            yield Complaint(("element",), "a continuum element is not available in space", hint)
+        if self.element == "cosserat" and model in MODELS and model not in ("exact", "ancf"):
+            message = f"a cosserat element has no model {model} yet"
+            yield Complaint(("model",), message, "take exact or ancf, or element: cable")
+        if self.element == "cable" and section is not None and not alike(section.bending):
+            first, second = section.bending
+            message = f"a cable element has no section axes, but {first:.4g} about y and {second:.4g} about z"
+            yield Complaint(("section",), message, "equal second moments, or element: cosserat")
+        if self.element == "cable" and self.section_angle is not None:
+            message = "a cable element has no section axes"
+            yield Complaint(("section_angle",), message, "remove this key, or element: cosserat", True)
 
     def _section_complaints(self, section: AnySection | None) -> Iterator[Complaint]:
         if section is None:
             return
+        if self.material is None and not section.stiff:
+            yield Complaint(("material",), "missing key", "Name of the material", True)
+        elif self.material is not None and section.stiff:
+            message = f"the section '{self.section}' has its stiffness and needs no material"
+            yield Complaint(("material",), message, "remove this key", True)
         for name, place in self.points.items():
-            if not self.centre_line and abs(place[1]) > section.height / 2:
+            if self.element == "continuum" and abs(place[1]) > section.height / 2:
                 message = f"y = {place[1]:g} m is outside the section, {section.height:.3g} m high"
                 yield Complaint(("points", name), message)
 
-    def _element_complaints(self) -> Iterator[Complaint]:
-        if not self.centre_line:
-            own = (
-                ("degree", 3, "is cubic along its axis", ", or take element: cable"),
-                ("strain", "green", "has the Green strain", ""),
-                ("curvature", "linear", "has no curvature of its own", ""),
-            )
-            for key, usual, why, instead in own:
-                if getattr(self, key) != usual:
-                    yield Complaint((key,), f"a {self.element} element {why}", f"remove this key{instead}")
+    def _element_complaints(self, n_dim: int | None) -> Iterator[Complaint]:
+        for key, usual, why, instead in _OWN.get(self.element or "", ()):
+            if getattr(self, key) != usual:
+                yield Complaint((key,), f"a {self.element} element {why}", f"remove this key{instead}")
+        if self.element == "cosserat" and n_dim == 2:
+            yield Complaint(("element",), "a cosserat element is not available in the plane", "take cable")
+        if self.element == "cable" and self.degree < 3:
+            yield Complaint(("degree",), f"must be at least 3, not {self.degree}")
         if self.quadrature is None:
             return
-        if not self.centre_line:
+        if self.element != "cable":
             yield Complaint(("quadrature",), "applies to cable elements only", "remove this key")
         elif self.strain == "green" and self.curvature == "linear":
             message = "strain: green with curvature: linear is integrated exactly"

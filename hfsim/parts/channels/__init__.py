@@ -7,7 +7,7 @@ what computes it. A new one takes a file here and its name in that table.
 from __future__ import annotations
 
 from hfsim.parts.channels._base import ChannelKind, Plot, Sampled, Samples
-from hfsim.parts.channels.deformation import DEFLECTION, DEFLECTIONS, ELONGATION
+from hfsim.parts.channels.deformation import DEFLECTION, DEFLECTIONS, ELONGATION, TWIST
 from hfsim.parts.channels.energy import KINETIC, POTENTIAL, STRAIN, TOTAL
 from hfsim.parts.channels.motion import (
     ANGLE,
@@ -37,6 +37,7 @@ CHANNELS: dict[str, ChannelKind] = {
     "deflection": DEFLECTION,
     **{f"deflection_{axis}": kind for axis, kind in zip("yz", DEFLECTIONS, strict=True)},
     "elongation": ELONGATION,
+    "twist": TWIST,
     "angle": ANGLE,
     "angular_velocity": ANGULAR_VELOCITY,
     **{f"rotation_{axis}": kind for axis, kind in zip("xyz", ROTATIONS, strict=True)},

@@ -126,6 +126,8 @@ class ChannelKind(NamedTuple):
         Whether the body must be a beam.
     in_frame : bool
         Whether it is measured in the body's frame, and so needs the frame's full turns.
+    of_sections : bool
+        Whether the beam's element must have sections, as a cable has not.
     judged : str
         When errors in it count: residuals never do, nor does an energy that is conserved.
     """
@@ -137,6 +139,7 @@ class ChannelKind(NamedTuple):
     dimensions: tuple[int, ...] = (2, 3)
     only_beams: bool = False
     in_frame: bool = False
+    of_sections: bool = False
     judged: Literal["always", "unless conserved", "never"] = "always"
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import rotate
+from hfsim.maths.rotations import quaternion, rotate
 from hfsim.parts.channels._base import ChannelKind, Plot, Samples
 
 
@@ -32,6 +32,14 @@ def _elongation(samples: Samples, point: str) -> Array:
     return np.asarray(_relative(samples, point)[:, 0] - place)
 
 
+def _twist(samples: Samples, point: str) -> Array:
+    """Return the angle left of a section's rotation when what turns its first axis is taken away."""
+    body, _ = split_point(point)
+    own = samples.scene.marker(point).turned(samples.x, np.eye(3))
+    q = quaternion(samples.frame(body).swapaxes(1, 2) @ own)
+    return np.asarray(2.0 * np.arctan2(q[:, 1], q[:, 0]))
+
+
 _DEFLECTION = Plot("deflection", "deflection")
 DEFLECTION = ChannelKind(
     "m", _deflection(1), "point", _DEFLECTION, dimensions=(2,), only_beams=True, in_frame=True
@@ -47,3 +55,8 @@ ELONGATION = ChannelKind(
     "m", _elongation, "point", Plot("elongation", "elongation"), only_beams=True, in_frame=True
 )
 """Displacement of a point along the first axis of its body frame."""
+
+TWIST = ChannelKind(
+    "rad", _twist, "point", Plot("twist", "twist"), dimensions=(3,), only_beams=True, of_sections=True
+)
+"""Angle by which a section is turned about the beam against the body frame, within half a turn."""

@@ -13,6 +13,7 @@ from hfsim.parts.elements.cable import Cable
 from hfsim.parts.elements.continuum import Continuum
 
 ELEMENTS: dict[str, type[Element]] = {"cable": Cable, "continuum": Continuum}
+"""Elements with gradient vectors at their nodes; for section vectors see `hfsim.parts.bodies.cosserat`."""
 
 _FORMS = "hfsim.studies.separation"
 ELASTIC_FORMS: dict[str, Any] = {

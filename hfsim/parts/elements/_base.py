@@ -12,7 +12,7 @@ import math
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
-from typing import Any, ClassVar, NamedTuple, Protocol, Self
+from typing import Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,9 +95,6 @@ class Element(Protocol):
     Its vectors are those of the first node, interior ones if it has any, and those of the last node:
     ``stride + per_node`` together.
     """
-
-    centre_line: ClassVar[bool]
-    """Whether it is a line without height, whose degree, strain and curvature a deck may choose."""
 
     @classmethod
     def of(cls, length: float, degree: int) -> Self:

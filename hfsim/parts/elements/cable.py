@@ -7,7 +7,6 @@ with their slopes at both ends.  Energy per length EA/2 strain^2 + EI/2 curvatur
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -42,7 +41,6 @@ class Cable:
     length: float
     degree: int = 3
     per_node: int = 2
-    centre_line: ClassVar[bool] = True
 
     @classmethod
     def of(cls, length: float, degree: int) -> Cable:

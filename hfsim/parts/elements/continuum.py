@@ -7,7 +7,6 @@ The paper's general formulation: Green-Lagrange strain (15)-(18), the matrix of 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 
@@ -30,7 +29,6 @@ class Continuum:
     length: float
     per_node: int = 3
     degree: int = 3
-    centre_line: ClassVar[bool] = False
 
     @classmethod
     def of(cls, length: float, degree: int) -> Continuum:

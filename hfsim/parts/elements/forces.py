@@ -40,7 +40,8 @@ class ElasticForce(ForcePart):
     def counts(self) -> dict[str, int | str]:
         """One kernel serves all elements in one call."""
         integrals = getattr(self.law, "integrals", "exact, done beforehand")
-        return {"kernels": 1, "elements": len(self.elements.columns), "integrals": integrals}
+        pieces = getattr(self.law, "pieces", "elements")
+        return {"kernels": 1, pieces: len(self.elements.columns), "integrals": integrals}
 
     @property
     def shared(self) -> Hashable:

@@ -1,0 +1,105 @@
+"""Markers of beams with section vectors in space: two axes are coordinates, the first their product."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Entries
+from hfsim.maths.rotations import cross, skew
+from hfsim.mechanics.markers import ROUNDING
+from hfsim.mechanics.products import LinearVector
+from hfsim.mechanics.spatial_markers import VectorMarker
+
+
+@dataclass(frozen=True, eq=False)
+class SectionMarker(VectorMarker):
+    """A material point of a beam whose coordinates are positions and section vectors d2, d3.
+
+    ``axis_rows`` are those of d2 and d3; d1 = d2 x d3.  At nodes they are of unit length and at right angles,
+    between nodes nearly so.
+
+    Attributes
+    ----------
+    body : ndarray, shape (3, 3)
+        From d1, d2, d3 to the marker's own axes, as rows: those of the body frame, carried along.
+    """
+
+    body: Array
+
+    @property
+    def n_axes(self) -> int:  # type: ignore[override]
+        """All three."""
+        return 3
+
+    def _triad(self, x: Array) -> Array:
+        """Return d1, d2, d3, shape (n_batch, 3, 3)."""
+        d = self._combined(x, self.axis_rows)
+        return np.concatenate([cross(d[:, :1], d[:, 1:]), d], axis=1)
+
+    def axes(self, x: Array) -> Array:
+        """Return its own axes, shape (n_batch, 3, 3)."""
+        return np.asarray(self.body @ self._triad(x))
+
+    def frame(self, x: Array) -> Array:
+        """Return three axes of unit length and at right angles, as columns, shape (n_batch, 3, 3)."""
+        d = self._triad(x)
+        d = d / np.linalg.norm(d, axis=-1, keepdims=True)
+        # half of what is missing of a right angle to each of both section vectors
+        off = 0.5 * np.sum(d[:, 1] * d[:, 2], axis=-1, keepdims=True)
+        y = d[:, 1] - off * d[:, 2]
+        y = y / np.linalg.norm(y, axis=-1, keepdims=True)
+        square = np.stack([d[:, 0], y, cross(d[:, 0], y)], axis=1)
+        return np.asarray((self.body @ square).swapaxes(1, 2))
+
+    def linear_axis(self, a: Array) -> LinearVector | None:
+        """Return combinations of d2 and d3; None of d1."""
+        c = np.asarray(a) @ self.body
+        return None if abs(c[0]) > ROUNDING else self._linear(c[1:] @ self.axis_rows)
+
+    def _slopes(self, x: Array, a: Array) -> Array:
+        """Return the derivatives of a combination of its own axes by d2 and d3, (n_batch, 2, 3, 3)."""
+        c, d = np.asarray(a) @ self.body, self._combined(x, self.axis_rows)
+        by = skew(d[:, ::-1]) * np.array([-c[0], c[0]])[:, None, None]
+        return np.asarray(by + c[1:, None, None] * np.eye(3))
+
+    def _by_vectors(self, blocks: Array) -> Array:
+        """Return derivatives by the coordinates from those by d2 and d3, (n_batch, 2, 3, 3)."""
+        J = np.einsum("baki,an->bkni", blocks, self.axis_rows)
+        return np.asarray(J.reshape(len(J), 3, -1))
+
+    def axis_jacobian(self, x: Array, a: Array) -> Array:
+        """Return the derivative of `axis` by the coordinates, shape (n_batch, 3, n_columns)."""
+        return self._by_vectors(self._slopes(x, a))
+
+    def axis_bias(self, x: Array, u: Array, a: Array) -> Array:
+        """Return its second time derivative at zero accelerations, shape (n_batch, 3)."""
+        rate = self._combined(u, self.axis_rows)
+        return np.asarray(2.0 * (np.asarray(a) @ self.body)[0] * cross(rate[:, 0], rate[:, 1]))
+
+    def axis_stiffness(self, a: Array, force: Array) -> Entries:
+        """Return the second derivative of force . axis, that of c1 d2 x d3."""
+        vectors = np.flatnonzero(self._involved)
+        y, z = self.axis_rows[:, vectors]
+        one = np.kron(np.outer(y, z), -(np.asarray(a) @ self.body)[0] * skew(force))
+        return Entries.of_block(self.support, self.support, one + one.T)
+
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return half the matrix of the sum of d x d' over its axes, d1' from d2' and d3'."""
+        d = self._triad(x)
+        along = d[:, :1, None, :] * np.stack([-d[:, 2], d[:, 1]], axis=1)[..., None]
+        return self._by_vectors(0.5 * (skew(d[:, 1:]) + along))
+
+    def spin_bias(self, x: Array, u: Array) -> Array:
+        """Return what of its angular acceleration does not come from those of d2 and d3."""
+        d, rate = self._triad(x), self._combined(u, self.axis_rows)
+        first = cross(rate[:, 0], d[:, 2]) + cross(d[:, 1], rate[:, 1])
+
+        def product(a: Array, b: Array) -> Array:
+            return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
+
+        y, z = rate[:, 0], rate[:, 1]
+        changed = y * product(d[:, 0], z) - z * product(d[:, 0], y)
+        return 0.5 * (changed + d[:, 1] * product(first, z) - d[:, 2] * product(first, y))

@@ -1,0 +1,156 @@
+"""A beam in space cut into equal elements of nodes with section vectors: shape rows and undeformed state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.deck.materials import SectionProperties
+from hfsim.maths.arrays import Array, IntArray, component_rows
+from hfsim.maths.rotations import rotation
+from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange
+from hfsim.mechanics.body import Place
+from hfsim.parts.elements.cosserat import VECTORS, CosseratLaw, point_rows, strains, vector_rows
+
+
+class Axis(NamedTuple):
+    """The undeformed centre line of a beam, seen from its body frame.
+
+    Attributes
+    ----------
+    length : float
+        [m].
+    section_angle : float
+        Angle of the section's axes about the beam, from the line's own frame [rad].
+    """
+
+    length: float
+    section_angle: float = 0.0
+
+    def at(self, places: Array) -> tuple[Array, Array]:
+        """Return points (n, 3) of the line and its frames (n, 3, 3), tangent first, as columns."""
+        points = np.zeros((len(places), 3))
+        points[:, 0] = places
+        return points, np.repeat(np.eye(3)[None], len(places), axis=0)
+
+    def sections(self, places: Array) -> tuple[Array, Array]:
+        """Return points (n, 3) of the line and the axes (n, 3, 3) of sections there, as columns."""
+        points, frames = self.at(places)
+        about = np.zeros((len(places), 3))
+        about[:, 0] = self.section_angle
+        return points, np.asarray(frames @ rotation(about))
+
+
+@dataclass(frozen=True, eq=False)
+class SectionMesh:
+    """Equal elements in a row; each node has position, second and third section axis, in this order.
+
+    Attributes
+    ----------
+    axis : Axis
+    count, degree : int
+        Number of elements, and of intervals between nodes in each.
+    properties : SectionProperties
+    """
+
+    axis: Axis
+    count: int
+    degree: int
+    properties: SectionProperties
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return self.count * self.degree + 1
+
+    @property
+    def _element_length(self) -> float:
+        return self.axis.length / self.count
+
+    def _along(self, places: Array) -> Array:
+        """Return places of the unit interval in every element in turn, (count * n,) [m]."""
+        return (np.arange(self.count)[:, None] + places).ravel() * self._element_length
+
+    @cached_property
+    def undeformed(self) -> Array:
+        """Nodal vectors in the body frame, shape (3 n_nodes, 3)."""
+        inner = self._along(gauss_lobatto(self.degree + 1)[0][:-1])
+        points, sections = self.axis.sections(np.append(inner, self.axis.length))
+        return np.stack([points, sections[..., 1], sections[..., 2]], axis=1).reshape(-1, 3)
+
+    @cached_property
+    def positions(self) -> Array:
+        """One for nodal vectors that are positions, zero for section vectors, shape (3 n_nodes,)."""
+        return np.tile([1.0, 0.0, 0.0], self.n_nodes)
+
+    @cached_property
+    def node_lengths(self) -> Array:
+        """Length of the beam that goes with each node, by Gauss-Lobatto quadrature, (n_nodes,) [m]."""
+        weights = gauss_lobatto(self.degree + 1)[1] * self._element_length
+        every = np.tile(weights, self.count)
+        return np.asarray(np.bincount(self._nodes.ravel(), every, self.n_nodes), dtype=float)
+
+    @property
+    def masses(self) -> Array:
+        """What each nodal vector's acceleration is multiplied by, (3 n_nodes,) [kg], [kg m^2]."""
+        about_y, about_z = self.properties.rotary_inertia
+        return np.outer(self.node_lengths, [self.properties.mass_per_length, about_z, about_y]).ravel()
+
+    @property
+    def _nodes(self) -> IntArray:
+        """The nodes of each element, (count, degree + 1)."""
+        return np.asarray(self.degree * np.arange(self.count)[:, None] + np.arange(self.degree + 1))
+
+    @cached_property
+    def points(self) -> tuple[Array, Array]:
+        """Places of the Gauss points of all elements, and weights of integrals over the length [m]."""
+        places, weights = gauss_legendre(self.degree)
+        return self._along(places), np.tile(weights * self._element_length, self.count)
+
+    @cached_property
+    def point_vectors(self) -> tuple[IntArray, Array]:
+        """The nodal vectors of each Gauss point and the rows of (r', d2, d3, d2', d3') over them.
+
+        Shapes (n_points, 3 (degree + 1)) and (n_points, 5, 3 (degree + 1)).
+        """
+        values, slopes = point_rows(self.degree)
+        rows = vector_rows(values, slopes / self._element_length)
+        width = VECTORS * (self.degree + 1)
+        first = VECTORS * self.degree * np.arange(self.count)
+        vectors = np.repeat(first, self.degree)[:, None] + np.arange(width)
+        return vectors, np.tile(rows, (self.count, 1, 1))
+
+    def law(self) -> CosseratLaw:
+        """Return the elastic law of all Gauss points; undeformed, the beam is without stress."""
+        vectors, rows = self.point_vectors
+        stiffness = np.outer(self.properties.stiffness, self.points[1])
+        undeformed = strains(component_rows(rows @ self.undeformed[vectors]))
+        return CosseratLaw(stiffness, undeformed, self.degree)
+
+    def shape(self, place: float, derivative: int = 0) -> tuple[Array, Array]:
+        """Return the rows of position, and of both section vectors, over all nodal vectors.
+
+        Shapes (3 n_nodes,) and (2, 3 n_nodes).
+        """
+        e = min(int(place / self._element_length), self.count - 1)
+        nodes, _ = gauss_lobatto(self.degree + 1)
+        values = lagrange(place / self._element_length - e, nodes, derivative)[0]
+        rows = np.zeros((VECTORS, self.n_nodes, VECTORS))
+        for k in range(VECTORS):
+            rows[k, self._nodes[e], k] = values / self._element_length**derivative
+        flat = rows.reshape(VECTORS, -1)
+        return flat[0], flat[1:]
+
+    def point(self, place: Place) -> tuple[Array, Array, Array]:
+        """Return the rows of a point off the line and of its section vectors, and the section's axes there.
+
+        The axes are columns in the body frame, shape (3, 3).
+        """
+        position, section = self.shape(place[0])
+        _, line = self.axis.at(np.array(place[:1]))
+        _, axes = self.axis.sections(np.array(place[:1]))
+        beside = line[0][:, 1:] @ np.array(place[1:])
+        return position + (axes[0].T @ beside)[1:] @ section, section, axes[0]

@@ -1,0 +1,189 @@
+"""The element cosserat: laws against differences, published statics, convergence, no locking."""
+
+import numpy as np
+import pytest
+
+from hfsim.maths.rotations import rotation
+from hfsim.parts.elements.cosserat import CosseratLaw, SectionDamping, strains
+from tests.equilibrium import cantilever, displacement, equilibrium
+
+PRINCETON = "{shape: rectangle, height: 12.377e-3, width: 3.2024e-3}"
+ALUMINIUM = "youngs_modulus: 71.7e9, poisson_ratio: 0.31"
+S18 = {
+    0: (-0.000135580, -0.010715413, 0.0),
+    15: (-0.002240836, -0.010625771, 0.042125219),
+    30: (-0.007660816, -0.010147241, 0.079456076),
+    45: (-0.014389320, -0.008888858, 0.109041568),
+    60: (-0.020473184, -0.006654361, 0.129923512),
+    75: (-0.024583897, -0.003568891, 0.142214417),
+    90: (-0.026024229, 0.0, 0.146259984),
+}
+"""Princeton beam at 8.896 N: tip displacement by the angle of the load."""
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(3)
+
+
+def law_and_vectors(rng, points=4):
+    stiffness, undeformed = rng.uniform(0.5, 2.0, (6, points)), 0.2 * rng.normal(size=(6, points))
+    undeformed[0] += 1.0
+    V = 0.3 * rng.normal(size=(2, points, 5, 3))
+    V[..., :3, :] += np.eye(3)
+    return CosseratLaw(stiffness, undeformed, 1), V
+
+
+def test_gradient_and_hessian_against_differences(rng):
+    law, V = law_and_vectors(rng)
+    dV, h = rng.normal(size=V.shape), 1e-6
+    change = (law.energy(V + h * dV) - law.energy(V - h * dV)) / (2 * h)
+    gradient = law.gradient(V)
+    assert np.sum(gradient * dV, axis=(-1, -2)) == pytest.approx(change, rel=1e-8)
+    H, bent = law.hessian(V), (law.gradient(V + h * dV) - law.gradient(V - h * dV)) / (2 * h)
+    flat = dV.reshape(*dV.shape[:2], 15, 1)
+    assert (H @ flat)[..., 0] == pytest.approx(bent.reshape(2, 4, 15), rel=1e-7, abs=1e-8)
+    assert pytest.approx(H.swapaxes(-1, -2), abs=1e-14) == H
+    assert law.energy(V)[1] == pytest.approx(law.energy(V[1:])[0], rel=1e-14)
+
+
+def test_rigid_motions_change_no_strain(rng):
+    law, V = law_and_vectors(rng)
+    R = rotation(np.array([0.7, -1.9, 2.3]))
+    assert law.energy(V @ R.T) == pytest.approx(law.energy(V), rel=1e-13)
+    still = np.zeros((1, 1, 5, 3))
+    still[0, 0, :3] = np.eye(3) @ R.T
+    assert strains(still[0, 0][..., None])[:, 0] == pytest.approx([1, 0, 0, 0, 0, 0], abs=1e-15)
+
+
+def test_curvatures_are_the_rates_of_a_triad_along_the_line(rng):
+    """d_i' = kappa x d_i with kappa in the triad's own axes."""
+    R, kappa, gamma = rotation(rng.normal(size=3)), rng.normal(size=3), rng.normal(size=3)
+    bent = np.cross(R @ kappa, R.T)
+    v = np.array([R @ gamma, R[:, 1], R[:, 2], bent[1], bent[2]])
+    assert strains(v[..., None])[:, 0] == pytest.approx(np.r_[gamma, kappa], abs=1e-14)
+
+
+def test_damping_against_differences(rng):
+    scene = cantilever("{shape: circle, radius: 0.1}", 1.0, (0, 0, 1), elements=2, degree=2, material=(
+        "youngs_modulus: 10.0, axial_damping: 0.2, bending_damping: 0.3"
+    ))
+    (part,) = (one for one in scene.system.forces if isinstance(one, SectionDamping))
+    n, t, h = scene.system.n_x, np.zeros(1), 1e-6
+    x = scene.system.absolute(scene.q[None]) + 0.1 * rng.normal(size=(1, n))
+    u, d = rng.normal(size=(1, n)), rng.normal(size=n)
+
+    def force(x, u):
+        out = np.zeros_like(x)
+        part.add_force(t, x, u, out)
+        return out
+
+    for entries, slope in (
+        (part.tangent(t, x, u), (force(x + h * d, u) - force(x - h * d, u)) / (2 * h)),
+        (part.rate_tangent(t, x, u), (force(x, u + h * d) - force(x, u - h * d)) / (2 * h)),
+    ):
+        K = np.zeros((n, n))
+        np.add.at(K, (entries.rows, entries.columns), entries.values)
+        assert K @ d == pytest.approx(-slope[0], rel=1e-6, abs=1e-7 * np.abs(slope).max())
+    assert part.power(t, x, u)[0] == pytest.approx(float(force(x, u)[0] @ u[0]), rel=1e-12)
+    assert part.power(t, x, u)[0] < 0.0
+    turning = scene.bodies["b"].freedoms(x[0], scene.assembly.poses["b"])
+    assert np.abs(force(x, np.pad(turning[4:5], ((0, 0), (0, n - turning.shape[1]))))).max() < 1e-12
+
+
+@pytest.mark.parametrize("angle", S18)
+def test_princeton_beam(angle):
+    beta = np.radians(angle)
+    force = 8.896 * np.array([0.0, -np.cos(beta), np.sin(beta)])
+    scene = cantilever(PRINCETON, 0.508, force.tolist(), elements=4, degree=4, material=ALUMINIUM)
+    found = displacement(scene, equilibrium(scene, 4))
+    assert found == pytest.approx(S18[angle], abs=2e-9)
+
+
+def test_the_section_turns_by_its_angle():
+    """A load turned with the section gives a displacement turned with it."""
+    angle = 0.7
+    force, R = np.array([0.0, -5.0, 3.0]), rotation(np.array([angle, 0.0, 0.0]))
+    straight = cantilever(PRINCETON, 0.508, force.tolist(), material=ALUMINIUM)
+    turned = cantilever(
+        PRINCETON, 0.508, (R @ force).tolist(), material=ALUMINIUM, more=f"section_angle: {angle}"
+    )
+    a, b = (displacement(one, equilibrium(one, 4)) for one in (straight, turned))
+    assert b == pytest.approx(R @ a, abs=1e-12)
+
+
+def test_torsion_with_two_bending_moments():
+    """Case S19: factors 0.5768 on the polar moment and 0.8331, 0.7961 for shear."""
+    I_z, I_y = 0.4 * 0.2**3 / 12, 0.2 * 0.4**3 / 12
+    section = (
+        f"{{area: 0.08, second_moments: [{I_y!r}, {I_z!r}], torsion_constant: {0.5768 * (I_y + I_z)!r}, "
+        "shear_factors: [0.8331, 0.7961]}"
+    )
+    scene = cantilever(
+        section, 2.0, (0.0, 0.0, 0.0), (0.5e6, 2e6, 0.0), 2, 4, "youngs_modulus: 2.07e11, poisson_ratio: 0.3"
+    )
+    found = displacement(scene, equilibrium(scene, 4))
+    assert found == pytest.approx((-1.0943798558e-4, -1.8643645616e-4, -1.81174027438e-2), rel=1e-7)
+
+
+def test_roll_up_to_a_full_circle():
+    """Case S8: M = 2 pi EI / L bends a cantilever into a closed circle, about either axis of its section."""
+    stiff = "{mass_per_length: 1.0, rotary_inertia: [2.0, 1.0, 1.0], axial_stiffness: 1.0e4, "
+    stiff += "shear_stiffness: [1.0e4, 1.0e4], torsion_stiffness: 1.0, bending_stiffness: [2.0, 3.0]}"
+    for moment in ((0.0, 4.0 * np.pi, 0.0), (0.0, 0.0, 6.0 * np.pi)):
+        scene = cantilever(stiff, 1.0, (0.0, 0.0, 0.0), moment, elements=4, degree=6)
+        assert displacement(scene, equilibrium(scene, 20)) == pytest.approx((-1.0, 0.0, 0.0), abs=1e-8)
+
+
+def test_extensible_cantilever_with_shear():
+    """Case S10, row R."""
+    length, h, E, k = 2.0, 0.1, 2.07e11, 10 * 1.3 / (12 + 11 * 0.3)
+    second = h**4 / 12
+    section = f"{{area: {h * h!r}, second_moment: {second!r}, shear_factors: [{k!r}, {k!r}]}}"
+    force = (0.0, -3 * E * second / length**2, 0.0)
+    scene = cantilever(section, length, force, (0.0,) * 3, 4, 5, f"youngs_modulus: {E}, poisson_ratio: 0.3")
+    expected = (-0.5094647177450, -1.2088228295599, 0.0)
+    assert displacement(scene, equilibrium(scene)) == pytest.approx(expected, abs=2e-10)
+
+
+def test_geradin_cantilever():
+    """Case S12, row R: shortening, deflection and rotation."""
+    stiff = "{mass_per_length: 1.0, rotary_inertia: [2.0, 1.0, 1.0], axial_stiffness: 4.8e8, "
+    stiff += "shear_stiffness: [3.231e8, 3.231e8], torsion_stiffness: 1.0e6, "
+    stiff += "bending_stiffness: [9.346e6, 9.346e6]}"
+    scene = cantilever(stiff, 5.0, (0.0, 0.0, 6e5), elements=4, degree=5)
+    x = equilibrium(scene)
+    assert displacement(scene, x) == pytest.approx((-0.596471272235, 0.0, 2.159693894490), abs=2e-9)
+    tip = scene.marker("b.tip").frame(x)[0]
+    assert np.arctan2(tip[2, 0], tip[0, 0]) == pytest.approx(0.672006063844, abs=1e-9)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_errors_at_nodes_fall_with_twice_the_degree(degree):
+    force = (0.0, -4.0, 4.0)
+    exact = tip_of(force, 4, 7)
+    counts = {1: (8, 16, 32), 2: (4, 8, 16), 3: (2, 4, 8)}[degree]
+    errors = [np.linalg.norm(tip_of(force, n, degree) - exact) for n in counts]
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert orders[-1] == pytest.approx(2 * degree, abs=0.25)
+
+
+def tip_of(force, elements, degree):
+    scene = cantilever(PRINCETON, 0.508, force, elements=elements, degree=degree, material=ALUMINIUM)
+    return displacement(scene, equilibrium(scene, 3))
+
+
+def test_no_locking():
+    """Slenderness 10 to 1e4, equal unknowns, loads that bend alike: errors differ by less than a tenth."""
+    meshes, errors = ((12, 1), (6, 2), (4, 3)), []
+    for slenderness in (1e1, 1e2, 1e3, 1e4):
+        h = 1.0 / slenderness
+        section, force = f"{{shape: rectangle, width: {h!r}, height: {h!r}}}", (0.0, h**4 / 6.0, h**4 / 12.0)
+        tips = [
+            displacement(one, equilibrium(one, 8))
+            for n, p in (*meshes, (3, 6))
+            for one in [cantilever(section, 1.0, force, (0.0,) * 3, n, p, "youngs_modulus: 1.0")]
+        ]
+        errors.append(np.linalg.norm(np.array(tips[:-1]) - tips[-1], axis=1))
+    assert np.max(errors, axis=0) == pytest.approx(np.min(errors, axis=0), rel=0.1)
+    assert np.max(errors, axis=0).tolist() < [1e-2, 2e-4, 5e-6]

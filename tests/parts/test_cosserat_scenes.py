@@ -1,0 +1,119 @@
+"""Scenes with beams of the element cosserat: frequencies, joints, offsets, invariance, what they refuse."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+from hfsim.errors import DeckError
+from hfsim.maths.rotations import rotation
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+from tests.equilibrium import cantilever
+
+DECK = """
+hfsim: 1
+gravity: {gravity}
+materials: {{soft: {{density: 1000.0, youngs_modulus: 1.0e7, poisson_ratio: 0.3}}}}
+sections: {{blade: {{shape: rectangle, width: 0.06, height: 0.03}}}}
+ground: {{points: {{wall: {wall}}}}}
+bodies:
+  b: {{type: beam, material: soft, section: blade, length: 0.8, elements: 1,
+       points: {{side: [0.4, 0.1, 0.05]}}}}
+  c: {{type: beam, material: soft, section: blade, length: 0.5, elements: 1, degree: 2, section_angle: 0.5}}
+  top: {{type: rigid, mass: 0.5, inertia: [0.001, 0.002, 0.0025], points: {{rim: [0.1, 0.0, 0.05]}}}}
+joints:
+  hinge: {{type: revolute, between: [ground.wall, b.root], axis: {axis}}}
+  elbow: {{type: universal, between: [b.tip, c.root], axes: [[0, 0, 1], [0, 1, 0]]}}
+  ball: {{type: spherical, between: [b.side, top.rim]}}
+initial:
+  b: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
+  c: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
+  top: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
+solve: {{duration: 0.2, tolerance: 1.0e-9, model: {model}}}
+output:
+  interval: 0.05
+  channels: [c.tip.x, c.tip.y, c.tip.z, top.x, top.y, top.z, c.tip.twist, energy.total]
+"""
+
+
+def run(turn=(0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0), model="exact"):
+    R = rotation(np.array(turn))
+    numbers = {
+        "gravity": R @ [0.0, 0.0, -9.81],
+        "wall": shift,
+        "axis": R @ [0.0, 0.6, 0.8],
+        "turn": turn,
+        "spin": R @ [0.0, 1.2, 1.6],
+    }
+    text = DECK.format(model=model, **{key: [float(a) for a in value] for key, value in numbers.items()})
+    return simulate(parse_deck(text), error_estimate=False)
+
+
+@pytest.fixture(scope="module")
+def level():
+    return run()
+
+
+def table(result):
+    assert result.status == "done"
+    return np.stack([channel.values for channel in result.channels], axis=1)
+
+
+def test_a_turned_and_shifted_scene_moves_the_same(level):
+    turn, shift = np.array([0.9, -1.3, 0.4]), np.array([0.3, -2.0, 1.0])
+    a, b, R = table(level), table(run(turn, shift)), rotation(turn)
+    for k in (0, 3):
+        assert b[:, k : k + 3] == pytest.approx(a[:, k : k + 3] @ R.T + shift, abs=1e-8)
+    assert b[:, 6] == pytest.approx(a[:, 6], abs=1e-8)
+    assert np.ptp(a[:, 7]) < 1e-8
+    assert np.abs(a[:, 6]).max() > 1e-3
+
+
+def test_exact_and_ancf_are_one(level):
+    assert table(run(model="ancf")) == pytest.approx(table(level), abs=1e-12)
+
+
+def test_joints_hold(level):
+    assert level.statistics["constraint_position"] < 1e-12
+
+
+ROOTS = (1.8751040687119612, 4.6940911329741746)
+"""Case S1, clamped and free."""
+
+
+def test_frequencies_of_a_slender_cantilever():
+    """Bending in both planes, torsion and stretch, of 2 elements of degree 6."""
+    E, rho, L, w, h = 1e7, 1000.0, 1.0, 0.004, 0.002
+    section = f"{{shape: rectangle, width: {w}, height: {h}}}"
+    scene = cantilever(section, L, (0, 0, 0), elements=2, degree=6, material=f"youngs_modulus: {E}")
+    linear = scene.system.linearized(0.0, scene.q, scene.v)
+    free = linear.allowed
+    omega = np.sqrt(scipy.linalg.eigvalsh(free @ linear.stiffness @ free.T))
+    expected = [r**2 * np.sqrt(E / (12 * rho)) * side / L**2 for r in ROOTS for side in (w, h)]
+    J, polar = scene.deck.sections["bar"].torsion, (w * h**3 + h * w**3) / 12
+    expected += [0.5 * np.pi / L * np.sqrt(E * J / (2.0 * rho * polar)), 0.5 * np.pi / L * np.sqrt(E / rho)]
+    for one in expected:
+        assert np.abs(omega / one - 1.0).min() < 3e-4
+    assert omega[:4] == pytest.approx(sorted(expected)[:4], rel=3e-4)
+
+
+def test_undeformed_bodies_weigh_and_turn_as_rigid_ones():
+    """Mass, first moment and moments of inertia, from momenta of rigid motions."""
+    section = "{shape: rectangle, width: 0.2, height: 0.1}"
+    scene = cantilever(section, 2.0, (0, 0, 0), material="youngs_modulus: 1")
+    body, pose = scene.bodies["b"], scene.assembly.poses["b"]
+    x = body.placed(pose)
+    motions = np.zeros((6, scene.system.n_x))
+    motions[:, body.columns] = body.freedoms(x, pose)
+    M = scene.system.equations.momentum(x[None], motions) @ motions.T
+    m, L, y, z = 40.0, 2.0, 0.1**2 / 12, 0.2**2 / 12
+    assert np.diag(M) == pytest.approx([m, m, m, m * (y + z), m * (L * L / 3 + z), m * (L * L / 3 + y)])
+    assert M[1, 5] == pytest.approx(m * L / 2)
+
+
+@pytest.mark.parametrize(
+    ("model", "words"), [("linear", "not available in space"), ("rigid", "no model rigid")]
+)
+def test_other_models_are_refused(model, words):
+    with pytest.raises(DeckError, match=words):
+        run(model=model)
