@@ -80,7 +80,7 @@ def chain(mbs: object) -> int:
             initialAngularVelocity=list(spin),
             gravity=[0.0, 0.0, -9.81],
         )
-        mbs.CreateSphericalJoint(bodyNumbers=[before, body], position=list(place), show=False)
+        mbs.CreateSphericalJoint(itemNumbers=[before, body], position=list(place), show=False)
         before, place, velocity = body, place + 2.0 * HALF, velocity + 2.0 * turning
     return mbs.AddSensor(
         items.SensorBody(
