@@ -16,6 +16,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import Samples, is_judged
+from hfsim.run.alike import alike
 from hfsim.run.solution import Channel
 
 SMALL = 1e-3
@@ -24,11 +25,11 @@ SMALL = 1e-3
 _TINY = 1e-12
 """Smallest scale of any channel, in its unit: nothing is divided by zero."""
 
-_NATURAL = {"rad": 1.0}
+_NATURAL = {"rad": 1.0, "-": 1.0}
 """Units with a size of their own, whatever the scene."""
 
 GROUPS = {
-    "motion": ("m", "rad"),
+    "motion": ("m", "rad", "-"),
     "rates": ("m/s", "rad/s"),
     "forces": ("N", "N m"),
     "energies": ("J",),
@@ -223,7 +224,7 @@ def channel_errors(
     absolute: dict[str, float] = {}
     relative: dict[str, float] = {}
     scales = channel_scales(reference, conserved=True)
-    for channel, better, scale in zip(channels, reference, scales, strict=True):
+    for channel, better, scale in zip(alike(channels, reference), reference, scales, strict=True):
         n, name = len(better.values), channel.name
         if not n or not is_judged(name, conserved=False):
             continue

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators import choose
+from hfsim.run.alike import alike
 from hfsim.run.distance import gap, magnitude, unit_sizes
 from hfsim.run.integration import problem_of
 from hfsim.run.plan import keeping, plan_of
@@ -166,7 +167,7 @@ def _tight(loaded: LoadedDeck, planned: LoadedDeck, rule: str, steps: int) -> Lo
 def differences(one: Run, other: Run) -> tuple[float, float]:
     """Return the largest difference of lengths and angles, and of all else; see `largest_difference`."""
     largest, sizes = {True: 0.0, False: 0.0}, unit_sizes(other.channels, magnitude)
-    for mine, theirs in zip(one.channels, other.channels, strict=True):
+    for mine, theirs in zip(alike(one.channels, other.channels), other.channels, strict=True):
         apart = gap(mine.values, theirs.values).largest / max(1.0, sizes[mine.unit])
         kind = mine.unit in ("m", "rad")
         largest[kind] = max(largest[kind], apart)

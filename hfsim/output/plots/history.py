@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -21,6 +21,7 @@ from hfsim.output.plots.style import (
     with_unit,
 )
 from hfsim.parts.channels import CHANNELS, kind_of
+from hfsim.run.alike import jumps
 from hfsim.run.solution import Channel, Run
 
 
@@ -59,13 +60,13 @@ def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Figure:
     subjects = list(dict.fromkeys(_parts(channel)[0] for channel in channels))
     figure = new_figure((SIZE[0], 1.4 + (2.4 if len(quantities) < 3 else 1.9) * len(quantities)))
     rows = stacked(figure, len(quantities))
-    breaks = _breaks(channels)
+    breaks = jumps(channels)
     for axes, wanted in zip(rows, quantities, strict=True):
         for channel in channels:
             subject, quantity = _parts(channel)
             if quantity == wanted:
                 own = colour(subjects.index(subject))
-                axes.plot(*_broken(run.t, channel.values, breaks[subject]), color=own, label=subject)
+                axes.plot(*_curve(run, channel, breaks), color=own, label=subject)
         dress(axes, "", with_unit(wanted, channels[0].unit))
     plot = kind_of(channels[0].name).plot
     of = f" of {subjects[0]}" if len(subjects) == 1 else " of points" if plot.rows else ""
@@ -78,28 +79,18 @@ def _units_figure(run: Run, channels: Sequence[Channel]) -> Figure:
     units = list(dict.fromkeys(channel.unit for channel in channels))
     figure = new_figure((SIZE[0], 2.2 + 2.4 * len(units)))
     rows = stacked(figure, len(units))
-    breaks = _breaks(channels)
+    breaks = jumps(channels)
     for axes, unit in zip(rows, units, strict=True):
         for i, channel in enumerate(c for c in channels if c.unit == unit):
-            curve = _broken(run.t, channel.values, breaks[_parts(channel)[0]])
-            axes.plot(*curve, color=colour(i), label=channel.name)
+            axes.plot(*_curve(run, channel, breaks), color=colour(i), label=channel.name)
         dress(axes, "", with_unit(words, unit))
     return _over_time(figure, rows, headline(run, channels[0].name if len(channels) == 1 else words))
 
 
-def _breaks(channels: Sequence[Channel]) -> dict[str, IntArray]:
-    """Return by subject before which rows its curves are broken."""
-    steps: dict[str, Array] = {}
-    for channel in channels:
-        subject = _parts(channel)[0]
-        steps[subject] = np.hypot(steps.get(subject, 0.0), np.diff(channel.values))
-    jump = kind_of(channels[0].name).plot.jump
-    return {subject: 1 + np.flatnonzero(step > jump) for subject, step in steps.items()}
-
-
-def _broken(t: Array, values: Array, breaks: IntArray) -> tuple[Array, Array]:
-    """Return the curve of a channel with gaps at the breaks."""
-    return np.insert(t, breaks, np.nan), np.insert(values, breaks, np.nan)
+def _curve(run: Run, channel: Channel, breaks: Mapping[str, IntArray]) -> tuple[Array, Array]:
+    """Return the points of a curve, with gaps where it is broken."""
+    rows = breaks.get(channel.name, ())
+    return np.insert(run.t, rows, np.nan), np.insert(channel.values, rows, np.nan)
 
 
 def _over_time(figure: Figure, rows: Sequence[Axes], title: str) -> Figure:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -96,14 +95,11 @@ class Plot(NamedTuple):
         Name of its file. Without one, all channels of the same unit share a picture ``other_<unit>``.
     rows : bool
         Whether each quantity has a row of its own and each subject a colour; else each unit and each channel.
-    jump : float
-        Step of all quantities of a subject together, in their unit, that is no motion but breaks curves.
     """
 
     words: str = "other outputs"
     stem: str = ""
     rows: bool = False
-    jump: float = math.inf
 
 
 class ChannelKind(NamedTuple):
@@ -130,6 +126,8 @@ class ChannelKind(NamedTuple):
         Whether the beam's element must have sections, as a cable has not.
     judged : str
         When errors in it count: residuals never do, nor does an energy that is conserved.
+    others : callable or None
+        Other values, (n_times, n), that mean the same as these of all such quantities of a subject, if any.
     """
 
     unit: str
@@ -141,6 +139,7 @@ class ChannelKind(NamedTuple):
     in_frame: bool = False
     of_sections: bool = False
     judged: Literal["always", "unless conserved", "never"] = "always"
+    others: Callable[[Array], Array] | None = None
 
     @property
     def of_scene(self) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -39,6 +38,12 @@ def _rotation(axis: int) -> Callable[[Samples, str], Array]:
     return lambda samples, body: rotation_vector(samples.frame(body))[:, axis]
 
 
+def _the_other_way(vectors: Array) -> Array:
+    """Return the rotation vectors (n_times, n) of the same turns about the opposite axes."""
+    angles = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors - 2.0 * np.pi * vectors / np.maximum(angles, np.finfo(float).tiny))
+
+
 def _quaternion(part: int) -> Callable[[Samples, str], Array]:
     return lambda samples, body: quaternion(samples.frame(body))[:, part]
 
@@ -62,15 +67,15 @@ SPINS = tuple(
 )
 """Angular velocity of a body frame, in ground axes."""
 
-_ROTATION = Plot("rotation vector", "rotation", jump=math.pi)
+_ROTATION = Plot("rotation vector", "rotation")
 ROTATIONS = tuple(
-    ChannelKind("rad", _rotation(axis), "body", _ROTATION, dimensions=(3,))
+    ChannelKind("rad", _rotation(axis), "body", _ROTATION, dimensions=(3,), others=_the_other_way)
     for axis in range(3)
 )
 """Rotation vector of a body frame, of half a turn at most."""
-_QUATERNION = Plot("quaternion", "quaternion", jump=1.0)
+_QUATERNION = Plot("quaternion", "quaternion")
 QUATERNIONS = tuple(
-    ChannelKind("-", _quaternion(part), "body", _QUATERNION, dimensions=(3,))
+    ChannelKind("-", _quaternion(part), "body", _QUATERNION, dimensions=(3,), others=np.negative)
     for part in range(4)
 )
 """Unit quaternion of a body frame; its scalar part is not negative."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from hfsim.errors import HfsimError
 from hfsim.parts.bodies import BeamSpec
+from hfsim.run.alike import alike
 from hfsim.run.distance import ChannelScale, gap, group_of, reference_scales
 from hfsim.run.sampling import compute_channels, sample
 from hfsim.run.solution import Channel
@@ -78,7 +79,7 @@ class Truth:
 
     def errors(self, channels: Sequence[Channel]) -> tuple[ChannelError, ...]:
         """Return how far channels are from these."""
-        together = zip(channels, self.channels, self.scales, strict=True)
+        together = zip(alike(channels, self.channels), self.channels, self.scales, strict=True)
         return tuple(channel_error(c.values, t.values, s, self.floors[s.channel]) for c, t, s in together)
 
     def judged_errors(self, channels: Sequence[Channel]) -> dict[str, float]:
@@ -186,7 +187,7 @@ def _agreement(scene: Scene, tolerance: float, guard: Progress) -> tuple[Truth |
     scales = reference_scales(samples, channels)
     floors = {
         scale.channel: max(ROUND_OFF, gap(one.values, two.values).largest / scale.scale)
-        for scale, one, two in zip(scales, channels, others, strict=True)
+        for scale, one, two in zip(scales, channels, alike(others, channels), strict=True)
     }
     how = (f"{m} ({stages} stages, tolerance {tidy(factor * tolerance)})" for m, stages, factor in REFERENCES)
     return Truth(channels, scales, floors, " against ".join(how)), spent

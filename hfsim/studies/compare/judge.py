@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from hfsim.parts.bodies.models import MODELS
+from hfsim.run.alike import alike
 from hfsim.run.distance import ChannelScale, channel_scales, decisive
 from hfsim.run.solution import Run
 from hfsim.studies.compare.difference import Difference, difference
@@ -111,6 +114,9 @@ def _held_against(
 ) -> ModelResult:
     mine, theirs = measured.errors.get(run.model, {}), measured.errors.get(truth.model, {})
     both = {name: mine[name] + theirs[name] for name in mine if name in theirs and run is not truth}
+    n = min(len(run.t), len(truth.t))
+    if np.array_equal(run.t[:n], truth.t[:n]):
+        run = replace(run, channels=alike(run.channels, truth.channels))
     found = [difference(run, truth, scale, max_error, both.get(scale.channel)) for scale in scales]
     counted = {scale.channel: scale.scale for scale in scales if scale.judged}
     judged = [d for d in found if d is not None and d.channel in counted]

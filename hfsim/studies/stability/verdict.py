@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from hfsim.maths.arrays import Array
+from hfsim.run.alike import alike
 from hfsim.run.distance import ChannelScale, farthest, gap
 from hfsim.run.solution import Channel
 
@@ -159,7 +160,7 @@ def distance(
     scale = {one.channel: one.scale for one in scales if one.judged}
     errors = {
         c.name: gap(c.values, true[c.name]).largest / scale[c.name]
-        for c in channels
+        for c in alike(channels, truth)
         if c.name in scale and len(true[c.name]) == len(c.values)
     }
     worst, error = farthest(errors)
