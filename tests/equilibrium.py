@@ -39,6 +39,7 @@ def _balanced(system, t, z, multipliers):
 
 def cantilever(section, length, force, moment=(0.0, 0.0, 0.0), elements=4, degree=3, material=None, more=""):
     """Return the scene of a clamped beam along x with loads at its tip that grow to their size at t = 1."""
+    long = f"length: {length!r}," if length else ""
     of = f"material: stuff, {more}" if material else more
     return build(
         parse_deck(
@@ -48,7 +49,7 @@ gravity: [0.0, 0.0, 0.0]
 materials: {{stuff: {{density: 1000.0, {material or "youngs_modulus: 1.0"}}}}}
 sections: {{bar: {section}}}
 bodies:
-  b: {{type: beam, section: bar, length: {length!r}, elements: {elements}, degree: {degree}, {of}}}
+  b: {{type: beam, section: bar, {long} elements: {elements}, degree: {degree}, {of}}}
 joints: {{clamp: {{type: fixed, between: [ground, b.root]}}}}
 loads:
   push: {{type: force, at: b.tip, force: {list(force)}, law: {{type: constant_rate, rate: 1.0}}}}

@@ -136,6 +136,7 @@ ForceVector = Annotated[tuple[Force, ...], _vector]
 _triple = BeforeValidator(partial(entries, counts=(3,), what="numbers"))
 
 SpatialAngle = Annotated[tuple[Angle, ...], _triple]
+SpatialPlace = Annotated[tuple[Length, ...], _triple]
 
 
 def _one_or_three(dimension: str, value: object) -> object:

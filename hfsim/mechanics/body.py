@@ -99,6 +99,10 @@ class Body:
         """The origin of the body frame."""
         return (0.0, 0.0)
 
+    def reference(self, place: Place) -> Place:
+        """Return where a material point is in the undeformed body frame [m]."""
+        return place
+
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point."""
         raise NotImplementedError

@@ -51,7 +51,9 @@ class Frame(Body):
         places = repeat(None) if centres is None else centres
         every = zip(bodies, columns, places, strict=False)
         axes = dict.fromkeys(lines, 1)
-        return {b.name: cls(b.name, own, b.points, at, axes.get(b.name, 3)) for b, own, at in every}
+        return {
+            b.name: cls(b.name, own, _referred(b), at, axes.get(b.name, 3)) for b, own, at in every
+        }
 
     @property
     def origin(self) -> Place:
@@ -65,6 +67,10 @@ class Frame(Body):
 
             return FrameMarker(self.columns, place, self.centre, self.n_axes)
         return RigidMarker(self.columns, (place[0], place[1]))
+
+
+def _referred(body: Body) -> dict[str, Place]:
+    return {name: body.reference(place) for name, place in body.points.items()}
 
 
 @dataclass(frozen=True, eq=False)

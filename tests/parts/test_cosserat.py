@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from hfsim.maths.rotations import rotation
+from hfsim.parts.bodies.beam_axis import Curve
 from hfsim.parts.elements.cosserat import CosseratLaw, SectionDamping, strains
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
 from tests.equilibrium import cantilever, displacement, equilibrium
 
 PRINCETON = "{shape: rectangle, height: 12.377e-3, width: 3.2024e-3}"
@@ -187,3 +190,85 @@ def test_no_locking():
         errors.append(np.linalg.norm(np.array(tips[:-1]) - tips[-1], axis=1))
     assert np.max(errors, axis=0) == pytest.approx(np.min(errors, axis=0), rel=0.1)
     assert np.max(errors, axis=0).tolist() < [1e-2, 2e-4, 5e-6]
+
+
+BEND = "{shape: rectangle, width: 1.0, height: 1.0}"
+S15 = {
+    "5/6": ("torsion_constant: 0.16666666666666666", (15.6846894790, 47.1500962403, 53.4754779982)),
+    "shear area": (
+        "torsion_constant: 0.16666666666666666, shear_factors: [1.0, 1.0]",
+        (15.6848005340, 47.1504385736, 53.4748587918),
+    ),
+    "Saint-Venant": (None, (15.5576761492, 46.8915862192, 53.6079864062)),
+}
+"""45-degree bend at 600 N: tip, with the shear factor and torsion constant of each column."""
+
+
+@pytest.mark.parametrize("column", S15)
+def test_the_45_degree_bend(column):
+    """Ground axes of the case: tangent along y, bending towards x, load along z; here x, -y and z."""
+    more, tip = S15[column]
+    section = f"{{area: 1.0, second_moment: {1 / 12!r}, {more}}}" if more else BEND
+    arc = "axis: {arc: {radius: 100.0, angle: -45 deg}}"
+    scene = cantilever(section, 0.0, (0.0, 0.0, 600.0), (0.0,) * 3, 4, 4, "youngs_modulus: 1.0e7", arc)
+    found = scene.marker("b.tip").position(equilibrium(scene))[0]
+    assert (-found[1], found[0], found[2]) == pytest.approx(tip, rel=2e-7)
+    start = scene.marker("b.tip").position(scene.system.absolute(scene.q[None]))[0]
+    assert start == pytest.approx((70.7106781187, -29.2893218813, 0.0), abs=1e-9)
+
+
+def test_a_curve_through_points_of_an_arc_is_that_arc():
+    a = np.linspace(0.0, np.pi / 4, 41)
+    points = [[float(100 * np.sin(one)), float(100 * (np.cos(one) - 1)), 0.0] for one in a]
+    tips = []
+    for axis in ("axis: {arc: {radius: 100.0, angle: -45 deg}}", f"axis: {{points: {points}}}"):
+        scene = cantilever(BEND, 0.0, (0.0, 0.0, 300.0), (0.0,) * 3, 2, 4, "youngs_modulus: 1.0e7", axis)
+        tips.append(displacement(scene, equilibrium(scene, 4)))
+    assert tips[1] == pytest.approx(tips[0], abs=1e-5)
+
+
+def test_a_curve_in_space_keeps_its_length_and_its_frames_square():
+    s = np.linspace(0.0, 4.0, 60)
+    helix = np.stack([np.sin(s), np.cos(s) - 1.0, 0.5 * s], axis=1)
+    curve = Curve(helix)
+    assert curve.length == pytest.approx(4.0 * np.sqrt(1.25), rel=1e-6)
+    points, frames = curve.at(np.linspace(0.0, curve.length, 50))
+    assert frames @ frames.swapaxes(1, 2) == pytest.approx(np.repeat(np.eye(3)[None], 50, axis=0), abs=1e-12)
+    slopes = np.gradient(points, np.linspace(0.0, curve.length, 50), axis=0, edge_order=2)
+    assert frames[..., 0] == pytest.approx(slopes, abs=2e-3)
+    assert np.linalg.norm(slopes, axis=1) == pytest.approx(1.0, abs=2e-3)
+
+
+def test_a_pre_twisted_beam():
+    """Case S17 (b), a quarter turn of twist: BeamDyn's verification case by shooting."""
+    section = "{mass_per_length: 1.0, rotary_inertia: [2.0, 1.0, 1.0], axial_stiffness: 2.5e10, "
+    section += "shear_stiffness: [8.2604167e9, 8.2604167e9], torsion_stiffness: 1.41872656e8, "
+    section += "bending_stiffness: [5.20833e8, 1.30208333e8]}"
+    scene = cantilever(section, 10.0, (0.0, 0.0, -4e6), elements=4, degree=5, more="twist: 90 deg")
+    found = displacement(scene, equilibrium(scene))
+    assert found == pytest.approx((-1.14152599953942, -1.71805334646388, -3.59321324026952), rel=1e-7)
+
+
+def test_points_and_joints_of_a_curved_beam():
+    """Points off the line, and a body joined to the tip, are where the undeformed beam has them."""
+    deck = """
+hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+materials: {stuff: {density: 1.0, youngs_modulus: 1.0}}
+sections: {bar: {shape: circle, radius: 0.1}}
+bodies:
+  b: {type: beam, material: stuff, section: bar, axis: {arc: {radius: 2.0, angle: 90 deg}}, elements: 2,
+      points: {off: [1.5707963267948966, 0.1, 0.2]}}
+  c: {type: rigid, mass: 1.0, inertia: [1, 1, 1], points: {end: [-1.0, 0.0, 0.0]}}
+joints:
+  clamp: {type: fixed, between: [ground, b.root]}
+  ball: {type: fixed, between: [b.tip, c.end]}
+solve: {duration: 1.0}
+"""
+    scene = build(parse_deck(deck))
+    x = scene.system.absolute(scene.q[None])
+    off = np.sqrt(2.0) * np.array([1.0, -1.0, 0.0]) + [0.0, 2.0, 0.0]
+    off += [-0.1 / np.sqrt(2.0), 0.1 / np.sqrt(2.0), 0.2]
+    assert scene.marker("b.off").position(x)[0] == pytest.approx(off, abs=1e-12)
+    assert scene.marker("c").position(x)[0] == pytest.approx((3.0, 2.0, 0.0), abs=1e-12)
+    assert scene.marker("b.tip").frame(x)[0] == pytest.approx(np.eye(3), abs=1e-12)

@@ -1,13 +1,24 @@
 """Beams: slender flexible bodies."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, ValidationError
 
 from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, whole
 from hfsim.deck.sections import AnySection, alike
-from hfsim.deck.spec import Around, Complaint, Spec, named_in, refusal, shown
+from hfsim.deck.spec import (
+    Around,
+    Complaint,
+    Spec,
+    explained,
+    named_in,
+    refusal,
+    refuse_all,
+    refused,
+    shown,
+)
+from hfsim.parts.bodies.axis_spec import AxisSpec
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.specs import BodySpec
 
@@ -17,6 +28,9 @@ if TYPE_CHECKING:
 
 END_POINTS = ("root", "tip")
 """Points that every beam has."""
+
+_SAME_LENGTH = 1e-6
+"""Difference of a stated length from that of the axis, relative to it, that is rounding."""
 
 DEFAULT_ELEMENTS = 4
 """Elements of a beam whose deck states none, or ``auto`` where nothing chooses them."""
@@ -56,7 +70,7 @@ class BeamSpec(BodySpec):
 
     own_points = END_POINTS
     noun = "beam"
-    spatial = ("section_angle",)
+    spatial = ("axis", "section_angle", "twist")
 
     type: Literal["beam"]
     """Kind of body."""
@@ -67,8 +81,8 @@ class BeamSpec(BodySpec):
     section: str
     """Name of the section."""
 
-    length: PositiveLength
-    """Undeformed length [m]."""
+    length: PositiveLength = 0.0
+    """Undeformed length [m]; that of its axis, if it states one."""
 
     elements: Annotated[int, whole(at_most=100_000), BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
     """Number of elements [-]; auto: `run` chooses it and the degree, all else takes 4."""
@@ -99,11 +113,29 @@ class BeamSpec(BodySpec):
     truncation: Literal["second_order", "none"] = "second_order"
     """Order in the deformation through which the model lowOrder keeps inertia terms."""
 
+    axis: AxisSpec | None = None
+    """Undeformed centre line in the body frame; straight along x without it."""
+
+    twist: Angle | None = None
+    """Angle by which the section is turned at the tip more than at the root, undeformed, in space [rad]."""
+
     model: Annotated[str, named_in("hfsim.parts.bodies.models.MODELS", "auto")] | None = None
     """Model of this beam; that of ``solve.model`` without it."""
 
     points: Points = Field(default_factory=dict)
     """Named points in the undeformed body frame [m]."""
+
+    @classmethod
+    def _read(cls, value: Any, read: Callable[[Any], Any]) -> Any:
+        """Read a beam; one without a length and an axis is refused beside all else that is wrong with it."""
+        told = not isinstance(value, dict) or value.keys() & {"length", "axis"}
+        missing = [] if told else [Complaint(("length",), "missing key", "Undeformed length [m]", True)]
+        try:
+            beam = super()._read(value, read)
+        except ValidationError as error:
+            raise refused([*missing, *explained(cls, error)]) from None
+        refuse_all(missing)
+        return beam
 
     def assemble(self, name: str, start: int, deck: Any, model: "Model | None") -> "Body":
         """Return the body of a model whose coordinates begin at a column."""
@@ -124,8 +156,9 @@ class BeamSpec(BodySpec):
         return 4 * (self.elements + 1) + 2 * (self.degree - 3) * self.elements
 
     def in_space(self, n_dim: int) -> Self:
-        """Return the beam with the element that is usual in a space, unless it states one."""
-        return self if self.element else self.model_copy(update={"element": USUAL_ELEMENTS[n_dim]})
+        """Return the beam with its length, and with an element: that usual in a space if it states none."""
+        length = self.length or (self.axis.length if self.axis else 0.0)
+        return self.model_copy(update={"element": self.element or USUAL_ELEMENTS[n_dim], "length": length})
 
     @property
     def takes_degrees(self) -> bool:
@@ -146,11 +179,14 @@ class BeamSpec(BodySpec):
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield options that exclude one another, and points outside the beam."""
+        length = self.axis.length if self.axis else self.length
+        if self.length and abs(length - self.length) > _SAME_LENGTH * length:
+            yield Complaint(("length",), f"the axis is {length:.9g} m long", "remove this key")
         for name, point in self.points.items():
             if name in END_POINTS:
                 yield Complaint(("points", name), f"every beam has a point '{name}'", "choose another name")
-            elif not 0 <= point[0] <= self.length:
-                message = f"x = {point[0]:g} m is outside the beam, which goes from 0 to {self.length:g} m"
+            elif not 0 <= point[0] <= length:
+                message = f"x = {point[0]:g} m is outside the beam, which goes from 0 to {length:g} m"
                 yield Complaint(("points", name), message)
             elif any(point[1:]) and (self.element or USUAL_ELEMENTS[len(point)]) == "cable":
                 hint = f"give y = 0, or element: {'continuum' if len(point) == 2 else 'cosserat'}"
@@ -201,9 +237,10 @@ class BeamSpec(BodySpec):
             first, second = section.bending
             message = f"a cable element has no section axes, but {first:.4g} about y and {second:.4g} about z"
             yield Complaint(("section",), message, "equal second moments, or element: cosserat")
-        if self.element == "cable" and self.section_angle is not None:
-            message = "a cable element has no section axes"
-            yield Complaint(("section_angle",), message, "remove this key, or element: cosserat", True)
+        for key in ("axis", "section_angle", "twist") if self.element == "cable" else ():
+            if getattr(self, key) is not None:
+                message = f"a cable element {'is straight' if key == 'axis' else 'has no section axes'}"
+                yield Complaint((key,), message, "remove this key, or element: cosserat", True)
 
     def _section_complaints(self, section: AnySection | None) -> Iterator[Complaint]:
         if section is None:

@@ -21,7 +21,8 @@ from hfsim.mechanics.markers import GroundMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.section_markers import SectionMarker
 from hfsim.mechanics.spatial_markers import VectorMarker
-from hfsim.parts.bodies.section_mesh import Axis, SectionMesh
+from hfsim.parts.bodies.beam_axis import Axis, Line
+from hfsim.parts.bodies.section_mesh import SectionMesh
 from hfsim.parts.elements.cosserat import VECTORS, SectionDamping
 from hfsim.parts.elements.forces import ElasticForce
 
@@ -46,7 +47,8 @@ class CosseratBeam(Body):
     @classmethod
     def of(cls, spec: Any, name: str, start: int, deck: Any) -> CosseratBeam:
         """Return the body of a beam of a deck, a `BeamSpec`; its coordinates begin at a column."""
-        axis = Axis(spec.length, spec.section_angle or 0.0)
+        shape = Line() if spec.axis is None else spec.axis.shape
+        axis = Axis(shape, spec.length, spec.section_angle or 0.0, spec.twist or 0.0)
         mesh = SectionMesh(axis, spec.elements, spec.degree, deck.section_properties(name))
         ends = {"root": (0.0, 0.0, 0.0), "tip": (spec.length, 0.0, 0.0)}
         columns = slice(start, start + 3 * VECTORS * mesh.n_nodes)
@@ -73,6 +75,11 @@ class CosseratBeam(Body):
         """Those of the nodes."""
         first = self.columns.start + 3 * VECTORS * np.arange(self.mesh.n_nodes)
         return np.asarray(first[:, None] + np.arange(3))
+
+    def reference(self, place: Place) -> Place:
+        """Return where a point is in the undeformed body frame: places count along the line."""
+        row, _, _ = self.mesh.point(place)
+        return tuple(map(float, row @ self.mesh.undeformed))
 
     def marker(self, place: Place) -> SectionMarker:
         """Return the marker of a material point; its axes are those of the body frame, carried along."""

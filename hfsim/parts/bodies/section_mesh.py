@@ -4,44 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.deck.materials import SectionProperties
 from hfsim.maths.arrays import Array, IntArray, component_rows
-from hfsim.maths.rotations import rotation
 from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange
 from hfsim.mechanics.body import Place
+from hfsim.parts.bodies.beam_axis import Axis
 from hfsim.parts.elements.cosserat import VECTORS, CosseratLaw, point_rows, strains, vector_rows
-
-
-class Axis(NamedTuple):
-    """The undeformed centre line of a beam, seen from its body frame.
-
-    Attributes
-    ----------
-    length : float
-        [m].
-    section_angle : float
-        Angle of the section's axes about the beam, from the line's own frame [rad].
-    """
-
-    length: float
-    section_angle: float = 0.0
-
-    def at(self, places: Array) -> tuple[Array, Array]:
-        """Return points (n, 3) of the line and its frames (n, 3, 3), tangent first, as columns."""
-        points = np.zeros((len(places), 3))
-        points[:, 0] = places
-        return points, np.repeat(np.eye(3)[None], len(places), axis=0)
-
-    def sections(self, places: Array) -> tuple[Array, Array]:
-        """Return points (n, 3) of the line and the axes (n, 3, 3) of sections there, as columns."""
-        points, frames = self.at(places)
-        about = np.zeros((len(places), 3))
-        about[:, 0] = self.section_angle
-        return points, np.asarray(frames @ rotation(about))
 
 
 @dataclass(frozen=True, eq=False)

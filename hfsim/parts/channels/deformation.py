@@ -28,7 +28,8 @@ def _deflection(axis: int) -> Callable[[Samples, str], Array]:
 
 def _elongation(samples: Samples, point: str) -> Array:
     body, name = split_point(point)
-    place = samples.scene.bodies[body].points[name][0] if name else 0.0
+    own = samples.scene.bodies[body]
+    place = own.reference(own.points[name])[0] if name else 0.0
     return np.asarray(_relative(samples, point)[:, 0] - place)
 
 

@@ -1,0 +1,142 @@
+"""Undeformed centre lines of beams in space: straight, arcs, curves through points; and frames along them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import rotation, smallest_rotation
+from hfsim.maths.shapes import gauss_legendre
+
+PIECES = 64
+"""Pieces of a curve between two of its points, on which its length and its frames are found."""
+FIRST = np.eye(3)[0]
+
+
+class Line:
+    """The first axis of the body frame."""
+
+    def at(self, places: Array) -> tuple[Array, Array]:
+        """Return points (n, 3) of the line and its frames (n, 3, 3), tangent first, as columns."""
+        return np.outer(places, FIRST), np.repeat(np.eye(3)[None], len(places), axis=0)
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A circle's arc that starts along the first axis of the body frame, in the plane of the first two.
+
+    Attributes
+    ----------
+    radius : float
+        Positive if it bends towards the second axis [m].
+    """
+
+    radius: float
+
+    def at(self, places: Array) -> tuple[Array, Array]:
+        """Return points (n, 3) of the line and its frames (n, 3, 3), tangent first, as columns."""
+        angles = places / self.radius
+        points = np.stack([np.sin(angles), 2.0 * np.sin(0.5 * angles) ** 2, np.zeros_like(angles)], axis=-1)
+        return self.radius * points, rotation(angles[:, None] * np.eye(3)[2])
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A cubic spline through points of the body frame, by its own length; its frames do not turn about it.
+
+    Attributes
+    ----------
+    through : ndarray, shape (n, 3)
+        Where it starts is the origin [m].
+    """
+
+    through: Array
+
+    @cached_property
+    def _spline(self) -> Any:
+        from scipy.interpolate import CubicSpline
+
+        chords = np.linalg.norm(np.diff(self.through, axis=0), axis=1)
+        return CubicSpline(np.concatenate([[0.0], np.cumsum(chords)]), self.through)
+
+    @cached_property
+    def _grid(self) -> tuple[Array, Array]:
+        """Parameters and lengths from the start at the ends of all pieces."""
+        ends = self._spline.x
+        pieces = [np.linspace(a, b, PIECES, endpoint=False) for a, b in pairwise(ends)]
+        t = np.concatenate([*pieces, ends[-1:]])
+        return t, np.concatenate([[0.0], np.cumsum(self._lengths(t[:-1], t[1:]))])
+
+    def _lengths(self, start: Array, end: Array) -> Array:
+        """Return the lengths between parameters (n,)."""
+        xi, w = gauss_legendre(5)
+        t = start[:, None] + np.outer(end - start, xi)
+        return np.asarray(np.linalg.norm(self._spline(t, 1), axis=-1) @ w * (end - start))
+
+    @property
+    def length(self) -> float:
+        """Of the whole [m]."""
+        return float(self._grid[1][-1])
+
+    @cached_property
+    def _frames(self) -> Array:
+        """Frames at the ends of all pieces, (n, 3, 3): of least rotation from the body frame on."""
+        tangents = self._tangents(self._grid[0])
+        frames = [smallest_rotation(FIRST, tangents[0])]
+        for before, after in pairwise(tangents):
+            frames.append(smallest_rotation(before, after) @ frames[-1])
+        return np.array(frames)
+
+    def _tangents(self, t: Array) -> Array:
+        slopes = self._spline(t, 1)
+        return np.asarray(slopes / np.linalg.norm(slopes, axis=-1, keepdims=True))
+
+    def at(self, places: Array) -> tuple[Array, Array]:
+        """Return points (n, 3) of the line and its frames (n, 3, 3), tangent first, as columns."""
+        t_grid, lengths = self._grid
+        piece = np.clip(np.searchsorted(lengths, places, side="right") - 1, 0, len(lengths) - 2)
+        start, t = t_grid[piece], np.interp(places, lengths, t_grid)
+        for _ in range(3):
+            miss = places - lengths[piece] - self._lengths(start, t)
+            t = t + miss / np.linalg.norm(self._spline(t, 1), axis=-1)
+        before, tangents = self._frames[piece], self._tangents(t)
+        pairs = zip(before, tangents, strict=True)
+        frames = [smallest_rotation(frame[:, 0], tangent) @ frame for frame, tangent in pairs]
+        return np.asarray(self._spline(t)), np.array(frames)
+
+
+Shape = Line | Arc | Curve
+
+
+@dataclass(frozen=True)
+class Axis:
+    """The undeformed centre line of a beam, and how the section's axes are turned about it.
+
+    Attributes
+    ----------
+    shape : Shape
+    length : float
+        [m].
+    section_angle, twist : float
+        Angle at the root from the line's own frame, and by how much more at the tip [rad].
+    """
+
+    shape: Shape
+    length: float
+    section_angle: float = 0.0
+    twist: float = 0.0
+
+    def at(self, places: Array) -> tuple[Array, Array]:
+        """Return points (n, 3) of the line and its frames (n, 3, 3), tangent first, as columns."""
+        return self.shape.at(places)
+
+    def sections(self, places: Array) -> tuple[Array, Array]:
+        """Return points (n, 3) of the line and the axes (n, 3, 3) of sections there, as columns."""
+        points, frames = self.at(places)
+        angles = self.section_angle + self.twist * places / self.length
+        return points, np.asarray(frames @ rotation(angles[:, None] * FIRST))
