@@ -1,8 +1,8 @@
 """Angles about an axis in space: what drivers hold and rotational springs resist.
 
 The axis is one of the first body, and no joint need keep it in the second.  The angle counts from where the
-smallest rotation takes the second body's axis to the first's: between bodies that share their third axis it
-is the one of the plane.
+smallest rotation takes the second body's axis to the first's, if nothing else is said: between bodies that
+share their third axis it is the one of the plane.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from hfsim.mechanics.markers import Marker
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
+    from hfsim.deck.orientation import OrientationSpec
 
 ACROSS = 1e-9
 """Cosine of the angle between an axis and a tangent up to which they are at right angles."""
@@ -45,10 +46,15 @@ class About(NamedTuple):
     law: Law | None = None
 
     @classmethod
-    def of(cls, axis: Direction, facing: Array, law: Law | None = None) -> About:
-        """Return it for an axis in A's frame and a matrix (3, 3) from B's frame to A's at any angle."""
-        own = np.asarray(unit(axis))
-        turn = smallest_rotation(facing.T @ own, own)
+    def of(
+        cls, axis: Direction, facing: Array, law: Law | None = None, zero: OrientationSpec | None = None
+    ) -> About:
+        """Return it for an axis in A's frame and a matrix (3, 3) from B's frame to A's at any angle.
+
+        Angle zero is where B's frame is nearest to an orientation against A's, or without one to that of A.
+        """
+        own, nearest = np.asarray(unit(axis)), np.eye(3) if zero is None else zero.matrix
+        turn = nearest @ smallest_rotation(facing.T @ own, nearest.T @ own)
         return cls(direction(own), tuple(direction(row) for row in turn), law)
 
     def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:

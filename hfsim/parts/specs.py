@@ -65,6 +65,9 @@ class JointSpec(Spec):
     welds: ClassVar[bool] = False
     """Whether it leaves no motion between its two bodies."""
 
+    turns: ClassVar[bool] = False
+    """Whether, in space, it leaves a turn about one axis that both bodies share, and no other."""
+
     follows_start: ClassVar[bool] = False
     """Whether, in space, its axis on the second body is where both bodies' stated orientations have it."""
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.deck.orientation import matrix_of
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import rotation, smallest_rotation
 from hfsim.parts.specs import JointSpec
 from hfsim.scene.schema import Deck
 
 LEVEL = np.eye(3)
+Step: TypeAlias = "Callable[[JointSpec, Array, bool], Array | None]"
+"""(joint, orientation of A, or of B if it goes back) -> that of the other, if the joint hands it on."""
 
 
 class Facings:
@@ -23,22 +28,41 @@ class Facings:
 
     @cached_property
     def known(self) -> dict[str, Array]:
-        """Orientations (3, 3) of the ground and of bodies, stated or handed on by joints that fix them."""
+        """Orientations (3, 3) of the ground and of bodies, stated or handed on by joints.
+
+        First by joints that fix them, then by drivers of hinges, last by hinges alone: about the axis the
+        other body is turned as little as can be against the ground.
+        """
         deck = self._deck
         stated = {name: entry.turn(3) for name, entry in deck.initial.items()}
         known = {"ground": LEVEL} | {name: R for name, R in stated.items() if R is not None}
-        before = 0
-        while before < len(known):
-            before = len(known)
-            for joint in deck.joints.values():
-                a, b = (split_point(end)[0] for end in joint.between)
-                if joint.follows_start or not hasattr(joint, "orientation"):
-                    continue
-                if a in known and b not in known:
-                    known[b] = known[a] @ _held(joint)
-                elif b in known and a not in known:
-                    known[a] = known[b] @ _held(joint).T
+        steps = (_by_orientation, self._by_driver, _by_hinge)
+        while any(self._handed_on(known, step) for step in steps):
+            pass
         return known
+
+    def _handed_on(self, known: dict[str, Array], step: Step) -> bool:
+        """Hand on orientations by one kind of joints, in one round of all; tell whether any was."""
+        before = len(known)
+        for joint in self._deck.joints.values():
+            a, b = (split_point(end)[0] for end in joint.between)
+            if a in known and b not in known and (R := step(joint, known[a], False)) is not None:
+                known[b] = R
+            elif b in known and a not in known and (R := step(joint, known[b], True)) is not None:
+                known[a] = R
+        return len(known) > before
+
+    def _by_driver(self, joint: JointSpec, known: Array, back: bool) -> Array | None:
+        """Return where a hinge that is driven holds the other body."""
+        if not joint.follows_start or getattr(joint, "angle", None) is None:
+            return None
+        hinges = (one for one in self._deck.joints.values() if one is not joint and one.follows_start)
+        pair = {split_point(end)[0] for end in joint.between}
+        if not any(pair == {split_point(end)[0] for end in one.between} for one in hinges):
+            return None
+        angle = float(joint.angle.build().value(np.zeros(1))[0])  # type: ignore[attr-defined]
+        turn = rotation(angle * _axis(joint)) @ _held(joint)
+        return known @ (turn.T if back else turn)
 
     @cached_property
     def centres(self) -> Array | None:
@@ -57,7 +81,29 @@ class Facings:
         return (_held(joint),)
 
 
+def _by_orientation(joint: JointSpec, known: Array, back: bool) -> Array | None:
+    """Return where a joint that holds orientations holds the other body."""
+    if joint.follows_start or not hasattr(joint, "orientation"):
+        return None
+    return known @ (_held(joint).T if back else _held(joint))
+
+
+def _by_hinge(joint: JointSpec, known: Array, back: bool) -> Array | None:
+    """Return the smallest rotation from the ground's axes that puts one body's axis on the other's."""
+    if not joint.follows_start or not joint.turns:
+        return None
+    return smallest_rotation(_axis(joint), known @ _axis(joint))
+
+
+def _axis(joint: JointSpec) -> Array:
+    axis = np.asarray(getattr(joint, "axis", None) or (0.0, 0.0, 1.0), dtype=float)
+    return np.asarray(axis / np.linalg.norm(axis))
+
+
 def _held(joint: JointSpec) -> Array:
     """Return how B's frame is turned against A's by what a joint states; not at all without."""
+    if joint.follows_start:
+        stated = getattr(joint, "orientation", None)
+        return LEVEL if stated is None else np.asarray(stated.matrix)
     R = matrix_of(joint) if hasattr(joint, "orientation") else None
     return LEVEL if R is None else R

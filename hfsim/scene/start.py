@@ -34,6 +34,8 @@ ROUGH_TURN = 0.2
 """The same where a joint or driver fixes the angle outright [rad]."""
 ROUGH_PLACE = 0.05
 """The same of a stated position, relative to the largest distance of a joint from what it is on."""
+MOST_ROWS = 1500
+"""Joint equations up to which spins are told from velocities that follow from them."""
 ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
 
@@ -266,13 +268,26 @@ def _settle_rates(start: Start, J: Array, rates: _Stated) -> None:
     gap = J @ values + link.drift
     for free in (~rates.stated & ~link.turns, ~rates.stated, ~rates.exact):
         before = gap
-        values[free] -= smallest_step(J[:, free], gap)
+        values[free] -= _least_turning(link, J, free, gap)[free]
         gap = J @ values + link.drift
         if largest(gap / link.scales) < none:
             break
     allowed = _changes(start, rates, values)
     if largest(gap / link.scales) >= none or any(change.rough > 1.0 for change in allowed):
         raise _contradicted(start, rates, *link.largest_of(before / link.scales), allowed)
+
+
+def _least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Array:
+    """Return rates (n,), zero where not free, that close gaps of rates; in space with the smallest spins."""
+    step, shifts, spins = np.zeros(len(free)), free & ~link.turns, free & link.turns
+    if link.centres is None or not spins.any() or len(J) > MOST_ROWS:
+        step[free] = smallest_step(J[:, free], gap)
+        return step
+    sides, sizes, _ = np.linalg.svd(J[:, shifts])
+    left = sides[:, int(np.sum(sizes > CLOSED * sizes.max(initial=0.0))) :].T
+    step[spins] = smallest_step(left @ J[:, spins], left @ gap)
+    step[shifts] = smallest_step(J[:, shifts], gap - J @ step)
+    return step
 
 
 def _changes(start: Start, given: _Stated, values: Array) -> tuple[Change, ...]:

@@ -14,6 +14,7 @@ from hfsim.deck.fields import (
     RotationalStiffness,
     degrees_as_radians,
 )
+from hfsim.deck.orientation import OrientationSpec
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
@@ -27,7 +28,8 @@ from hfsim.parts.specs import SpringSpec
 class RotationalSpec(SpringSpec):
     """Linear spring and damper on the angle of B relative to A, in space about an axis fixed in A."""
 
-    vectors = spatial = ("axis",)
+    vectors = ("axis",)
+    spatial = ("axis", "orientation")
 
     type: Literal["rotational"]
     """Kind of spring."""
@@ -47,6 +49,10 @@ class RotationalSpec(SpringSpec):
     axis: Axis | None = None
     """Axis in A's frame, in space [-]; [0, 0, 1] without it."""
 
+    orientation: OrientationSpec | None = None
+    """Orientation of B's frame relative to A's where the angle is zero, in space; without it the smallest
+    rotation that takes the axis in B to that in A."""
+
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees."""
         return degrees_as_radians("rest_angle", self.rest_angle)
@@ -64,8 +70,9 @@ class RotationalSpec(SpringSpec):
         from hfsim.mechanics.directions import THIRD
         from hfsim.mechanics.spatial_turns import About
 
+        axis = self.axis or THIRD
         own, other = (np.array([one.turned(start[None], e)[0] for e in np.eye(3)]) for one in (first, second))
-        (angle,) = About.of(self.axis or THIRD, own @ other.T).between(first, second)
+        (angle,) = About.of(axis, own @ other.T, zero=self.orientation).between(first, second)
         return angle
 
 

@@ -13,7 +13,7 @@ class CylindricalSpec(JointSpec):
     """Point B slides along an axis through A; the bodies may turn about it."""
 
     vectors = ("axis",)
-    spatial = follows_start = True
+    spatial = turns = follows_start = True
 
     type: Literal["cylindrical"]
     """Kind of joint."""

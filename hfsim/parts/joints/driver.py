@@ -5,6 +5,7 @@ from typing import Literal
 
 from hfsim.deck.fields import Axis, Between
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
+from hfsim.deck.orientation import OrientationSpec
 from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
@@ -15,6 +16,7 @@ class DriverSpec(JointSpec):
     """Imposes the angle of B relative to A, or the distance of B from A along an axis."""
 
     vectors = ("axis",)
+    spatial = ("orientation",)
     follows_start = True
 
     type: Literal["driver"]
@@ -33,10 +35,17 @@ class DriverSpec(JointSpec):
     """Axis in A's frame along which the position is measured, or in space about which the angle is [-];
     without it the first axis, in space [0, 0, 1]."""
 
+    orientation: OrientationSpec | None = None
+    """Orientation of B's frame relative to A's where the angle is zero, in space; without it the smallest
+    rotation that takes the axis in B to that in A."""
+
     def complaints(self) -> Iterator[Complaint]:
         """Yield a driver of nothing or of two things."""
         if (self.angle is None) == (self.position is None):
             yield Complaint((), "a driver needs an angle or a position, one of the two")
+        if self.orientation is not None and self.angle is None:
+            why = "says where an angle is zero, and there is none"
+            yield Complaint(("orientation",), why, "remove this key", True)
 
     @property
     def stands(self) -> bool:
@@ -58,7 +67,7 @@ class DriverSpec(JointSpec):
 
             axis = self.axis or THIRD
             if self.angle is not None:
-                return (About.of(axis, facing, self.angle.build()),)
+                return (About.of(axis, facing, self.angle.build(), self.orientation),)
         elif self.angle is not None:
             return (Turn(law=self.angle.build()),)
         assert self.position is not None

@@ -12,7 +12,7 @@ class RevoluteSpec(JointSpec):
     """Two points stay together, the bodies may turn; in space about an axis that both share."""
 
     vectors = spatial = ("axis",)
-    meets = follows_start = True
+    meets = turns = follows_start = True
 
     type: Literal["revolute"]
     """Kind of joint."""

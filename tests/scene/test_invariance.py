@@ -1,0 +1,196 @@
+# ruff: noqa: E501
+"""Where a scene is and how it is turned changes nothing: spatial scenes as a whole, planar ones posed in space."""
+
+import numpy as np
+import posed
+import pytest
+import yaml
+
+from hfsim.maths.rotations import rotation
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+
+R, SHIFT = rotation(np.array([0.9, -1.7, 0.6])), np.array([0.4, -2.0, 1.3])
+EVERY = yaml.safe_load("""
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+ground: {points: {mast: [0.0, 0.0, 0.0], tube: [2.0, 0.0, 0.0], rail: [0.0, 2.0, 0.0], anchor: [1.0, 1.0, 1.0]}}
+bodies:
+  rotor: {type: rigid, mass: 2.0, inertia: [0.2, 0.3, 0.4], points: {rim: [0.4, 0.0, 0.1]}}
+  blade: {type: rigid, mass: 0.5, inertia: [0.01, 0.08, 0.08], points: {root: [-0.3, 0.0, 0.0], tip: [0.3, 0.0, 0.0]}}
+  plug: {type: rigid, mass: 1.0, inertia: [0.05, 0.06, 0.04], points: {end: [0.0, 0.1, 0.2]}}
+  shaft: {type: rigid, mass: 0.8, inertia: [0.02, 0.05, 0.06], points: {end: [-0.2, 0.0, 0.0]}}
+  cart: {type: rigid, mass: 1.5, inertia: [0.1, 0.1, 0.1], points: {top: [0.0, 0.0, 0.2]}}
+  mast: {type: rigid, mass: 0.3, inertia: [0.02, 0.02, 0.01], points: {foot: [0.0, 0.0, -0.3]}}
+  bob: {type: rigid, mass: 0.4, inertia: [0.01, 0.02, 0.015], points: {hook: [0.0, 0.1, 0.25]}}
+joints:
+  bearing: {type: revolute, between: [ground.mast, rotor], axis: [0.1, 0.2, 1.0]}
+  flap: {type: revolute, between: [rotor.rim, blade.root], axis: [0.0, 1.0, 0.0]}
+  sleeve: {type: cylindrical, between: [ground.tube, plug], axis: [0.0, 1.0, 1.0]}
+  cardan: {type: universal, between: [plug.end, shaft.end], axes: [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]}
+  slide: {type: prismatic, between: [ground.rail, cart], axis: [1.0, 0.0, 0.5]}
+  weld: {type: fixed, between: [cart.top, mast.foot], orientation: {x: [0.0, 1.0, 0.0], y: [-1.0, 0.0, 0.0]}}
+  ball: {type: spherical, between: [mast, bob.hook]}
+  motor: {type: driver, between: [ground.mast, rotor], axis: [0.1, 0.2, 1.0], angle: {type: sine, amplitude: 2.0, frequency: 0.5}}
+  push: {type: driver, between: [ground.rail, cart], axis: [1.0, 0.0, 0.5], position: {type: sine, amplitude: 0.1, frequency: 1.0}}
+springs:
+  coil: {type: rotational, between: [rotor.rim, blade.root], axis: [0.0, 1.0, 0.0], stiffness: 5.0, damping: 0.05}
+  twist: {type: rotational, between: [ground.tube, plug], axis: [0.0, 1.0, 1.0], stiffness: 2.0, rest_angle: 0.3}
+  band: {type: two_point, between: [ground.anchor, plug.end], stiffness: 30.0, damping: 0.3}
+loads:
+  fixed: {type: force, at: blade.tip, force: [1.0, -0.5, 0.3]}
+  thrust: {type: force, at: blade.tip, force: [0.0, 0.0, 4.0], follower: true}
+  torque: {type: moment, at: shaft, moment: [0.05, 0.1, -0.02]}
+  swirl: {type: moment, at: bob, moment: [0.01, 0.02, 0.01], follower: true}
+initial:
+  rotor: {orientation: {x: [1.0, 0.0, 0.0], y: [0.0, 1.0, 0.0]}}
+  blade: {orientation: {x: [1.0, 0.0, 0.0], y: [0.0, 1.0, 0.0]}}
+  plug: {position: [2.0, 0.1, 0.1], orientation: {x: [0.0, 1.0, 0.0], y: [-1.0, 0.0, 0.0]}, angular_velocity: [0.0, 1.0, 1.0]}
+  shaft: {orientation: {x: [0.0, 1.0, 0.0], y: [-1.0, 0.0, 0.0]}}
+  cart: {orientation: {x: [1.0, 0.0, 0.0], y: [0.0, 1.0, 0.0]}}
+  mast: {orientation: {x: [0.0, 1.0, 0.0], y: [-1.0, 0.0, 0.0]}}
+  bob: {orientation: {x: [0.6, 0.8, 0.0], y: [-0.8, 0.6, 0.0]}, angular_velocity: [0.5, -1.0, 2.0]}
+solve: {duration: 0.6, tolerance: 1.0e-11}
+output: {interval: 0.1, channels: [blade.tip.x, blade.tip.y, blade.tip.z, shaft.x, shaft.y, shaft.z, bob.x, bob.y, bob.z,
+         bob.angular_velocity_x, bob.angular_velocity_y, bob.angular_velocity_z, cardan.force_x, cardan.force_y,
+         cardan.force_z, sleeve.moment_x, sleeve.moment_y, sleeve.moment_z, energy.total]}
+""")
+"""Every kind of joint, spring and load; the motor and the flap make a rotor, the rest hangs beside it."""
+
+
+def run(deck):
+    return simulate(parse_deck(yaml.safe_dump(deck), "deck.yaml"), error_estimate=False)
+
+
+def values(result):
+    return np.array([channel.values for channel in result.channels])
+
+
+@pytest.fixture(scope="module")
+def every():
+    return run(EVERY)
+
+
+def test_one_deck_with_every_joint_keeps_its_joints_and_its_energy(every):
+    assert every.status == "done"
+    assert every.statistics["energy_drift"] < 1e-10
+    assert every.statistics["constraint_position"] < 1e-12
+    assert np.ptp(values(every)[:3], axis=1).max() > 0.1
+
+
+def test_a_spatial_scene_turned_and_shifted_does_the_same(every):
+    here, there = values(every), values(run(posed.moved(EVERY, R, SHIFT)))
+    lifted = there[-1] - here[-1]  # the weight of all, moved with the ground's origin where it was
+    assert lifted == pytest.approx(np.full(len(lifted), lifted[0]), abs=1e-9 * np.abs(there[-1]).max())
+    for k in range(0, 18, 3):
+        vector = R @ here[k : k + 3] + (SHIFT[:, None] if k < 9 else 0.0)
+        scale = max(1.0, np.abs(here[k : k + 3]).max())
+        assert there[k : k + 3] == pytest.approx(vector, abs=1e-9 * scale), every.channels[k].name
+
+
+@pytest.mark.parametrize("kind", ["revolute", "spherical", "universal", "cylindrical", "prismatic", "fixed"])
+@pytest.mark.parametrize("on", ["ground", "body"])
+def test_each_joint_in_a_small_mechanism(kind, on):
+    """A body on the ground by it, or on one that swings from a ball; nothing is lost, whatever the orientation."""
+    deck = {
+        "hfsim": 1,
+        "gravity": [0.0, 0.0, -9.81],
+        "ground": {"points": {"o": [0.0, 0.0, 0.0]}},
+        "bodies": {
+            "one": {"type": "rigid", "mass": 1.0, "inertia": [0.1, 0.2, 0.15], "points": {"a": [0, 0, 0.4], "b": [0.1, 0, -0.4]}},
+            "two": {"type": "rigid", "mass": 0.7, "inertia": [0.05, 0.04, 0.08], "points": {"a": [0.1, 0.3, 0.2]}},
+        },
+        "joints": {"ball": {"type": "spherical", "between": ["ground.o", "one.a"]}},
+        "initial": {
+            "one": {"orientation": posed.axes(rotation(np.array([0.3, -0.5, 1.0]))), "angular_velocity": [1.0, 0.5, -0.7]},
+            "two": {"orientation": posed.axes(rotation(np.array([0.3, -0.5, 1.0])))},
+        },
+        "solve": {"duration": 1.0, "tolerance": 1e-10},
+        "output": {"interval": 0.1, "channels": ["two.a.x", "two.a.y", "two.a.z", "energy.total"]},
+    }
+    ends = ["one.b", "two.a"]
+    if on == "ground":
+        ends = ["ground.o", "two.a"]
+        deck["bodies"].pop("one"), deck["joints"].clear(), deck["initial"].pop("one")
+    joint = {"type": kind, "between": ends}
+    if kind in ("revolute", "cylindrical", "prismatic"):
+        joint["axis"] = [0.2, 1.0, 0.3]
+    if on == "ground" and kind in ("prismatic", "universal", "fixed"):
+        joint["orientation"] = deck["initial"]["two"]["orientation"]
+    if (on, kind) == ("ground", "fixed"):
+        deck["bodies"]["free"] = {"type": "rigid", "mass": 1.0, "inertia": [1.0, 1.0, 1.0]}
+        deck["initial"]["free"] = {"orientation": posed.axes(np.eye(3)), "velocity": [1.0, 0.0, 0.0]}
+        deck["solve"]["keep"] = ["fixed_bodies"]
+    if kind in ("cylindrical", "prismatic"):
+        place = posed.matrix(deck["initial"]["two"]) @ ([0.1, 0.0, -0.8] if on == "body" else np.zeros(3))
+        deck["initial"]["two"]["position"] = posed.plain(place - posed.matrix(deck["initial"]["two"]) @ [0.1, 0.3, 0.2])
+    deck["joints"][kind] = joint
+    found = run(deck)
+    assert found.status == "done"
+    assert found.statistics["energy_drift"] < 1e-10
+    assert found.statistics["constraint_position"] < 1e-12
+    here, there = values(found), values(run(posed.moved(deck, R, SHIFT)))
+    assert there[:3] == pytest.approx(R @ here[:3] + SHIFT[:, None], abs=1e-9)
+
+
+PLANE = yaml.safe_load("""
+hfsim: 1
+gravity: [0.5, -9.81]
+materials: {rubber: {density: 1100.0, youngs_modulus: 5.0e5}}
+sections: {bar: {shape: circle, diameter: 0.03}}
+ground: {points: {rail: [-1.0, 0.5]}}
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 0.1, points: {rim: [0.3, 0.0]}}
+  arm: {type: beam, element: cable, material: rubber, section: bar, length: 0.8, elements: 2}
+  rope: {type: beam, element: cable, material: rubber, section: bar, length: 0.5, elements: 2}
+  bob: {type: rigid, mass: 0.3, inertia: 0.01, points: {hook: [-0.1, 0.0]}}
+  cart: {type: rigid, mass: 1.0, inertia: 0.2}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  mount: {type: fixed, between: [hub.rim, arm.root], angle: 0.2}
+  elbow: {type: revolute, between: [arm.tip, rope.root]}
+  hook: {type: revolute, between: [rope.tip, bob.hook]}
+  rail: {type: prismatic, between: [ground.rail, cart], axis: [1.0, 0.0]}
+  push: {type: driver, between: [ground.rail, cart], axis: [1.0, 0.0], position: {type: sine, amplitude: 0.2, frequency: 1.0}}
+springs:
+  coil: {type: rotational, between: [ground, hub], stiffness: 3.0, damping: 0.1, rest_angle: -0.2}
+  band: {type: two_point, between: [cart, bob], stiffness: 4.0, damping: 0.1}
+loads:
+  tip: {type: force, at: arm.tip, force: [1.0, 0.5]}
+  turn: {type: moment, at: hub, moment: 0.6}
+initial:
+  hub: {angle: 0.3, angular_velocity: 1.0}
+  arm: {angle: 0.5}
+  rope: {angle: -1.0}
+  bob: {angle: -1.2, angular_velocity: 0.5}
+  cart: {angle: 0.0}
+solve: {duration: 0.25, tolerance: 1.0e-11}
+output: {interval: 0.05, channels: [arm.tip.x, arm.tip.y, bob.x, bob.y, rope.tip.x, rope.tip.y, energy.total]}
+""")
+DRIVEN = {"motor": {"type": "driver", "between": ["ground", "hub"], "angle": {"type": "sine", "amplitude": 0.8, "frequency": 0.7, "offset": 0.3}}}
+
+
+@pytest.mark.parametrize("driven", [False, True])
+def test_a_planar_scene_posed_in_space_does_the_same(driven):
+    """Rigid bodies and cables, hinges, clamps, slides, springs, drivers, loads."""
+    plane = {**PLANE, "joints": {**PLANE["joints"], **(DRIVEN if driven else {})}}
+    if driven:
+        plane["initial"] = {**plane["initial"], "hub": {"angle": 0.3}}
+    space = posed.in_space(plane, R, SHIFT)
+    points = ["arm.tip", "bob", "rope.tip"]
+    space["output"] = {"interval": 0.05, "channels": [*(f"{point}.{axis}" for point in points for axis in "xyz"), "energy.total"]}
+    here, there = values(run(plane)), values(run(space))
+    for k in range(3):
+        own = R.T @ (there[3 * k : 3 * k + 3] - SHIFT[:, None])
+        assert own[:2] == pytest.approx(here[2 * k : 2 * k + 2], abs=1e-9)
+        assert np.abs(own[2]).max() < 1e-9
+    shift = np.array(space["gravity"]) @ SHIFT
+    mass = there[-1] - here[-1]
+    assert mass == pytest.approx(np.full(len(mass), mass[0]), abs=1e-8 * max(1.0, abs(shift)))
+
+
+def test_a_posed_scene_has_the_free_motions_of_the_plane():
+    built = [build(parse_deck(yaml.safe_dump(deck))) for deck in (PLANE, posed.in_space(PLANE, R, SHIFT))]
+    plane, space = (sum(motion.number for motion in one.free_motions) for one in built)
+    assert (plane, space) == (3, 5)
