@@ -318,7 +318,16 @@ class Stepping:
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
         self._problem.turns.keep(t, attempt.q, attempt.v)
         self._behind_break = False
+        self._rechart()
         self._kept = self._memories()
+
+    def _rechart(self) -> None:
+        """Go on in other coordinates where the state is at the edge of its own; steps before keep theirs."""
+        moved = self._problem.recharted(self.path.q, self.path.v)
+        if moved is not None:
+            self.path.q, self.path.v = moved
+            stepper = self._restarted()
+            self._wish = min(self._wish, stepper.first) if stepper.looks_back else self._wish
 
     def _shortened(self, attempt: Attempt, h: float) -> float:
         """Return the step to try after one that was not kept.

@@ -57,8 +57,18 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
 
 AT_ONCE = 4096
 """Times that are read in one go: bounds the memory that takes."""
+JUMP = 0.5
+"""Change of a coordinate between two steps that projection never makes: it goes over to another chart."""
 RECENT = 64
 """Steps at the end of a trajectory that are kept as they are."""
+
+
+def _joined_pair(first: Segment, second: Segment, after: Segment) -> list[Segment]:
+    """Return one step in place of two; both where one of them ends in other coordinates than the next has."""
+    steps = ((first, second), (second, after))
+    if any(np.abs(one.at(np.array([one.t + one.h]))[0][0] - q.q).max() > JUMP for one, q in steps):
+        return [first, second]
+    return [_pair(first, second, after)]
 
 
 def _pair(first: Segment, second: Segment, after: Segment) -> Segment:
@@ -128,8 +138,8 @@ class Trajectory:
         steps, count = self.segments, max(0, len(self.segments) - RECENT)
         old, last = steps[:count], steps[count:]
         pairs = zip(old[0::2], old[1::2], [*old[2::2], *last[:1]], strict=False)
-        self.segments = [_pair(*three) for three in pairs]
-        self.segments += [*old[2 * len(self.segments) :], *last]
+        joined = [step for three in pairs for step in _joined_pair(*three)]
+        self.segments = [*joined, *old[count // 2 * 2 :], *last]
 
     def step_ends(self) -> Array:
         """Return all step boundaries, the start and the end included."""

@@ -69,6 +69,10 @@ class Chart(AlikeBodies):
         """Return the block of the state's rates from those of the free coordinates."""
         raise NotImplementedError
 
+    def better(self, q: Array) -> Array:
+        """Return a block that says, as ``near`` of `hybrid`, in which of several charts to go on."""
+        return q[:, self.columns]
+
 
 _Alike = TypeVar("_Alike", bound=AlikeBodies)
 

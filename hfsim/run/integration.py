@@ -169,6 +169,7 @@ def problem_of(scene: Scene) -> Problem:
         breaks=system.breaks,
         period=system.period,
         turns=Turns(system),
+        recharted=system.recharted,
     )
 
 

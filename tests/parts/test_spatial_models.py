@@ -103,18 +103,19 @@ ENGINEERING = ", strain: engineering"
 
 
 @pytest.mark.parametrize(
-    ("model", "options", "damping"),
+    ("model", "options", "damping", "coordinates"),
     [
-        ("rigid", "", 0.0),
-        ("ancf", "", 0.0),
-        ("exact", ", curvature: exact, quadrature: {axial: 5, bending: 3}", 0.0),
-        ("exact", ENGINEERING, 0.0),
-        ("exact", ENGINEERING + ", curvature: exact, degree: 5", 0.0),
-        ("exact", ENGINEERING + ", curvature: exact", 1e-3),
+        ("rigid", "", 0.0, "auto"),
+        ("ancf", "", 0.0, "auto"),
+        ("exact", ", curvature: exact, quadrature: {axial: 5, bending: 3}", 0.0, "auto"),
+        ("exact", ENGINEERING, 0.0, "auto"),
+        ("exact", ENGINEERING + ", curvature: exact, degree: 5", 0.0, "auto"),
+        ("exact", ENGINEERING + ", curvature: exact", 1e-3, "auto"),
+        ("exact", "", 0.0, "frame"),
     ],
 )
-def test_a_planar_motion_in_space_is_the_planar_one(model, options, damping):
-    check_same_motion(model, options, damping)
+def test_a_planar_motion_in_space_is_the_planar_one(model, options, damping, coordinates):
+    check_same_motion(model, options, damping, coordinates=coordinates)
 
 
 # elastic and damping forces ----------------------------------------------------------------------------

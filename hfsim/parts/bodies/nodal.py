@@ -12,6 +12,7 @@ from hfsim.maths.arrays import Array, IntArray, cumulative
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex
 from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.deformation import Deformation, size
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, NodalMarker
@@ -60,7 +61,7 @@ class NodalBeam(Body):
     @property
     def angle_column(self) -> int | None:
         """The one after the origin, if the state has a body frame."""
-        return int(self.columns.start) + self.beam.n_dim if self.framed else None
+        return int(self.columns.start) + 2 if self.framed and self.beam.n_dim == 2 else None
 
     @property
     def position_columns(self) -> IntArray:
@@ -187,11 +188,15 @@ class NodalBeam(Body):
         yield self.beam.elastic_force(n)
         yield self.beam.kelvin_voigt(n)
 
-    def chart(self) -> FrameChart | None:
+    def chart(self) -> Chart | None:
         """Return the map to the body frame, if it is stepped in that."""
-        if self.beam.n_dim == 3:
+        if not self.framed:
             return None
-        return FrameChart(self.columns, 1, self.mesh.element.stride) if self.framed else None
+        if self.beam.n_dim == 2:
+            return FrameChart(self.columns, 1, self.mesh.element.stride)
+        from hfsim.parts.bodies.spatial_frame import SpatialFrameChart
+
+        return SpatialFrameChart(self.columns, 1, self.mesh.element.stride)
 
     def increments(self) -> BeamIncrements | None:
         """Return the natural increments of the Green strain."""

@@ -1,0 +1,239 @@
+"""Hybrid coordinates of beams in space: place and direction of a body frame, nodal vectors relative to it.
+
+The state of a beam is q = (r0, lambda, d, p): the frame sits at the root, its first axis along the root slope
+r_x = lambda t.  The direction d has two numbers, the angle [rad] by which the smallest rotation takes the
+ground's first axis to t, along where it goes: t = (cos |d|, sin |d| d / |d|).  A line has no other direction,
+so its roll is that of this rotation.  The nodal vectors p are relative to the frame (paper, eq. 1-3), and so
+are omega' and pi'.
+
+No two numbers serve all directions.  With lambda negative, t points the other way and the frame is turned by
+half a turn more, about its second axis: both charts together do.  Each is good to well beyond a quarter turn,
+and where a step ends beyond `EDGE`, the motion goes on in the other one (`SpatialFrameChart.better`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import cross, skew
+from hfsim.mechanics.chart import Chart
+
+EDGE = 1.8
+"""Angle from the middle of a chart beyond which the other one is better [rad]: more than a quarter turn."""
+_SMALL = 0.5
+"""Angle below which series are more exact than closed forms [rad]."""
+_TERMS = 8
+
+
+def _sines(angle: Array) -> tuple[Array, Array, Array]:
+    """Return f = sin a / a and, each time over a, its derivative g and that of g, for angles a (...)."""
+    a, square = np.maximum(angle, _SMALL), angle * angle
+    f = np.sinc(angle / np.pi)
+    g = np.where(angle < _SMALL, np.polynomial.polynomial.polyval(square, _G), (np.cos(a) - f) / a**2)
+    h = np.where(angle < _SMALL, np.polynomial.polynomial.polyval(square, _H), -(f + 3.0 * g) / a**2)
+    return f, g, h
+
+
+def _series() -> tuple[Array, Array]:
+    f = np.cumprod([1.0, *(-1.0 / (2 * k * (2 * k + 1)) for k in range(1, _TERMS + 2))])
+    g = 2.0 * np.arange(1, len(f)) * f[1:]
+    return g[:-1], 2.0 * np.arange(1, len(g)) * g[1:]
+
+
+_G, _H = _series()
+
+
+class SpatialFrames(NamedTuple):
+    """Body frames of alike beams in a batch of states; shapes (n_batch, n_bodies, ...).
+
+    Attributes
+    ----------
+    turn : ndarray, shape (..., 3, 3)
+        A, the frame's axes as columns.
+    p : ndarray, shape (..., n_vectors, 3)
+        All nodal vectors in the frame, those of the root included.
+    origin : ndarray, shape (..., 3)
+        Root positions.
+    length, t, d : ndarray, shape (..., 1), (..., 3) and (..., 2)
+        Of the root slope.
+    sines : tuple of ndarray, shape (..., 1) each
+        f, g, h of the angle |d|.
+    """
+
+    turn: Array
+    p: Array
+    origin: Array
+    length: Array
+    t: Array
+    d: Array
+    sines: tuple[Array, Array, Array]
+
+
+class Spin(NamedTuple):
+    """How frames turn: t', the angular velocity and its part about t, shape (..., 3), (..., 3), (..., 1)."""
+
+    t1: Array
+    omega: Array
+    roll: Array
+
+
+@dataclass(frozen=True)
+class SpatialFrameChart(Chart):
+    """Map between hybrid and absolute nodal coordinates of alike beams in space.
+
+    Attributes
+    ----------
+    stride : int
+        Vectors from one nodal position to the next.
+    """
+
+    stride: int
+
+    def _vectors(self, q: Array) -> Array:
+        return q[:, self.columns].reshape(len(q), self.bodies, -1, 3)
+
+    def _flat(self, vectors: Array) -> Array:
+        return vectors.reshape(len(vectors), -1)
+
+    def frames(self, q: Array) -> SpatialFrames:
+        """Return the frames and relative nodal vectors of a batch of states."""
+        c = self._vectors(q)
+        length, d = c[:, :, 1, :1], c[:, :, 1, 1:]
+        angle = np.linalg.norm(d, axis=-1, keepdims=True)
+        sines = _sines(angle)
+        t = np.concatenate([np.cos(angle), sines[0] * d], axis=-1)
+        p = c.copy()
+        p[:, :, 0] = 0.0
+        p[:, :, 1] = 0.0
+        p[:, :, 1, :1] = np.abs(length)
+        return SpatialFrames(_turn(t, length), p, c[:, :, :1], length, t, d, sines)
+
+    def absolute(self, frames: SpatialFrames) -> Array:
+        """Return absolute nodal coordinates, eq. (2), shape (n_batch, n_columns)."""
+        x = frames.p @ frames.turn.swapaxes(-1, -2)
+        x[:, :, :: self.stride] += frames.origin
+        return self._flat(x)
+
+    def absolute_velocity(self, frames: SpatialFrames, v: Array) -> Array:
+        """Return the rates of the absolute nodal coordinates, eq. (4)."""
+        w = self._vectors(v)
+        omega = _in_frame(frames, self._spin(frames, w).omega)
+        u = (self._relative(frames, w) + frames.p @ _transposed_skew(omega)) @ frames.turn.swapaxes(-1, -2)
+        u[:, :, :: self.stride] += w[:, :, :1]
+        return self._flat(u)
+
+    def _relative(self, frames: SpatialFrames, w: Array) -> Array:
+        """Return the rates of the nodal vectors in the frame."""
+        p1 = w.copy()
+        p1[:, :, 0] = 0.0
+        p1[:, :, 1] = 0.0
+        p1[:, :, 1, :1] = np.sign(frames.length) * w[:, :, 1, :1]
+        return p1
+
+    def _spin(self, frames: SpatialFrames, w: Array) -> Spin:
+        f, g, _ = frames.sines
+        d, d1 = frames.d, w[:, :, 1, 1:]
+        y = np.sum(d * d1, axis=-1, keepdims=True)
+        t1 = np.concatenate([-f * y, f * d1 + g * y * d], axis=-1)
+        roll = _roll(frames.t, t1)
+        return Spin(t1, cross(frames.t, t1) + roll * frames.t, roll)
+
+    def relative_acceleration(self, frames: SpatialFrames, v: Array, ax: Array) -> Array:
+        """Return q'' from the absolute accelerations ``ax``: eq. (5) solved for q''."""
+        w, a = self._vectors(v), self._vectors(ax)
+        spin, t, length = self._spin(frames, w), frames.t, frames.length
+        along = np.sum(a[:, :, 1] * t, axis=-1, keepdims=True)
+        stretching = along + length * np.sum(spin.t1 * spin.t1, axis=-1, keepdims=True)
+        t2 = (a[:, :, 1] - stretching * t - 2.0 * w[:, :, 1, :1] * spin.t1) / length
+        roll = _roll(t, t2) - spin.roll * spin.t1[..., :1] / (1.0 + t[..., :1])
+        alpha = _in_frame(frames, cross(t, t2) + roll * t + spin.roll * spin.t1)
+        omega = _transposed_skew(_in_frame(frames, spin.omega))
+        p2 = self._shifted(a) @ frames.turn
+        p2 -= frames.p @ (_transposed_skew(alpha) + omega @ omega)
+        p2 -= 2.0 * self._relative(frames, w) @ omega
+        turning = self._directions(frames, t2 - self._bend(frames, w[:, :, 1, 1:]))
+        return self._joined(p2, a[:, :, 0], stretching, turning)
+
+    def _shifted(self, x: Array) -> Array:
+        """Return vectors relative to the first position."""
+        shifted = x.copy()
+        shifted[:, :, :: self.stride] -= x[:, :, :1]
+        return shifted
+
+    def _bend(self, frames: SpatialFrames, d1: Array) -> Array:
+        """Return t'' where d'' is zero."""
+        (f, g, h), d = frames.sines, frames.d
+        y, square = np.sum(d * d1, axis=-1, keepdims=True), np.sum(d1 * d1, axis=-1, keepdims=True)
+        across = 2.0 * g * y * d1 + (h * y * y + g * square) * d
+        return np.concatenate([-g * y * y - f * square, across], axis=-1)
+
+    def _directions(self, frames: SpatialFrames, t1: Array) -> Array:
+        """Return the rates of d that make those of t."""
+        (f, g, _), d, t = frames.sines, frames.d, frames.t
+        across = t1[..., 1:]
+        y = t[..., :1] * np.sum(d * across, axis=-1, keepdims=True)
+        y -= f * np.sum(d * d, axis=-1, keepdims=True) * t1[..., :1]
+        return np.asarray((across - g * y * d) / f)
+
+    def _joined(self, p: Array, origin: Array, length: Array, d: Array) -> Array:
+        """Return (r0, lambda, d, p), or rates of them, with ``p`` for all nodal vectors."""
+        p[:, :, 0] = origin
+        p[:, :, 1] = np.concatenate([length, d], axis=-1)
+        return self._flat(p)
+
+    def hybrid(self, x: Array, near: Array) -> Array:
+        """Return hybrid coordinates, in the chart of ``near`` or, where that has none, in the better one."""
+        r = self._vectors(x)
+        slope, side = r[:, :, 1], np.sign(self._vectors(near)[:, :, 1, :1])
+        side = np.where(side == 0.0, np.where(slope[..., :1] < 0.0, -1.0, 1.0), side)
+        length = side * np.linalg.norm(slope, axis=-1, keepdims=True)
+        t = slope / length
+        sine = np.linalg.norm(t[..., 1:], axis=-1, keepdims=True)
+        d = np.arctan2(sine, t[..., :1]) / np.where(sine > 0.0, sine, 1.0) * t[..., 1:]
+        return self._joined(self._shifted(r) @ _turn(t, length), r[:, :, 0], length, d)
+
+    def hybrid_velocity(self, frames: SpatialFrames, u: Array) -> Array:
+        """Return the rates of the hybrid coordinates from those of the absolute ones."""
+        w, t = self._vectors(u), frames.t
+        along = np.sum(w[:, :, 1] * t, axis=-1, keepdims=True)
+        t1 = (w[:, :, 1] - along * t) / frames.length
+        omega = _in_frame(frames, cross(t, t1) + _roll(t, t1) * t)
+        p1 = self._shifted(w) @ frames.turn - frames.p @ _transposed_skew(omega)
+        return self._joined(p1, w[:, :, 0], along, self._directions(frames, t1))
+
+    def better(self, q: Array) -> Array:
+        """Return the columns (n_batch, n_columns) of a state of which the charts are those to go on in."""
+        c = self._vectors(q).copy()
+        over = np.linalg.norm(c[:, :, 1, 1:], axis=-1) > EDGE
+        c[:, :, 1, 0] *= np.where(over, -1.0, 1.0)
+        return self._flat(c)
+
+
+def _turn(t: Array, length: Array) -> Array:
+    """Return the axes (..., 3, 3), as columns, of the smallest rotation to t; of the chart of a length."""
+    A = np.zeros((*t.shape, 3))
+    across = t[..., 1:]
+    A[..., :, 0] = t
+    A[..., 0, 1:] = -across
+    A[..., 1:, 1:] = np.eye(2) - across[..., :, None] * across[..., None, :] / (1.0 + t[..., :1, None])
+    A[..., :, ::2] *= np.sign(length)[..., None]
+    return A
+
+
+def _roll(t: Array, t1: Array) -> Array:
+    """Return by how much the smallest rotation turns about t where that changes, (..., 1)."""
+    turned = t[..., 1:2] * t1[..., 2:] - t[..., 2:] * t1[..., 1:2]
+    return np.asarray(-turned / (1.0 + t[..., :1]))
+
+
+def _in_frame(frames: SpatialFrames, a: Array) -> Array:
+    return np.asarray((a[..., None, :] @ frames.turn)[..., 0, :])
+
+
+def _transposed_skew(a: Array) -> Array:
+    """Return the matrices by which rows of vectors are multiplied to get a x b."""
+    return -skew(a)
