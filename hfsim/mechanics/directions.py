@@ -173,7 +173,7 @@ class Perpendicular(OfAxes):
     def products(self) -> tuple[Product, ...]:
         """The product itself, where both axes are linear in the coordinates."""
         a, b = self.first.linear_axis(np.array(self.axes)), self.second.linear_axis(np.array(self.others))
-        return () if a is None or b is None else (Product(a, b),)
+        return () if a is None or b is None else (Product(a, b, constant=self.offset),)
 
     def _both(self, x: Array) -> tuple[Array, Array]:
         return self.first.axis(x, np.array(self.axes)), self.second.axis(x, np.array(self.others))

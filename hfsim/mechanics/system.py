@@ -136,15 +136,6 @@ class System:
         v = self._charted(w, [c.hybrid_velocity(f, w) for c, f in zip(self.charts, frames, strict=True)])
         return q, v
 
-    def recharted(self, q: Array, v: Array) -> tuple[Array, Array] | None:
-        """Return a state (n,) in the charts to go on in, if these are not the ones it is in."""
-        one, rate = q[None], v[None]
-        near = self._charted(one, [chart.better(one) for chart in self.charts])
-        if np.array_equal(near, one):
-            return None
-        there, moving = self.state(self.absolute(one), self.absolute_velocity(one, rate), near)
-        return there[0], moving[0]
-
     def _charted(self, given: Array, blocks: list[Array]) -> Array:
         """Return ``given`` with the columns of the charts replaced."""
         if not blocks:

@@ -6,10 +6,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
+import numpy as np
+
 from hfsim.errors import LimitReached, SolverFailure
 from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
+from hfsim.mechanics.system import System
 from hfsim.run.record import LegRecord, Record
 from hfsim.run.runaway import RateWatch, Watch, Watches
 from hfsim.run.steps import State, Steps, Stop, Strand, Together
@@ -169,8 +172,19 @@ def problem_of(scene: Scene) -> Problem:
         breaks=system.breaks,
         period=system.period,
         turns=Turns(system),
-        recharted=system.recharted,
+        recharted=partial(_recharted, system),
     )
+
+
+def _recharted(system: System, q: Array, v: Array) -> tuple[Array, Array] | None:
+    """Return a state (n,) in the charts to go on in, if these are not the ones it is in."""
+    one, rate, near = q[None], v[None], q[None].copy()
+    for chart in system.charts:
+        near[:, chart.columns] = chart.better(one)
+    if np.array_equal(near, one):
+        return None
+    there, moving = system.state(system.absolute(one), system.absolute_velocity(one, rate), near)
+    return there[0], moving[0]
 
 
 def _culprit(scene: Scene, t: float, q: Array, v: Array) -> SolverFailure | None:
