@@ -34,6 +34,11 @@ class LawSpec(Spec):
         """Its value where that never changes."""
         return None
 
+    @property
+    def smooth(self) -> bool:
+        """Whether its rate never jumps, so that it can drive a body."""
+        return True
+
     def build(self) -> Law:
         """Return the law."""
         raise NotImplementedError
@@ -92,7 +97,7 @@ _FAR = 1.5
 
 
 class TableSpec(LawSpec):
-    """Cubic spline through points (not-a-knot ends)."""
+    """Cubic spline through points (not-a-knot ends), or straight lines from point to point."""
 
     value_keys = ("values",)
 
@@ -104,6 +109,14 @@ class TableSpec(LawSpec):
 
     values: tuple[Number, ...]
     """Values there [SI of what the law drives]."""
+
+    interpolation: Literal["cubic", "linear"] = "cubic"
+    """Between the points; linear for loads only."""
+
+    @property
+    def smooth(self) -> bool:
+        """Whether it is a spline."""
+        return self.interpolation == "cubic"
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield points that make no curve."""
@@ -123,7 +136,7 @@ class TableSpec(LawSpec):
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield points so unevenly apart that the spline swings far beyond them."""
-        if any(self.complaints()):
+        if any(self.complaints()) or not self.smooth:
             return
         times, values = np.array(self.times), np.array(self.values)
         inside = times[:-1, None] + np.diff(times)[:, None] * np.linspace(0.0, 1.0, _INSIDE)
@@ -137,9 +150,12 @@ class TableSpec(LawSpec):
 
     def build(self) -> Law:
         """Return the law."""
-        from scipy.interpolate import CubicSpline
+        from scipy.interpolate import CubicSpline, PPoly
 
-        return SplineLaw(CubicSpline(self.times, self.values))
+        if self.smooth:
+            return SplineLaw(CubicSpline(self.times, self.values))
+        slopes = np.diff(self.values) / np.diff(self.times)
+        return SplineLaw(PPoly(np.stack([slopes, self.values[:-1]]), np.array(self.times)))
 
 
 class SmoothStepSpec(LawSpec):

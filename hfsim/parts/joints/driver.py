@@ -46,6 +46,11 @@ class DriverSpec(JointSpec):
         if self.orientation is not None and self.angle is None:
             why = "says where an angle is zero, and there is none"
             yield Complaint(("orientation",), why, "remove this key", True)
+        for key in ("angle", "position"):
+            law = getattr(self, key)
+            if law is not None and not law.smooth:
+                hint = "interpolation: cubic, or smooth_step"
+                yield Complaint((key,), "its rate jumps, and no body's can", hint)
 
     @property
     def stands(self) -> bool:
