@@ -112,6 +112,8 @@ ENGINEERING = ", strain: engineering"
         ("exact", ENGINEERING + ", curvature: exact, degree: 5", 0.0, "auto"),
         ("exact", ENGINEERING + ", curvature: exact", 1e-3, "auto"),
         ("exact", "", 0.0, "frame"),
+        ("linear", "", 0.0, "auto"),
+        ("linear", "", 1e-3, "absolute"),
     ],
 )
 def test_a_planar_motion_in_space_is_the_planar_one(model, options, damping, coordinates):

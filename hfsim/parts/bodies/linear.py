@@ -29,7 +29,7 @@ class LinearBeam(NodalBeam):
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield the weight, and elastic force and damping as one."""
         yield self.beam.weight(n)
-        yield linearised(self.beam)
+        yield linearised(self.beam, LinearElasticForce)
 
     def _stretch(self, seen: Deformation) -> Array:
         return np.asarray(seen.axial[0])
@@ -42,11 +42,11 @@ class LinearBeam(NodalBeam):
         """Return None: in the body frame the stiffness is constant."""
 
 
-def linearised(beam: Blueprint) -> LinearElasticForce:
-    """Linearise the element's own energy about the undeformed state."""
+def linearised(beam: Blueprint, kind: type[LinearElasticForce]) -> LinearElasticForce:
+    """Linearise the element's own energy about the undeformed state, as a force of plane or space."""
     mesh, count = beam.mesh, beam.mesh.count
     local = np.kron(mesh.differences, np.eye(beam.n_dim)).reshape(count, -1, beam.n_dim * mesh.n_vectors)
-    straight = (mesh.differences @ mesh.undeformed).reshape(1, count, -1, beam.n_dim)
+    straight = (mesh.differences @ beam.undeformed).reshape(1, count, -1, beam.n_dim)
 
     def matrix(properties: BeamProperties, curvature: str) -> Array:
         H = beam.law(properties, beam.measures._replace(curvature=curvature)).hessian(straight)[0]
@@ -58,8 +58,9 @@ def linearised(beam: Blueprint) -> LinearElasticForce:
         # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
         axial = matrix(own._replace(bending_stiffness=0.0), "exact")
         damping = own.axial_damping * axial + own.bending_damping * (matrix(own, "exact") - axial)
-    columns = beam.nodal_columns
-    return LinearElasticForce(beam.name, columns, K, damping, mesh.undeformed, mesh.positions, item=beam.item)
+    return kind(
+        beam.name, beam.nodal_columns, K, damping, beam.undeformed, mesh.positions, item=beam.item
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +107,13 @@ class LinearElasticForce(ForcePart):
         flat = (as_vectors(p) - self.undeformed).reshape(len(x), -1)
         return flat, p, tangent
 
-    def _rates(self, x: Array, u: Array, p: ComplexArray, tangent: ComplexArray) -> Array:
+    def _displacements(self, x: Array) -> Array:
+        """Return p - p0 flattened, (n_batch, n_vectors * n_dim)."""
+        return self._deformation(x)[0]
+
+    def _rates(self, x: Array, u: Array) -> Array:
+        """Return p', flattened likewise."""
+        _, p, tangent = self._deformation(x)
         w = as_complex(self._nodes(u))
         local = (w - self.positions * w[:, :1]) * tangent.conj()
         omega = local[:, 1:2].imag / p[:, 1:2].real
@@ -119,8 +126,8 @@ class LinearElasticForce(ForcePart):
 
     def runaway(self, t: float, x: Array) -> SolverFailure | None:
         """Return the failure of a beam that deflects by more than `LIMIT_LENGTHS` times its length."""
-        moved = np.abs(self._deformation(x)[0].reshape(-1, 2)) * np.tile(self.positions, len(x))[:, None]
-        lengths = float(moved.max() / self.undeformed[:, 0].max())
+        moved = np.abs(self._displacements(x).reshape(len(x), *self.undeformed.shape))
+        lengths = float((moved * self.positions[:, None]).max() / self.undeformed[:, 0].max())
         if not lengths > LIMIT_LENGTHS:
             return None
         return SolverFailure(
@@ -138,7 +145,7 @@ class LinearElasticForce(ForcePart):
         flat, p, tangent = self._deformation(x)
         local = flat @ -self.stiffness
         if self.uses_rates:
-            local -= self._rates(x, u, p, tangent) @ self.damping
+            local -= self._rates(x, u) @ self.damping
         force = as_complex(local.reshape(len(x), *self.undeformed.shape)).copy()
         # what the frame coordinates do not feel is balanced at the root vectors
         force[:, 0] = 0.0
@@ -149,11 +156,10 @@ class LinearElasticForce(ForcePart):
 
     def strain_energy(self, x: Array) -> Array:
         """Return 1/2 (p - p0)^T K (p - p0)."""
-        flat = self._deformation(x)[0]
+        flat = self._displacements(x)
         return np.asarray(0.5 * np.sum((flat @ self.stiffness) * flat, axis=-1))
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power of the damping."""
-        _, p, tangent = self._deformation(x)
-        rates = self._rates(x, u, p, tangent)
+        rates = self._rates(x, u)
         return np.asarray(-np.sum((rates @ self.damping) * rates, axis=-1))

@@ -88,6 +88,7 @@ MODELS: dict[str, Model] = {
         leaves_out=("foreshortening", "stiffening"),
         rung=1,
         alone=True,
+        spatial="spatial_linear:SpatialLinearBeam",
     ),
     "lowOrder": Model(
         "low_order_body:LowOrderBody",

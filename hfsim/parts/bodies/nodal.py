@@ -141,7 +141,7 @@ class NodalBeam(Body):
             return np.stack([np.interp(nodes, seen.places, one) for one in values.T], axis=-1)
 
         gradient = np.column_stack([self._stretch(seen), seen.slope[0]])
-        bent, slopes = mesh.undeformed.copy(), at_nodes(gradient)
+        bent, slopes = self.beam.undeformed.copy(), at_nodes(gradient)
         bent[::stride] += at_nodes(cumulative(gradient, seen.places))
         bent[1::stride] += slopes
         if mesh.element.per_node > 2:

@@ -1,0 +1,81 @@
+"""Beams of the model linear in space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import cross, skew
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.spatial_markers import VectorMarker
+from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce, linearised
+from hfsim.parts.elements.forces import ROLL
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialLinearBeam(LinearBeam):
+    """A cable whose elastic force is linearised about the undeformed state in the body frame."""
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield the weight, and elastic force and damping as one."""
+        yield self.beam.weight(n)
+        yield linearised(self.beam, SpatialLinearElasticForce)
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialLinearElasticForce(LinearElasticForce):
+    """The same of a beam in space: axial and in two transverse directions, alike in both.
+
+    The frame at the root has no roll of its own.  Stiffness does not depend on it, but rates in the frame
+    do, and the damping of a line must vanish in its roll: of all rolls, that counts in which least is lost.
+    """
+
+    @cached_property
+    def _root(self) -> VectorMarker:
+        vectors = np.eye(len(self.positions))
+        return VectorMarker(self.columns, vectors[0], vectors[1:2])
+
+    def _relative(self, x: Array) -> tuple[Array, Array]:
+        """Return the nodal vectors in the frame, (n_batch, n_vectors, 3), and its axes, (n_batch, 3, 3)."""
+        vectors, frame = self._nodes(x), self._root.frame(x)
+        return (vectors - self.positions[:, None] * vectors[:, :1]) @ frame, frame
+
+    def _displacements(self, x: Array) -> Array:
+        return np.asarray((self._relative(x)[0] - self.undeformed).reshape(len(x), -1))
+
+    def _rates(self, x: Array, u: Array) -> Array:
+        p, frame = self._relative(x)
+        vectors = self._nodes(u)
+        rates = (vectors - self.positions[:, None] * vectors[:, :1]) @ frame
+        spin = np.zeros((len(x), 3))
+        spin[:, 1:] = np.stack([-rates[:, 1, 2], rates[:, 1, 1]], axis=-1) / p[:, 1, :1]
+        rates = (rates + p @ skew(spin)).reshape(len(x), -1)
+        roll = cross(np.array([1.0, 0.0, 0.0]), p).reshape(len(x), -1)
+        lost = roll @ self.damping
+        share = np.sum(lost * rates, axis=-1) / (np.sum(lost * roll, axis=-1) + self._least_roll)
+        return np.asarray(rates - share[:, None] * roll)
+
+    @property
+    def _least_roll(self) -> float:
+        slopes = self.damping.diagonal().reshape(-1, 3)[:, 1:][self.positions == 0.0]
+        return ROLL**2 * float(slopes.max())
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add -K (p - p0) - D p', with no force on the frame coordinates."""
+        p, frame = self._relative(x)
+        local = (p - self.undeformed).reshape(len(x), -1) @ -self.stiffness
+        if self.uses_rates:
+            local -= self._rates(x, u) @ self.damping
+        force = local.reshape(p.shape)
+        # what the frame coordinates do not feel is balanced at the root vectors
+        force[:, 0] = 0.0
+        force[:, 1, 1:] = 0.0
+        moment = np.sum(cross(p, force), axis=1)
+        force[:, 1, 1] = -moment[:, 2] / p[:, 1, 0]
+        force[:, 1, 2] = moment[:, 1] / p[:, 1, 0]
+        force[:, 0] = -np.einsum("bvi,v->bi", force, self.positions)
+        out[:, self.columns] += (force @ frame.swapaxes(1, 2)).reshape(len(x), -1)
