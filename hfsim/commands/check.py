@@ -67,7 +67,7 @@ def _assembled(facts: Mapping[str, Any]) -> Iterator[str]:
     yield from facts.get("notes", ())
     branches = facts.get("branches", ())
     for branch in branches[:_MOST]:
-        yield f"or with {angles_of(branch)}: a rough angle under 'initial' takes this one"
+        yield f"or with {angles_of(branch)}: a rough angle or orientation under 'initial' takes this one"
     if len(branches) > _MOST:
         yield f"or in {len(branches) - _MOST} other ways (--json lists them)"
 

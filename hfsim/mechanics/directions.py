@@ -59,6 +59,11 @@ class Parallel(NamedTuple):
         """Tell whether the axis is along or across the tangent of each line."""
         return _straight(self, first, second)
 
+    @property
+    def senses(self) -> tuple[tuple[Direction, Direction], ...]:
+        """The axes, which are to point the same way."""
+        return ((self.first, self.second),)
+
 
 class Square(NamedTuple):
     """A joint keeps an axis of A and one of B at right angles.
@@ -113,6 +118,12 @@ class Facing(NamedTuple):
         """Tell whether tangents of two lines are along or across each other."""
         own = direction(np.array(self.turn) @ TANGENT)
         return not (first and second) or along(own, TANGENT) or abs(own[0]) < ALONG
+
+    @property
+    def senses(self) -> tuple[tuple[Direction, Direction], ...]:
+        """All three axes, which are to point the same way."""
+        R, own = np.array(self.turn), np.eye(3)
+        return tuple((direction(R @ axis), direction(axis)) for axis in own)
 
 
 def shared_axis(axis: Direction | None, facing: Array) -> Parallel:

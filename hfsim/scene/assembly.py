@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import rotation, rotation_vector
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.scene.closing import Linkage
 
@@ -16,9 +17,13 @@ TOLD = 8
 """Angles of bodies that are told in a line."""
 WORTH_A_WARNING = 0.02
 """Part of what may be a guess from which a change is warned of; below, it is only noted."""
-UNITS = {"angle": "rad", "position": "m", "angular_velocity": "rad/s", "velocity": "m/s"}
-"""What is stated under ``initial``, and its units."""
-Branches: TypeAlias = "Callable[[], list[dict[str, float]]]"
+UNITS = {
+    **{"angle": "rad", "orientation": "rad", "position": "m"},
+    **{"angular_velocity": "rad/s", "velocity": "m/s"},
+}
+"""What is stated under ``initial``, and its units; orientations are told as rotation vectors."""
+Turn: TypeAlias = "float | tuple[float, ...]"
+Branches: TypeAlias = "Callable[[], list[dict[str, Turn]]]"
 
 
 class Change(NamedTuple):
@@ -43,6 +48,9 @@ class Change(NamedTuple):
     def __str__(self) -> str:
         unit = UNITS[self.quantity]
         off = float(np.linalg.norm(np.subtract(self.taken, self.stated)))
+        if self.quantity == "orientation":
+            taken, stated = (rotation(np.array(turn)) for turn in (self.taken, self.stated))
+            off = float(np.linalg.norm(rotation_vector(taken @ stated.T)))
         return (
             f"initial.{self.body}.{self.quantity}: {listed(self.stated)} {unit} is taken as a guess: "
             f"the joints allow {listed(self.taken)} {unit}, {off:.3g} {unit} off"
@@ -70,8 +78,8 @@ class Assembly:
     twists : dict of str to Twist
     changes : tuple of Change
         Stated values that were taken as guesses.
-    closed : dict of str to float
-        Angles of bodies that the deck does not state, as loops close with them [rad].
+    closed : dict of str to Turn
+        Angles of bodies that the deck does not state, as loops close; in space rotation vectors [rad].
     branches : callable
         () -> the same angles in each of the other ways to close that are found; the search takes a while.
     """
@@ -81,7 +89,7 @@ class Assembly:
     poses: dict[str, Pose]
     twists: dict[str, Twist]
     changes: tuple[Change, ...]
-    closed: dict[str, float]
+    closed: dict[str, Turn]
     branches: Branches
 
     def warnings(self) -> list[str]:
@@ -99,7 +107,16 @@ class Assembly:
         return {"closed": self.closed, "changed": changed, "notes": self.notes()}
 
 
-def angles_of(closed: Mapping[str, float]) -> str:
-    """Return angles of bodies in words, of a few where there are many."""
-    told = [f"{name} {np.degrees(angle):.4g} deg" for name, angle in closed.items()]
+def angles_of(closed: Mapping[str, Turn]) -> str:
+    """Return angles or rotation vectors of bodies in words, of a few where there are many."""
+    told = [f"{name} {_in_degrees(turn)}" for name, turn in closed.items()]
     return ", ".join(told if len(told) <= TOLD else [*told[:TOLD], f"and {len(told) - TOLD} more"])
+
+
+def _in_degrees(turn: Turn) -> str:
+    """Return an angle in degrees, or a rotation vector as its angle about its axis."""
+    if isinstance(turn, float):
+        return f"{np.degrees(turn):.4g} deg"
+    angle = float(np.linalg.norm(turn))
+    axis = ", ".join(f"{part / (angle or 1.0) + 0.0:.4g}" for part in turn)
+    return f"{np.degrees(angle):.4g} deg about [{axis}]"

@@ -25,7 +25,7 @@ from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.scene.assembly import Assembly
-from hfsim.scene.closing import Frame, Linkage
+from hfsim.scene.closing import Frame, Linkage, Sense
 from hfsim.scene.facing import Facings
 from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.loading import LoadedDeck
@@ -236,7 +236,12 @@ def _linkage(
     frames = Frame.of(bodies.values(), deck.dimension, facing.centres, lines)
     _, constraints = _joints(deck, frames)
     n = max(frame.columns.stop for frame in frames.values())
-    return Linkage(constraints, n, deck.dimension, facing.centres)
+    senses: list[Sense] = []
+    for spec in deck.joints.values() if deck.dimension == 3 else ():
+        a, b = (find_marker(point, frames, deck) for point in spec.between)
+        pairs = (pair for held in spec.held(*facing.of(spec)) for pair in getattr(held, "senses", ()))
+        senses.extend((a, b, np.array(own), np.array(other)) for own, other in pairs)
+    return Linkage(constraints, n, deck.dimension, facing.centres, tuple(senses))
 
 
 def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:

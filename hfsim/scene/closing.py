@@ -10,12 +10,13 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count, pairwise, repeat
+from typing import TypeAlias
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import smallest_step
-from hfsim.maths.rotations import freedoms, rotation, rotation_rates, rotation_vector
+from hfsim.maths.rotations import freedoms, rotation, rotation_rates, rotation_vector, wrap
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.markers import Marker, RigidMarker
@@ -73,6 +74,10 @@ def _referred(body: Body) -> dict[str, Place]:
     return {name: body.reference(place) for name, place in body.points.items()}
 
 
+Sense: TypeAlias = tuple[Marker, Marker, Array, Array]
+"""Two points, and an axis in the frame of each."""
+
+
 @dataclass(frozen=True, eq=False)
 class Linkage:
     """The joints of a scene between the frames of its bodies.
@@ -85,12 +90,15 @@ class Linkage:
     n_dim : int
     centres : ndarray, shape (n_bodies, 3, 3), or None
         In space, from which the turns of the frames count, as rotation vectors.
+    senses : tuple of Sense
+        Axes that are not to point in opposite ways, though the constraints would allow it.
     """
 
     constraints: tuple[Constraint, ...]
     n: int
     n_dim: int
     centres: Array | None = None
+    senses: tuple[Sense, ...] = ()
 
     def owner(self, marker: Marker) -> int | None:
         """Return the number of the body that a marker is on; None for the ground."""
@@ -171,6 +179,13 @@ class Linkage:
         turns = rotation_vector(rotation(rows[:, 3:]) @ self.centres)
         return [Pose(row[:3], turn) for row, turn in zip(rows, turns, strict=True)]
 
+    def apart(self, one: Array, other: Array) -> float:
+        """Return by how much turns differ between two places (n,) [rad], at most, full turns aside."""
+        if self.centres is None:
+            return largest(wrap(one - other)[self.turns])
+        first, second = (rotation(x.reshape(-1, 6)[:, 3:]) for x in (one, other))
+        return largest(np.linalg.norm(rotation_vector(first @ second.swapaxes(1, 2)), axis=-1))
+
     @cached_property
     def drift(self) -> Array:
         """How fast what the joints miss grows at the start if nothing moves: drivers; shape (n_rows,)."""
@@ -243,7 +258,12 @@ class Linkage:
     def search(self, x: Array, free: BoolArray) -> list[Array]:
         """Return all places found near which, from places (n_batch, n) on, the joints hold."""
         found = self.descend(x, free)
-        return [one for one in found if self.close(one, free) < CLOSED]
+        return [one for one in found if self.close(one, free) < CLOSED and self._right_way_round(one)]
+
+    def _right_way_round(self, x: Array) -> bool:
+        """Tell whether axes that joints hold point the same way at places (n,)."""
+        pairs = ((a.turned(x[None], own), b.turned(x[None], other)) for a, b, own, other in self.senses)
+        return all(float(np.sum(own * other)) > 0.0 for own, other in pairs)
 
     def cut(self, x: Array, free: BoolArray) -> tuple[Constraint, float]:
         """Return the joint that stays open where all others close, from places (n_batch, n) on; its gap."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.rotations import normal
+from hfsim.maths.rotations import cross, normal
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
 from hfsim.scene.rules import owners
@@ -151,7 +151,7 @@ def _described(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
     """Return kind and place of the motions (n_freedoms, k) of a body."""
     n_dim = assembly.linkage.n_dim
     if n_dim == 3:
-        return _described_in_space(own)
+        return _described_in_space(own, body, assembly)
     shifts = own @ _null(own[n_dim:])
     if shifts.shape[1] == n_dim:
         return "floats", ", ".join([*AXES[:n_dim], "turn"][: own.shape[1]])
@@ -162,19 +162,37 @@ def _described(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
     )
 
 
-def _described_in_space(own: Array) -> tuple[str, str]:
+def _described_in_space(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
     shifts, turns = own @ _null(own[3:]), own[3:]
-    sizes = np.linalg.svd(turns, compute_uv=False)
+    axes, sizes, _ = np.linalg.svd(turns)
     n_turns, n_shifts = int(np.sum(sizes > NONE)), shifts.shape[1]
     if n_shifts >= 2:
         names = ["x", "y", "z"] if n_shifts == 3 else [f"{n_shifts} shifts"]
         return "floats", ", ".join([*names, *([f"{n_turns} turns"] if n_turns else [])])
-    if n_shifts and n_turns:
-        return "turns and slides", f"{n_turns} turns, along {_axis(shifts[:3, 0])}"
-    if n_shifts:
+    if not n_turns:
         return "slides", _axis(shifts[:3, 0])
-    axis = np.linalg.svd(turns)[0][:, 0]
-    return "turns", _axis(axis) if n_turns == 1 else f"{n_turns} axes"
+    about = f"axis {_axis(axes[:, 0])}" if n_turns == 1 else f"{n_turns} axes"
+    along = f", along {_axis(shifts[:3, 0])}" if n_shifts else ""
+    joint = _turned_about(own, axes[:, :n_turns], body, assembly)
+    if along:
+        return "turns and slides", f"{joint or about}{along}"
+    return "turns", f"{joint}, {about}" if joint else about
+
+
+def _turned_about(own: Array, axes: Array, body: int, assembly: Assembly) -> str:
+    """Return the joint whose place motions (6, k) of a body leave, or move along their one axis, or ''."""
+    link, x = assembly.linkage, assembly.place
+    origin = x[link.columns_of(body)][:3]
+    for c in link.constraints:
+        for marker in c.ends:
+            if link.owner(marker) == body and c.item.startswith("joints."):
+                arm = marker.position(x[None])[0] - origin
+                moved = own[:3] + cross(own[3:].T, arm).T
+                if axes.shape[1] == 1:
+                    moved = moved - axes @ (axes.T @ moved)
+                if np.abs(moved).max() < CLOSE * link.size:
+                    return c.item.removeprefix("joints.")
+    return ""
 
 
 def _null(rows: Array) -> Array:
@@ -186,7 +204,7 @@ def _null(rows: Array) -> Array:
 def _axis(direction: Array) -> str:
     unit = direction / np.linalg.norm(direction)
     unit = unit if unit[np.argmax(np.abs(unit))] > 0.0 else -unit
-    return _place(unit)
+    return _place(np.where(np.abs(unit) < NONE, 0.0, unit))
 
 
 def _place(numbers: Array) -> str:

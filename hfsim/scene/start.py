@@ -17,10 +17,10 @@ import numpy as np
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import smallest_step
-from hfsim.maths.rotations import freedoms, wrap
+from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.pose import Twist
-from hfsim.scene.assembly import UNITS, Assembly, Branches, Change, listed
+from hfsim.scene.assembly import UNITS, Assembly, Branches, Change, Turn, listed
 from hfsim.scene.closing import CLOSED, Linkage, largest
 from hfsim.scene.schema import InitialSpec
 
@@ -92,6 +92,14 @@ class Start:
             # in space it counts from the centre, which is the orientation stated
             return turn if self.n_dim == 2 else np.zeros(3)
         return None if quantity == "angle" else getattr(initial, quantity)
+
+    def told(self, quantity: str, where: IntArray, values: Array) -> tuple[float, ...]:
+        """Return places or rates of a frame as messages have them: in space its turn against the ground."""
+        own, body = values[where], int(where[0]) // freedoms(self.n_dim)
+        if quantity == "angle" and self.linkage.centres is not None:
+            own = rotation_vector(rotation(own) @ self.linkage.centres[body])
+            own = np.where(np.abs(own) < CLOSED, 0.0, own)
+        return tuple(map(float, own))
 
     def frames(self, given: _Stated) -> Iterator[tuple[str, tuple[Array, Array]]]:
         """Yield names of bodies with the values of both quantities."""
@@ -182,7 +190,7 @@ def _refuse_twists(start: Start, place: _Stated) -> None:
             raise _contradicted(start, place, tie, off)
 
 
-def _settle(start: Start, place: _Stated) -> tuple[dict[str, float], Branches]:
+def _settle(start: Start, place: _Stated) -> tuple[dict[str, Turn], Branches]:
     """Move what is not stated until the joints hold: origins first, then unstated turns, then guesses.
 
     Returns
@@ -202,17 +210,17 @@ def _settle(start: Start, place: _Stated) -> tuple[dict[str, float], Branches]:
 
     follow = _following(start, place.open & link.turns, np.abs(x - begin) > CLOSED)
 
-    def closed(at: Array) -> dict[str, float]:
-        if start.n_dim == 3:
-            return {}
-        return {start.names[k // freedoms(start.n_dim)]: float(at[k]) for k in follow}
+    def closed(at: Array) -> dict[str, Turn]:
+        numbers = dict.fromkeys(int(k) // freedoms(start.n_dim) for k in follow)
+        turns = {k: tuple(map(float, link.poses(at)[k].turn)) for k in numbers}
+        return {start.names[k]: turn if len(turn) > 1 else turn[0] for k, turn in turns.items()}
 
-    def branches() -> list[dict[str, float]]:
-        if start.n_dim == 3 or link.moves(x, free):
+    def branches() -> list[dict[str, Turn]]:
+        if link.moves(x, free):
             return []
         ways = [x]
         for one in link.search(starts, free):
-            if all(largest(wrap(one - way)[link.turns]) > APART for way in ways):
+            if all(link.apart(one, way) > APART for way in ways):
                 ways.append(_near(link, one, begin))
         return [closed(way) for way in ways[1:]]
 
@@ -298,8 +306,9 @@ def _changes(start: Start, given: _Stated, values: Array) -> tuple[Change, ...]:
             where = own[part]
             off = float(np.linalg.norm((values - given.given)[where]))
             if given.stated[where].all() and off > CLOSED * start.linkage.units[where[0]]:
-                before, after = (tuple(map(float, kind[where])) for kind in (given.given, values))
-                found.append(Change(name, quantity, before, after, off / _guess(start, quantity, values)))
+                before, after = (start.told(quantity, where, kind) for kind in (given.given, values))
+                what = "orientation" if quantity == "angle" and start.n_dim == 3 else quantity
+                found.append(Change(name, what, before, after, off / _guess(start, quantity, values)))
     return tuple(found)
 
 
@@ -342,4 +351,6 @@ def _open(start: Start, place: _Stated, joint: Constraint, size: float) -> DeckE
     else:
         message = f"cannot be closed: at least {size:.6g} {joint.unit} are left, whatever the angles"
         hint = "make a link longer, move a point, or let a driver start elsewhere"
+        if start.n_dim == 3 and (place.open & start.linkage.turns).any():
+            hint += "; or state orientations: they say where in the second body the axis of a hinge is"
     return start.refuse(joint.item, message, hint)

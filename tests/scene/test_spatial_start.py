@@ -106,3 +106,77 @@ def test_a_position_that_contradicts_a_joint_is_named_with_its_size():
     (problem,) = refusal.value.problems
     assert problem.path == "joints.axle"
     assert "by 1 m" in problem.message
+
+
+LOOP = """hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+ground: {{points: {{a: [0.0, 0.0, 0.0], d: [0.8, 0.3, 0.0]}}}}
+bodies:
+  crank: {{type: rigid, mass: 1.0, inertia: [0.01, 0.02, 0.02], points: {{r: [-0.1, 0, 0], t: [0.1, 0, 0]}}}}
+  rod: {{type: rigid, mass: 1.0, inertia: [0.01, 0.1, 0.1], points: {{r: [-0.45, 0, 0], t: [0.45, 0, 0]}}}}
+  rocker: {{type: rigid, mass: 1.0, inertia: [0.05, 0.05, 0.01], points: {{r: [0, 0, -0.25], t: [0, 0, 0.25]}}}}
+joints:
+  a: {{type: revolute, between: [ground.a, crank.r]}}
+  b: {{type: spherical, between: [crank.t, rod.r]}}
+  c: {{type: universal, between: [rod.t, rocker.t], axes: [[0, 1, 0], [0, 0, 1]]}}
+  d: {{type: revolute, between: [ground.d, rocker.r], axis: [1, 0, 0]}}
+initial:
+  crank: {{angle: {angle}, angular_velocity: 3.0, exact: true}}
+  {more}
+solve: {{duration: 0.5}}
+output: {{channels: [rod.x]}}
+"""
+
+
+def loop(angle=0.5, more=""):
+    return build(parse_deck(LOOP.format(angle=angle, more=more), "loop.yaml"))
+
+
+def test_a_spatial_loop_closes_and_its_other_ways_are_told():
+    built = loop()
+    link, place = built.assembly.linkage, built.assembly.place
+    assert np.abs(link.gaps(place[None])).max() < 1e-9
+    assert set(built.assembly.closed) == {"rod", "rocker"}
+    (note,) = built.assembly.notes()
+    assert "rod " in note and " deg about [" in note
+    ways = [built.assembly.closed, *built.assembly.branches()]
+    rockers = [np.array(way["rocker"]) for way in ways]
+    assert len(ways) >= 2
+    assert max(np.abs(one - rockers[0]).max() for one in rockers[1:]) > 0.1
+    for turn in rockers:
+        assert turn[1:] == pytest.approx(np.zeros(2), abs=1e-8)
+    # the one stated rate gives all others
+    rates = np.concatenate([np.concatenate(twist) for twist in built.assembly.twists.values()])
+    assert np.abs(link.slopes_by_rates(place) @ rates).max() < 1e-9
+    assert np.linalg.norm(spins(built)["rocker"]) > 0.05
+
+
+def test_a_rough_orientation_takes_the_way_to_close_that_is_nearest():
+    ways = [loop().assembly.closed, *loop().assembly.branches()]
+    for way in ways:
+        rough = [float(part) for part in np.add(way["rocker"], [0.05, 0.0, 0.0])]
+        built = loop(more=f"rocker: {{orientation: {{rotation_vector: {rough}}}}}")
+        (change,) = built.assembly.changes
+        assert (change.body, change.quantity) == ("rocker", "orientation")
+        assert change.stated == pytest.approx(rough, abs=1e-9)
+        assert change.taken == pytest.approx(way["rocker"], abs=1e-7)
+        assert "initial.rocker.orientation:" in str(change) and "0.05 rad off" in str(change)
+
+
+def test_an_orientation_far_from_all_ways_to_close_is_refused_with_the_nearest():
+    with pytest.raises(DeckError, match=r"rocker\.orientation \[") as refusal:
+        loop(more="rocker: {orientation: {rotation_vector: [2.6, 0.0, 0.0]}}")
+    assert "contradict this joint by" in refusal.value.problems[0].message
+
+
+def test_a_loop_that_cannot_close_says_so():
+    with pytest.raises(DeckError, match="cannot be closed"):
+        build(parse_deck(LOOP.replace("0.8, 0.3, 0.0", "1.8, 0.3, 0.0").format(angle=0.5, more="")))
+
+
+def test_free_motions_are_told_by_joint_and_axis():
+    told = [str(motion) for motion in scene(AXLE + ELBOW + "  ball: {type: spherical, between: [arm.tip, bob.hook]}\n").free_motions]
+    assert told == ["hub: turns about axle, axis [0, 0, 1]", "arm: turns about elbow, axis [0, 1, 0]", "bob: turns about ball, 3 axes"]
+    more = "  tube: {type: cylindrical, between: [ground.o, hub.rim], axis: [0, 0, 1]}\n  rail: {type: prismatic, between: [hub, arm], axis: [0, 1, 0]}\n  hold: {type: fixed, between: [arm, bob]}\n"
+    told = [str(motion) for motion in scene(more).free_motions]
+    assert told == ["hub: turns and slides: tube, along [0, 0, 1], with bob", "arm: slides along [0, 1, 0]"]
