@@ -111,6 +111,44 @@ def factorised(matrix: Matrix) -> Callable[[Array], Array]:
     return solve
 
 
+class SaddlePoints:
+    """Matrices [[A, B^T], [B, 0]] of one sparse A (n, n) and many B (rows, n), all with the same places.
+
+    Parameters
+    ----------
+    matrix : sparse array, shape (n, n)
+    border : Entries
+        Of B; their values do not matter.
+    rows : int
+    """
+
+    def __init__(self, matrix: Matrix, border: Entries, rows: int) -> None:
+        own, n = matrix.tocoo(), matrix.shape[0]
+        i = np.concatenate([own.row, n + border.rows, border.columns])
+        j = np.concatenate([own.col, border.columns, n + border.rows])
+        self._own, self._size = own.data, n + rows
+        self._order = np.lexsort((i, j))
+        i, j = i[self._order], j[self._order]
+        new = np.concatenate([[True], (i[1:] != i[:-1]) | (j[1:] != j[:-1])])
+        self._first = np.flatnonzero(new)
+        self._rows = i[new]
+        self._ends = np.concatenate([[0], np.cumsum(np.bincount(j[new], minlength=self._size))])
+
+    def of(self, values: Array) -> Matrix:
+        """Return the matrices of B with values (count, n_entries) as one, block after block."""
+        from scipy.sparse import csc_array
+
+        count = len(values)
+        own = np.broadcast_to(self._own, (count, len(self._own)))
+        every = np.concatenate([own, values, values], axis=1)[:, self._order]
+        data = np.add.reduceat(every, self._first, axis=1)
+        block = np.arange(count)[:, None]
+        rows = (self._rows + self._size * block).ravel().astype(np.int32)
+        ends = (self._ends[1:] + self._ends[-1] * block).ravel().astype(np.int32)
+        size = self._size * count
+        return csc_array((data.ravel(), rows, np.concatenate([[np.int32(0)], ends])), shape=(size, size))
+
+
 def saddle_point(matrix: Matrix, border: Matrix) -> Matrix:
     """Return [[A, B^T], [B, 0]] of sparse A (n, n) and B (m, n)."""
     from scipy.sparse import block_array

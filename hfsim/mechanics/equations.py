@@ -17,11 +17,13 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_point
+from hfsim.maths.matrices import Matrix, SaddlePoints, dense, factorised, is_sparse, saddle_point
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.reduction import Reduction
 
+AT_ONCE = 20_000
+"""Rows of the sparse matrices, of several states, that are factorised together."""
 FEW = 60
 """Coordinates at joints up to which large scenes are solved by these; beyond, with the whole matrix."""
 
@@ -275,8 +277,18 @@ class Equations:
         if self.phi.constant and self.once:
             solution = self._constant_factor(rhs)
         else:
-            solution = np.array([self._factor_at(x[k : k + 1])(one) for k, one in enumerate(rhs)])
+            states = max(1, AT_ONCE // rhs.shape[1])
+            parts = (slice(k, k + states) for k in range(0, len(x), states))
+            solution = np.concatenate([self._together(x[some], rhs[some]) for some in parts])
         return solution[:, : self.n], solution[:, self.n :]
+
+    def _together(self, x: Array, rhs: Array) -> Array:
+        """Return the solutions of several states by one factorisation: calls cost more than operations."""
+        border = self.reduction.free_entries(self.phi.entries(x))
+        if "_saddle_points" not in self.__dict__:  # entries have the same places in every state
+            self.__dict__["_saddle_points"] = SaddlePoints(self.free_mass, border, self.n_rows)
+        points: SaddlePoints = self.__dict__["_saddle_points"]
+        return factorised(points.of(border.values))(rhs.ravel()).reshape(rhs.shape)
 
     def _factor_at(self, x: Array) -> Callable[[Array], Array]:
         """Factor of the whole matrix in one state (1, n_x)."""

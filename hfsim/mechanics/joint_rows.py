@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.maths.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.mechanics.constraints import Constraint, End
 from hfsim.mechanics.markers import joint_support
 from hfsim.mechanics.products import Products
@@ -154,10 +154,20 @@ class JointRows:
         """Return Phi_x of one state (1, n_x), shape (n_rows, n_x)."""
         if not self.sparse:
             return self.jacobians(x)[0]
-        parts = [Entries.of_block(np.r_[end.rows], end.columns, end.jacobian(x)[0]) for end in self.ends]
+        entries = self.entries(x)
+        return assemble([entries._replace(values=entries.values[0])], (self.n_rows, x.shape[1]), sparse=True)
+
+    def entries(self, x: Array) -> Entries:
+        """Return the entries of Phi_x in states (n_batch, n_x), their values (n_batch, n_entries)."""
+        parts = [NOTHING._replace(values=np.zeros((len(x), 0)))]
+        for end in self.ends:
+            block = end.jacobian(x)
+            places = Entries.of_block(np.r_[end.rows], end.columns, block[0])
+            values = np.broadcast_to(block.reshape(len(block), -1), (len(x), block[0].size))
+            parts.append(places._replace(values=values))
         if self._products:
             parts.append(self._products.entries(x))
-        return assemble(parts, (self.n_rows, x.shape[1]), sparse=True)
+        return Entries(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))
 
     def at_joints(self, x: Array) -> Array:
         """Return Phi_x by the coordinates `support` alone, shape (n_batch or 1, n_rows, k)."""

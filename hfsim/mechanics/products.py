@@ -137,10 +137,10 @@ class Products:
         return first, second
 
     def entries(self, x: Array) -> Entries:
-        """Return the entries of Phi_x in one state (1, n_x)."""
+        """Return the entries of Phi_x in states (n_batch, n_x), their values (n_batch, n_entries)."""
         a, b = self._vectors(x)
-        parts = [self._pulled(0, b[0]), self._pulled(1, a[0])]
-        return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
+        parts = [self._pulled(0, b), self._pulled(1, a)]
+        return Entries(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))
 
     def _pulled(self, side: int, other: Array) -> Entries:
         matrix = self._maps[side][0]
@@ -148,7 +148,7 @@ class Products:
         rows, columns = (found.row, found.col) if found is not None else np.nonzero(matrix)
         values = found.data if found is not None else matrix[rows, columns]
         k = rows // 3
-        return Entries(self.rows[k], columns, values * self._weight[k] * other[k, rows % 3])
+        return Entries(self.rows[k], columns, values * self._weight[k] * other[:, k, rows % 3])
 
     def stiffness(self, multipliers: Array) -> Entries:
         """Return the derivative of Phi_x^T lambda by x, the same in every state, for multipliers (m,)."""

@@ -99,6 +99,22 @@ class Reduction:
     def _inverse_transposed(self) -> Matrix:
         return self._inverse.T.tocsr() if is_sparse(self.basis) else np.ascontiguousarray(self._inverse.T)
 
+    @cached_property
+    def _sources(self) -> tuple[IntArray, Array]:
+        """The free coordinate that each coordinate follows from, and its factor; zero where from none."""
+        found = self.basis.tocoo()
+        sources, factors = np.zeros(self.basis.shape[0], dtype=np.intp), np.zeros(self.basis.shape[0])
+        sources[found.row], factors[found.row] = found.col, found.data
+        return sources, factors
+
+    def free_entries(self, entries: Entries) -> Entries:
+        """Return the entries of A B, sparse, from those of A: each coordinate follows from one at most."""
+        if self.identity:
+            return entries
+        sources, factors = self._sources
+        values = entries.values * factors[entries.columns]
+        return Entries(entries.rows, sources[entries.columns], values)
+
     def reduced(self, matrix: Matrix) -> Matrix:
         """Return B^T A B."""
         return matrix if self.identity else self._transposed @ (matrix @ self.basis)

@@ -7,6 +7,7 @@ import pytest
 import scipy.linalg
 
 from hfsim.errors import DeckError
+from hfsim.maths.matrices import dense, is_sparse
 from hfsim.maths.rotations import rotation
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
@@ -114,11 +115,29 @@ def test_undeformed_bodies_weigh_and_turn_as_rigid_ones():
     assert M[1, 5] == pytest.approx(m * L / 2)
 
 
-@pytest.mark.parametrize(
-    ("model", "words"), [("linear", "not available in space"), ("rigid", "no model rigid")]
-)
-def test_other_models_are_refused(model, words):
-    with pytest.raises(DeckError, match=words):
+@pytest.mark.parametrize("elements", [6, 9])
+def test_accelerations_fulfil_the_equations_in_dense_and_sparse_scenes(elements):
+    """M a + Phi^T lambda = f and Phi a = gamma in a batch of states, more than are factorised at once."""
+    round_bar = "{shape: circle, radius: 0.1}"
+    scene = cantilever(round_bar, 1.0, (0, 1, 2), elements=elements, material="youngs_modulus: 9")
+    equations, rng = scene.system.equations, np.random.default_rng(5)
+    n, count = scene.system.n_x, 80
+    x = scene.system.absolute(scene.q[None]) + 0.1 * rng.normal(size=(count, n))
+    u, f, t = rng.normal(size=(count, n)), rng.normal(size=(count, n)), np.zeros(count)
+    a, multipliers = equations.solve(t, x, u, f)
+    basis = dense(equations.reduction.basis)
+    assert is_sparse(equations.constant_mass) == (elements == 9)
+    for k in (0, 1, count - 1):
+        J = dense(equations.phi.jacobian_at(x[k : k + 1])) @ basis
+        left = a[k] @ dense(equations.free_mass) + multipliers[k] @ J
+        assert left == pytest.approx(f[k] @ basis, abs=1e-9 * np.abs(multipliers[k]).max())
+        gamma = equations.phi.curvature(t[:1], x[k : k + 1], u[k : k + 1])[0]
+        assert J @ a[k] == pytest.approx(gamma, abs=1e-6)
+
+
+@pytest.mark.parametrize("model", ["linear", "rigid", "auto"])
+def test_other_models_are_refused(model):
+    with pytest.raises(DeckError, match=f"no model {model}"):
         run(model=model)
 
 

@@ -230,7 +230,7 @@ class BeamSpec(BodySpec):
         if self.element == "continuum":
             hint = "take cosserat or cable"
             yield Complaint(("element",), "a continuum element is not available in space", hint)
-        if self.element == "cosserat" and model in MODELS and model not in ("exact", "ancf"):
+        if self.element == "cosserat" and model not in ("exact", "ancf", ""):
             message = f"a cosserat element has no model {model} yet"
             yield Complaint(("model",), message, "take exact or ancf, or element: cable")
         if self.element == "cable" and section is not None and not alike(section.bending):
