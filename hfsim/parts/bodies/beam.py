@@ -224,15 +224,15 @@ class BeamSpec(BodySpec):
             yield Complaint(("length",), message, f"'{self.length:g} mm'?")
 
     def _spatial_complaints(self, model: str, section: AnySection | None) -> Iterator[Complaint]:
+        if self.element == "cosserat" and model not in ("exact", "ancf", ""):
+            message = f"a cosserat element has no model {model} yet"
+            yield Complaint(("model",), message, "take exact or ancf, or element: cable")
         if model and not (model in MODELS and MODELS[model].spatial):
             there = ", ".join(name for name, one in MODELS.items() if one.spatial)
             yield Complaint(("model",), f"the model {model} is not available in space", f"take {there}")
         if self.element == "continuum":
             hint = "take cosserat or cable"
             yield Complaint(("element",), "a continuum element is not available in space", hint)
-        if self.element == "cosserat" and model not in ("exact", "ancf", ""):
-            message = f"a cosserat element has no model {model} yet"
-            yield Complaint(("model",), message, "take exact or ancf, or element: cable")
         if self.element == "cable" and section is not None and not alike(section.bending):
             first, second = section.bending
             message = f"a cable element has no section axes, but {first:.4g} about y and {second:.4g} about z"
