@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.integrators import Trajectory
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import rotation_vector
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
@@ -43,11 +44,11 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
     turns = count_turns(old, path, time)
     x, u = old.system.absolute(q[None]), old.system.absolute_velocity(q[None], v[None])
     _hand_turns(old.system, new.system, time, x)
-    arranged = old.system.arranged(q[None])
-    angles = {
-        name: float(turns[name][0]) if body.angle_column is None else float(arranged[0, body.angle_column])
-        for name, body in old.bodies.items()
-    }
+    arranged, angles = old.system.arranged(q[None]), dict(old.start_angles)
+    angles |= {name: float(turn[0]) for name, turn in turns.items()}
+    for name, body in old.bodies.items():
+        if body.angle_column is not None:
+            angles[name] = float(arranged[0, body.angle_column])
     y, w, near = (np.zeros((1, new.system.n_x)) for _ in range(3))
     for name, body in new.bodies.items():
         before = old.bodies[name]
@@ -81,9 +82,10 @@ def _hand_turns(old: System, new: System, t: Array, x: Array) -> None:
 
 def _motion(body: Body, x: Array, u: Array) -> tuple[Pose, Twist]:
     """Return where the frame of a body is in one state, (1, n), and how it moves."""
-    root = body.marker((0.0, 0.0))
+    root = body.marker(body.origin)
     twist = Twist(root.velocity(x, u)[0], root.spin(x, u)[0])
-    return Pose(root.position(x)[0], root.angle(x)), twist
+    turn = root.angle(x) if root.n_dim == 2 else rotation_vector(root.turned(x, np.eye(3))[0])
+    return Pose(root.position(x)[0], turn), twist
 
 
 def _close(scene: Scene, t: Array, y: Array, angles: Mapping[str, float]) -> None:
@@ -100,7 +102,8 @@ def _close(scene: Scene, t: Array, y: Array, angles: Mapping[str, float]) -> Non
 
 def _motions(body: Body, y: Array, angle: float) -> Array:
     """Return the changes of x with the rigid freedoms of a body, shape (n_freedoms, n_x)."""
-    own = body.freedoms(y[0], Pose.planar((0.0, 0.0), angle))
+    pose = Pose.planar(body.origin, angle) if len(body.origin) == 2 else Pose.level(body.origin)
+    own = body.freedoms(y[0], pose)
     motions = np.zeros((len(own), y.shape[1]))
     motions[:, body.columns] = own
     return motions

@@ -53,6 +53,11 @@ def test_force_is_the_derivative_of_the_energy(rng):
     assert out[0] == pytest.approx(-slope, abs=1e-7 * np.abs(slope).max())
 
 
+def test_nothing_is_lost_without_damping(rng):
+    _, part, x = law_and_state(rng)
+    assert part.power(np.zeros(1), x[None], rng.normal(size=(1, len(x)))) == pytest.approx(0.0, abs=0.0)
+
+
 def test_no_rigid_motion_is_resisted_nor_caused(rng):
     scene, part, x = law_and_state(rng, 0.1)
     motions = scene.bodies["b1"].freedoms(x, Pose.level(np.zeros(3)))

@@ -37,6 +37,26 @@ solve: {duration: 0.6, tolerance: 1.0e-5}
 )
 
 
+IN_SPACE = (
+    GROWING.replace("[0.0, -9.81]", "[0.0, -9.81, 0.0]")
+    .replace("model: auto", "model: auto, element: cable")
+    .replace("type: revolute", "type: spherical")
+    .replace("[0.0, 60.0], follower: true", "[0.0, 600.0, 900.0]")
+)
+
+
+def test_a_spatial_beam_goes_over_from_model_to_model():
+    """Pushed ever harder out of its plane; what it ends in is where the exact model ends."""
+    chosen = simulate(parse_deck(IN_SPACE), error_estimate=False)
+    exact = simulate(parse_deck(IN_SPACE.replace("model: auto", "model: exact")), error_estimate=False)
+    assert chosen.status == exact.status == "done"
+    assert [one["next_model"] for one in chosen.statistics["auto"]["switches"]] == ["linear", "exact"]
+    assert chosen.statistics["energy_drift"] < 1e-4
+    for mine, real in zip(chosen.channels[:3], exact.channels[:3], strict=True):
+        assert mine.name.startswith("b1.tip")
+        assert mine.values == pytest.approx(real.values, abs=0.005 * np.ptp(real.values))
+
+
 def rigid(text):
     scene = build(parse_deck(text), models={"b1": "rigid"})
     return scene, deformation_of(scene, scene.bodies["b1"], np.zeros(1), scene.q[None], scene.v[None])

@@ -227,7 +227,7 @@ class BeamSpec(BodySpec):
         if self.element == "cosserat" and model not in ("exact", "ancf", ""):
             message = f"a cosserat element has no model {model} yet"
             yield Complaint(("model",), message, "take exact or ancf, or element: cable")
-        if model and not (model in MODELS and MODELS[model].spatial):
+        if model in MODELS and not MODELS[model].spatial:
             there = ", ".join(name for name, one in MODELS.items() if one.spatial)
             yield Complaint(("model",), f"the model {model} is not available in space", f"take {there}")
         if self.element == "continuum":

@@ -54,6 +54,8 @@ class SpatialLinearElasticForce(LinearElasticForce):
         spin = np.zeros((len(x), 3))
         spin[:, 1:] = np.stack([-rates[:, 1, 2], rates[:, 1, 1]], axis=-1) / p[:, 1, :1]
         rates = (rates + p @ skew(spin)).reshape(len(x), -1)
+        if not self.uses_rates:
+            return np.asarray(rates)
         roll = cross(np.array([1.0, 0.0, 0.0]), p).reshape(len(x), -1)
         lost = roll @ self.damping
         share = np.sum(lost * rates, axis=-1) / (np.sum(lost * roll, axis=-1) + self._least_roll)
