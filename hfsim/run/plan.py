@@ -125,6 +125,8 @@ def _kept_joints(scene: Scene) -> Iterator[dict[str, Any]]:
             reasons = [one.why_kept for one in left]
             if not scene.left_out["tree_joints"]:
                 reasons = [RULES["tree_joints"].kept_because(scene.deck.solve)]
+            if name in scene.redundancy.joints:
+                reasons.append("redundant equations of its loop have none")
             yield {
                 "item": f"joints.{name}",
                 "what": "multipliers",

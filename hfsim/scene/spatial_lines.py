@@ -16,7 +16,7 @@ from hfsim.scene.facing import Facings
 from hfsim.scene.freedom import MOST_BODIES, NONE
 from hfsim.scene.schema import Deck
 
-SECTIONS = "take an element with sections"
+SECTIONS = "take element: cosserat, which has sections"
 """What helps in every case."""
 NOT_HELD = 1e-5
 """Gap of a joint, in its units, over a motion that opens it, from which it would resist the motion."""

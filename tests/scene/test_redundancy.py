@@ -7,6 +7,7 @@ import pytest
 
 from hfsim.errors import DeckError, SolverFailure
 from hfsim.maths.rotations import rotation
+from hfsim.run.plan import plan_of
 from hfsim.run.runaway import RedundantWatch
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -137,3 +138,10 @@ def test_a_state_in_which_left_out_equations_do_not_hold_ends_a_run():
         watch(0.5, apart, built.v)
     assert failure.value.item == rows[int(np.argmax(gaps))].item
     assert failure.value.evidence["gap"] == pytest.approx(max(gaps))
+
+
+def test_a_plan_tells_which_joints_have_fewer_multipliers():
+    plan = plan_of(build(parse_deck(HINGED)))
+    kept = {entry["item"]: entry for entry in plan["kept"] if entry["item"].startswith("joints.")}
+    assert sorted(entry["multipliers"] for entry in kept.values()) == [0, 5]
+    assert all("redundant equations" in entry["reason"] for entry in kept.values())

@@ -71,7 +71,7 @@ def test_commands_warn_of_what_a_line_does_not_bear(command, tmp_path, monkeypat
     assert done.exit_code == 0
     assert "joints.mount (line 10)" in done.stderr
     assert "loads.twist (line 11): 2 N m would twist 'rod', a line" in done.stderr
-    assert "take an element with sections" in done.stderr
+    assert "take element: cosserat" in done.stderr
 
 
 @pytest.mark.parametrize("axis", ["[1.0, 1.0, 0.0]", "[1.0, 0.0, 1.0e-3]"])
