@@ -194,3 +194,34 @@ def test_a_posed_scene_has_the_free_motions_of_the_plane():
     built = [build(parse_deck(yaml.safe_dump(deck))) for deck in (PLANE, posed.in_space(PLANE, R, SHIFT))]
     plane, space = (sum(motion.number for motion in one.free_motions) for one in built)
     assert (plane, space) == (3, 5)
+
+
+BEAMS = yaml.safe_load("""
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+materials: {rubber: {density: 1100.0, youngs_modulus: 5.0e5, poisson_ratio: 0.4}}
+sections: {bar: {shape: rectangle, width: 0.04, height: 0.04}}
+ground: {points: {wall: [0.0, 0.0, 0.5]}}
+bodies:
+  arm: {type: beam, element: ELEMENT, material: rubber, section: bar, length: 0.5, elements: 1}
+  bob: {type: rigid, mass: 0.2, inertia: [0.001, 0.002, 0.002], points: {hook: [-0.05, 0.02, 0.0]}}
+joints:
+  clamp: {type: fixed, between: [ground.wall, arm.root], orientation: {x: [0.6, 0.8, 0.0], y: [-0.8, 0.6, 0.0]}}
+  pin: {type: revolute, between: [arm.tip, bob.hook], axis: [0.0, 1.0, 0.0]}
+loads: {push: {type: force, at: bob, force: [0.2, -0.1, 0.3]}}
+initial:
+  arm: {orientation: {x: [0.6, 0.8, 0.0], y: [-0.8, 0.6, 0.0]}}
+  bob: {orientation: {x: [0.6, 0.8, 0.0], y: [-0.8, 0.6, 0.0]}}
+solve: {duration: 0.1, tolerance: 1.0e-10}
+output: {interval: 0.05, channels: [arm.tip.x, arm.tip.y, arm.tip.z, bob.x, bob.y, bob.z]}
+""")
+
+
+@pytest.mark.parametrize(("element", "height"), [("cable", 0.04), ("cosserat", 0.03)])
+def test_a_scene_with_a_beam_turned_and_shifted_does_the_same(element, height):
+    bar = {**BEAMS["sections"]["bar"], "height": height}
+    deck = {**BEAMS, "sections": {"bar": bar}, "bodies": {**BEAMS["bodies"], "arm": {**BEAMS["bodies"]["arm"], "element": element}}}
+    here, there = values(run(deck)), values(run(posed.moved(deck, R, SHIFT)))
+    assert np.ptp(here, axis=1).max() > 0.01
+    for k in (0, 3):
+        assert there[k : k + 3] == pytest.approx(R @ here[k : k + 3] + SHIFT[:, None], abs=1e-9)
