@@ -110,7 +110,9 @@ ORDERS = {
 }
 
 
-@pytest.mark.parametrize("how", ORDERS)
+@pytest.mark.parametrize(
+    "how", [pytest.param(one, marks=pytest.mark.slow) if "gear" in one else one for one in ORDERS]
+)
 def test_every_method_keeps_its_order_on_a_tumbling_body(how):
     order, count = ORDERS[how]
     spin = np.array([0.5, 8.0, 0.2])

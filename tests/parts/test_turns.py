@@ -86,7 +86,12 @@ def test_a_stiff_beam_turns_as_a_rigid_one_does(scene, model, coordinates):
     assert run.statistics["energy_drift"] < 1e-3
 
 
-@pytest.mark.parametrize("method", METHODS)
+LONG = ("gear", "generalized_alpha", "energy")
+
+
+@pytest.mark.parametrize(
+    "method", [pytest.param(one, marks=pytest.mark.slow) if one in LONG else one for one in METHODS]
+)
 def test_every_method_counts_turns(method):
     """A soft beam under a spring with a damper, three turns; the energy has nowhere to go but there."""
     whole = channels(simulate(deck_of("root", SOFT, method="radau", tolerance=1e-8), error_estimate=False))

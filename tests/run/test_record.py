@@ -97,7 +97,7 @@ def test_a_run_that_is_put_down_again_and_again_gives_the_same_rows(deck, overri
     assert len(whole.memories) >= 3
     memory, rounds = None, 0
     while True:
-        notes = Notes(most=2)
+        notes = Notes(most=2 + 2 * rounds)
         done = run(loaded, notes, memory)
         assert notes.table.tobytes() == whole.table[: len(notes.table)].tobytes()
         if done.status == "done":

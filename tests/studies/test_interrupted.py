@@ -119,6 +119,7 @@ def test_a_measured_plan_keeps_what_it_has(wheel, monkeypatch):
     assert len(calls) == 11
 
 
+@pytest.mark.slow
 def test_plan_tells_what_it_measured_without_warnings():
     from click.testing import CliRunner
 

@@ -57,6 +57,7 @@ def handicapped(monkeypatch):
 FINE = ("solve.target_error=1e-3", "solve.duration=0.2")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("handicapped")
 def test_another_method_is_taken_where_it_is_much_sooner():
     run, chosen = refine(pendulum(*FINE))
