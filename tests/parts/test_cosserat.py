@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from equilibrium import cantilever, displacement, equilibrium
 
 from hfsim.maths.rotations import rotation
 from hfsim.parts.bodies.beam_axis import Curve
 from hfsim.parts.elements.cosserat import CosseratLaw, SectionDamping, strains
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
-from tests.equilibrium import cantilever, displacement, equilibrium
 
 PRINCETON = "{shape: rectangle, height: 12.377e-3, width: 3.2024e-3}"
 ALUMINIUM = "youngs_modulus: 71.7e9, poisson_ratio: 0.31"

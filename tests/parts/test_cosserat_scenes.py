@@ -5,13 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
+from equilibrium import cantilever
 
 from hfsim.errors import DeckError
 from hfsim.maths.matrices import dense, is_sparse
 from hfsim.maths.rotations import rotation
+from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
-from tests.equilibrium import cantilever
 
 CASES = Path(__file__).parent.parent.parent / "cases"
 DECK = """
@@ -155,3 +156,9 @@ def test_right_angle_cantilever():
     for t, expected in F8.items():
         assert moved[np.searchsorted(run.t, t - 1e-9)] == pytest.approx(expected, abs=6e-5)
     assert run.channels[-1].values[-1] == pytest.approx(114.88035, abs=5e-4)
+
+
+def test_body_frames_that_are_asked_for_in_vain_are_told():
+    scene = build(load_deck(CASES / "right_angle.yaml", ["solve.coordinates=frame"]))
+    assert [one for one in scene.warnings if "have no body frame" in one]
+    assert not [one for one in build(load_deck(CASES / "right_angle.yaml")).warnings if "body frame" in one]
