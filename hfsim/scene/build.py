@@ -228,6 +228,10 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
 
 
 def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
+    for beam, one in models.items() if loaded.deck.dimension == 3 else ():
+        sections = getattr(loaded.deck.bodies[beam], "element", "") == "cosserat"
+        if not MODELS[one].spatial or (sections and MODELS[one].strain != "exact"):
+            raise loaded.problem(f"bodies.{beam}", f"has no model {one} in space", "take exact or ancf")
     return {beam: MODELS[one].stepping_in(_coordinates(loaded, one)) for beam, one in models.items()}
 
 

@@ -162,3 +162,9 @@ def test_body_frames_that_are_asked_for_in_vain_are_told():
     scene = build(load_deck(CASES / "right_angle.yaml", ["solve.coordinates=frame"]))
     assert [one for one in scene.warnings if "have no body frame" in one]
     assert not [one for one in build(load_deck(CASES / "right_angle.yaml")).warnings if "body frame" in one]
+
+
+@pytest.mark.parametrize("model", ["linear", "lowOrder", "rigid"])
+def test_a_model_that_a_study_asks_for_and_that_is_not_there_is_refused(model):
+    with pytest.raises(DeckError, match=f"has no model {model} in space"):
+        build(load_deck(CASES / "right_angle.yaml"), model)
