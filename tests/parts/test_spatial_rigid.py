@@ -59,6 +59,7 @@ def azimuth(t):
     return sum(quad(rate, *ends, epsabs=1e-14, epsrel=1e-13)[0] for ends in pairwise(pieces))
 
 
+@pytest.mark.slow
 def test_a_tumbling_body_is_exact_after_a_hundred_turns():
     duration = 100.0 * 2.0 * np.pi / 8.0
     axes, spin, path = body(duration)
