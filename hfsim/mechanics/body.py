@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -46,11 +47,14 @@ class Body:
         Its coordinates in x.
     points : dict of str to Place
         Named points.
+    n_dim : int
+        Number of components of a vector.
     """
 
     name: str
     columns: slice
     points: dict[str, Place]
+    n_dim: ClassVar[int] = 2
 
     @property
     def banded(self) -> bool:
@@ -92,12 +96,12 @@ class Body:
     @property
     def position_columns(self) -> IntArray:
         """Coordinates that are positions, shape (n, n_dim), that of the origin first; none in body frames."""
-        return np.zeros((0, 2), dtype=np.intp)
+        return np.zeros((0, self.n_dim), dtype=np.intp)
 
     @property
     def origin(self) -> Place:
         """The origin of the body frame."""
-        return (0.0, 0.0)
+        return (0.0,) * self.n_dim
 
     def reference(self, place: Place) -> Place:
         """Return where a material point is in the undeformed body frame [m]."""
@@ -121,7 +125,7 @@ class Body:
         Its origin and its named points; in space the edges of what they enclose.
         """
         places = [self.origin, *self.points.values()]
-        if len(self.origin) == 3:
+        if self.n_dim == 3:
             places = [places[k] for k in wire(np.array(places))]
         return np.stack([self.marker(place).position(x) for place in places], axis=1)
 
@@ -215,3 +219,43 @@ class Body:
     def increments(self) -> BodyIncrements | None:
         """Return coordinates for Newton corrections, where its own do not serve."""
         return None
+
+
+class VectorBody(Body):
+    """A body whose coordinates are vectors: positions, that of its origin first, and directions."""
+
+    @property
+    def undeformed(self) -> Array:
+        """The vectors in the body frame, shape (n_vectors, n_dim)."""
+        raise NotImplementedError
+
+    @property
+    def positions(self) -> Array:
+        """One for vectors that are positions, zero for directions, shape (n_vectors,)."""
+        raise NotImplementedError
+
+    @property
+    def position_columns(self) -> IntArray:
+        """Those of the positions."""
+        first = self.columns.start + self.n_dim * np.flatnonzero(self.positions)
+        return np.asarray(first[:, None] + np.arange(self.n_dim))
+
+    def placed(self, pose: Pose) -> Array:
+        """Return the turned and shifted undeformed vectors."""
+        return np.asarray(pose.turned(self.undeformed) + self.positions[:, None] * pose.origin).ravel()
+
+    def moving(self, pose: Pose, twist: Twist) -> Array:
+        """Return the rates of these."""
+        turning = twist.turning(pose.turned(self.undeformed))
+        return np.asarray(turning + self.positions[:, None] * twist.velocity).ravel()
+
+    def freedoms(self, x: Array, pose: Pose) -> Array:
+        """Return the rates of the body as it is, turning about its origin."""
+        vectors, shifts = self.vectors(x), self.positions[:, None]
+        arms = vectors - shifts * vectors[0]
+        units = Twist.units(self.n_dim)
+        return np.array([(unit.turning(arms) + shifts * unit.velocity).ravel() for unit in units])
+
+    def vectors(self, x: Array) -> Array:
+        """Return its vectors, shape (..., n_vectors, n_dim), in states (..., n)."""
+        return x[..., self.columns].reshape(*x.shape[:-1], -1, self.n_dim)

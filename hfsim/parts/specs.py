@@ -36,6 +36,10 @@ class BodySpec(Spec):
 
     vectors = ("points",)
 
+    def lacking(self, model: str, n_dim: int) -> tuple[str, str] | None:
+        """Return that it has no such model, and what to take; None if it has it or needs none."""
+        return None
+
     def assemble(self, name: str, start: int, deck: Any, model: Any) -> "Body":
         """Return the body, its coordinates from a column on; the model is that of a body that deforms."""
         raise NotImplementedError

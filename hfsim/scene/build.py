@@ -228,10 +228,9 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
 
 
 def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
-    for beam, one in models.items() if loaded.deck.dimension == 3 else ():
-        sections = getattr(loaded.deck.bodies[beam], "element", "") == "cosserat"
-        if not MODELS[one].spatial or (sections and MODELS[one].strain != "exact"):
-            raise loaded.problem(f"bodies.{beam}", f"has no model {one} in space", "take exact or ancf")
+    for beam, one in models.items():
+        if lacks := loaded.deck.bodies[beam].lacking(one, loaded.deck.dimension):
+            raise loaded.problem(f"bodies.{beam}", *lacks)
     return {beam: MODELS[one].stepping_in(_coordinates(loaded, one)) for beam, one in models.items()}
 
 

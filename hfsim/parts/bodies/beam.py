@@ -19,7 +19,7 @@ from hfsim.deck.spec import (
     shown,
 )
 from hfsim.parts.bodies.axis_spec import AxisSpec
-from hfsim.parts.bodies.models import MODELS
+from hfsim.parts.bodies.models import MODELS, missing
 from hfsim.parts.specs import BodySpec
 
 if TYPE_CHECKING:
@@ -139,14 +139,17 @@ class BeamSpec(BodySpec):
 
     def assemble(self, name: str, start: int, deck: Any, model: "Model | None") -> "Body":
         """Return the body of a model whose coordinates begin at a column."""
-        assert model is not None
+        assert model is not None and self.element is not None
         if self.element == "cosserat":
-            from hfsim.parts.bodies.cosserat import CosseratBeam
+            from hfsim.parts.bodies.section_blueprint import SectionBlueprint as Blueprint
+        else:
+            from hfsim.parts.bodies.blueprint import Blueprint  # type: ignore[assignment]
 
-            return CosseratBeam.of(self, name, start, deck)
-        from hfsim.parts.bodies.blueprint import Blueprint
+        return model.assemble(Blueprint.of(self, name, start, deck), self.element)
 
-        return model.assemble(Blueprint.of(self, name, start, deck))
+    def lacking(self, model: str, n_dim: int) -> tuple[str, str] | None:
+        """Return that it has no such model, and what to take."""
+        return missing(model, self.in_space(n_dim).element or "", n_dim)
 
     @property
     def size(self) -> int:
@@ -224,12 +227,8 @@ class BeamSpec(BodySpec):
             yield Complaint(("length",), message, f"'{self.length:g} mm'?")
 
     def _spatial_complaints(self, model: str, section: AnySection | None) -> Iterator[Complaint]:
-        if self.element == "cosserat" and model not in ("exact", "ancf", ""):
-            message = f"a cosserat element has no model {model} yet"
-            yield Complaint(("model",), message, "take exact or ancf, or element: cable")
-        if model in MODELS and not MODELS[model].spatial:
-            there = ", ".join(name for name, one in MODELS.items() if one.spatial)
-            yield Complaint(("model",), f"the model {model} is not available in space", f"take {there}")
+        if lacks := self.lacking(model, 3):
+            yield Complaint(("model",), *lacks)
         if self.element == "continuum":
             hint = "take cosserat or cable"
             yield Complaint(("element",), "a continuum element is not available in space", hint)

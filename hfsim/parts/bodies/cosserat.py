@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import ClassVar, Self
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross
-from hfsim.mechanics.body import Body, Place, places
+from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.directions import Orthonormal
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import GroundMarker
-from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.section_markers import SectionMarker
 from hfsim.mechanics.spatial_markers import VectorMarker
-from hfsim.parts.bodies.beam_axis import Axis, Line
+from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
 from hfsim.parts.elements.cosserat import VECTORS, SectionDamping
 from hfsim.parts.elements.forces import ElasticForce
@@ -31,7 +31,7 @@ OUTLINE = 200
 
 
 @dataclass(frozen=True, eq=False)
-class CosseratBeam(Body):
+class CosseratBeam(VectorBody):
     """A beam in space whose coordinates are positions and section vectors of its nodes.
 
     Attributes
@@ -43,16 +43,13 @@ class CosseratBeam(Body):
 
     mesh: SectionMesh
     gravity: Array
+    n_dim: ClassVar[int] = 3
 
     @classmethod
-    def of(cls, spec: Any, name: str, start: int, deck: Any) -> CosseratBeam:
-        """Return the body of a beam of a deck, a `BeamSpec`; its coordinates begin at a column."""
-        shape = Line() if spec.axis is None else spec.axis.shape
-        axis = Axis(shape, spec.length, spec.section_angle or 0.0, spec.twist or 0.0)
-        mesh = SectionMesh(axis, spec.elements, spec.degree, deck.section_properties(name))
-        ends = {"root": (0.0, 0.0, 0.0), "tip": (spec.length, 0.0, 0.0)}
-        columns = slice(start, start + 3 * VECTORS * mesh.n_nodes)
-        return cls(name, columns, places(spec.points) | ends, mesh, np.array(deck.gravity))
+    def of(cls, beam: SectionBlueprint, framed: bool) -> Self:
+        """Return the body of a beam."""
+        columns = beam.columns(3 * VECTORS * beam.mesh.n_nodes)
+        return cls(beam.name, columns, beam.points, beam.mesh, beam.gravity)
 
     @property
     def described(self) -> tuple[str, str]:
@@ -66,15 +63,14 @@ class CosseratBeam(Body):
         return "section vectors"
 
     @property
-    def origin(self) -> Place:
-        """The origin of the body frame."""
-        return (0.0, 0.0, 0.0)
+    def undeformed(self) -> Array:
+        """Those of the nodes."""
+        return self.mesh.undeformed
 
     @property
-    def position_columns(self) -> IntArray:
-        """Those of the nodes."""
-        first = self.columns.start + 3 * VECTORS * np.arange(self.mesh.n_nodes)
-        return np.asarray(first[:, None] + np.arange(3))
+    def positions(self) -> Array:
+        """One for the positions of nodes."""
+        return self.mesh.positions
 
     def reference(self, place: Place) -> Place:
         """Return where a point is in the undeformed body frame: places count along the line."""
@@ -85,40 +81,20 @@ class CosseratBeam(Body):
         """Return the marker of a material point; its axes are those of the body frame, carried along."""
         return SectionMarker(self.columns, *self.mesh.point(place))
 
-    def placed(self, pose: Pose) -> Array:
-        """Return the turned and shifted undeformed nodal vectors."""
-        turned = pose.turned(self.mesh.undeformed)
-        return np.asarray(turned + self.mesh.positions[:, None] * pose.origin).ravel()
-
-    def moving(self, pose: Pose, twist: Twist) -> Array:
-        """Return the rates of the nodal vectors."""
-        turning = twist.turning(pose.turned(self.mesh.undeformed))
-        return np.asarray(turning + self.mesh.positions[:, None] * twist.velocity).ravel()
-
-    def freedoms(self, x: Array, pose: Pose) -> Array:
-        """Return the rates of the deformed beam, turning about its root."""
-        vectors, shifts = self._vectors(x), self.mesh.positions[:, None]
-        arms = vectors - shifts * vectors[0]
-        return np.array([(one.turning(arms) + shifts * one.velocity).ravel() for one in Twist.units(3)])
-
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
         count = max(1, OUTLINE // self.mesh.count) * self.mesh.count
         rows = [self.mesh.shape(float(a))[0] for a in np.linspace(0.0, self.mesh.axis.length, count + 1)]
-        return np.asarray(np.array(rows) @ self._vectors(x))
-
-    def _vectors(self, x: Array) -> Array:
-        """Return the nodal vectors, shape (..., n_vectors, 3)."""
-        return x[..., self.columns].reshape(*x.shape[:-1], -1, 3)
+        return np.asarray(np.array(rows) @ self.vectors(x))
 
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return stretch and slope of the centre line, and how sections turn, in the frame at the root."""
         root, (vectors, rows) = self.marker(self.origin), self.mesh.point_vectors
         frame = root.turned(x, np.eye(3))
-        slope, y, z, bent_y, bent_z = np.moveaxis(rows @ self._vectors(x)[:, vectors], 2, 0)
+        slope, y, z, bent_y, bent_z = np.moveaxis(rows @ self.vectors(x)[:, vectors], 2, 0)
         bent = (cross(bent_y, z) + cross(y, bent_z)) @ frame
-        along, own = slope @ frame, self._vectors(x)[:, VECTORS * (self.mesh.n_nodes - 1)]
-        tip = ((own - self._vectors(x)[:, 0])[:, None] @ frame)[:, 0]
+        along, own = slope @ frame, self.vectors(x)[:, VECTORS * (self.mesh.n_nodes - 1)]
+        tip = ((own - self.vectors(x)[:, 0])[:, None] @ frame)[:, 0]
         at, weights = self.mesh.points
         spin = root.spin(x, u)
         return Deformation(at, weights, along[..., 0] - 1.0, along[..., 1:], bent[..., 1:], tip[:, 1:], spin)

@@ -29,6 +29,11 @@ class FoldedBody(Body):
     weight: Array
 
     @property
+    def n_dim(self) -> int:  # type: ignore[override]
+        """Of the space it is in."""
+        return len(self.weight)
+
+    @property
     def described(self) -> tuple[str, str]:
         """What is left of it."""
         return "points of the ground", "cannot move"
@@ -36,11 +41,6 @@ class FoldedBody(Body):
     def marker(self, place: Place) -> Marker:
         """Return a point of the ground."""
         return GroundMarker(self.pose._replace(origin=self.pose.placed(np.array(place, dtype=float))))
-
-    @property
-    def origin(self) -> Place:
-        """The origin of the body frame."""
-        return (0.0,) * len(self.weight)
 
     def placed(self, pose: Pose) -> Array:
         """Return no coordinates."""

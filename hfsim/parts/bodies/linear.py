@@ -29,7 +29,11 @@ class LinearBeam(NodalBeam):
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield the weight, and elastic force and damping as one."""
         yield self.beam.weight(n)
-        yield linearised(self.beam, LinearElasticForce)
+        yield linearised(self.beam, self._kind)
+
+    @property
+    def _kind(self) -> type[LinearElasticForce]:
+        return LinearElasticForce
 
     def _stretch(self, seen: Deformation) -> Array:
         return np.asarray(seen.axial[0])

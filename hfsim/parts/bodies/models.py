@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, cast
 if TYPE_CHECKING:
     from hfsim.mechanics.body import Body
     from hfsim.parts.bodies.blueprint import Blueprint
+    from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 
 
 class Model(NamedTuple):
@@ -18,9 +19,9 @@ class Model(NamedTuple):
 
     Attributes
     ----------
-    body, spatial : str
-        Where its classes of bodies in plane and space stand; they are imported when a scene has one.  None
-        in space where it is planar only.
+    body, spatial, sections : str
+        Where its classes of bodies stand: in the plane, of lines in space, and of beams with sections there;
+        they are imported when a scene has one.  Empty where it has none.
     frame : bool
         Whether the state has a body frame and coordinates relative to it.
     strain : str
@@ -44,6 +45,7 @@ class Model(NamedTuple):
     alone: bool = False
     lacks: tuple[tuple[str, object, str, str], ...] = ()
     spatial: str = ""
+    sections: str = ""
 
     @property
     def flexible(self) -> bool:
@@ -55,9 +57,15 @@ class Model(NamedTuple):
         """Whether its body deforms, but terms of that are left out."""
         return self.flexible and bool(self.leaves_out)
 
-    def assemble(self, beam: Blueprint) -> Body:
+    def where(self, element: str, n_dim: int) -> str:
+        """Return where the class of its bodies of an element stands; empty if it has none."""
+        if n_dim == 2:
+            return self.body
+        return self.sections if element == "cosserat" else self.spatial
+
+    def assemble(self, beam: Blueprint | SectionBlueprint, element: str) -> Body:
         """Return the body of a beam in this model."""
-        where = self.spatial if beam.n_dim == 3 else self.body
+        where = self.where(element, beam.n_dim)
         return cast("Body", resolve_name(f"hfsim.parts.bodies.{where}").of(beam, self.frame))
 
     def stepping_in(self, coordinates: Literal["auto", "frame", "absolute"]) -> Model:
@@ -100,11 +108,34 @@ MODELS: dict[str, Model] = {
             ("rotary_inertia", True, "rotary inertia", "false"),
         ),
     ),
-    "exact": Model("nodal:NodalBeam", frame=True, strain="exact", rung=2, spatial="nodal:NodalBeam"),
-    "ancf": Model("nodal:NodalBeam", frame=False, strain="exact", spatial="nodal:NodalBeam"),
+    "exact": Model(
+        "nodal:NodalBeam",
+        frame=True,
+        strain="exact",
+        rung=2,
+        spatial="spatial_nodal:SpatialNodalBeam",
+        sections="cosserat:CosseratBeam",
+    ),
+    "ancf": Model(
+        "nodal:NodalBeam",
+        frame=False,
+        strain="exact",
+        spatial="spatial_nodal:SpatialNodalBeam",
+        sections="cosserat:CosseratBeam",
+    ),
 }
 
 LADDER = tuple(
     sorted((n for n, m in MODELS.items() if m.rung is not None), key=lambda n: MODELS[n].rung or 0)
 )
 """Models that are chosen in a run: from the cheapest, which is rigid, to the one that leaves nothing out."""
+
+
+def missing(model: str, element: str, n_dim: int) -> tuple[str, str] | None:
+    """Return that beams of an element have no such model, and what to take; None if they have it."""
+    there = [name for name, one in MODELS.items() if one.where(element, n_dim)]
+    needed = LADDER if model == "auto" else (model,)
+    if set(needed) <= set(there) or (model not in MODELS and model != "auto"):
+        return None
+    space = "space" if n_dim == 3 else "the plane"
+    return f"a {element} element has no model {model} in {space}", f"take {', '.join(there)}"

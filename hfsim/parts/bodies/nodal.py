@@ -1,4 +1,7 @@
-"""Beams in absolute nodal coordinates: models exact and ancf, and what linear shares with them."""
+"""Beams in absolute nodal coordinates: models exact and ancf, and what linear shares with them.
+
+What differs in space is in `hfsim.parts.bodies.spatial_nodal`.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +14,12 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray, cumulative
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex
-from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.deformation import Deformation, size
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
-from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.frame import FrameChart, relative_nodes
 from hfsim.parts.bodies.mesh import BeamMesh
@@ -25,7 +27,7 @@ from hfsim.parts.bodies.natural import BeamIncrements, NaturalBeams
 
 
 @dataclass(frozen=True, eq=False)
-class NodalBeam(Body):
+class NodalBeam(VectorBody):
     """A beam in absolute nodal coordinates.
 
     Attributes
@@ -61,37 +63,35 @@ class NodalBeam(Body):
     @property
     def angle_column(self) -> int | None:
         """The one after the origin, if the state has a body frame."""
-        return int(self.columns.start) + 2 if self.framed and self.beam.n_dim == 2 else None
+        return int(self.columns.start) + 2 if self.framed else None
+
+    @property
+    def undeformed(self) -> Array:
+        """Those of the nodes."""
+        return self.beam.undeformed
+
+    @property
+    def positions(self) -> Array:
+        """One for the positions of nodes."""
+        return self.mesh.positions
 
     @property
     def position_columns(self) -> IntArray:
         """Those of the nodes, unless they are relative to a frame."""
-        if self.framed:
-            return super().position_columns
-        vectors, n_dim = np.flatnonzero(self.mesh.positions), self.beam.n_dim
-        return np.asarray(self.columns.start + n_dim * vectors[:, None] + np.arange(n_dim))
+        return super().position_columns[: 0 if self.framed else None]
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point; its direction is that of the beam's axis there."""
-        rows = self.mesh.shape(place[0], place[1]), self.mesh.shape(place[0], place[1], (1, 0))
-        if self.beam.n_dim == 3:
-            return VectorMarker(self.columns, rows[0], rows[1][None])
-        return NodalMarker(self.columns, *rows)
+        return NodalMarker(self.columns, *self._rows(place))
 
-    def placed(self, pose: Pose) -> Array:
-        """Return the turned and shifted undeformed nodal vectors."""
-        turned = pose.turned(self.beam.undeformed)
-        return np.asarray(turned + self.mesh.positions[:, None] * pose.origin).ravel()
-
-    def moving(self, pose: Pose, twist: Twist) -> Array:
-        """Return the rates of the nodal vectors."""
-        turning = twist.turning(pose.turned(self.beam.undeformed))
-        return np.asarray(turning + self.mesh.positions[:, None] * twist.velocity).ravel()
+    def _rows(self, place: Place) -> tuple[Array, Array]:
+        """Return the shape rows of a point and of the slope of the axis there."""
+        return self.mesh.shape(place[0], place[1]), self.mesh.shape(place[0], place[1], (1, 0))
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
         rows = np.array([self.mesh.shape(float(a)) for a in self.mesh.outline_places])
-        return np.asarray(rows @ self._vectors(x))
+        return np.asarray(rows @ self.vectors(x))
 
     @property
     def coordinates(self) -> str:
@@ -101,36 +101,14 @@ class NodalBeam(Body):
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return that of the nodal vectors in the frame at the root."""
         axis, positions = self.mesh.axis, self.mesh.positions
-        if self.beam.n_dim == 3:
-            return self._deformation_in_space(x, u)
-        origin, tangent, z = relative_nodes(self._vectors(x))
+        origin, tangent, z = relative_nodes(self.vectors(x))
         p = (z - positions * origin) * tangent.conj()
-        spin = (as_complex(self._vectors(u)[:, 1:2]) * tangent.conj()).imag / np.abs(z[:, 1:2])
+        spin = (as_complex(self.vectors(u)[:, 1:2]) * tangent.conj()).imag / np.abs(z[:, 1:2])
         slope, curvature, tip = (p.imag @ rows.T for rows in (axis.slope, axis.curvature, axis.tip))
         axial = p.real @ axis.slope.T - 1.0
         return Deformation(
             axis.places, axis.weights, axial, slope[..., None], curvature[..., None], tip[:, None], spin
         )
-
-    def _deformation_in_space(self, x: Array, u: Array) -> Deformation:
-        axis, root = self.mesh.axis, self.marker(self.origin)
-        vectors, frame = self._vectors(x), root.turned(x, np.eye(3))
-        p = (vectors - self.mesh.positions[:, None] * vectors[:, :1]) @ frame
-        slope, curvature, tip = (rows @ p for rows in (axis.slope, axis.curvature, axis.tip))
-        return Deformation(
-            axis.places,
-            axis.weights,
-            slope[..., 0] - 1.0,
-            slope[..., 1:],
-            curvature[..., 1:],
-            tip[:, 1:],
-            root.spin(x, u),
-        )
-
-    @property
-    def origin(self) -> Place:
-        """The origin of the body frame."""
-        return (0.0,) * self.beam.n_dim
 
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the bent and stretched beam; sections stay normal to the axis."""
@@ -154,13 +132,6 @@ class NodalBeam(Body):
         """Return what the axial coordinates must be for a stretch: bending alone stretches nothing."""
         return np.asarray(seen.axial[0] - 0.5 * seen.steepness[0] ** 2)
 
-    def freedoms(self, x: Array, pose: Pose) -> Array:
-        """Return the rates of the deformed beam, turning about its root."""
-        vectors, shifts = self._vectors(x), self.mesh.positions[:, None]
-        arms = vectors - shifts * vectors[0]
-        units = Twist.units(self.beam.n_dim)
-        return np.array([(unit.turning(arms) + shifts * unit.velocity).ravel() for unit in units])
-
     @property
     def gives_way_at(self) -> float | None:
         """That of the Green strain, whose force in a stretch s goes with s^3 - s."""
@@ -170,15 +141,11 @@ class NodalBeam(Body):
         """Return the smallest length of the slope vector."""
         places = np.linspace(0.0, self.mesh.length, 4 * self.mesh.count + 1)
         rows = np.array([self.mesh.shape(float(a), 0.0, (1, 0)) for a in places])
-        return np.asarray(size(rows @ self._vectors(x)).min(axis=1))
-
-    def _vectors(self, x: Array) -> Array:
-        """Return the nodal vectors, shape (..., n_vectors, n_dim)."""
-        return x[..., self.columns].reshape(*x.shape[:-1], -1, self.beam.n_dim)
+        return np.asarray(size(rows @ self.vectors(x)).min(axis=1))
 
     def mass_entries(self) -> Entries:
         """Return those of its elements."""
-        block = np.kron(self.mesh.element.mass(self.mesh.properties), np.eye(self.beam.n_dim))
+        block = np.kron(self.mesh.element.mass(self.mesh.properties), np.eye(self.n_dim))
         columns = self.beam.element_columns
         return Entries.of_block(columns, columns, np.broadcast_to(block, (len(columns), *block.shape)))
 
@@ -190,18 +157,10 @@ class NodalBeam(Body):
 
     def chart(self) -> Chart | None:
         """Return the map to the body frame, if it is stepped in that."""
-        if not self.framed:
-            return None
-        if self.beam.n_dim == 2:
-            return FrameChart(self.columns, 1, self.mesh.element.stride)
-        from hfsim.parts.bodies.spatial_frame import SpatialFrameChart
-
-        return SpatialFrameChart(self.columns, 1, self.mesh.element.stride)
+        return FrameChart(self.columns, 1, self.mesh.element.stride) if self.framed else None
 
     def increments(self) -> BeamIncrements | None:
         """Return the natural increments of the Green strain."""
-        if self.beam.n_dim == 3:
-            return None
         element = self.mesh.element
         row = (self.columns, 1, element.stride, element.length, self.framed)
         if element.stride == element.per_node:

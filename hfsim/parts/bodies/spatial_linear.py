@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,20 +9,19 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import cross, skew
-from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.spatial_markers import VectorMarker
-from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce, linearised
+from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce
+from hfsim.parts.bodies.spatial_nodal import SpatialNodalBeam
 from hfsim.parts.elements.forces import ROLL
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialLinearBeam(LinearBeam):
+class SpatialLinearBeam(LinearBeam, SpatialNodalBeam):
     """A cable whose elastic force is linearised about the undeformed state in the body frame."""
 
-    def forces(self, n: int) -> Iterator[ForcePart]:
-        """Yield the weight, and elastic force and damping as one."""
-        yield self.beam.weight(n)
-        yield linearised(self.beam, SpatialLinearElasticForce)
+    @property
+    def _kind(self) -> type[LinearElasticForce]:
+        return SpatialLinearElasticForce
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,14 +8,14 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
-from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.directions import Orthonormal
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import GroundMarker
-from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.folded import FoldedBody
 
@@ -52,7 +52,7 @@ def inertia_complaint(inertia: tuple[Any, ...]) -> tuple[str, str] | None:
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialRigidBody(Body):
+class SpatialRigidBody(VectorBody):
     """A rigid body in space with coordinates (r, d1, d2, d3); its origin is its centre of mass.
 
     Every point is linear in these, and T = 1/2 m |r'|^2 + 1/2 sum E_ij d_i' . d_j' with Euler's tensor
@@ -71,6 +71,7 @@ class SpatialRigidBody(Body):
     mass: float
     inertia: Array
     gravity: Array
+    n_dim: ClassVar[int] = 3
     SIZE: ClassVar[int] = 12
 
     @property
@@ -79,32 +80,18 @@ class SpatialRigidBody(Body):
         return "place and axes", "rigid: no elastic coordinates"
 
     @property
-    def origin(self) -> Place:
-        """The origin of the body frame."""
-        return (0.0, 0.0, 0.0)
+    def undeformed(self) -> Array:
+        """Origin and axes."""
+        return np.eye(4, 3, -1)
 
     @property
-    def position_columns(self) -> IntArray:
-        """The centre of mass."""
-        return np.asarray(self.columns.start + np.arange(3)[None])
+    def positions(self) -> Array:
+        """One for the origin."""
+        return np.array([1.0, 0.0, 0.0, 0.0])
 
     def marker(self, place: Place) -> VectorMarker:
         """Return the marker of a point of the body."""
         return VectorMarker(self.columns, np.array([1.0, *place]), np.eye(4)[1:])
-
-    def placed(self, pose: Pose) -> Array:
-        """Return origin and axes."""
-        return np.concatenate([pose.origin, pose.turned(np.eye(3)).ravel()])
-
-    def moving(self, pose: Pose, twist: Twist) -> Array:
-        """Return the rates of origin and axes."""
-        return np.concatenate([twist.velocity, twist.turning(pose.turned(np.eye(3))).ravel()])
-
-    def freedoms(self, x: Array, pose: Pose) -> Array:
-        """Return the rates of each rigid motion from coordinates (n,) on."""
-        axes = x[self.columns][3:].reshape(3, 3)
-        units = Twist.units(3)
-        return np.array([np.concatenate([unit.velocity, unit.turning(axes).ravel()]) for unit in units])
 
     def own_constraints(self) -> Iterator[Constraint]:
         """Yield what keeps the axes."""

@@ -8,14 +8,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray, cumulative
+from hfsim.maths.arrays import Array, cumulative
 from hfsim.maths.matrices import Entries
-from hfsim.mechanics.body import Body, Load, Place
+from hfsim.mechanics.body import Load, Place, VectorBody
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.directions import TANGENT, Perpendicular
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.mechanics.pose import Pose, Twist
+from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.folded import FoldedBody
@@ -36,7 +36,7 @@ class UnitAxis(Perpendicular):
 
 
 @dataclass(frozen=True, eq=False)
-class SpatialRigidBeam(Body):
+class SpatialRigidBeam(VectorBody):
     """A beam of the model rigid in space: its coordinates are the positions of root and tip.
 
     Every point of its axis is linear in these, and joints at either end hold positions of the state; one
@@ -48,6 +48,7 @@ class SpatialRigidBeam(Body):
     """
 
     beam: Blueprint
+    n_dim: ClassVar[int] = 3
 
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> SpatialRigidBeam:
@@ -60,14 +61,14 @@ class SpatialRigidBeam(Body):
         return "positions of root and tip", "rigid: no elastic coordinates"
 
     @property
-    def origin(self) -> Place:
-        """The origin of the body frame."""
-        return (0.0, 0.0, 0.0)
+    def undeformed(self) -> Array:
+        """Root and tip."""
+        return np.array([[0.0, 0.0, 0.0], [self._length, 0.0, 0.0]])
 
     @property
-    def position_columns(self) -> IntArray:
-        """Root and tip."""
-        return np.asarray(np.arange(self.columns.start, self.columns.stop).reshape(2, 3))
+    def positions(self) -> Array:
+        """One for both."""
+        return np.ones(2)
 
     @property
     def _length(self) -> float:
@@ -79,29 +80,9 @@ class SpatialRigidBeam(Body):
         axis = np.array([[-1.0, 1.0]]) / self._length
         return VectorMarker(self.columns, np.array([1.0 - along, along]), axis)
 
-    def placed(self, pose: Pose) -> Array:
-        """Return root and tip."""
-        return pose.placed(self._ends).ravel()
-
-    def moving(self, pose: Pose, twist: Twist) -> Array:
-        """Return the velocities of root and tip."""
-        return np.asarray(twist.velocity + twist.turning(pose.turned(self._ends))).ravel()
-
-    @property
-    def _ends(self) -> Array:
-        ends = np.zeros((2, 3))
-        ends[1, 0] = self._length
-        return ends
-
-    def freedoms(self, x: Array, pose: Pose) -> Array:
-        """Return the rates of each rigid motion from coordinates (n,) on."""
-        ends = x[self.columns].reshape(2, 3)
-        units = Twist.units(3)
-        return np.array([(unit.velocity + unit.turning(ends - ends[0])).ravel() for unit in units])
-
     def outline(self, x: Array) -> Array:
         """Return root and tip."""
-        return x[:, self.columns].reshape(len(x), 2, 3)
+        return self.vectors(x)
 
     def own_constraints(self) -> Iterator[Constraint]:
         """Yield what keeps the length."""
@@ -140,7 +121,7 @@ class SpatialRigidBeam(Body):
         """
         length, root = self._length, self.marker(self.origin)
         frame = root.turned(x, np.eye(3))
-        ends = self.beam.gravity - ax[:, self.columns].reshape(len(x), 2, 3)
+        ends = self.beam.gravity - self.vectors(ax)
         f0, f1 = np.moveaxis(self._mass.sum() / length * ends @ frame, 1, 0)
         places = np.linspace(0.0, length, POINTS)
         # integrals over the rest of the beam of f0 + slope s, and of that times s - x

@@ -1,0 +1,53 @@
+"""What a beam with sections in space is made of, before it has a model."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.body import Place, places
+from hfsim.parts.bodies.beam_axis import Axis, Line
+from hfsim.parts.bodies.section_mesh import SectionMesh
+
+
+class SectionBlueprint(NamedTuple):
+    """A beam with sections before it has a model.
+
+    Attributes
+    ----------
+    name : str
+        Of the body.
+    start : int
+        Column of x where its coordinates begin.
+    mesh : SectionMesh
+    gravity : ndarray, shape (3,)
+        [m/s^2].
+    points : dict of str to Place
+        Named points, root and tip among them.
+    """
+
+    name: str
+    start: int
+    mesh: SectionMesh
+    gravity: Array
+    points: dict[str, Place]
+
+    @classmethod
+    def of(cls, spec: Any, name: str, start: int, deck: Any) -> SectionBlueprint:
+        """Return what a beam of a deck, a `BeamSpec`, is made of; its coordinates begin at a column."""
+        shape = Line() if spec.axis is None else spec.axis.shape
+        axis = Axis(shape, spec.length, spec.section_angle or 0.0, spec.twist or 0.0)
+        mesh = SectionMesh(axis, spec.elements, spec.degree, deck.section_properties(name))
+        ends = {"root": (0.0, 0.0, 0.0), "tip": (spec.length, 0.0, 0.0)}
+        return cls(name, start, mesh, np.array(deck.gravity), places(spec.points) | ends)
+
+    @property
+    def n_dim(self) -> int:
+        """Number of components of a vector."""
+        return len(self.gravity)
+
+    def columns(self, count: int) -> slice:
+        """Return the run of so many coordinates."""
+        return slice(self.start, self.start + count)

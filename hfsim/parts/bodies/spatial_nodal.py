@@ -1,0 +1,48 @@
+"""Beams in absolute nodal coordinates in space: lines without sections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.body import Place
+from hfsim.mechanics.deformation import Deformation
+from hfsim.mechanics.spatial_markers import VectorMarker
+from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.parts.bodies.spatial_frame import SpatialFrameChart
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialNodalBeam(NodalBeam):
+    """A cable in absolute nodal coordinates."""
+
+    n_dim: ClassVar[int] = 3
+
+    @property
+    def angle_column(self) -> None:
+        """None: a direction in space has no angle."""
+
+    def marker(self, place: Place) -> VectorMarker:
+        """Return the marker of a material point; its direction is that of the beam's axis there."""
+        position, slope = self._rows(place)
+        return VectorMarker(self.columns, position, slope[None])
+
+    def deformation(self, x: Array, u: Array) -> Deformation:
+        """Return that of the nodal vectors in the frame at the root."""
+        axis, root = self.mesh.axis, self.marker(self.origin)
+        vectors, frame = self.vectors(x), root.turned(x, np.eye(3))
+        p = (vectors - self.positions[:, None] * vectors[:, :1]) @ frame
+        slope, curvature, tip = (rows @ p for rows in (axis.slope, axis.curvature, axis.tip))
+        bent, spin = slope[..., 1:], root.spin(x, u)
+        stretch = slope[..., 0] - 1.0
+        return Deformation(axis.places, axis.weights, stretch, bent, curvature[..., 1:], tip[:, 1:], spin)
+
+    def chart(self) -> SpatialFrameChart | None:
+        """Return the map to the body frame, if it is stepped in that."""
+        return SpatialFrameChart(self.columns, 1, self.mesh.element.stride) if self.framed else None
+
+    def increments(self) -> None:
+        """Return None: its own coordinates serve."""
