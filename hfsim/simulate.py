@@ -143,8 +143,9 @@ def assess(
         told["reason"] = run.reason or AFTER_ITS_END
     if scene.left_out.fires("plots") if outlines is None else not outlines:
         return replace(run, **told)
-    times, shapes = outlines_of([leg.record.samples for leg in legs])
-    return replace(run, outline_t=times, outlines=shapes, **told)
+    seen = outlines_of([leg.record.samples for leg in legs])
+    run = replace(run, outline_t=seen.t, outlines=seen.points, outline_forces=seen.forces)
+    return replace(run, **told)
 
 
 def _solved(legs: Sequence[Leg], record: Record, clock: PhaseClock, course: Course | None) -> Run:

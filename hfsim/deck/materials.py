@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple, Self
 
 from hfsim.deck.fields import NonNegativeTime, PositiveDensity, PositivePressure, measures, within
-from hfsim.deck.sections import AnySection, Moments, StiffnessSection
+from hfsim.deck.sections import AnySection, Fibres, Moments, StiffnessSection
 from hfsim.deck.spec import Around, Complaint, Spec
 
 _PLASTIC_TO_OSMIUM = (0.5, 23.0)
@@ -79,6 +79,8 @@ class BeamProperties(NamedTuple):
         Lame constants [Pa].
     height, width : float
         Of the (equivalent) rectangle [m]; the height lies in the bending plane.
+    fibres : Fibres or None
+        What normal stresses follow from, where the section's shape is known.
     """
 
     mass_per_length: float = 0.0
@@ -91,6 +93,7 @@ class BeamProperties(NamedTuple):
     lame_mu: float = 0.0
     height: float = 0.0
     width: float = 0.0
+    fibres: Fibres | None = None
 
     @classmethod
     def of(cls, material: MaterialSpec | None, section: AnySection) -> Self:
@@ -114,6 +117,7 @@ class BeamProperties(NamedTuple):
             lame_mu=material.lame_mu,
             height=section.height,
             width=section.width,
+            fibres=getattr(section, "fibres", None),
         )
 
     @property
@@ -141,6 +145,8 @@ class SectionProperties(NamedTuple):
         EI_y and EI_z: bending about y, about z [N m^2].
     axial_damping, bending_damping : float
         Kelvin-Voigt retardation times of stretch and shear, and of twist and curvature [s].
+    fibres : Fibres or None
+        What normal stresses follow from, where the section's shape is known.
     """
 
     mass_per_length: float
@@ -151,6 +157,7 @@ class SectionProperties(NamedTuple):
     bending_stiffness: Moments
     axial_damping: float = 0.0
     bending_damping: float = 0.0
+    fibres: Fibres | None = None
 
     @classmethod
     def of(cls, material: MaterialSpec | None, section: AnySection) -> Self:
@@ -177,6 +184,7 @@ class SectionProperties(NamedTuple):
             bending_stiffness=(E * I_y, E * I_z),
             axial_damping=material.axial_damping,
             bending_damping=material.bending_damping,
+            fibres=getattr(section, "fibres", None),
         )
 
     @property

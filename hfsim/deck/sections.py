@@ -6,7 +6,7 @@ I_z = int y^2 dA, the second moment of planar scenes.
 
 import math
 from collections.abc import Iterator
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol
 
 from pydantic import BeforeValidator
 
@@ -41,12 +41,44 @@ def alike(pair: Moments) -> bool:
     return abs(pair[0] - pair[1]) <= _ALIKE * max(pair)
 
 
+class Fibres(NamedTuple):
+    """What normal stresses in a section follow from.
+
+    Attributes
+    ----------
+    area : float
+        [m^2].
+    moduli : tuple of float
+        Section moduli: second moment over largest distance, about y and about z [m^3].
+    round : bool
+        Whether bending about both axes adds up as a vector, not in a corner.
+    """
+
+    area: float
+    moduli: Moments
+    round: bool
+
+    def stress(self, axial: Any, about_y: Any, about_z: Any) -> Any:
+        """Return the size of the largest normal stress [Pa] from force [N] and moments [N m]."""
+        bent = abs(about_y) / self.moduli[0], abs(about_z) / self.moduli[1]
+        largest = (bent[0] ** 2 + bent[1] ** 2) ** 0.5 if self.round else bent[0] + bent[1]
+        return abs(axial) / self.area + largest
+
+
 class _Sized(Protocol):
     @property
     def area(self) -> float: ...
 
     @property
     def bending(self) -> Moments: ...
+
+
+class _OfRadius(_Sized, Protocol):
+    @property
+    def second_moment(self) -> float: ...
+
+    @property
+    def outer_radius(self) -> float: ...
 
 
 class _EquivalentRectangle(Spec):
@@ -88,6 +120,12 @@ class _Round(_EquivalentRectangle):
     def hollow(self) -> float:
         """Inner over outer radius [-]."""
         return 0.0
+
+    @property
+    def fibres(self: _OfRadius) -> Fibres:
+        """What normal stresses follow from."""
+        modulus = self.second_moment / self.outer_radius
+        return Fibres(self.area, (modulus, modulus), True)
 
     def shear(self, poisson_ratio: float) -> Moments:
         """Return the shear factors along y and z (Cowper, J. Appl. Mech. 33, 1966)."""
@@ -185,6 +223,12 @@ class RectangleSection(Spec):
     def bending(self) -> Moments:
         """I_y and I_z [m^4]."""
         return self.height * self.width**3 / 12, self.second_moment
+
+    @property
+    def fibres(self) -> Fibres:
+        """What normal stresses follow from."""
+        I_y, I_z = self.bending
+        return Fibres(self.area, (2.0 * I_y / self.width, 2.0 * I_z / self.height), False)
 
     @property
     def torsion(self) -> float:

@@ -12,6 +12,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.hull import wire
 from hfsim.maths.matrices import NOTHING, Entries
@@ -129,7 +130,33 @@ class Body:
             places = [places[k] for k in wire(np.array(places))]
         return np.stack([self.marker(place).position(x) for place in places], axis=1)
 
+    @property
+    def outline_places(self) -> Array:
+        """Distances from the root of the points of its outline, where it has internal forces [m]."""
+        return np.zeros(0)
+
     # ------------------------------------------------------------------ how it deforms
+
+    @property
+    def fibres(self) -> Fibres | None:
+        """What normal stresses follow from; None where its section has no known shape."""
+        return None
+
+    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
+        """Return what its part beyond a section does to that before it, at distances from the root [m].
+
+        Returns
+        -------
+        ndarray, shape (n_batch, n_places, 6)
+            Axial force, shear along y and z [N], torsion, bending about y and z [N m], in section axes; in
+            the plane those of x, y and about z.
+
+        Raises
+        ------
+        NotImplementedError
+            If its model has no strains.
+        """
+        raise NotImplementedError
 
     @property
     def coordinates(self) -> str:

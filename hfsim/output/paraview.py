@@ -7,6 +7,7 @@ base64, the number of bytes first.
 from __future__ import annotations
 
 import base64
+from collections.abc import Iterator
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -17,6 +18,8 @@ from hfsim.run.solution import Run
 
 _MOST = 1000
 """Files of one run at most; of more times, those are taken that are about evenly apart."""
+_AT_ONCE = 32
+"""Files whose forces are computed together."""
 _VERTEX, _POLY_LINE = 1, 4
 _TYPES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
 
@@ -24,7 +27,8 @@ _TYPES = {"f8": "Float64", "i8": "Int64", "u1": "UInt8"}
 def write_series(run: Run, stem: str, folder: Path) -> list[str]:
     """Write the motion of a run as ``<stem>_0001.vtu`` and so on, and ``<stem>.pvd`` with their times.
 
-    Points have their ``displacement`` from where they are in the first file; each body is a line with its
+    Points have their ``displacement`` from where they are in the first file, and the internal forces of
+    beams, named as channels and zero where a body or its section has none; each body is a line with its
     ``body``, a number from 0 on, and ``name``. In planar runs z is 0.
 
     Parameters
@@ -49,10 +53,11 @@ def write_series(run: Run, stem: str, folder: Path) -> list[str]:
     lines = _lines(outlines)
     start = _points(outlines, 0)
     names = []
-    for number, frame in enumerate(frames, 1):
+    for number, (frame, forces) in enumerate(_with_forces(run, outlines, frames), 1):
         names.append(f"{stem}_{number:0{width}}.vtu")
         points = _points(outlines, frame)
-        moved = f'<PointData Vectors="displacement">{_array("displacement", points - start)}</PointData>'
+        data = "".join([_array("displacement", points - start), *forces])
+        moved = f'<PointData Vectors="displacement">{data}</PointData>'
         piece = f'<Piece NumberOfPoints="{len(points)}" NumberOfCells="{len(outlines)}">'
         where = f"<Points>{_array('points', points)}</Points>"
         time = _array("TimeValue", run.outline_t[frame : frame + 1], tuples=True)
@@ -62,6 +67,21 @@ def write_series(run: Run, stem: str, folder: Path) -> list[str]:
     listed = [f'<DataSet timestep="{t!r}" part="0" file={quoteattr(f"vtk/{name}")}/>' for name, t in times]
     (folder / f"{stem}.pvd").write_text(_document("Collection", listed), "utf-8")
     return [*names, f"{stem}.pvd"]
+
+
+def _with_forces(
+    run: Run, outlines: dict[str, Array], frames: IntArray
+) -> Iterator[tuple[int, list[str]]]:
+    """Yield each frame with its arrays of internal forces."""
+    nothing = {name: np.zeros(points.shape[1]) for name, points in outlines.items()}
+    for some in np.array_split(frames, -(-len(frames) // _AT_ONCE)):
+        found = run.outline_forces(some) if run.outline_forces is not None else {}
+        for k, frame in enumerate(some):
+            forces = {kind: {name: own[k] for name, own in bodies.items()} for kind, bodies in found.items()}
+            yield (
+                int(frame),
+                [_array(kind, np.concatenate([*(nothing | own).values()])) for kind, own in forces.items()],
+            )
 
 
 def _points(outlines: dict[str, Array], frame: int) -> Array:

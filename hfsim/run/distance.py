@@ -31,7 +31,7 @@ _NATURAL = {"rad": 1.0, "-": 1.0}
 GROUPS = {
     "motion": ("m", "rad", "-"),
     "rates": ("m/s", "rad/s"),
-    "forces": ("N", "N m"),
+    "forces": ("N", "N m", "Pa"),
     "energies": ("J",),
 }
 """Kinds of channels by their units: what is good enough for one kind need not be for the next."""

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.integrators import Trajectory
-from hfsim.maths.arrays import Array
-from hfsim.parts.channels import Samples, kind_of
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.parts.channels import Samples, force_columns, kind_of
 from hfsim.run.solution import Channel
 from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene
@@ -23,6 +24,15 @@ class SceneSamples(Samples):
     """Samples of a whole scene, its deck included."""
 
     scene: Scene
+
+    def outline_forces(self, rows: IntArray) -> Iterator[tuple[str, str, Array]]:
+        """Yield quantity, body, and internal forces along its outline at some times, (n_rows, n_points)."""
+        some = SceneSamples(self.scene, self.t[rows], self.q[rows], self.v[rows], {})
+        for name, body in self.scene.bodies.items() if len(rows) else ():
+            if len(body.outline_places):
+                forces = body.section_forces(some.x, some.u, body.outline_places)
+                columns = force_columns(body, forces, len(body.origin))
+                yield from ((kind, name, values) for kind, values in columns.items())
 
 
 def output_times(scene: Scene) -> Array:
@@ -59,7 +69,41 @@ def _column(samples: Samples, name: str) -> Channel:
     return Channel(name, kind.unit, np.ascontiguousarray(kind.compute(samples, subject)))
 
 
-def outlines_of(samples: Sequence[SceneSamples]) -> tuple[Array, dict[str, Array]]:
+class Outlines(NamedTuple):
+    """Points along all bodies over all legs of a run.
+
+    Attributes
+    ----------
+    t : ndarray, shape (n,)
+    points : dict of str to ndarray, shape (n, n_points, n_dim)
+    samples : sequence of SceneSamples
+    rows : ndarray of int, shape (n,)
+        Which of all their states each is.
+    """
+
+    t: Array
+    points: dict[str, Array]
+    samples: Sequence[SceneSamples]
+    rows: IntArray
+
+    def forces(self, numbers: IntArray) -> dict[str, dict[str, Array]]:
+        """Return internal forces at the points of some outlines, (n_numbers, n_points), by name and body.
+
+        They are zero in bodies without strains.
+        """
+        found: dict[str, dict[str, Array]] = {}
+        rows, first = self.rows[numbers], 0
+        for samples in self.samples:
+            here = (first <= rows) & (rows < first + len(samples.t))
+            for kind, name, values in samples.outline_forces(rows[here] - first):
+                shape = len(rows), self.points[name].shape[1]
+                own = found.setdefault(kind, {}).setdefault(name, np.zeros(shape))
+                own[here] = _refined(values[..., None], shape[1])[..., 0]
+            first += len(samples.t)
+        return found
+
+
+def outlines_of(samples: Sequence[SceneSamples]) -> Outlines:
     """Return times and outlines of all bodies over all legs; a rigid beam gets as many points as later.
 
     Those of states that are out of all range at the end of a failed run are left out.
@@ -70,7 +114,8 @@ def outlines_of(samples: Sequence[SceneSamples]) -> tuple[Array, dict[str, Array
         most = max(part.shape[1] for part in parts)
         outlines[name] = np.concatenate([_refined(part, most) for part in parts])
     good = np.all([np.isfinite(one).all(axis=(1, 2)) for one in outlines.values()], axis=0)
-    return times[good], {name: one[good] for name, one in outlines.items()}
+    points = {name: one[good] for name, one in outlines.items()}
+    return Outlines(times[good], points, samples, np.flatnonzero(good))
 
 
 def _refined(points: Array, count: int) -> Array:

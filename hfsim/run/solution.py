@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -52,6 +52,9 @@ class Run:
     outlines : dict of str to ndarray, shape (n_outlines, n_points, n_dim)
         Absolute points [m] of each body's centre line (beam) or of the polyline through
         its frame points (rigid body).
+    outline_forces : callable or None
+        Gives, for numbers of outlines, the internal forces at these points: by the names of the channels
+        that any body has, those of each body, shape (n_numbers, n_points).
     statistics : dict
         JSON-ready facts: ``cpu_s`` and ``wall_s`` (by phase), ``steps``, ``energy_drift``, ``warnings``...
     failure : dict or None
@@ -72,6 +75,7 @@ class Run:
     exit_code: int
     outline_t: ndarray | None = None
     outlines: Mapping[str, ndarray] = field(default_factory=dict)
+    outline_forces: Callable[[ndarray], dict[str, dict[str, ndarray]]] | None = None
 
     @property
     def table(self) -> ndarray:

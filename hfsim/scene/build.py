@@ -24,6 +24,7 @@ from hfsim.mechanics.markers import GroundMarker, Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
+from hfsim.parts.channels import kind_of
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Frame, Linkage, Sense
 from hfsim.scene.facing import Facings
@@ -197,6 +198,7 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     kinds = _kinds(loaded, named)
     bodies = _bodies(deck, kinds)
     refuse_too_large(loaded, bodies)
+    _refuse_without_strains(loaded, bodies)
     joints, constraints = _joints(deck, bodies)
     start = _assembly(loaded, bodies)
     poses, twists = start.poses.values(), start.twists.values()
@@ -225,6 +227,14 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
     q, v = system.project(np.zeros(1), q, v)
     return Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, found)
+
+
+def _refuse_without_strains(loaded: LoadedDeck, bodies: Mapping[str, Body]) -> None:
+    for k, channel in enumerate(loaded.deck.channels):
+        kind, owner = kind_of(channel), split_point(channel)[0]
+        if kind.of_strains and not len(bodies[owner].outline_places):
+            message = f"{channel}: without strains, as in its model, a beam has no internal forces"
+            raise loaded.problem(f"output.channels.{k}", message, "take linear or exact")
 
 
 def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:

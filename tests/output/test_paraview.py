@@ -121,6 +121,23 @@ def test_bodies_are_lines_with_number_and_name(series, names, kinds):
 
 
 @pytest.mark.parametrize("series", ["space"], indirect=True)
+def test_forces_along_beams_are_those_of_the_channels(series):
+    wanted = ["axial_force", "shear_force_y", "shear_force_z", "bending_moment_y", "bending_moment_z"]
+    channels = ", ".join(f"whip.{end}.{name}" for end in ("root", "tip") for name in wanted)
+    found = steps(go("--force", "--set", f"output.channels=[{channels}]"))
+    for (_, path), row in zip(found, rows(), strict=True):
+        _, named = arrays(path)
+        first, last = numbers(named["offsets"])[-2:] - [0, 1]
+        for name in wanted:
+            values = numbers(named[name])
+            ends = row[f"whip.root.{name}"], row[f"whip.tip.{name}"]
+            assert (values[first], values[last]) == pytest.approx(ends, rel=1e-12, abs=1e-12)
+            assert not values[:first].any()
+    assert {"torsion_moment", "stress"} <= named.keys()
+    assert abs(row["whip.root.axial_force"]) > 1e-3
+
+
+@pytest.mark.parametrize("series", ["space"], indirect=True)
 def test_files_are_listed_and_go_with_their_run(series):
     listed = json.loads(Path("out/summary.json").read_text())["files"]
     written = [path.relative_to("out").as_posix() for _, path in steps(series)]

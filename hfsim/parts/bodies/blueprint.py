@@ -108,6 +108,13 @@ class Blueprint(NamedTuple):
         local = np.kron(vectors, np.eye(self.n_dim))
         return Connectivity(n, self.element_columns, np.tile(local, (self.mesh.count, 1, 1)), self.n_dim)
 
+    def difference_vectors(self, vectors: Array) -> Array:
+        """Return those of nodal vectors (n_batch, n, n_dim), (n_batch, n_elements, n_differences, n_dim)."""
+        element = self.mesh.element
+        first = element.stride * np.arange(self.mesh.count)[:, None]
+        own = vectors[:, first + np.arange(element.stride + element.per_node)]
+        return np.asarray(element.differences() @ own)
+
     def law(self, properties: BeamProperties, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""
         return self.mesh.element.law(properties, self.mesh.count, measures)

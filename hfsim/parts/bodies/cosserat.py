@@ -8,6 +8,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
+from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross
@@ -81,10 +82,29 @@ class CosseratBeam(VectorBody):
         """Return the marker of a material point; its axes are those of the body frame, carried along."""
         return SectionMarker(self.columns, *self.mesh.point(place))
 
+    @property
+    def outline_places(self) -> Array:
+        """Places along the beam between which a straight line passes for the curve."""
+        count = max(1, OUTLINE // self.mesh.count) * self.mesh.count
+        return np.linspace(0.0, self.mesh.axis.length, count + 1)
+
+    @property
+    def fibres(self) -> Fibres | None:
+        """Those of its section."""
+        return self.mesh.properties.fibres
+
+    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
+        """Return those of the strains, and of their rates, in the sections' own axes."""
+        from hfsim.parts.bodies.frame_forces import frame_forces, section_axes
+        from hfsim.parts.bodies.line_forces import in_axes
+
+        vectors, rates = self.vectors(x), self.vectors(u)
+        axes = section_axes(self.mesh, vectors, places)
+        return in_axes(axes, *frame_forces(self.mesh, vectors, rates, places))
+
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
-        count = max(1, OUTLINE // self.mesh.count) * self.mesh.count
-        rows = [self.mesh.shape(float(a))[0] for a in np.linspace(0.0, self.mesh.axis.length, count + 1)]
+        rows = [self.mesh.shape(float(a))[0] for a in self.outline_places]
         return np.asarray(np.array(rows) @ self.vectors(x))
 
     def deformation(self, x: Array, u: Array) -> Deformation:

@@ -29,7 +29,19 @@ class LinearBeam(NodalBeam):
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield the weight, and elastic force and damping as one."""
         yield self.beam.weight(n)
-        yield linearised(self.beam, self._kind)
+        yield self._elastic
+
+    @property
+    def _elastic(self) -> LinearElasticForce:
+        return linearised(self.beam, self._kind)
+
+    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
+        """Return those of the linear law, in the axes of the body frame."""
+        from hfsim.parts.bodies.line_forces import small_forces
+
+        force, shape = self._elastic, (len(x), *self.beam.undeformed.shape)
+        moved, rates = force.displacements(x).reshape(shape), force.rates(x, u).reshape(shape)
+        return small_forces(self.beam, self.beam.measures.curvature, moved, rates, places)
 
     @property
     def _kind(self) -> type[LinearElasticForce]:
@@ -50,21 +62,32 @@ def linearised(beam: Blueprint, kind: type[LinearElasticForce]) -> LinearElastic
     """Linearise the element's own energy about the undeformed state, as a force of plane or space."""
     mesh, count = beam.mesh, beam.mesh.count
     local = np.kron(mesh.differences, np.eye(beam.n_dim)).reshape(count, -1, beam.n_dim * mesh.n_vectors)
-    straight = (mesh.differences @ beam.undeformed).reshape(1, count, -1, beam.n_dim)
-
-    def matrix(properties: BeamProperties, curvature: str) -> Array:
-        H = beam.law(properties, beam.measures._replace(curvature=curvature)).hessian(straight)[0]
-        return np.asarray(sum(part.T @ own @ part for part, own in zip(local, H, strict=True)))
-
-    own, K = beam.properties, matrix(beam.properties, beam.measures.curvature)
-    damping = np.zeros_like(K)
-    if own.damped:
-        # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
-        axial = matrix(own._replace(bending_stiffness=0.0), "exact")
-        damping = own.axial_damping * axial + own.bending_damping * (matrix(own, "exact") - axial)
+    K, damping = (
+        np.asarray(sum(part.T @ own @ part for part, own in zip(local, matrices, strict=True)))
+        for matrices in element_matrices(beam, beam.measures.curvature)
+    )
     return kind(
         beam.name, beam.nodal_columns, K, damping, beam.undeformed, mesh.positions, item=beam.item
     )
+
+
+def element_matrices(beam: Blueprint, curvature: str) -> tuple[Array, Array]:
+    """Return stiffness [J] and damping [J s] of each undeformed element over its difference vectors.
+
+    Shapes (n_elements, n_vectors * n_dim, n_vectors * n_dim).
+    """
+    straight = beam.difference_vectors(beam.undeformed[None])
+
+    def matrix(properties: BeamProperties, curvature: str) -> Array:
+        law = beam.law(properties, beam.measures._replace(curvature=curvature))
+        return np.asarray(law.hessian(straight)[0])
+
+    own, K = beam.properties, matrix(beam.properties, curvature)
+    if not own.damped:
+        return K, np.zeros_like(K)
+    # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
+    axial = matrix(own._replace(bending_stiffness=0.0), "exact")
+    return K, own.axial_damping * axial + own.bending_damping * (matrix(own, "exact") - axial)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,11 +134,11 @@ class LinearElasticForce(ForcePart):
         flat = (as_vectors(p) - self.undeformed).reshape(len(x), -1)
         return flat, p, tangent
 
-    def _displacements(self, x: Array) -> Array:
+    def displacements(self, x: Array) -> Array:
         """Return p - p0 flattened, (n_batch, n_vectors * n_dim)."""
         return self._deformation(x)[0]
 
-    def _rates(self, x: Array, u: Array) -> Array:
+    def rates(self, x: Array, u: Array) -> Array:
         """Return p', flattened likewise."""
         _, p, tangent = self._deformation(x)
         w = as_complex(self._nodes(u))
@@ -130,7 +153,7 @@ class LinearElasticForce(ForcePart):
 
     def runaway(self, t: float, x: Array) -> SolverFailure | None:
         """Return the failure of a beam that deflects by more than `LIMIT_LENGTHS` times its length."""
-        moved = np.abs(self._displacements(x).reshape(len(x), *self.undeformed.shape))
+        moved = np.abs(self.displacements(x).reshape(len(x), *self.undeformed.shape))
         lengths = float((moved * self.positions[:, None]).max() / self.undeformed[:, 0].max())
         if not lengths > LIMIT_LENGTHS:
             return None
@@ -149,7 +172,7 @@ class LinearElasticForce(ForcePart):
         flat, p, tangent = self._deformation(x)
         local = flat @ -self.stiffness
         if self.uses_rates:
-            local -= self._rates(x, u) @ self.damping
+            local -= self.rates(x, u) @ self.damping
         force = as_complex(local.reshape(len(x), *self.undeformed.shape)).copy()
         # what the frame coordinates do not feel is balanced at the root vectors
         force[:, 0] = 0.0
@@ -160,10 +183,10 @@ class LinearElasticForce(ForcePart):
 
     def strain_energy(self, x: Array) -> Array:
         """Return 1/2 (p - p0)^T K (p - p0)."""
-        flat = self._displacements(x)
+        flat = self.displacements(x)
         return np.asarray(0.5 * np.sum((flat @ self.stiffness) * flat, axis=-1))
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power of the damping."""
-        rates = self._rates(x, u)
+        rates = self.rates(x, u)
         return np.asarray(-np.sum((rates @ self.damping) * rates, axis=-1))

@@ -9,6 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import normal, rotate
@@ -137,12 +138,13 @@ class LowOrderBody(Body):
     """A beam of the model lowOrder."""
 
     beam: LowOrderBeam
+    blueprint: Blueprint
 
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> LowOrderBody:
         """Return the body of a beam; it has a body frame whatever is asked for."""
         own = LowOrderBeam.of(beam)
-        return cls(beam.name, own.columns, beam.points, own)
+        return cls(beam.name, own.columns, beam.points, own, beam)
 
     @property
     def described(self) -> tuple[str, str]:
@@ -173,6 +175,28 @@ class LowOrderBody(Body):
     def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return (velocity, omega, no deformation)."""
         return np.concatenate([*twist, np.zeros(self.beam.n_w + self.beam.n_v)])
+
+    @property
+    def outline_places(self) -> Array:
+        """Those of its mesh."""
+        return self.beam.mesh.outline_places
+
+    @property
+    def fibres(self) -> Fibres | None:
+        """Those of its section."""
+        return self.blueprint.properties.fibres
+
+    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
+        """Return those of the linear law in w and v, in the axes of the sections."""
+        from hfsim.parts.bodies.line_forces import small_forces
+
+        moved, rates = (self._displacements(state) for state in (x, u))
+        return small_forces(self.blueprint, "exact", moved, rates, places)
+
+    def _displacements(self, x: Array) -> Array:
+        """Return w and v of all nodal vectors, (n_batch, n_vectors, 2)."""
+        _, _, w, v = self.beam.split(x)
+        return np.stack([np.pad(w, ((0, 0), (1, 0))), np.pad(v, ((0, 0), (2, 0)))], axis=-1)
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""

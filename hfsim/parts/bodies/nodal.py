@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 
+from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray, cumulative
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex
@@ -87,6 +88,32 @@ class NodalBeam(VectorBody):
     def _rows(self, place: Place) -> tuple[Array, Array]:
         """Return the shape rows of a point and of the slope of the axis there."""
         return self.mesh.shape(place[0], place[1]), self.mesh.shape(place[0], place[1], (1, 0))
+
+    @property
+    def outline_places(self) -> Array:
+        """Those of its mesh."""
+        return self.mesh.outline_places
+
+    @property
+    def fibres(self) -> Fibres | None:
+        """Those of its section."""
+        return self.beam.properties.fibres
+
+    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
+        """Return those of the strains, and of their rates, in axes along the line."""
+        from hfsim.parts.bodies.line_forces import along_the_line, in_axes, in_the_plane, line_forces
+
+        beam, V = self.beam, self.beam.difference_vectors(self.vectors(x))
+        dU = beam.law(beam.properties, beam.measures).gradient(V)
+        if beam.properties.damped:
+            dU = dU + beam.kelvin_voigt(0).gradient(V, beam.difference_vectors(self.vectors(u)))
+        grid = np.union1d(self.outline_places, places)
+        slopes = np.array([self.mesh.shape(float(a), 0.0, (1, 0)) for a in grid]) @ self.vectors(x)
+        if beam.n_dim == 2:
+            axes = in_the_plane(slopes)
+        else:
+            axes = along_the_line(self.marker(self.origin).turned(x, np.eye(3)), slopes)
+        return in_axes(axes[:, np.searchsorted(grid, places)], *line_forces(beam, V, dU, places))
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""

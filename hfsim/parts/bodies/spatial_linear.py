@@ -42,10 +42,12 @@ class SpatialLinearElasticForce(LinearElasticForce):
         vectors, frame = self._nodes(x), self._root.frame(x)
         return (vectors - self.positions[:, None] * vectors[:, :1]) @ frame, frame
 
-    def _displacements(self, x: Array) -> Array:
+    def displacements(self, x: Array) -> Array:
+        """Return p - p0 flattened, (n_batch, n_vectors * n_dim)."""
         return np.asarray((self._relative(x)[0] - self.undeformed).reshape(len(x), -1))
 
-    def _rates(self, x: Array, u: Array) -> Array:
+    def rates(self, x: Array, u: Array) -> Array:
+        """Return p', flattened likewise."""
         p, frame = self._relative(x)
         vectors = self._nodes(u)
         rates = (vectors - self.positions[:, None] * vectors[:, :1]) @ frame
@@ -69,7 +71,7 @@ class SpatialLinearElasticForce(LinearElasticForce):
         p, frame = self._relative(x)
         local = (p - self.undeformed).reshape(len(x), -1) @ -self.stiffness
         if self.uses_rates:
-            local -= self._rates(x, u) @ self.damping
+            local -= self.rates(x, u) @ self.damping
         force = local.reshape(p.shape)
         # what the frame coordinates do not feel is balanced at the root vectors
         force[:, 0] = 0.0

@@ -24,6 +24,7 @@ from hfsim.parts.channels.motion import (
     Z,
 )
 from hfsim.parts.channels.reactions import FORCE_X, FORCE_Y, FORCE_Z, MOMENT, MOMENTS
+from hfsim.parts.channels.section_forces import SECTION_FORCES, force_columns
 from hfsim.parts.channels.violation import POSITION, VELOCITY
 
 CHANNELS: dict[str, ChannelKind] = {
@@ -38,6 +39,7 @@ CHANNELS: dict[str, ChannelKind] = {
     **{f"deflection_{axis}": kind for axis, kind in zip("yz", DEFLECTIONS, strict=True)},
     "elongation": ELONGATION,
     "twist": TWIST,
+    **SECTION_FORCES,
     "angle": ANGLE,
     "angular_velocity": ANGULAR_VELOCITY,
     **{f"rotation_{axis}": kind for axis, kind in zip("xyz", ROTATIONS, strict=True)},
@@ -80,4 +82,14 @@ def scene_words() -> tuple[str, ...]:
     return tuple(dict.fromkeys(kind.subject for kind in CHANNELS.values() if kind.of_scene))
 
 
-__all__ = ["CHANNELS", "ChannelKind", "Plot", "Sampled", "Samples", "is_judged", "kind_of", "scene_words"]
+__all__ = [
+    "CHANNELS",
+    "ChannelKind",
+    "Plot",
+    "Sampled",
+    "Samples",
+    "force_columns",
+    "is_judged",
+    "kind_of",
+    "scene_words",
+]

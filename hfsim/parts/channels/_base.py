@@ -9,6 +9,7 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.body import Body
@@ -78,6 +79,19 @@ class Samples:
         near = self.turns[body]
         return np.asarray(near + wrap(measured - near))
 
+    @cached_property
+    def _known_forces(self) -> dict[str, Array]:
+        return {}
+
+    def section_forces(self, point: str) -> Array:
+        """Return the internal forces of a beam at a point, shape (n_times, 6), as `Body.section_forces`."""
+        if point not in self._known_forces:
+            name, at = split_point(point)
+            body = self.scene.bodies[name]
+            place = body.points[at][0] if at else 0.0
+            self._known_forces[point] = body.section_forces(self.x, self.u, np.array([place]))[:, 0]
+        return self._known_forces[point]
+
     def frame(self, body: str) -> Array:
         """Return the axes of a body frame in space as columns, shape (n_times, 3, 3)."""
         marker = self.scene.marker(body)
@@ -124,6 +138,10 @@ class ChannelKind(NamedTuple):
         Whether it is measured in the body's frame, and so needs the frame's full turns.
     of_sections : bool
         Whether the beam's element must have sections, as a cable has not.
+    of_strains : bool
+        Whether the beam's model must have strains.
+    of_shape : bool
+        Whether its section must have a shape that is known.
     judged : str
         When errors in it count: residuals never do, nor does an energy that is conserved.
     others : callable or None
@@ -138,6 +156,8 @@ class ChannelKind(NamedTuple):
     only_beams: bool = False
     in_frame: bool = False
     of_sections: bool = False
+    of_strains: bool = False
+    of_shape: bool = False
     judged: Literal["always", "unless conserved", "never"] = "always"
     others: Callable[[Array], Array] | None = None
 

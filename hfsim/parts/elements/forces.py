@@ -163,9 +163,10 @@ class KelvinVoigtForce(ForcePart):
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the damping force."""
-        out -= self.elements.force(self._gradient(self.elements.vectors(x), self.elements.vectors(u)))
+        out -= self.elements.force(self.gradient(self.elements.vectors(x), self.elements.vectors(u)))
 
-    def _gradient(self, V: Array, dV: Array) -> Array:
+    def gradient(self, V: Array, dV: Array) -> Array:
+        """Return the work of the damping by the vectors [J], same shape, at vectors and their rates."""
         at = self._rates(V, dV)
         moment = self._kept(at.curvature, self.bending[..., None] * at.rate) / at.size
         tension = self.axial[..., None] * at.strain - _dot(at.curvature, moment) / at.size
@@ -174,12 +175,12 @@ class KelvinVoigtForce(ForcePart):
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state; by differences, element by element."""
         V, dV = self.elements.vectors(x), self.elements.vectors(u)
-        change = self._gradient(V + DIFFERENCE * self._units, dV) - self._gradient(V, dV)
+        change = self.gradient(V + DIFFERENCE * self._units, dV) - self.gradient(V, dV)
         return self._entries(change / DIFFERENCE)
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by u in one state: the force is linear in u."""
-        return self._entries(self._gradient(self.elements.vectors(x), self._units))
+        return self._entries(self.gradient(self.elements.vectors(x), self._units))
 
     @cached_property
     def _units(self) -> Array:
