@@ -117,8 +117,8 @@ def arc_energy(curvature, EI, length):
 
 
 def homogeneous_energy(F, lame_lambda, lame_mu, volume):
-    """Saint Venant-Kirchhoff energy of a uniform planar deformation gradient F."""
-    E = (F.T @ F - np.eye(2)) / 2
+    """Saint Venant-Kirchhoff energy of a uniform deformation gradient F."""
+    E = (F.T @ F - np.eye(len(F))) / 2
     return volume * (lame_lambda * np.trace(E) ** 2 / 2 + lame_mu * np.sum(E * E))
 
 

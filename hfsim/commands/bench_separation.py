@@ -42,7 +42,7 @@ def known_kinds(given: tuple[str, ...]) -> tuple[str, ...]:
     click.UsageError
         If one is unknown.
     """
-    from hfsim.parts.elements import ELEMENTS as KINDS
+    from hfsim.studies.separation.beams import KINDS
 
     refuse_unknown("element", given, KINDS)
     return given or tuple(KINDS)

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import Annotated, NamedTuple, Self
 
 from hfsim.deck.fields import NonNegativeTime, PositiveDensity, PositivePressure, measures, within
-from hfsim.deck.sections import AnySection, Fibres, Moments, StiffnessSection
+from hfsim.deck.sections import AnySection, Fibres, Moments, StiffnessSection, equivalent_side
 from hfsim.deck.spec import Around, Complaint, Spec
 
 _PLASTIC_TO_OSMIUM = (0.5, 23.0)
@@ -79,6 +79,8 @@ class BeamProperties(NamedTuple):
         Lame constants [Pa].
     height, width : float
         Of the (equivalent) rectangle [m]; the height lies in the bending plane.
+    breadth : float
+        Width of the rectangle with the same second moment for bending across that plane, in space [m].
     fibres : Fibres or None
         What normal stresses follow from, where the section's shape is known.
     """
@@ -94,6 +96,7 @@ class BeamProperties(NamedTuple):
     height: float = 0.0
     width: float = 0.0
     fibres: Fibres | None = None
+    breadth: float = 0.0
 
     @classmethod
     def of(cls, material: MaterialSpec | None, section: AnySection) -> Self:
@@ -118,6 +121,7 @@ class BeamProperties(NamedTuple):
             height=section.height,
             width=section.width,
             fibres=getattr(section, "fibres", None),
+            breadth=equivalent_side(section.bending[0], section.area),
         )
 
     @property

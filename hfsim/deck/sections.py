@@ -41,6 +41,11 @@ def alike(pair: Moments) -> bool:
     return abs(pair[0] - pair[1]) <= _ALIKE * max(pair)
 
 
+def equivalent_side(second_moment: float, area: float) -> float:
+    """Return the side [m] along which a rectangle with an area has a second moment: sqrt(12 I / A)."""
+    return math.sqrt(12 * second_moment / area)
+
+
 class Fibres(NamedTuple):
     """What normal stresses in a section follow from.
 
@@ -90,12 +95,12 @@ class _EquivalentRectangle(Spec):
     @property
     def height(self: _Sized) -> float:
         """Height of the equivalent rectangle, in the bending plane [m]."""
-        return math.sqrt(12 * self.bending[1] / self.area)
+        return equivalent_side(self.bending[1], self.area)
 
     @property
     def width(self: _Sized) -> float:
         """Width of the equivalent rectangle, across the bending plane [m]."""
-        return self.area / math.sqrt(12 * self.bending[1] / self.area)
+        return self.area / equivalent_side(self.bending[1], self.area)
 
 
 class _Round(_EquivalentRectangle):

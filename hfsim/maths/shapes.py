@@ -101,6 +101,30 @@ def hierarchic(xi: Array | float, degree: int, derivative: int = 0) -> Array:
     return np.concatenate([ends[:, :2], interior(xi, degree, derivative), ends[:, 2:]], axis=1)
 
 
+def bubbles(xi: Array | float, degree: int, derivative: int = 0) -> Array:
+    """Evaluate the functions that complete linear ones, or a derivative by xi; they vanish at both ends.
+
+    Integrated Legendre polynomials: the derivative of the k-th is (2 k + 1) P_k, k = 1 to degree - 1.
+
+    Returns
+    -------
+    ndarray, shape (n, degree - 1)
+
+    Examples
+    --------
+    >>> bubbles([0.0, 0.5, 1.0], 2)
+    array([[ 0.  ],
+           [-0.75],
+           [ 0.  ]])
+    """
+    t = 2.0 * np.atleast_1d(np.asarray(xi, dtype=float)) - 1.0
+    k = np.arange(1, degree)
+    c = np.zeros((degree + 1, degree - 1))
+    c[k + 1, k - 1], c[k - 1, k - 1] = 0.5, -0.5
+    slopes = np.polynomial.legendre.legder(c, derivative)
+    return np.asarray(np.polynomial.legendre.legvander(t, len(slopes) - 1) @ slopes * 2.0**derivative)
+
+
 @lru_cache(maxsize=64)
 def gauss_legendre(points: int) -> tuple[Array, Array]:
     """Return places and weights of Gauss-Legendre quadrature on the unit interval.

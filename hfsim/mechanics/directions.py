@@ -25,6 +25,10 @@ THIRD = (0.0, 0.0, 1.0)
 """Axis of a joint that states none."""
 ALONG = 1e-9
 """Part of a unit vector that counts as none."""
+_PLANE = (TANGENT, (0.0, 1.0, 0.0))
+"""The first two axes."""
+_OBLIQUE = ((1, 0), (2, 0), (2, 1))
+"""Axes at right angles, the second of a point whose vectors are oblique: the third is never of these."""
 
 
 class Parallel(NamedTuple):
@@ -49,7 +53,11 @@ class Parallel(NamedTuple):
             sides = [(side, self.second) for side in _sides(self.first)]
         elif on_lines[1] and not tangents[1]:
             sides = [(self.first, side) for side in _sides(self.second)]
-        elif on_lines[0]:
+        elif _flat(second, self.second):
+            second, sides = second.oblique, [(self.first, side) for side in _PLANE]
+        elif _flat(first, self.first):
+            first, sides = first.oblique, [(side, self.second) for side in _PLANE]
+        elif on_lines[0] or (_oblique(first) and tangents[0]) or (_oblique(second) and not tangents[1]):
             sides = [(self.first, side) for side in across(self.second)]
         else:
             sides = [(side, self.second) for side in across(self.first)]
@@ -110,8 +118,14 @@ class Facing(NamedTuple):
             return Parallel(direction(R @ TANGENT), TANGENT).between(first, second)
         if first.n_axes == 1:
             return Parallel(TANGENT, direction(R.T @ TANGENT)).between(first, second)
+        if _oblique(second):
+            pairs = [(direction(R @ own[j]), direction(own[k])) for j, k in _OBLIQUE]
+            return tuple(Perpendicular(first, second.oblique, *pair) for pair in pairs)
+        if _oblique(first):
+            pairs = [(direction(own[k]), direction(R.T @ own[j])) for j, k in _OBLIQUE]
+            return tuple(Perpendicular(first.oblique, second, *pair) for pair in pairs)
         # the last two axes of B first: where one of its axes is no vector of the state, it is the first
-        pairs = ((direction(R @ own[j]), direction(own[k])) for j, k in ((0, 1), (0, 2), (1, 2)))
+        pairs = [(direction(R @ own[j]), direction(own[k])) for j, k in ((0, 1), (0, 2), (1, 2))]
         return tuple(Perpendicular(first, second, *pair) for pair in pairs)
 
     def fits(self, first: bool, second: bool) -> bool:
@@ -160,10 +174,20 @@ def _sides(axis: Direction) -> tuple[Direction, ...]:
     return direction(cross(np.asarray(last), np.asarray(axis))), last
 
 
+def _oblique(marker: Marker) -> bool:
+    """Tell whether axes of a point are not its vectors, but those have the same plane."""
+    return marker.oblique is not marker
+
+
+def _flat(marker: Marker, axis: Direction) -> bool:
+    """Tell whether an axis of such a point is across that plane: at right angles to both vectors."""
+    return _oblique(marker) and along(axis, THIRD)
+
+
 def _known(first: Marker, second: Marker, a: Direction, b: Direction) -> bool:
     """Tell whether both points have the axes a and b."""
     pairs = ((first, a), (second, b))
-    return all(marker.n_axes == 3 or along(one, TANGENT) for marker, one in pairs)
+    return all(marker.n_axes > 1 or along(one, TANGENT) for marker, one in pairs)
 
 
 class OfAxes(Constraint):
@@ -223,8 +247,8 @@ class Perpendicular(OfAxes):
         block = multipliers[0, 0] * (Ja.T @ Jb)
         parts = [Entries.of_block(rows, columns, block), Entries.of_block(columns, rows, block.T)]
         a, b = (multipliers[0, 0] * axis[0] for axis in self._both(x))
-        parts.append(first.axis_stiffness(np.array(self.axes), b))
-        parts.append(second.axis_stiffness(np.array(self.others), a))
+        parts.append(first.axis_stiffness(x, np.array(self.axes), b))
+        parts.append(second.axis_stiffness(x, np.array(self.others), a))
         return Entries(*(np.concatenate(kinds) for kinds in zip(*parts, strict=True)))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:

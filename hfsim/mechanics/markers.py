@@ -120,8 +120,16 @@ class Marker:
         """The position as a linear function of the coordinates in space; None where it is not."""
         return None
 
-    def axis_stiffness(self, a: Array, force: Array) -> Entries:
-        """Return force . d2(axis)/dx2 for a vector (n_dim,): nothing where axes are linear in x."""
+    @property
+    def oblique(self) -> Marker:
+        """The same point with axes, of any length and angle, that are linear in the coordinates.
+
+        The first is along its own first axis, the second in the plane of its own first two.
+        """
+        return self
+
+    def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
+        """Return force . d2(axis)/dx2 in one state for a vector (n_dim,): nothing if axes are linear."""
         return NOTHING
 
     def spin_jacobian(self, x: Array) -> Array:

@@ -79,7 +79,7 @@ class SectionMarker(VectorMarker):
         rate = self._combined(u, self.axis_rows)
         return np.asarray(2.0 * (np.asarray(a) @ self.body)[0] * cross(rate[:, 0], rate[:, 1]))
 
-    def axis_stiffness(self, a: Array, force: Array) -> Entries:
+    def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
         """Return the second derivative of force . axis, that of c1 d2 x d3."""
         vectors = np.flatnonzero(self._involved)
         y, z = self.axis_rows[:, vectors]

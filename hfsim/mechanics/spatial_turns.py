@@ -163,10 +163,10 @@ class TurnAbout(OfAxes):
         columns, moment = np.concatenate([self.first.support, self.second.support]), float(multipliers[0, 0])
         parts = [Entries.of_block(columns, columns, moment * second.imag)]
         pull = moment / (c * c + s * s)
-        parts.append(self.first.axis_stiffness(np.array(self.zero), -pull * s * other[0]))
-        parts.append(self.first.axis_stiffness(np.array(self.quarter), pull * c * other[0]))
+        parts.append(self.first.axis_stiffness(x, np.array(self.zero), -pull * s * other[0]))
+        parts.append(self.first.axis_stiffness(x, np.array(self.quarter), pull * c * other[0]))
         across_it = pull * (c * quarter[0] - s * zero[0])
-        parts.append(self.second.axis_stiffness(np.array(self.other), across_it))
+        parts.append(self.second.axis_stiffness(x, np.array(self.other), across_it))
         return Entries(*(np.concatenate(kinds) for kinds in zip(*parts, strict=True)))
 
     def _slopes(self, x: Array) -> Iterator[Array]:

@@ -16,6 +16,7 @@ from hfsim.maths.rotations import (
 )
 from hfsim.mechanics.constraints import constraints_of
 from hfsim.mechanics.directions import Facing, Orthonormal, Parallel, Square
+from hfsim.mechanics.gradient_markers import GradientMarker
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.markers import GroundMarker
 from hfsim.mechanics.pose import Pose
@@ -30,9 +31,9 @@ from hfsim.parts.joints.revolute import RevoluteSpec
 from hfsim.parts.joints.spherical import SphericalSpec
 from hfsim.parts.joints.universal import UniversalSpec
 
-N = 12 + 12 + 6 + 6 + 18
+N = 12 + 12 + 6 + 6 + 18 + 12
 BODY, OTHER, LINE, FRAME = slice(0, 12), slice(12, 24), slice(24, 30), slice(30, 36)
-SECTION = slice(36, 54)
+SECTION, BLOCK = slice(36, 54), slice(54, 66)
 MARKERS = {
     "ground": GroundMarker(Pose(np.array([0.3, -0.2, 0.1]), np.array([0.4, -0.3, 0.8]))),
     "body": VectorMarker(BODY, np.array([1.0, 0.3, -0.2, 0.4]), np.eye(4)[1:]),
@@ -44,6 +45,9 @@ MARKERS = {
         np.kron([0.4, 0.6], np.eye(3)[1:]),
         rotation(np.array([0.5, -0.3, 0.2])),
     ),
+    "gradient": GradientMarker(
+        BLOCK, np.array([1.0, 0.2, 0.1, -0.3]), np.array([[0.0, 1.0, 0.3, 0.0], [0.0, 0.0, 1.0, 0.1]])
+    ),
     "frame": FrameMarker(FRAME, (0.2, 0.1, -0.3), rotation(np.array([0.1, 0.9, -0.4]))),
 }
 TAPE = VectorMarker(slice(0, 6), np.array([1.0, 0.0]), np.array([[0.0, 1.0]]))
@@ -51,6 +55,7 @@ ENDS = ("ground", "ground")
 SINE = {"type": "sine", "amplitude": 0.4, "frequency": 0.3, "phase": 0.2, "offset": 0.1}
 JOINTS = {
     "revolute": (RevoluteSpec(type="revolute", between=ENDS, axis=(0.1, 1.0, 0.3)), 5),
+    "hinge": (RevoluteSpec(type="revolute", between=ENDS), 5),
     "spherical": (SphericalSpec(type="spherical", between=ENDS), 3),
     "universal": (UniversalSpec(type="universal", between=ENDS), 4),
     "cylindrical": (CylindricalSpec(type="cylindrical", between=ENDS, axis=(0.0, 1.0, 2.0)), 4),
@@ -62,6 +67,7 @@ JOINTS = {
 PAIRS = [
     *(("ground", "body"), ("body", "other"), ("other", "ground")),
     *(("section", "body"), ("ground", "section")),
+    *(("gradient", "body"), ("ground", "gradient"), ("section", "gradient")),
 ]
 FACING = rotation(np.array([0.2, -0.5, 0.3]))
 
@@ -83,6 +89,7 @@ def state(rng):
     x[BODY], x[OTHER] = rigid(rng)[0], rigid(rng)[0]
     x[FRAME][3:] *= 0.7
     x[SECTION] = np.concatenate([np.r_[rng.normal(size=3), rigid(rng)[0][6:]] for _ in range(2)])
+    x[BLOCK] = rigid(rng)[0] + 0.15 * rng.normal(size=12)
     return x
 
 
@@ -158,6 +165,26 @@ def test_spin_of_a_section_is_its_angular_velocity(rng):
     assert marker.spin_bias(x, u)[0] == pytest.approx(bias, abs=1e-8)
 
 
+def test_spin_of_gradient_vectors_is_that_of_their_frame(rng):
+    """Stretch and shear of the section in its own plane, and any change of r_z, do not turn it."""
+    marker, x, u = MARKERS["gradient"], state(rng)[None], np.zeros((1, N))
+    frame, vectors = marker.frame(x)[0], x[0, BLOCK].reshape(4, 3)
+    assert np.allclose(frame.T @ frame, np.eye(3), rtol=0.0, atol=1e-14)
+    slope_x, slope_y = marker.axis_rows @ vectors
+    assert frame[:, 0] @ slope_x == pytest.approx(np.linalg.norm(slope_x))
+    assert abs(frame[:, 2] @ slope_y) < 1e-15 < frame[:, 1] @ slope_y
+    spin = rng.normal(size=3)
+    u[0, BLOCK] = cross(spin, vectors).ravel()
+    assert marker.spin(x, u)[0] == pytest.approx(spin, abs=1e-13)
+    changed = np.zeros((4, 3))
+    changed[1:3] = np.linalg.solve(marker.axis_rows[:, 1:3], [0.3 * slope_x, 0.7 * slope_x - 0.2 * slope_y])
+    u[0, BLOCK] += changed.ravel()
+    assert marker.spin(x, u)[0] == pytest.approx(spin, abs=1e-13)
+    u = 0.3 * rng.normal(size=(1, N))
+    bias = slope(lambda s: marker.spin(x + s[:, None] * u, np.repeat(u, len(s), axis=0)))
+    assert marker.spin_bias(x, u)[0] == pytest.approx(bias, abs=1e-8)
+
+
 def test_a_line_does_not_roll(rng):
     marker, x = MARKERS["line"], state(rng)[None]
     t, u = x[0, 27:30], np.zeros((1, N))
@@ -201,6 +228,32 @@ def test_joint_against_differences(name, pair, rng):
         force, moment = c.reaction(x[None], multipliers)
         assert force.shape == moment.shape == (1, 3)
         assert np.isfinite(c.residual(zero, x[None])).all()
+
+
+@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize("name", [name for name, (_, rows) in JOINTS.items() if rows > 1])
+def test_joints_hold_the_frame_of_gradient_vectors(name, end, rng):
+    """However stretched and sheared the section is; and no motion but those of the joint's name."""
+    spec, rows = JOINTS[name]
+    other, x = MARKERS["gradient"], np.zeros((1, N))
+    ground = GroundMarker(MARKERS["ground"].pose)
+    held = spec.held(FACING if end else FACING.T)
+    found = constraints_of(held, *((ground, other) if end else (other, ground)))
+    assert sum(c.rows for c in found) == rows
+    R = rotation(ground.pose.turn) @ FACING
+    sections = R @ np.array([[1.2, 0.3, 0.1], [0.0, 0.8, -0.2], [0.0, 0.0, 1.1]])
+    vectors = np.linalg.solve(np.vstack([other.axis_rows[:, 1:], [0.0, 0.0, 1.0]]), sections.T)
+    x[0, BLOCK] = np.vstack([ground.pose.origin - other.place_row[1:] @ vectors, vectors]).ravel()
+    assert other.frame(x)[0] == pytest.approx(R, abs=1e-14)
+    assert max(np.abs(c.gap(x)).max() for c in found) < 1e-14
+    J = np.concatenate([c.jacobian(end, x)[0] for c in found])
+    arms = (x[0, BLOCK].reshape(4, 3) - np.outer([1, 0, 0, 0], ground.pose.origin)).copy()
+    shifts = [np.outer([1, 0, 0, 0], axis) for axis in np.eye(3)]
+    motions = np.array([*shifts, *(cross(axis, arms) for axis in np.eye(3))]).reshape(6, 12)
+    assert np.linalg.matrix_rank(J @ motions.T, tol=1e-9) == rows
+    kept = np.vstack([other.spin_jacobian(x)[0], other.position_jacobian(x)[0]])
+    deforming = np.linalg.svd(kept)[2][6:]
+    assert np.abs(J @ deforming.T).max() < 1e-13
 
 
 def test_the_axes_of_a_rigid_body_against_differences(rng):

@@ -12,14 +12,14 @@ from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.deck.materials import BeamProperties
 from hfsim.errors import DeckError
-from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, join_laws
+from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, elastic_form, join_laws
 from hfsim.parts.elements._base import QuadraticMap
 from hfsim.parts.elements.forces import ElasticForce
 from hfsim.run.integration import run_integration
 from hfsim.run.stop import Budget
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
-from hfsim.studies.separation.beams import STEPS, Beams
+from hfsim.studies.separation.beams import KINDS, STEPS, Beams
 from hfsim.studies.separation.measure import held_bytes, measure
 from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows
 from hfsim.studies.separation.separated import SeparatedStiffness
@@ -107,6 +107,51 @@ def test_a_scene_runs_alike_with_every_form(element):
         assert energy == pytest.approx(energies[-1], rel=1e-8)
 
 
+SPATIAL = """
+hfsim: 1
+gravity: [0.0, -3.0, -9.81]
+materials: {rubber: {density: 5540.0, youngs_modulus: 7.0e5, poisson_ratio: POISSON}}
+sections: {strip: {shape: rectangle, height: 0.05, width: 0.05}}
+bodies:
+  a: {type: beam, material: rubber, section: strip, length: 1.0, elements: 2, element: ELEMENT}
+  b: {type: beam, material: rubber, section: strip, length: 0.7, elements: 2, element: ELEMENT}
+joints:
+  pin: {type: spherical, between: [ground, a.root]}
+  elbow: {type: spherical, between: [a.tip, b.root]}
+initial: {a: {angular_velocity: [0.0, 2.0, 1.0]}, b: {orientation: {axis: [0, 1, 0], angle: 0.5}}}
+solve: {duration: 0.02, step: 0.002, method: gauss, stages: 4}
+"""
+
+
+@pytest.mark.parametrize("element", list(ELEMENTS))
+def test_a_spatial_scene_runs_alike_with_every_form(element):
+    text = SPATIAL.replace("ELEMENT", element).replace("POISSON", "0.3")
+    ends, slopes = [], []
+    for form in ELASTIC_FORMS:
+        scene = build(parse_deck(text, "d.yaml", [f"solve.elastic_form={form}"]))
+        done = run_integration(scene, scene.deck.solve)
+        assert done.stop is None
+        ends.append(done.trajectory.q)
+        slopes.append(scene.system.linearized(0.0, scene.q, scene.v).stiffness)
+    for end, slope in zip(ends, slopes, strict=True):
+        close(end, ends[-1], 1e-11)
+        close(slope, slopes[-1], 1e-9)
+
+
+def test_all_forms_of_the_paper_s_24_coordinates_give_one_force(rng):
+    """Eq. (27), eq. (39) and products of vectors, at random coordinates, Poisson's ratio 0.3."""
+    element = ELEMENTS["continuum"].of(0.3, 3, n_dim=3)
+    own = STIFFNESS._replace(breadth=0.2)
+    p = rng.normal(size=(24, 5))
+    ways = {name: elastic_form(name).of(element, own, 3) for name in ELASTIC_FORMS}
+    results = {k: (*way.force_and_tangent(p), way.stiffness(p), way.force(p)) for k, way in ways.items()}
+    for result in results.values():
+        for mine, direct in zip(result, results["direct"], strict=True):
+            close(mine, direct, 1e-12)
+    force, _, stiffness, _ = results["direct"]
+    close(force.T, (stiffness @ p.T[..., None])[..., 0], 1e-13)
+
+
 def test_gram_is_the_default_and_shares_one_law():
     scene = build(parse_deck(DECK.replace("ELEMENT", "cable")))
     assert scene.deck.solve.elastic_form == "gram"
@@ -137,7 +182,7 @@ def test_the_beam_of_the_study_is_the_pendulum_of_the_paper(element):
     close(scene.system.acceleration(*state), pendulum.acceleration(*state), 1e-12)
 
 
-@pytest.mark.parametrize("element", list(ELEMENTS))
+@pytest.mark.parametrize("element", list(KINDS))
 def test_the_forms_are_measured_on_the_elements_of_the_scene(element):
     beams = Beams(element, 3, 2)
     scene = beams.scene("direct")
@@ -175,13 +220,13 @@ def test_a_whole_run_keeps_the_energy():
 
 @pytest.fixture(scope="module")
 def result():
-    return measure((1, 3), tuple(ELEMENTS), 2, Budget(60.0))
+    return measure((1, 3), tuple(KINDS), 2, Budget(60.0))
 
 
 def test_all_forms_are_measured_and_agree(result):
     assert result.status == "done"
     assert [(cell.element, cell.elements) for cell in result.cells] == [
-        (kind, count) for kind in ELEMENTS for count in (1, 3)
+        (kind, count) for kind in KINDS for count in (1, 3)
     ]
     for cell in result.cells:
         assert [form.form for form in cell.forms] == list(ELASTIC_FORMS)
@@ -198,7 +243,7 @@ def test_all_forms_are_measured_and_agree(result):
 
 def test_rows_and_facts_hold_what_was_measured(result):
     rows, facts = as_rows(result), as_facts(result)
-    assert len(rows) == 4 * len(ELASTIC_FORMS)
+    assert len(rows) == 2 * len(KINDS) * len(ELASTIC_FORMS)
     assert all(set(row) == set(CSV_COLUMNS) for row in rows)
     assert len(facts["verdicts"]) == 2
     json.dumps(facts, allow_nan=False)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError
 
 from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, whole
-from hfsim.deck.sections import AnySection, alike
+from hfsim.deck.sections import AnySection, ShapedSection, StiffnessSection, alike, equivalent_side
 from hfsim.deck.spec import (
     Around,
     Complaint,
@@ -42,11 +42,18 @@ _STRAINS = (
     ("strain", "green", "has strains of its own", ""),
     ("curvature", "linear", "has no curvature of its own", ""),
 )
+_NO_AXES, _LEVEL = "has no section axes", "has its section along y and z"
 _OWN = {
     "continuum": (("degree", 3, "is cubic along its axis", ", or take element: cable"), *_STRAINS),
     "cosserat": (*_STRAINS, ("rotary_inertia", False, "always has it", "")),
 }
 """Options that elements do not know, with their usual values."""
+
+_STRAIGHT = {
+    "cable": (("axis", "is straight"), ("section_angle", _NO_AXES), ("twist", _NO_AXES)),
+    "continuum": (("axis", "is straight"), ("section_angle", _LEVEL), ("twist", _LEVEL)),
+}
+"""Options of curved and turned sections that elements in space do not know, and why."""
 
 
 def _read_elements(value: object) -> object:
@@ -156,6 +163,8 @@ class BeamSpec(BodySpec):
         """Number of coordinates of the nodes and of the elements' interiors."""
         if self.element == "cosserat":
             return 9 * (self.elements * self.degree + 1)
+        if self.element == "continuum":
+            return 6 * (self.elements + 1)
         return 4 * (self.elements + 1) + 2 * (self.degree - 3) * self.elements
 
     def in_space(self, n_dim: int) -> Self:
@@ -229,16 +238,16 @@ class BeamSpec(BodySpec):
     def _spatial_complaints(self, model: str, section: AnySection | None) -> Iterator[Complaint]:
         if lacks := self.lacking(model, 3):
             yield Complaint(("model",), *lacks)
-        if self.element == "continuum":
-            hint = "take cosserat or cable"
-            yield Complaint(("element",), "a continuum element is not available in space", hint)
+        if self.element == "continuum" and section is not None and section.stiff:
+            message = "a continuum element is made of its material: it needs the section's shape or moments"
+            yield Complaint(("section",), message, "a material and such a section, or element: cosserat")
         if self.element == "cable" and section is not None and not alike(section.bending):
             first, second = section.bending
             message = f"a cable element has no section axes, but {first:.4g} about y and {second:.4g} about z"
             yield Complaint(("section",), message, "equal second moments, or element: cosserat")
-        for key in ("axis", "section_angle", "twist") if self.element == "cable" else ():
+        for key, why in _STRAIGHT.get(self.element or "", ()):
             if getattr(self, key) is not None:
-                message = f"a cable element {'is straight' if key == 'axis' else 'has no section axes'}"
+                message = f"a {self.element} element {why}"
                 yield Complaint((key,), message, "remove this key, or element: cosserat", True)
 
     def _section_complaints(self, section: AnySection | None) -> Iterator[Complaint]:
@@ -249,10 +258,17 @@ class BeamSpec(BodySpec):
         elif self.material is not None and section.stiff:
             message = f"the section '{self.section}' has its stiffness and needs no material"
             yield Complaint(("material",), message, "remove this key", True)
+        if self.element == "continuum" and not isinstance(section, StiffnessSection):
+            yield from self._outside(section)
+
+    def _outside(self, section: ShapedSection) -> Iterator[Complaint]:
+        """Yield points outside the section's rectangle."""
+        sides = (section.height, "high"), (equivalent_side(section.bending[0], section.area), "wide")
         for name, place in self.points.items():
-            if self.element == "continuum" and abs(place[1]) > section.height / 2:
-                message = f"y = {place[1]:g} m is outside the section, {section.height:.3g} m high"
-                yield Complaint(("points", name), message)
+            for axis, at, (side, word) in zip("yz", place[1:], sides, strict=False):
+                if abs(at) > side / 2:
+                    message = f"{axis} = {at:g} m is outside the section, {side:.3g} m {word}"
+                    yield Complaint(("points", name), message)
 
     def _element_complaints(self, n_dim: int | None) -> Iterator[Complaint]:
         for key, usual, why, instead in _OWN.get(self.element or "", ()):

@@ -52,7 +52,9 @@ class Blueprint(NamedTuple):
         properties: BeamProperties = deck.properties(name)
         if not spec.rotary_inertia:
             properties = properties._replace(rotary_inertia=0.0)
-        element = ELEMENTS[spec.element].of(spec.length / spec.elements, spec.degree)
+        element = ELEMENTS[spec.element].of(
+            spec.length / spec.elements, spec.degree, n_dim=deck.dimension
+        )
         axial, bending = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
         beside = (0.0,) * (deck.dimension - 1)
         return cls(

@@ -37,7 +37,7 @@ class BeamMesh:
     """Equal elements in a row; the vectors are those of node 0, the interior of element 0, node 1, ...
 
     Each node has ``element.per_node`` vectors: its position, its slope vector and, for elements with
-    a section, the other gradient vector.  With ``stride`` vectors from one node to the next, every
+    a section, the other gradient vectors.  With ``stride`` vectors from one node to the next, every
     stride-th vector is a position.  Nodal vectors mean all of them, interior ones included.
 
     Attributes
@@ -77,13 +77,14 @@ class BeamMesh:
 
     @cached_property
     def undeformed(self) -> Array:
-        """Nodal vectors of the straight beam along the first axis, shape (n_vectors, 2)."""
-        stride = self.element.stride
-        P = np.zeros((self.n_vectors, 2))
+        """Nodal vectors of the straight beam along the first axis, shape (n_vectors, 2), or with
+        three components where sections have two gradient vectors.
+        """
+        stride, per_node = self.element.stride, self.element.per_node
+        P = np.zeros((self.n_vectors, max(2, per_node - 1)))
         P[::stride, 0] = self.element.length * np.arange(self.count + 1)
-        P[1::stride, 0] = 1.0
-        if self.element.per_node == 3:
-            P[2::stride, 1] = 1.0
+        for k in range(1, per_node):
+            P[k::stride, k - 1] = 1.0
         return P
 
     @cached_property
@@ -132,9 +133,11 @@ class BeamMesh:
             D[e * n : (e + 1) * n, self._span(e)] = local
         return D
 
-    def shape(self, x: float, y: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
-        """Return the shape row N(x, y), or a derivative of it, over all nodal vectors, (n_vectors,)."""
+    def shape(
+        self, x: float, y: float = 0.0, derivative: tuple[int, ...] = (0, 0), z: float = 0.0
+    ) -> Array:
+        """Return the shape row N(x, y, z), or a derivative of it, over all nodal vectors, (n_vectors,)."""
         e = min(int(x / self.element.length), self.count - 1)
         row = np.zeros(self.n_vectors)
-        row[self._span(e)] = self.element.shape(x / self.element.length - e, y, derivative)
+        row[self._span(e)] = self.element.shape(x / self.element.length - e, y, derivative, z)
         return row

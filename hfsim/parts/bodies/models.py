@@ -19,9 +19,9 @@ class Model(NamedTuple):
 
     Attributes
     ----------
-    body, spatial, sections : str
-        Where its classes of bodies stand: in the plane, of lines in space, and of beams with sections there;
-        they are imported when a scene has one.  Empty where it has none.
+    body, spatial, gradients, sections : str
+        Where its classes of bodies stand: in the plane; in space of lines, of fully parameterised beams, and
+        of beams with sections.  They are imported when a scene has one.  Empty where it has none.
     frame : bool
         Whether the state has a body frame and coordinates relative to it.
     strain : str
@@ -45,6 +45,7 @@ class Model(NamedTuple):
     alone: bool = False
     lacks: tuple[tuple[str, object, str, str], ...] = ()
     spatial: str = ""
+    gradients: str = ""
     sections: str = ""
 
     @property
@@ -61,7 +62,7 @@ class Model(NamedTuple):
         """Return where the class of its bodies of an element stands; empty if it has none."""
         if n_dim == 2:
             return self.body
-        return self.sections if element == "cosserat" else self.spatial
+        return {"cosserat": self.sections, "continuum": self.gradients}.get(element, self.spatial)
 
     def assemble(self, beam: Blueprint | SectionBlueprint, element: str) -> Body:
         """Return the body of a beam in this model."""
@@ -114,6 +115,7 @@ MODELS: dict[str, Model] = {
         strain="exact",
         rung=2,
         spatial="spatial_nodal:SpatialNodalBeam",
+        gradients="spatial_continuum:SpatialContinuumBeam",
         sections="cosserat:CosseratBeam",
     ),
     "ancf": Model(
@@ -121,6 +123,7 @@ MODELS: dict[str, Model] = {
         frame=False,
         strain="exact",
         spatial="spatial_nodal:SpatialNodalBeam",
+        gradients="spatial_continuum:SpatialContinuumBeam",
         sections="cosserat:CosseratBeam",
     ),
 }

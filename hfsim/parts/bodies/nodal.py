@@ -101,19 +101,24 @@ class NodalBeam(VectorBody):
 
     def section_forces(self, x: Array, u: Array, places: Array) -> Array:
         """Return those of the strains, and of their rates, in axes along the line."""
-        from hfsim.parts.bodies.line_forces import along_the_line, in_axes, in_the_plane, line_forces
+        from hfsim.parts.bodies.line_forces import in_axes, line_forces
 
         beam, V = self.beam, self.beam.difference_vectors(self.vectors(x))
         dU = beam.law(beam.properties, beam.measures).gradient(V)
         if beam.properties.damped:
             dU = dU + beam.kelvin_voigt(0).gradient(V, beam.difference_vectors(self.vectors(u)))
-        grid = np.union1d(self.outline_places, places)
-        slopes = np.array([self.mesh.shape(float(a), 0.0, (1, 0)) for a in grid]) @ self.vectors(x)
-        if beam.n_dim == 2:
-            axes = in_the_plane(slopes)
-        else:
-            axes = along_the_line(self.marker(self.origin).turned(x, np.eye(3)), slopes)
-        return in_axes(axes[:, np.searchsorted(grid, places)], *line_forces(beam, V, dU, places))
+        return in_axes(self._section_axes(x, places), *line_forces(beam, V, dU, places))
+
+    def _section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
+        from hfsim.parts.bodies.line_forces import in_the_plane
+
+        return in_the_plane(self._slopes(x, places))
+
+    def _slopes(self, x: Array, places: Array) -> Array:
+        """Return r' at places, (n_batch, n_places, n_dim)."""
+        rows = np.array([self.mesh.shape(float(a), 0.0, (1, 0)) for a in places])
+        return np.asarray(rows @ self.vectors(x))
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
@@ -149,8 +154,8 @@ class NodalBeam(VectorBody):
         bent, slopes = self.beam.undeformed.copy(), at_nodes(gradient)
         bent[::stride] += at_nodes(cumulative(gradient, seen.places))
         bent[1::stride] += slopes
-        if mesh.element.per_node > 2:
-            bent[2::stride, 0] -= slopes[:, 1]
+        for k in range(2, mesh.element.per_node):
+            bent[k::stride, 0] -= slopes[:, k - 1]
         turned, shifts = pose.turned(bent), mesh.positions[:, None]
         rates = twist.turning(turned) + shifts * twist.velocity
         return (turned + shifts * pose.origin).ravel(), rates.ravel()

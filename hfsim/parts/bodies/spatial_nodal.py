@@ -30,6 +30,13 @@ class SpatialNodalBeam(NodalBeam):
         position, slope = self._rows(place)
         return VectorMarker(self.columns, position, slope[None])
 
+    def _section_axes(self, x: Array, places: Array) -> Array:
+        from hfsim.parts.bodies.line_forces import along_the_line
+
+        grid = np.union1d(self.outline_places, places)
+        axes = along_the_line(self.marker(self.origin).turned(x, np.eye(3)), self._slopes(x, grid))
+        return axes[:, np.searchsorted(grid, places)]
+
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return that of the nodal vectors in the frame at the root."""
         axis, root = self.mesh.axis, self.marker(self.origin)

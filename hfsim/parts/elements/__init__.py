@@ -40,7 +40,7 @@ def elastic_law(
     """Return the law of equal elements in one of the forms, and the matrix to its vectors from nodal ones."""
     if form == "gram":
         return element.law(properties, count, measures), element.differences()
-    law: ElasticLaw = elastic_form(form).law_of(element, properties, count)
+    law: ElasticLaw = elastic_form(form).law_of(element, properties, count, measures)
     return law, np.eye(element.differences().shape[1])
 
 

@@ -97,8 +97,8 @@ class Element(Protocol):
     """
 
     @classmethod
-    def of(cls, length: float, degree: int) -> Self:
-        """Return the element of a length [m] and a degree."""
+    def of(cls, length: float, degree: int, section_degree: int = 1, n_dim: int = 2) -> Self:
+        """Return the element of a length [m] and degrees, of the line and of sections, in plane or space."""
 
     @property
     def per_node(self) -> int:
@@ -119,8 +119,10 @@ class Element(Protocol):
     def differences(self) -> Array:
         """Return the matrix from the element's vectors to difference vectors, shape (n_differences, n)."""
 
-    def shape(self, xi: float, eta: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
-        """Return the shape row, shape (n,), or a derivative of it with respect to (x, y)."""
+    def shape(
+        self, xi: float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
+    ) -> Array:
+        """Return the shape row, shape (n,), at x = xi le, (eta, zeta) [m], or a derivative by (x, y[, z])."""
 
     def mass(self, properties: BeamProperties) -> Array:
         """Return the mass matrix of one vector component, shape (n, n) [kg]."""

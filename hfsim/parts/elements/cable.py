@@ -43,8 +43,8 @@ class Cable:
     per_node: int = 2
 
     @classmethod
-    def of(cls, length: float, degree: int) -> Cable:
-        """Return the element of a length [m] and degree."""
+    def of(cls, length: float, degree: int, section_degree: int = 1, n_dim: int = 2) -> Cable:
+        """Return the element of a length [m] and degree: it has no sections, and is the same in space."""
         return cls(length, degree)
 
     @property
@@ -67,7 +67,9 @@ class Cable:
         scale[[0, -2]] = 1.0
         return scale
 
-    def shape(self, xi: float, eta: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
+    def shape(
+        self, xi: float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
+    ) -> Array:
         """Return the shape row of the centre line, shape (degree + 1,); derivatives are by x [m]."""
         row = hierarchic(xi, self.degree, derivative[0])[0]
         return np.asarray(row * self._scale / self.length ** derivative[0])

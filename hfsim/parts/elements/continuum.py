@@ -1,123 +1,256 @@
-"""Fully parameterised planar beam element: position and both gradient vectors at each node.
+"""Fully parameterised beam element: position and all gradient vectors at each node.
 
 The paper's general formulation: Green-Lagrange strain (15)-(18), the matrix of elastic coefficients
-(22)-(23), the stiffness (25); cubic in x, linear in y.
+(22)-(23), the stiffness (25), in the plane with i, j = 1, 2 and in space with i, j = 1, 2, 3.  The paper's
+element is cubic along its axis and linear across; its section vectors r_y, r_z are linear along the axis.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from hfsim.deck.materials import BeamProperties
-from hfsim.maths.arrays import Array
-from hfsim.maths.shapes import gauss_legendre, hermite
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.shapes import bubbles, gauss_legendre, hierarchic
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
+from hfsim.parts.elements.points import PointLaw
+
+ACROSS = 3
+"""Gauss points over the height, and over the width, of a section: the energy is of degree four in y and z."""
 
 
 @dataclass(frozen=True)
 class Continuum:
-    """The element ``continuum`` of a deck, planar: nodal vectors (r, r_x, r_y), 12 coordinates.
+    """The element ``continuum`` of a deck: nodal vectors (r, r_x, r_y[, r_z]), 24 coordinates in space.
+
+    Its vectors are those of the first node, interior ones of the line, of r_y and of r_z, if degrees are
+    higher than the paper's, and those of the last node.
 
     Attributes
     ----------
     length : float
         Undeformed length [m].
+    degree, section_degree : int
+        Of the centre line and of the section vectors along the axis.
+    n_dim : int
+        Of space.
     """
 
     length: float
-    per_node: int = 3
     degree: int = 3
+    section_degree: int = 1
+    n_dim: int = 2
 
     @classmethod
-    def of(cls, length: float, degree: int) -> Continuum:
-        """Return the element of a length [m] and degree, which is always 3."""
-        return cls(length)
+    def of(cls, length: float, degree: int, section_degree: int = 1, n_dim: int = 2) -> Continuum:
+        """Return the element of a length [m] and degrees, of the line and of sections, in plane or space."""
+        return cls(length, degree, section_degree, n_dim)
+
+    @property
+    def per_node(self) -> int:
+        """Position and as many gradients as there are directions."""
+        return 1 + self.n_dim
 
     @property
     def stride(self) -> int:
-        """As many as at each node: there are no interior vectors."""
-        return self.per_node
+        """Those of a node, interior ones of the line and of each section vector."""
+        return self.per_node + (self.degree - 3) + (self.n_dim - 1) * (self.section_degree - 1)
+
+    @cached_property
+    def _line(self) -> IntArray:
+        """Which vectors make the line: position, slope, interior ones, position, slope."""
+        inner, last = np.arange(self.degree - 3), self.stride
+        return np.array([0, 1, *(self.per_node + inner), last, last + 1])
+
+    @cached_property
+    def _sections(self) -> tuple[IntArray, ...]:
+        """Which vectors make r_y, and r_z: at the first node, interior ones, at the last node."""
+        count = self.section_degree - 1
+        first = self.per_node + self.degree - 3
+        inner = [first + k * count + np.arange(count) for k in range(self.n_dim - 1)]
+        return tuple(np.array([2 + k, *own, self.stride + 2 + k]) for k, own in enumerate(inner))
+
+    @property
+    def _n_vectors(self) -> int:
+        return self.stride + self.per_node
 
     def differences(self) -> Array:
-        """Return the matrix from the six nodal vectors to (chord / le, r1_x, r2_x, r1_y, r2_y)."""
-        D = np.zeros((5, 6))
-        D[0, 0], D[0, 3] = -1.0 / self.length, 1.0 / self.length
-        D[1, 1] = D[2, 4] = D[3, 2] = D[4, 5] = 1.0
+        """Return the matrix from nodal vectors to (chord / le, slopes of the line, r_y ones[, r_z ones])."""
+        line = self._line
+        D = np.zeros((self._n_vectors - 1, self._n_vectors))
+        D[0, line[0]], D[0, line[-2]] = -1.0 / self.length, 1.0 / self.length
+        others = np.concatenate([line[1:-2], line[-1:], *self._sections])
+        D[np.arange(1, len(D)), others] = 1.0
         return D
 
-    def shape(self, xi: float, eta: float = 0.0, derivative: tuple[int, int] = (0, 0)) -> Array:
-        """Return the shape row, shape (6,), at x = xi le, y = eta [m], or its derivative by (x, y)."""
-        along, across = derivative
-        le = self.length
-        row = np.zeros(6)
-        linear = np.array([[1.0 - xi, xi], [-1.0 / le, 1.0 / le], [0.0, 0.0]])[min(along, 2)]
-        if across == 0:
-            h = hermite(xi, along)[0] * np.array([1.0, le, 1.0, le]) / le**along
-            row[[0, 1, 3, 4]] = h
-            row[[2, 5]] = eta * linear
-        elif across == 1:
-            row[[2, 5]] = linear
+    def shape(
+        self, xi: float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
+    ) -> Array:
+        """Return the shape row at x = xi le, y = eta, z = zeta [m], or its derivative by (x, y[, z])."""
+        along, *across = derivative
+        row = np.zeros(self._n_vectors)
+        if not any(across):
+            row[self._line] = self._line_row(xi, along)
+            sides = [eta, zeta]
+        else:
+            sides = [float(across == [k == j for j in range(len(across))]) for k in range(2)]
+        for side, vectors in zip(sides, self._sections, strict=False):
+            row[vectors] = side * self._section_row(xi, along)
         return row
+
+    def _line_row(self, xi: float, derivative: int) -> Array:
+        """Return the functions of the line, of vectors in the order of `_line`."""
+        scale = np.full(self.degree + 1, self.length)
+        scale[[0, -2]] = 1.0
+        return np.asarray(hierarchic(xi, self.degree, derivative)[0] * scale / self.length**derivative)
+
+    def _section_row(self, xi: float, derivative: int) -> Array:
+        """Return the functions of a section vector."""
+        ends = np.array([[1.0 - xi, xi], [-1.0, 1.0], [0.0, 0.0]])[min(derivative, 2)]
+        inner = bubbles(xi, self.section_degree, derivative)[0]
+        return np.array([ends[0], *inner, ends[1]]) / self.length**derivative
 
     def mass(self, properties: BeamProperties) -> Array:
         """Return the consistent mass matrix of the rectangular section [kg]."""
-        x, wx = gauss_legendre(4)
-        y, wy = gauss_legendre(2)
-        M = np.zeros((6, 6))
+        x, wx = gauss_legendre(max(self.degree, self.section_degree) + 1)
+        M = np.zeros((self._n_vectors, self._n_vectors))
         for xi, a in zip(x, wx, strict=True):
-            for eta, b in zip(y, wy, strict=True):
-                N = self.shape(float(xi), float(properties.height * (eta - 0.5)))
+            for y, z, b in zip(*section_points(properties, self.n_dim, 2), strict=True):
+                N = self.shape(float(xi), float(y), (0, 0), float(z))
                 M += a * b * np.outer(N, N)
         return np.asarray(properties.mass_per_length * self.length * M)
 
-    def strain_table(self, properties: BeamProperties) -> tuple[Array, Array, Array]:
-        """Shape derivatives at the Gauss points of the section, exact for the energy's polynomial.
+    @property
+    def axial_points(self) -> int:
+        """Gauss points along the axis that integrate the energy exactly."""
+        return 2 * max(self.degree - 1, self.section_degree) + 1
+
+    def strain_table(self, properties: BeamProperties) -> tuple[Array, Array]:
+        """Shape derivatives at the Gauss points of the element, exact for the energy's polynomial.
 
         Returns
         -------
         weights : ndarray, shape (n_points,)
             Volume of each point [m^3].
-        by_x, by_y : ndarray, shape (n_points, 6)
-            Rows of dN/dx and dN/dy.
+        rows : ndarray, shape (n_dim, n_points, n_vectors)
+            Rows of dN/dx, dN/dy[, dN/dz].
         """
-        x, wx = gauss_legendre(5)
-        y, wy = gauss_legendre(3)
+        x, wx = gauss_legendre(self.axial_points)
+        y, z, across = section_points(properties, self.n_dim, ACROSS)
         volume = self.length * properties.height * properties.width
-        places = [(xi, properties.height * (eta - 0.5)) for xi in x for eta in y]
-        by_x = np.array([self.shape(float(a), float(b), (1, 0)) for a, b in places])
-        by_y = np.array([self.shape(float(a), float(b), (0, 1)) for a, b in places])
-        return volume * np.outer(wx, wy).ravel(), by_x, by_y
+        places = [(float(xi), float(a), float(b)) for xi in x for a, b in zip(y, z, strict=True)]
+        units = [tuple(map(int, one)) for one in np.eye(self.n_dim)]
+        rows = np.array([[self.shape(xi, a, by, b) for xi, a, b in places] for by in units])
+        return volume * np.outer(wx, across).ravel(), rows
 
     def law(self, properties: BeamProperties, count: int, measures: Measures = USUAL) -> ElasticLaw:
-        """Return the energy of ``count`` equal elements."""
-        return self.gram_law(properties, count)
+        """Return the energy of ``count`` equal elements, the cheaper of two ways to the same numbers."""
+        if (self.degree, self.section_degree) == (3, 1):
+            return self.gram_law(properties, count)
+        return self.point_law(properties, count)
 
     def gram_law(self, properties: BeamProperties, count: int, n_dim: int = 2) -> GramLaw:
         """Return the energy (21)-(23) of ``count`` equal elements as a form in products of vectors."""
-        weights, by_x, by_y = self.strain_table(properties)
-        to_nodes = np.linalg.pinv(self.differences())
-        a, b = by_x @ to_nodes, by_y @ to_nodes
-        products = [_symmetric_product(a, a), _symmetric_product(b, b), _symmetric_product(a, b)]
-        normal, lame = properties.lame_lambda + 2.0 * properties.lame_mu, properties.lame_lambda
-        E = np.array([[normal, lame, 0.0], [lame, normal, 0.0], [0.0, 0.0, properties.lame_mu]])
-        # a normal strain is half the change of its product, the shear strain 2 e12 the whole
-        half = np.array([0.5, 0.5, 1.0])
-        E = E * np.outer(half, half)
-        size = a.shape[1] ** 2
-        quadratic = np.zeros((size, size))
-        for i in range(3):
-            for j in range(3):
-                quadratic += E[i, j] * (products[i].T * weights) @ products[j]
-        undeformed = np.array([[1.0, 0.0], [1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+        weights, rows = self.strain_table(properties)
         scale = properties.axial_stiffness * self.length
-        return GramLaw(
-            quadratic=quadratic / scale,
-            linear=np.zeros((count, size)),
-            reference=(undeformed @ undeformed.T).ravel(),
-            scale=np.full(count, scale),
-        )
+        to_nodes = np.linalg.pinv(self.differences())
+        undeformed = np.zeros((self._n_vectors - 1, self.n_dim))
+        undeformed[[0, 1, self.degree - 1], 0] = 1.0
+        for k in range(self.n_dim - 1):
+            first = self.degree + k * (self.section_degree + 1)
+            undeformed[[first, first + self.section_degree], k + 1] = 1.0
+        return green_lagrange(rows @ to_nodes, weights / scale, undeformed, properties, np.full(count, scale))
+
+    def point_law(self, properties: BeamProperties, count: int) -> PointLaw:
+        """Return the same energy summed over Gauss points of the axis.
+
+        There it is a form in products of r' on the line, r_y[, r_z] and their derivatives by x / le: with
+        high degrees these are far fewer than all vectors of the element.
+        """
+        x, wx = gauss_legendre(self.axial_points)
+        y, z, across = section_points(properties, self.n_dim, ACROSS)
+        sides, n = (y, z)[: self.n_dim - 1], 2 * self.n_dim - 1
+        rows = np.zeros((self.n_dim, len(across), n))
+        rows[0, :, 0] = 1.0
+        for k, side in enumerate(sides):
+            rows[k + 1, :, k + 1] = 1.0
+            rows[0, :, self.n_dim + k] = side / self.length
+        undeformed = np.eye(n, self.n_dim)
+        scale = properties.axial_stiffness * self.length
+        volumes = across * self.length * properties.height * properties.width / scale
+        scales = np.repeat(scale * wx, count)
+        at_points = green_lagrange(rows, volumes, undeformed, properties, scales)
+        to_points = np.zeros((n, len(x), self._n_vectors))
+        for p, xi in enumerate(map(float, x)):
+            to_points[0, p, self._line] = self._line_row(xi, 1)
+            for k, vectors in enumerate(self._sections):
+                to_points[k + 1, p, vectors] = self._section_row(xi, 0)
+                to_points[self.n_dim + k, p, vectors] = self._section_row(xi, 1) * self.length
+        return PointLaw(at_points, to_points @ np.linalg.pinv(self.differences()))
+
+
+def section_points(properties: BeamProperties, n_dim: int, points: int) -> tuple[Array, Array, Array]:
+    """Return y, z [m] and weights, whose sum is one, of Gauss points in the (equivalent) rectangle."""
+    t, w = gauss_legendre(points)
+    if n_dim == 2:
+        return properties.height * (t - 0.5), np.zeros(points), w
+    y, z = np.meshgrid(properties.height * (t - 0.5), properties.breadth * (t - 0.5), indexing="ij")
+    return y.ravel(), z.ravel(), np.outer(w, w).ravel()
+
+
+def strain_pairs(n_dim: int) -> tuple[tuple[int, int], ...]:
+    """Return the directions of each strain of eq. (20), counted from zero: normal ones, then shear.
+
+    Examples
+    --------
+    >>> strain_pairs(3)
+    ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+    """
+    shear = ((0, 1),) if n_dim == 2 else ((0, 1), (1, 2), (2, 0))
+    return (*((i, i) for i in range(n_dim)), *shear)
+
+
+def elasticity(properties: BeamProperties, n_dim: int) -> Array:
+    """Return the matrix of elastic coefficients E of eq. (22)-(23), of `strain_pairs` [Pa]."""
+    pairs = strain_pairs(n_dim)
+    E = properties.lame_mu * np.diag([2.0 if i == j else 1.0 for i, j in pairs])
+    E[:n_dim, :n_dim] += properties.lame_lambda
+    return np.asarray(E)
+
+
+def green_lagrange(
+    rows: Array, weights: Array, undeformed: Array, properties: BeamProperties, scale: Array
+) -> GramLaw:
+    """Return the energy (21)-(23) as a form in products of some vectors.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (n_dim, n_points, n_vectors)
+        From the vectors to the gradients r_x, r_y[, r_z] at points.
+    weights : ndarray, shape (n_points,)
+        Volumes, over the scale [m^3/J].
+    undeformed : ndarray, shape (n_vectors, n_dim)
+    properties : BeamProperties
+    scale : ndarray, shape (n_elements,)
+        [J].
+    """
+    n_dim, _, n = rows.shape
+    pairs = strain_pairs(n_dim)
+    products = np.stack([_symmetric_product(rows[i], rows[j]) for i, j in pairs])
+    # a normal strain is half the change of its product, the shear strain 2 e12 the whole
+    half = np.array([0.5 if i == j else 1.0 for i, j in pairs])
+    E = elasticity(properties, n_dim) * np.outer(half, half)
+    stressed = np.einsum("rs,q,sqa->rqa", E, weights, products)
+    return GramLaw(
+        quadratic=np.tensordot(products, stressed, axes=([0, 1], [0, 1])),
+        linear=np.zeros((len(scale), n * n)),
+        reference=(undeformed @ undeformed.T).ravel(),
+        scale=scale,
+        dimension=n_dim,
+    )
 
 
 def _symmetric_product(a: Array, b: Array) -> Array:

@@ -1,12 +1,12 @@
 r"""Ways to the stiffness K(p) of eq. (25): direct, separated (39)-(41), and by products of vectors.
 
 Strain enters as :math:`\varepsilon_{ij} = \frac12 (p^T S_{ij} p - \delta_{ij})` with
-:math:`S_{ij} = N_{,i}^T N_{,j}` (eq. 18, 26).  In the plane i and j run over 1, 2, and of the three
-shear terms the one with i = 1, k(i) = 2 is left.  A centre line has i = j = 1 only, EA in the place
-of E_11, and a constant bending stiffness.  All forms give the same numbers to round-off; they
+:math:`S_{ij} = N_{,i}^T N_{,j}` (eq. 18, 26).  In space i and j run over 1, 2, 3; in the plane over
+1, 2, and of the three shear terms the one with i = 1, k(i) = 2 is left.  A centre line has i = j = 1 only,
+EA in the place of E_11, and a constant bending stiffness.  All forms give the same numbers to round-off; they
 differ in cost.
 
-Everywhere p holds the nodal components of elements as columns, shape (n, n_columns) with n = 2 * n_vectors:
+Everywhere p holds the nodal components of elements as columns, shape (n, n_columns) with n = n_dim n_vectors:
 all elements in all states side by side, so that operations run along whole rows of memory.  Force means
 K p, the derivative of the strain energy (eq. 24), and tangent its derivative by p.
 """
@@ -24,22 +24,25 @@ from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.elements import ElasticLaw, Element, join_laws
-from hfsim.parts.elements._base import RowLaw
+from hfsim.parts.elements._base import USUAL, Measures, RowLaw
+from hfsim.parts.elements.continuum import Continuum, elasticity, strain_pairs
 
 
 class StiffnessForm:
     """One way to the stiffness of an element; p has shape (n, n_columns)."""
 
     @classmethod
-    def of(cls, element: Element, properties: BeamProperties) -> Self:
-        """Return the form of an element."""
+    def of(cls, element: Element, properties: BeamProperties, n_dim: int = 2) -> Self:
+        """Return the form of an element in plane or space."""
         raise NotImplementedError
 
     @classmethod
-    def law_of(cls, element: Element, properties: BeamProperties, count: int) -> NodalLaw:
+    def law_of(
+        cls, element: Element, properties: BeamProperties, count: int, measures: Measures = USUAL
+    ) -> NodalLaw:
         """Return the elastic law of ``count`` equal elements over their nodal vectors."""
-        form = _made_once(cast(Any, cls), cast(Any, element), properties)
-        return NodalLaw(form, element.law(properties, count), element.differences())
+        form = _made_once(cast(Any, cls), cast(Any, element), properties, measures.n_dim)
+        return NodalLaw(form, element.law(properties, count, measures), element.differences())
 
     def stiffness(self, p: Array) -> Array:
         """Return K, shape (n_columns, n, n)."""
@@ -104,15 +107,15 @@ class NodalLaw(RowLaw):
 
 
 @lru_cache(maxsize=16)
-def _made_once(kind: Any, element: Any, properties: BeamProperties) -> StiffnessForm:
-    form: StiffnessForm = kind.of(element, properties)
+def _made_once(kind: Any, element: Any, properties: BeamProperties, n_dim: int) -> StiffnessForm:
+    form: StiffnessForm = kind.of(element, properties, n_dim)
     return form
 
 
-def both_components(K: Array) -> Array:
+def all_components(K: Array, n_dim: int) -> Array:
     """Return the matrix over all components from that of one component."""
-    full = K[..., :, None, :, None] * np.eye(2)[:, None, :]
-    n = 2 * K.shape[-1]
+    full = K[..., :, None, :, None] * np.eye(n_dim)[:, None, :]
+    n = n_dim * K.shape[-1]
     return np.asarray(full.reshape(*K.shape[:-2], n, n))
 
 
@@ -130,28 +133,32 @@ class StrainTable:
     weights : ndarray, shape (n_points,)
         Volume of each point [m^3]; length [m] for a centre line.
     rows : ndarray, shape (n_directions, n_points, n_vectors)
-        Shape rows of N_,1 (and N_,2).
+        Shape rows of N_,1 (, N_,2 and N_,3).
     elasticity : ndarray, shape (n_strains, n_strains)
-        Coefficients E of eq. (22) in the plane [Pa]: normal strains, then shear; EA [N] for a centre line.
+        Coefficients E of eq. (22) [Pa]: normal strains, then shear; EA [N] for a centre line.
     bending : ndarray, shape (n_vectors, n_vectors)
         Constant part of the stiffness of one component; zero where the strains do it all.
+    n_dim : int
+        Of space.
     """
 
     weights: Array
     rows: Array
     elasticity: Array
     bending: Array
+    n_dim: int
 
     @classmethod
-    def of(cls, element: Element, properties: BeamProperties) -> StrainTable:
-        """Return the table of an element with a section (three vectors a node) or of a centre line."""
-        table = _continuum_table if element.per_node == 3 else _cable_table
-        return table(element, properties)
+    def of(cls, element: Element, properties: BeamProperties, n_dim: int) -> StrainTable:
+        """Return the table of an element with a section or of a centre line."""
+        if isinstance(element, Continuum):
+            return _continuum_table(element, properties)
+        return _cable_table(element, properties, n_dim)
 
     @property
     def pairs(self) -> tuple[tuple[int, int], ...]:
         """Directions of each strain, counted from zero."""
-        return ((0, 0), (1, 1), (0, 1))[: len(self.elasticity)]
+        return strain_pairs(len(self.rows)) if len(self.rows) > 1 else ((0, 0),)
 
     @cached_property
     def unit(self) -> Array:
@@ -161,34 +168,28 @@ class StrainTable:
     @cached_property
     def constant(self) -> Array:
         """Constant part of the stiffness, shape (n, n)."""
-        return both_components(self.bending)
+        return all_components(self.bending, self.n_dim)
 
     def products(self) -> Array:
-        """Return S_11, S_22, 2 S_12 of eq. (26) at each point, shape (n_strains, n_points, n, n)."""
+        """Return S_ii and 2 S_ik(i) of eq. (26) at each point, shape (n_strains, n_points, n, n)."""
         rows = [(self.rows[i], self.rows[j] if i == j else 2.0 * self.rows[j]) for i, j in self.pairs]
-        return both_components(np.stack([a[:, :, None] * b[:, None, :] for a, b in rows]))
+        return all_components(np.stack([a[:, :, None] * b[:, None, :] for a, b in rows]), self.n_dim)
 
     def strains(self) -> Array:
-        """Return A_r, their symmetric parts: S_11, S_22, S_12 + S_21."""
+        """Return A_r, their symmetric parts: S_ii and S_ik(i) + S_k(i)i."""
         products = self.products()
         return np.asarray(0.5 * (products + products.swapaxes(-1, -2)))
 
 
-def _continuum_table(element: Element, properties: BeamProperties) -> StrainTable:
-    x, wx = gauss_legendre(5)
-    y, wy = gauss_legendre(3)
-    places = [(float(xi), float(properties.height * (eta - 0.5))) for xi in x for eta in y]
-    rows = np.array([[element.shape(*place, by) for place in places] for by in ((1, 0), (0, 1))])
-    volume = element.length * properties.height * properties.width
-    elasticity = properties.lame_mu * np.diag([2.0, 2.0, 1.0])
-    elasticity[:2, :2] += properties.lame_lambda
+def _continuum_table(element: Continuum, properties: BeamProperties) -> StrainTable:
+    weights, rows = element.strain_table(properties)
     flat = np.zeros((rows.shape[2], rows.shape[2]))
-    return StrainTable(np.asarray(volume * np.outer(wx, wy).ravel()), rows, elasticity, flat)
+    return StrainTable(weights, rows, elasticity(properties, element.n_dim), flat, element.n_dim)
 
 
-def _cable_table(element: Element, properties: BeamProperties) -> StrainTable:
+def _cable_table(element: Element, properties: BeamProperties, n_dim: int) -> StrainTable:
     x, w = gauss_legendre(2 * element.degree - 1)
     weights = np.asarray(w * element.length)
     rows, bend = (np.array([element.shape(float(xi), 0.0, (k, 0)) for xi in x]) for k in (1, 2))
-    bending = properties.bending_stiffness * (bend.T * weights) @ bend
-    return StrainTable(weights, rows[None], np.array([[properties.axial_stiffness]]), np.asarray(bending))
+    bending = np.asarray(properties.bending_stiffness * (bend.T * weights) @ bend)
+    return StrainTable(weights, rows[None], np.array([[properties.axial_stiffness]]), bending, n_dim)

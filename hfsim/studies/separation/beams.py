@@ -1,5 +1,7 @@
 """The soft beam of the paper's section 7.1 as the study runs it: pinned at its root, let go as an arc.
 
+In space, where its section is the rectangle of the same area and second moment, the arc is twisted too.
+
 Batches of beams that differ in their starts are one scene, whose elements share one law: they move at once,
 as an ensemble does.
 """
@@ -27,6 +29,12 @@ STEPS = 10
 
 _HEIGHT = math.sqrt(12.0 * SECOND_MOMENT / AREA)
 
+KINDS = {name: (name, 2) for name in ELEMENTS} | {"spatial_continuum": ("continuum", 3)}
+"""What is measured: elements of `ELEMENTS` in plane or space."""
+
+TWIST = 0.5
+"""Angle by which a beam in space is twisted for each radian that it is bent [-]."""
+
 
 @dataclass(frozen=True)
 class Beams:
@@ -35,7 +43,7 @@ class Beams:
     Attributes
     ----------
     kind : str
-        Of `ELEMENTS`.
+        Of `KINDS`.
     count : int
         Elements of each beam.
     states : int
@@ -49,7 +57,12 @@ class Beams:
     @cached_property
     def element(self) -> Element:
         """One of the elements, which are all equal."""
-        return ELEMENTS[self.kind].of(LENGTH / self.count, 3)
+        return ELEMENTS[KINDS[self.kind][0]].of(LENGTH / self.count, 3, n_dim=self.n_dim)
+
+    @property
+    def n_dim(self) -> int:
+        """Of the space that the beams move in."""
+        return KINDS[self.kind][1]
 
     @property
     def properties(self) -> BeamProperties:
@@ -60,6 +73,7 @@ class Beams:
             lame_mu=0.5 * MODULUS,
             height=_HEIGHT,
             width=AREA / _HEIGHT,
+            breadth=AREA / _HEIGHT,
         )
 
     @property
@@ -70,15 +84,23 @@ class Beams:
 
     @cached_property
     def nodes(self) -> Array:
-        """Nodal vectors at the start, shape (n_states, n_nodes, n_per_node, 2).
+        """Nodal vectors at the start, shape (n_states, n_nodes, n_per_node, n_dim).
 
         Arcs, large deformations: the first of one radian, the others up to half as much more.
         """
         bend = np.linspace(1.0, 1.5, self.states)[:, None]
         angle = bend * np.linspace(0.0, 1.0, self.count + 1)
         c, s = np.cos(angle), np.sin(angle)
-        rows = [(LENGTH / bend * s, LENGTH / bend * (1.0 - c)), (c, s), (-s, c)]
-        return np.moveaxis(np.array(rows[: self.element.per_node]), (0, 1), (-2, -1))
+        place, along, across = (LENGTH / bend * s, LENGTH / bend * (1.0 - c)), (c, s), (-s, c)
+        if self.n_dim == 2:
+            rows = np.array([place, along, across][: self.element.per_node])
+            return np.moveaxis(rows, (0, 1), (-2, -1))
+        flat = np.zeros_like(angle)
+        first, second = np.array([*across, flat]), np.array([flat, flat, flat + 1.0])
+        turn = np.cos(TWIST * angle), np.sin(TWIST * angle)
+        sides = turn[0] * first + turn[1] * second, turn[0] * second - turn[1] * first
+        rows = np.array([[*place, flat], [*along, flat], *sides])
+        return np.moveaxis(rows, (0, 1), (-2, -1))
 
     @cached_property
     def components(self) -> Array:
@@ -91,13 +113,19 @@ class Beams:
         """The deck of all beams."""
         names = [f"b{k}" for k in range(1, self.states + 1)]
         beam = {"material": "rubber", "section": "strip", "length": LENGTH, "elements": self.count}
+        strip: dict[str, str | float] = {"area": AREA, "second_moment": SECOND_MOMENT}
+        if self.n_dim == 3:
+            strip = {"shape": "rectangle", "height": _HEIGHT, "width": AREA / _HEIGHT}
+        pin = {"type": "revolute" if self.n_dim == 2 else "spherical"}
         deck = {
             "hfsim": 1,
-            "gravity": [0.0, -9.81],
+            "gravity": [0.0, -9.81, 0.0][: self.n_dim],
             "materials": {"rubber": {"density": DENSITY, "youngs_modulus": MODULUS}},
-            "sections": {"strip": {"area": AREA, "second_moment": SECOND_MOMENT}},
-            "bodies": {name: {"type": "beam", "element": self.kind, **beam} for name in names},
-            "joints": {f"pin_{b}": {"type": "revolute", "between": ["ground", f"{b}.root"]} for b in names},
+            "sections": {"strip": strip},
+            "bodies": {
+                name: {"type": "beam", "element": KINDS[self.kind][0], **beam} for name in names
+            },
+            "joints": {f"pin_{b}": {**pin, "between": ["ground", f"{b}.root"]} for b in names},
             "solve": {
                 "model": "ancf",
                 "method": "explicit",

@@ -11,7 +11,7 @@ from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.parts.elements import Element
 from hfsim.parts.elements._base import GramLaw, QuadraticMap
-from hfsim.studies.separation._base import StiffnessForm, both_components
+from hfsim.studies.separation._base import StiffnessForm, all_components
 
 
 @dataclass(frozen=True)
@@ -29,9 +29,13 @@ class GramStiffness(StiffnessForm):
     differences: Array
 
     @classmethod
-    def of(cls, element: Element, properties: BeamProperties) -> GramStiffness:
-        """Return the form of an element."""
-        return cls(element.gram_law(properties, 1), np.asarray(element.differences()))
+    def of(cls, element: Element, properties: BeamProperties, n_dim: int = 2) -> GramStiffness:
+        """Return the form of an element in plane or space."""
+        return cls(element.gram_law(properties, 1, n_dim), np.asarray(element.differences()))
+
+    @property
+    def _n_dim(self) -> int:
+        return self.law.dimension
 
     @cached_property
     def _columns(self) -> Array:
@@ -41,7 +45,7 @@ class GramStiffness(StiffnessForm):
     @cached_property
     def _tangent(self) -> QuadraticMap:
         """From the components of the difference vectors to the tangent over p."""
-        second, D = self.law.second_derivative, np.kron(self.differences, np.eye(2))
+        second, D = self.law.second_derivative, np.kron(self.differences, np.eye(self._n_dim))
 
         def on_nodes(rows: Array) -> Array:
             return np.asarray(D.T @ rows.reshape(-1, len(D), len(D)) @ D).reshape(len(rows), -1)
@@ -49,9 +53,9 @@ class GramStiffness(StiffnessForm):
         return replace(second, matrix=on_nodes(second.matrix), constant=on_nodes(second.constant))
 
     def _vectors(self, p: Array) -> Array:
-        """Return the difference vectors, shape (n_differences, 2, n_columns)."""
-        V = self.differences.dot(p.reshape(len(p) // 2, -1))
-        return np.asarray(V).reshape(len(V), 2, -1)
+        """Return the difference vectors, shape (n_differences, n_dim, n_columns)."""
+        V = self.differences.dot(p.reshape(len(p) // self._n_dim, -1))
+        return np.asarray(V).reshape(len(V), self._n_dim, -1)
 
     def _force(self, V: Array) -> Array:
         shares = self.law.shares(V).reshape(self._columns.shape[1], -1)
@@ -60,7 +64,8 @@ class GramStiffness(StiffnessForm):
     def stiffness(self, p: Array) -> Array:
         """Return K, shape (n_columns, n, n)."""
         H, D = self.law.weights(self._vectors(p)), self.differences
-        return both_components(D.T @ H.take(self.law.packed, axis=0).T.reshape(-1, len(D), len(D)) @ D)
+        of_one = D.T @ H.take(self.law.packed, axis=0).T.reshape(-1, len(D), len(D)) @ D
+        return all_components(of_one, self._n_dim)
 
     def force(self, p: Array) -> Array:
         """Return K p, shape (n, n_columns)."""

@@ -85,7 +85,7 @@ def measure(
     ----------
     elements : tuple of int
     kinds : tuple of str
-        Of `ELEMENTS`.
+        Of `beams.KINDS`.
     repeats : int
         Rounds of timing.
     budget : Budget
@@ -162,7 +162,8 @@ class _Way:
 
 def _cell(beams: Beams, repeats: int, budget: Budget) -> Cell:
     p = beams.components
-    forms = {name: elastic_form(name).of(beams.element, beams.properties) for name in ELASTIC_FORMS}
+    one = beams.element, beams.properties, beams.n_dim
+    forms = {name: elastic_form(name).of(*one) for name in ELASTIC_FORMS}
     ways = {name: _Way(form, p, beams.scene(name)) for name, form in forms.items()}
     direct, *_ = ways.values()
     results = [way.results() for way in ways.values()]

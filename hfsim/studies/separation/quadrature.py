@@ -18,17 +18,17 @@ from hfsim.studies.separation._base import StiffnessForm, StrainTable, times
 class DirectStiffness(StiffnessForm):
     r"""K(p) as eq. (25)/(27) says: every entry by quadrature at every call.
 
-    With :math:`A_r = S_{11}, S_{22}, S_{12} + S_{21}` and the elastic coefficients E_rs of eq. (22)
-    in the plane, the integrand is :math:`\frac12 (p^T A_r p - 1_r) E_{rs} A_s`.  Shape rows are looked
+    With :math:`A_r = S_{ii}, S_{ik(i)} + S_{k(i)i}` and the elastic coefficients E_rs of eq. (22), the
+    integrand is :math:`\frac12 (p^T A_r p - 1_r) E_{rs} A_s`.  Shape rows are looked
     up; the matrices S_ij, the strains and the entries are computed each time, for all elements together.
     """
 
     table: StrainTable
 
     @classmethod
-    def of(cls, element: Element, properties: BeamProperties) -> Self:
-        """Return the form of an element."""
-        return cls(StrainTable.of(element, properties))
+    def of(cls, element: Element, properties: BeamProperties, n_dim: int = 2) -> Self:
+        """Return the form of an element in plane or space."""
+        return cls(StrainTable.of(element, properties, n_dim))
 
     def _matrices(self) -> Array:
         """Return A_r at each point, shape (n_strains * n_points, n, n)."""

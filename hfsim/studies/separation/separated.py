@@ -38,7 +38,7 @@ class _Distinct:
     entry : ndarray of int, shape (most in a row * n,)
         Of the k-th entry of each row of K that does not vanish, the number among the distinct ones.
     together : int
-        Products that enter K with the same factor, as those of x and of y components do; they stand in so
+        Products that enter K with the same factor, as those of equal components do; they stand in so
         many blocks.
     """
 
@@ -107,9 +107,9 @@ class SeparatedStiffness(StiffnessForm):
     c: Array
 
     @classmethod
-    def of(cls, element: Element, properties: BeamProperties) -> SeparatedStiffness:
-        """Return the separated form of an element."""
-        table = StrainTable.of(element, properties)
+    def of(cls, element: Element, properties: BeamProperties, n_dim: int = 2) -> SeparatedStiffness:
+        """Return the separated form of an element in plane or space."""
+        table = StrainTable.of(element, properties, n_dim)
         weighted = 0.5 * np.einsum("rs,g,sgab->rgab", table.elasticity, table.weights, table.strains())
         c = table.constant - np.einsum("r,rgab->ab", table.unit, weighted)
         C = np.tensordot(weighted, table.products(), axes=([0, 1], [0, 1]))

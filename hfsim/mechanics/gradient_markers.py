@@ -1,0 +1,126 @@
+"""Markers of beams in space with gradient vectors: r_x and r_y, of any length and angle, make a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.maths.rotations import cross
+from hfsim.mechanics.force import difference
+from hfsim.mechanics.markers import ROUNDING, Marker
+from hfsim.mechanics.products import LinearVector
+from hfsim.mechanics.spatial_markers import VectorMarker
+
+
+class _Gradients(NamedTuple):
+    """Axes t1, t2, t3, (n_batch, 3) each, and r_x = length t1, r_y = along t1 + beside t2, (n_batch, 1)."""
+
+    axes: tuple[Array, Array, Array]
+    length: Array
+    along: Array
+    beside: Array
+
+
+@dataclass(frozen=True, eq=False)
+class GradientMarker(VectorMarker):
+    """A material point of a fully parameterised beam; ``axis_rows`` are those of r_x and r_y there.
+
+    Its first axis is that of r_x, as in the plane; its second lies in the plane of r_x and r_y.  Shear and
+    stretch of the section do not turn it about the first.
+    """
+
+    @property
+    def n_axes(self) -> int:  # type: ignore[override]
+        """All three."""
+        return 3
+
+    @property
+    def oblique(self) -> VectorMarker:
+        """The same point with r_x and r_y themselves for axes."""
+        return VectorMarker(self.columns, self.place_row, self.axis_rows)
+
+    def _gradients(self, x: Array) -> _Gradients:
+        g = self._combined(x, self.axis_rows)
+        length = np.linalg.norm(g[:, 0], axis=-1, keepdims=True)
+        t1 = g[:, 0] / length
+        along = np.sum(g[:, 1] * t1, axis=-1, keepdims=True)
+        t2 = g[:, 1] - along * t1
+        beside = np.linalg.norm(t2, axis=-1, keepdims=True)
+        t2 = t2 / beside
+        return _Gradients((t1, t2, cross(t1, t2)), length, along, beside)
+
+    def axes(self, x: Array) -> Array:
+        """Return its axes, of unit length and at right angles, shape (n_batch, 3, 3)."""
+        return np.stack(self._gradients(x).axes, axis=1)
+
+    def frame(self, x: Array) -> Array:
+        """Return the same as columns, shape (n_batch, 3, 3)."""
+        return np.stack(self._gradients(x).axes, axis=2)
+
+    def _slope(self, a: Array) -> Array | None:
+        """Return the row of r_x times its part of a direction that is along the first axis; else None."""
+        a = np.asarray(a)
+        return a[0] * self.axis_rows[0] if np.abs(a[1:]).max() <= ROUNDING else None
+
+    def axis(self, x: Array, a: Array) -> Array:
+        """Return r_x itself for the first axis, which is linear in the coordinates; others of unit length."""
+        slope = self._slope(a)
+        return self.turned(x, np.asarray(a)) if slope is None else self._combined(x, slope)
+
+    def linear_axis(self, a: Array) -> LinearVector | None:
+        """Return r_x; None of any other."""
+        slope = self._slope(a)
+        return None if slope is None else self._linear(slope)
+
+    def axis_jacobian(self, x: Array, a: Array) -> Array:
+        """Return the derivative of `axis` by the coordinates, shape (n_batch or 1, 3, n_columns)."""
+        slope = self._slope(a)
+        return Marker.axis_jacobian(self, x, a) if slope is None else np.kron(slope, np.eye(3))[None]
+
+    def axis_bias(self, x: Array, u: Array, a: Array) -> Array:
+        """Return its second time derivative at zero accelerations, shape (n_batch, 3)."""
+        return np.zeros((len(x), 3)) if self._slope(a) is not None else Marker.axis_bias(self, x, u, a)
+
+    def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
+        """Return the second derivative of force . axis in one state, by differences."""
+        if self._slope(a) is not None:
+            return NOTHING
+
+        def pulled(moved: Array) -> Array:
+            out = np.zeros_like(moved)
+            out[:, self.columns] = (force @ self.axis_jacobian(moved, a)).reshape(len(moved), -1)
+            return out
+
+        return difference(pulled, x, self.support)
+
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return the derivative of its turn: r_x turns t1, and r_y beside it turns the frame about t1."""
+        (t1, t2, t3), length, along, beside = self._gradients(x)
+        tilt = (-t2 - along / beside * t1) / length
+        by_slope = tilt[:, :, None] * t3[:, None] + (t3 / length)[:, :, None] * t2[:, None]
+        by_side = (t1 / beside)[:, :, None] * t3[:, None]
+        blocks = np.stack([by_slope, by_side], axis=1)
+        J = np.einsum("baki,an->bkni", blocks, self.axis_rows)
+        return np.asarray(J.reshape(len(x), 3, -1))
+
+    def spin_bias(self, x: Array, u: Array) -> Array:
+        """Return its angular acceleration where r_x and r_y have none, shape (n_batch, 3)."""
+        axes, length, along, beside = self._gradients(x)
+        slope, side = np.moveaxis(self._combined(u, self.axis_rows), 1, 0)
+
+        def part(a: Array, k: int) -> Array:
+            return np.asarray(np.sum(a * axes[k], axis=-1, keepdims=True))
+
+        growth = part(slope, 0) / length
+        w2, w3 = -part(slope, 2) / length, part(slope, 1) / length
+        w1 = (part(side, 2) + along * w2) / beside
+        a2, a3 = w1 * w3 - 2.0 * growth * w2, -w1 * w2 - 2.0 * growth * w3
+        shear = part(side, 0) + beside * w3
+        widening = part(side, 1) - along * w3
+        turned = w2 * part(side, 0) - w1 * part(side, 1)
+        a1 = (turned + shear * w2 + along * a2 - w1 * widening) / beside
+        return np.asarray(a1 * axes[0] + a2 * axes[1] + a3 * axes[2])

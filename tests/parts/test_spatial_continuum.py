@@ -1,0 +1,302 @@
+"""The fully parameterised element in space: laws of its energy, mass and shapes, and scenes with it."""
+
+import json
+
+import numpy as np
+import pytest
+from analytical import gauss, homogeneous_energy, jacobian
+
+from hfsim.deck.materials import BeamProperties
+from hfsim.maths.rotations import rotation, rotation_vector
+from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.elements import Continuum, join_laws
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+
+LENGTH, HEIGHT, WIDTH = 0.7, 0.3, 0.2
+LAMBDA, MU, DENSITY = 500.0, 400.0, 3.0
+OWN = BeamProperties(
+    mass_per_length=DENSITY * HEIGHT * WIDTH,
+    axial_stiffness=300.0,
+    lame_lambda=LAMBDA,
+    lame_mu=MU,
+    height=HEIGHT,
+    width=WIDTH,
+    breadth=WIDTH,
+)
+DEGREES = [(3, 1), (3, 2), (5, 4)]
+CASES = [(p, q, n_dim) for p, q in DEGREES for n_dim in (2, 3)]
+R = rotation(np.array([0.7, -1.1, 0.4]))
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(11)
+
+
+@pytest.fixture(params=CASES, ids=lambda c: f"{c[0]}-{c[1]}-{c[2]}d")
+def element(request):
+    p, q, n_dim = request.param
+    return Continuum.of(LENGTH, p, q, n_dim)
+
+
+def undeformed(element):
+    return BeamMesh(element, 1, OWN).undeformed
+
+
+def bent(element, rng, size=0.15):
+    """Nodal vectors of a deformed element, each component by itself."""
+    P = undeformed(element)
+    steps = np.where(BeamMesh(element, 1, OWN).positions, LENGTH, 1.0)[:, None]
+    return P + size * rng.normal(size=P.shape) * steps
+
+
+class Energy:
+    """Energy, gradient and Hessian in nodal components (n_batch, n)."""
+
+    def __init__(self, element, kind="law"):
+        self.n_dim, self.D = element.n_dim, element.differences()
+        self.law = getattr(element, kind)(OWN, 1)
+
+    def _vectors(self, p):
+        return (self.D @ p.reshape(len(p), -1, self.n_dim))[:, None]
+
+    def energy(self, p):
+        return self.law.energy(self._vectors(p))[:, 0]
+
+    def gradient(self, p):
+        return (self.D.T @ self.law.gradient(self._vectors(p))[:, 0]).reshape(len(p), -1)
+
+    def hessian(self, p):
+        D = np.kron(self.D, np.eye(self.n_dim))
+        return D.T @ self.law.hessian(self._vectors(p))[:, 0] @ D
+
+
+def gradients(element, P, xi, y, z):
+    """F = (r_x, r_y[, r_z]) as columns, from the element's own shapes."""
+    units = np.eye(element.n_dim, dtype=int)
+    return np.stack([element.shape(xi, y, tuple(one), z) @ P for one in units], axis=-1)
+
+
+# ---------------------------------------------------------------- shapes and mass
+
+
+def test_coordinates_of_the_paper():
+    element = Continuum.of(LENGTH, 3, n_dim=3)
+    assert (element.stride + element.per_node) * 3 == 24
+    assert undeformed(element)[4:].tolist() == [[LENGTH, 0.0, 0.0], *np.eye(3).tolist()]
+
+
+def test_shapes_against_differences(element):
+    h, places = 1e-4, [(0.0, 0.1, -0.05), (0.37, -0.05, 0.03), (1.0, 0.02, 0.08)]
+    for xi, y, z in places:
+        z *= element.n_dim == 3
+        values = {by: element.shape(xi, y, by, z) for by in ((1, 0, 0), (0, 1, 0), (0, 0, 1), (2, 0, 0))}
+        steps = {(1, 0, 0): (h / LENGTH, 0, 0), (0, 1, 0): (0, h, 0), (0, 0, 1): (0, 0, h)}
+        for by, (a, b, c) in list(steps.items())[: element.n_dim]:
+            ends = [element.shape(xi + s * a, y + s * b, (0, 0), z + s * c) for s in (1, -1)]
+            assert values[by] == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=3e-6)
+        ends = [element.shape(xi + s * h / LENGTH, y, (1, 0, 0), z) for s in (1, -1)]
+        assert values[2, 0, 0] == pytest.approx((ends[0] - ends[1]) / (2 * h), abs=1e-5)
+        place = [xi * LENGTH, y, z][: element.n_dim]
+        assert element.shape(xi, y, (0, 0), z) @ undeformed(element) == pytest.approx(place, abs=1e-15)
+
+
+def test_mass_is_the_integral_of_the_shapes(element):
+    x, wx = gauss(12, 0, 1)
+    y, wy = gauss(4, -HEIGHT / 2, HEIGHT / 2)
+    z, wz = gauss(4, -WIDTH / 2, WIDTH / 2)
+    M = 0.0
+    for xi, a in zip(x, wx, strict=True):
+        for eta, b in zip(y, wy, strict=True):
+            for zeta, c in zip(z, wz, strict=True):
+                N = element.shape(xi, eta, (0, 0), zeta if element.n_dim == 3 else 0.0)
+                M = M + a * b * c * LENGTH * DENSITY * np.outer(N, N)
+    assert np.abs(element.mass(OWN) - M).max() < 1e-13 * np.abs(M).max()
+
+
+# ---------------------------------------------------------------- energy
+
+
+@pytest.mark.parametrize("kind", ["law", "gram_law", "point_law"])
+def test_rigid_motion_strains_nothing(element, kind, rng):
+    law, P = Energy(element, kind), undeformed(element)
+    for _ in range(4):
+        turn = rotation(rng.normal(size=3) * [0.0, 0.0, 2.0] if element.n_dim == 2 else rng.normal(size=3))
+        turn = turn[: element.n_dim, : element.n_dim]
+        moved = P @ turn.T + BeamMesh(element, 1, OWN).positions[:, None] * rng.normal(size=element.n_dim)
+        assert abs(law.energy(moved.reshape(1, -1))[0]) < 1e-13
+        assert np.abs(law.gradient(moved.reshape(1, -1))).max() < 1e-10
+
+
+@pytest.mark.parametrize("kind", ["gram_law", "point_law"])
+def test_force_and_hessian_are_slopes_of_the_energy(element, kind, rng):
+    law, p = Energy(element, kind), bent(element, rng).ravel()
+    slope, force = jacobian(law.energy, p), law.gradient(p[None])[0]
+    assert force == pytest.approx(slope, rel=1e-8, abs=1e-8 * np.abs(slope).max())
+    H, slopes = law.hessian(p[None])[0], jacobian(law.gradient, p)
+    assert np.abs(H - slopes).max() < 1e-8 * np.abs(H).max()
+    assert np.abs(H - H.T).max() < 1e-13 * np.abs(H).max()
+
+
+def test_both_laws_are_the_integral_of_the_strains(element, rng):
+    """Eq. (20)-(23) by many Gauss points, from the gradients: lambda/2 tr(e)^2 + mu e:e."""
+    P = bent(element, rng)
+    x, wx = gauss(14, 0, 1)
+    y, wy = gauss(5, -HEIGHT / 2, HEIGHT / 2)
+    z, wz = gauss(5, -WIDTH / 2, WIDTH / 2)
+    total = 0.0
+    for xi, a in zip(x, wx, strict=True):
+        for eta, b in zip(y, wy, strict=True):
+            for zeta, c in zip(z, wz, strict=True):
+                F = gradients(element, P, xi, eta, zeta if element.n_dim == 3 else 0.0)
+                total += homogeneous_energy(F, LAMBDA, MU, a * b * c * LENGTH)
+    for kind in ("gram_law", "point_law"):
+        assert Energy(element, kind).energy(P.reshape(1, -1))[0] == pytest.approx(total, rel=1e-12)
+
+
+def test_only_rigid_motions_store_nothing(element):
+    sizes = np.linalg.eigvalsh(Energy(element).hessian(undeformed(element).reshape(1, -1))[0])
+    free = 3 if element.n_dim == 2 else 6
+    assert np.abs(sizes[:free]).max() < 1e-11 * sizes[-1]
+    assert sizes[free] > 1e-7 * sizes[-1]
+
+
+def test_laws_of_many_elements_act_one_by_one(element, rng):
+    stiff = OWN._replace(axial_stiffness=300.0)
+    laws = [element.law(stiff, count) for count in (2, 1)]
+    V = element.differences() @ np.array([bent(element, rng) for _ in range(3)])
+    joined = join_laws(laws)
+    for method in ("energy", "gradient", "hessian"):
+        parts = [getattr(laws[0], method)(V[None, :2]), getattr(laws[1], method)(V[None, 2:])]
+        both = np.concatenate(parts, axis=1)
+        assert np.abs(getattr(joined, method)(V[None]) - both).max() < 1e-12 * np.abs(both).max()
+
+
+def test_a_planar_deformation_stores_what_the_planar_element_does(rng):
+    """With the out-of-plane section vector unchanged there is no strain across the plane."""
+    flat, solid = Continuum.of(LENGTH, 3), Continuum.of(LENGTH, 3, n_dim=3)
+    P = bent(flat, rng)
+    Q = undeformed(solid)
+    Q[[0, 1, 2, 4, 5, 6], :2] = P
+    here, there = Energy(flat), Energy(solid)
+    turned = (Q @ R.T).reshape(1, -1)
+    assert there.energy(turned) == pytest.approx(here.energy(P.reshape(1, -1)), rel=1e-12)
+    force = (there.gradient(turned).reshape(-1, 3) @ R)[[0, 1, 2, 4, 5, 6]]
+    assert force[:, :2].ravel() == pytest.approx(here.gradient(P.reshape(1, -1))[0], abs=1e-10)
+    assert np.abs(force[:, 2]).max() < 1e-11
+
+
+# ---------------------------------------------------------------- scenes
+
+BEAM = "type: beam, material: soft, section: bar, element: continuum"
+HEAD = """hfsim: 1
+materials: {{soft: {{density: 900.0, youngs_modulus: 2.0e6, poisson_ratio: {poisson}}}}}
+sections: {{bar: {{shape: rectangle, width: 0.06, height: 0.05}}}}
+solve: {{model: {model}, duration: 0.2, tolerance: 1.0e-11, coordinates: {coordinates}}}
+"""
+PLANE = """
+gravity: [0.0, -9.81]
+bodies:
+  b1: {{{BEAM}, elements: 2, length: 1.5, points: {{side: [0.7, 0.02]}}}}
+  b2: {{{BEAM}, elements: 1, length: 1.0}}
+joints:
+  pin: {{type: revolute, between: [ground, b1.root]}}
+  elbow: {{type: fixed, between: [b1.side, b2.root], angle: -0.5}}
+initial: {{b1: {{angle: 0.3, angular_velocity: 2.0}}, b2: {{angle: -0.2}}}}
+output: {{interval: 0.1, channels: [b1.tip.x, b1.tip.y, b2.tip.x, b2.tip.y, b1.tip.deflection,
+                                    b2.angular_velocity, elbow.moment, energy.total, energy.strain]}}
+"""
+SPACE = """
+gravity: {gravity}
+ground: {{points: {{wall: {wall}}}}}
+bodies:
+  b1: {{{BEAM}, elements: 2, length: 1.5, points: {{side: [0.7, 0.02, 0.0]}}}}
+  b2: {{{BEAM}, elements: 1, length: 1.0}}
+joints:
+  pin: {{type: revolute, between: [ground.wall, b1.root], axis: {axis}}}
+  elbow: {{type: fixed, between: [b1.side, b2.root],
+           orientation: {{axis: [0, 0, 1], angle: -0.5}}}}
+initial:
+  b1: {{orientation: {{rotation_vector: {first}}}, angular_velocity: {spin}}}
+  b2: {{orientation: {{rotation_vector: {second}}}}}
+output: {{interval: 0.1, channels: [b1.tip.x, b1.tip.y, b1.tip.z, b2.tip.x, b2.tip.y, b2.tip.z,
+   b1.tip.deflection_y, b1.tip.deflection_z, b2.angular_velocity_x, b2.angular_velocity_y,
+   b2.angular_velocity_z, elbow.moment_x, elbow.moment_y, elbow.moment_z, energy.total, energy.strain]}}
+"""
+
+
+def spatial(turn, poisson, model="exact", coordinates="auto", tilt=0.0, shift=(0.0, 0.0, 0.0)):
+    """The planar scene in a plane of space; with a tilt of its axis and its weight it is no longer planar."""
+
+    def told(vector):
+        return json.dumps((turn @ np.array(vector)).tolist())
+
+    def facing(angle):
+        return json.dumps(rotation_vector(turn @ rotation(np.array([0.0, 0.0, angle]))).tolist())
+
+    text = (HEAD + SPACE).format(
+        BEAM=BEAM, model=model, coordinates=coordinates, poisson=poisson, wall=json.dumps(list(shift)),
+        gravity=told([0.0, -9.81, 9.81 * tilt]), axis=told([0.0, 0.0, 1.0]), first=facing(0.3),
+        second=facing(-0.2), spin=told([0.0, 0.0, 2.0]),
+    )  # fmt: skip
+    return run(text)
+
+
+def run(text):
+    result = simulate(parse_deck(text), error_estimate=False)
+    assert result.status == "done", result.reason
+    return {channel.name: channel.values for channel in result.channels}
+
+
+def vector(found, name):
+    return np.stack([found[f"{name}{axis}"] for axis in "xyz"], axis=1)
+
+
+@pytest.fixture(scope="module")
+def tilted():
+    return spatial(np.eye(3), 0.3, tilt=0.5)
+
+
+@pytest.mark.parametrize("model", ["exact", "ancf"])
+def test_a_planar_scene_in_a_plane_of_space_moves_as_in_the_plane(model):
+    """Poisson's ratio zero: the section vector across the plane stays what it is."""
+    plane = run((HEAD + PLANE).format(BEAM=BEAM, model=model, coordinates="auto", poisson=0.0))
+    found = spatial(R, 0.0, model)
+    for name in ("b1.tip.", "b2.tip."):
+        flat = np.stack([plane[name + "x"], plane[name + "y"], 0.0 * plane[name + "x"]], axis=1)
+        assert vector(found, name) @ R == pytest.approx(flat, abs=1e-9)
+    assert found["b1.tip.deflection_y"] == pytest.approx(plane["b1.tip.deflection"], abs=1e-9)
+    assert np.ptp(plane["b1.tip.deflection"]) > 0.05
+    spin, moment = vector(found, "b2.angular_velocity_") @ R, vector(found, "elbow.moment_") @ R
+    assert spin[:, 2] == pytest.approx(plane["b2.angular_velocity"], abs=1e-7)
+    assert moment[:, 2] == pytest.approx(plane["elbow.moment"], abs=1e-6)
+    for name in ("energy.total", "energy.strain"):
+        assert found[name] == pytest.approx(plane[name], abs=1e-8)
+
+
+def test_contraction_across_the_plane_is_what_the_plane_leaves_out():
+    """The planar element is in plane strain; in space it may become thinner."""
+    plane = run((HEAD + PLANE).format(BEAM=BEAM, model="exact", coordinates="auto", poisson=0.3))
+    found = spatial(np.eye(3), 0.3)
+    assert np.abs(found["b2.tip.x"] - plane["b2.tip.x"]).max() > 1e-4
+
+
+WAYS = [("ancf", "auto"), ("exact", "frame"), ("exact", "absolute")]
+
+
+@pytest.mark.parametrize(("model", "coordinates"), WAYS)
+def test_exact_in_both_coordinates_and_ancf_are_one(tilted, model, coordinates):
+    found = spatial(np.eye(3), 0.3, model, coordinates, tilt=0.5)
+    for name, values in tilted.items():
+        tolerance = 1e-9 * max(1.0, np.abs(values).max()) if "moment" not in name else 1e-6
+        assert found[name] == pytest.approx(values, abs=tolerance), name
+
+
+def test_a_turned_and_shifted_scene_moves_the_same(tilted):
+    shift = np.array([0.3, -2.0, 1.0])
+    found = spatial(R, 0.3, tilt=0.5, shift=shift)
+    for name in ("b1.tip.", "b2.tip."):
+        assert vector(found, name) == pytest.approx(vector(tilted, name) @ R.T + shift, abs=1e-9)
+    assert np.abs(tilted["b1.tip.deflection_z"]).max() > 0.02
+    assert np.ptp(tilted["energy.total"]) < 1e-9
