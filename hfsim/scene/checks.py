@@ -32,7 +32,7 @@ def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Com
         yield from check(declared)
     yield from ChannelNames(declared, n_dim).complaints()
     why = _space_said_by(data, where) if where else ""
-    if n_dim == 3 and len(data.get("gravity") or (0, 0, 0)) == 2:
+    if n_dim == 3 and "gravity" in data and len(entries.get("gravity") or ()) == 2:
         yield Complaint(("gravity",), f"must be a list of 3 numbers: this scene is spatial: {why}")
     around = _around(entries, n_dim, why)
     for path, entry in specs_in(entries):
