@@ -142,3 +142,21 @@ class Blueprint(NamedTuple):
         """Return the weight on its nodal vectors: masses of vectors times gravity (eq. 31)."""
         columns = np.arange(self.nodal_columns.start, self.nodal_columns.stop)
         return ConstantForce(n, columns, np.kron(self.mesh.vector_masses, self.gravity), item=self.item)
+
+    def element_matrices(self, curvature: str) -> tuple[Array, Array]:
+        """Return stiffness [J] and damping [J s] of each undeformed element over its difference vectors.
+
+        Shapes (n_elements, n_vectors * n_dim, n_vectors * n_dim).
+        """
+        straight = self.difference_vectors(self.undeformed[None])
+
+        def matrix(properties: BeamProperties, curvature: str) -> Array:
+            law = self.law(properties, self.measures._replace(curvature=curvature))
+            return np.asarray(law.hessian(straight)[0])
+
+        own, K = self.properties, matrix(self.properties, curvature)
+        if not own.damped:
+            return K, np.zeros_like(K)
+        # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
+        axial = matrix(own._replace(bending_stiffness=0.0), "exact")
+        return K, own.axial_damping * axial + own.bending_damping * (matrix(own, "exact") - axial)

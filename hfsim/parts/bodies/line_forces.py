@@ -16,7 +16,6 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import cross, normal, skew
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.linear import element_matrices
 from hfsim.parts.elements.polynomial import difference_rows
 
 
@@ -88,7 +87,7 @@ def small_forces(
     places : ndarray, shape (n_places,)
     """
     straight = beam.difference_vectors(np.broadcast_to(beam.undeformed, moved.shape))
-    stiffness, damping = element_matrices(beam, curvature)
+    stiffness, damping = beam.element_matrices(curvature)
     change, changing = beam.difference_vectors(moved), beam.difference_vectors(rates)
     flat = (*change.shape[:2], -1, 1)
     dU = stiffness @ change.reshape(flat) + damping @ changing.reshape(flat)

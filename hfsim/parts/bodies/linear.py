@@ -8,7 +8,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from hfsim.deck.materials import BeamProperties
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, ComplexArray, IntArray
 from hfsim.maths.rotations import as_complex, as_vectors
@@ -64,30 +63,11 @@ def linearised(beam: Blueprint, kind: type[LinearElasticForce]) -> LinearElastic
     local = np.kron(mesh.differences, np.eye(beam.n_dim)).reshape(count, -1, beam.n_dim * mesh.n_vectors)
     K, damping = (
         np.asarray(sum(part.T @ own @ part for part, own in zip(local, matrices, strict=True)))
-        for matrices in element_matrices(beam, beam.measures.curvature)
+        for matrices in beam.element_matrices(beam.measures.curvature)
     )
     return kind(
         beam.name, beam.nodal_columns, K, damping, beam.undeformed, mesh.positions, item=beam.item
     )
-
-
-def element_matrices(beam: Blueprint, curvature: str) -> tuple[Array, Array]:
-    """Return stiffness [J] and damping [J s] of each undeformed element over its difference vectors.
-
-    Shapes (n_elements, n_vectors * n_dim, n_vectors * n_dim).
-    """
-    straight = beam.difference_vectors(beam.undeformed[None])
-
-    def matrix(properties: BeamProperties, curvature: str) -> Array:
-        law = beam.law(properties, beam.measures._replace(curvature=curvature))
-        return np.asarray(law.hessian(straight)[0])
-
-    own, K = beam.properties, matrix(beam.properties, curvature)
-    if not own.damped:
-        return K, np.zeros_like(K)
-    # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
-    axial = matrix(own._replace(bending_stiffness=0.0), "exact")
-    return K, own.axial_damping * axial + own.bending_damping * (matrix(own, "exact") - axial)
 
 
 @dataclass(frozen=True, eq=False)
