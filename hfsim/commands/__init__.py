@@ -22,6 +22,17 @@ _SEVERITY = (0, 4, 5, 3, 2, 1, 130, 143)
 """Exit codes from harmless to grave."""
 
 
+def import_libraries() -> None:
+    """Import the large libraries from near the bottom of the stack.
+
+    From deep in a chain of imports their classes take longer: whenever a call crosses the end of a chunk of
+    its stack, CPython 3.11 maps another and lets it go again.
+    """
+    import numpy  # noqa: F401
+    import pydantic  # noqa: F401
+    import yaml  # noqa: F401
+
+
 def worst(codes: Iterable[int]) -> int:
     """Return the gravest of several exit codes: 0 < 4 < 5 < 3 < 2 < 1 < 130 < 143; others count as 1.
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from hfsim.commands import report_error, worst
+from hfsim.commands import import_libraries, report_error, worst
 from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import setting_options, talk_options
 from hfsim.errors import HfsimError
@@ -37,6 +37,7 @@ _MOST_MOTIONS = 12
 @talk_options
 def check(decks: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> None:
     """Validate and assemble each DECK; every one is looked at, exit code 2 if any is bad."""
+    import_libraries()
     raise click.exceptions.Exit(worst([_check_one(argument, overrides, talk) for argument in decks]))
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from hfsim.commands import STARTED, report_error, worst
+from hfsim.commands import STARTED, import_libraries, report_error, worst
 from hfsim.commands.decks import assemble, command_line, load_decks, provenance_of
 from hfsim.commands.options import (
     names,
@@ -124,6 +124,7 @@ def run(
     with beams of elements: auto has only these refined, to 1e-2 unless it states a target. Exit code 4: no
     refinement reaches it; 5: the budget does not suffice. The best result is kept then.
     """
+    import_libraries()
     from hfsim.output.extras import Extras
 
     overrides = (*overrides, *_target(target_error, target_channels, budget))

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator
 
-from hfsim.deck.spec import Complaint, ReadBy, refusal, shown
+from hfsim.deck.spec import Complaint, ReadBy, entry_of, refusal, shown
 from hfsim.deck.units import RANGES, SI_UNITS, UnitError, describe, parse_quantity
 
 _BOUNDS: dict[str, tuple[Callable[[float, float], bool], str]] = {
@@ -147,7 +147,6 @@ def _one_or_three(dimension: str, value: object) -> object:
     return tuple(read(one) for one in entries(value, (3,), "numbers"))  # type: ignore[attr-defined]
 
 
-
 def _read_inertia(value: object) -> object:
     """Return a moment of inertia, three, or a matrix of rows."""
     read = partial(_read_number, "inertia", {})
@@ -218,6 +217,15 @@ def within(number: float, ends: tuple[float, float]) -> bool:
     return ends[0] <= number <= ends[1]
 
 
+_ALIKE = 1e-9
+"""Difference of numbers, relative to the larger, that counts as none."""
+
+
+def alike(pair: tuple[float, float]) -> bool:
+    """Tell whether two numbers are the same."""
+    return abs(pair[0] - pair[1]) <= _ALIKE * max(pair)
+
+
 def degrees_as_radians(key: str, angle: float | None) -> Iterator[Complaint]:
     """Yield an angle of several turns whose number looks like one of degrees."""
     if angle is not None and abs(angle) > math.tau and (2 * angle).is_integer():
@@ -232,6 +240,9 @@ def _empty_map(value: object) -> object:
 EmptyAllowed = BeforeValidator(_empty_map)
 
 Points = Annotated[dict[Name, LengthVector], EmptyAllowed]
+
+Orientation = Annotated[Any, entry_of("hfsim.deck.orientation.OrientationSpec")]
+"""Orientation of a frame in space, in one of four forms."""
 
 
 def split_point(reference: str) -> tuple[str, str]:

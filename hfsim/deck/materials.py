@@ -1,11 +1,18 @@
 """Materials, and all numbers that follow from them and from cross-sections; no other file computes these."""
 
 from collections.abc import Iterator
-from typing import Annotated, NamedTuple, Self
+from typing import TYPE_CHECKING, Annotated, NamedTuple, Self
 
 from hfsim.deck.fields import NonNegativeTime, PositiveDensity, PositivePressure, measures, within
-from hfsim.deck.sections import AnySection, Fibres, Moments, StiffnessSection, equivalent_side
+from hfsim.deck.sections import Fibres, GeneralSection, Moments, equivalent_side
 from hfsim.deck.spec import Around, Complaint, Spec
+
+if TYPE_CHECKING:
+    from hfsim.deck.section_shapes import CircleSection, RectangleSection, TubeSection
+    from hfsim.deck.section_stiffness import StiffnessSection
+
+    ShapedSection = GeneralSection | RectangleSection | CircleSection | TubeSection
+    AnySection = ShapedSection | StiffnessSection
 
 _PLASTIC_TO_OSMIUM = (0.5, 23.0)
 """Densities of solids [g/cm^3]."""
@@ -99,9 +106,9 @@ class BeamProperties(NamedTuple):
     breadth: float = 0.0
 
     @classmethod
-    def of(cls, material: MaterialSpec | None, section: AnySection) -> Self:
+    def of(cls, material: MaterialSpec | None, section: "AnySection") -> Self:
         """Return the properties of a beam with a section, of a material unless that is stiff by itself."""
-        if isinstance(section, StiffnessSection):
+        if section.stiff:
             return cls(
                 mass_per_length=section.mass_per_length,
                 rotary_inertia=section.rotary_inertia[2],
@@ -164,9 +171,9 @@ class SectionProperties(NamedTuple):
     fibres: Fibres | None = None
 
     @classmethod
-    def of(cls, material: MaterialSpec | None, section: AnySection) -> Self:
+    def of(cls, material: MaterialSpec | None, section: "AnySection") -> Self:
         """Return the properties of a beam with a section, of a material unless that is stiff by itself."""
-        if isinstance(section, StiffnessSection):
+        if section.stiff:
             _, *rotary = section.rotary_inertia
             return cls(
                 mass_per_length=section.mass_per_length,

@@ -212,9 +212,9 @@ class OneOf:
         The key.
     kinds : mapping of str to type or str
         The key's values and the class of each, or where it stands: ``hfsim.parts.joints.fixed.FixedSpec``.
-    otherwise : type, optional
+    otherwise : type or str, optional
         The class of entries without the key.
-    told_by : mapping of str to type
+    told_by : mapping of str to type or str
         Other keys by which an entry without the key is another class.
     """
 
@@ -222,8 +222,8 @@ class OneOf:
         self,
         key: str,
         kinds: Mapping[str, type[Spec] | str],
-        otherwise: type[Spec] | None = None,
-        told_by: Mapping[str, type[Spec]] | None = None,
+        otherwise: type[Spec] | str | None = None,
+        told_by: Mapping[str, type[Spec] | str] | None = None,
     ) -> None:
         self.key, self.kinds, self.otherwise, self.told_by = key, kinds, otherwise, told_by or {}
 
@@ -249,6 +249,22 @@ class OneOf:
         else:
             wrong = wrong_choice((self.key,), kind, list(self.kinds))
         raise refused([wrong])
+
+
+def entry_of(place: str) -> ReadBy:
+    """Return what reads an entry as a class that is imported when a deck has one.
+
+    Parameters
+    ----------
+    place : str
+        Where the class stands: ``hfsim.deck.orientation.OrientationSpec``.
+    """
+    return ReadBy(partial(_read_as, place))
+
+
+def _read_as(place: str, value: Any) -> Spec:
+    spec: type[Spec] = _at(place)
+    return value if isinstance(value, spec) else spec.model_validate(value)
 
 
 def named_in(registry: str, *others: str) -> ReadBy:

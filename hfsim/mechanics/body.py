@@ -14,7 +14,6 @@ import numpy as np
 
 from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.hull import wire
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
@@ -127,6 +126,8 @@ class Body:
         """
         places = [self.origin, *self.points.values()]
         if self.n_dim == 3:
+            from hfsim.maths.hull import wire
+
             places = [places[k] for k in wire(np.array(places))]
         return np.stack([self.marker(place).position(x) for place in places], axis=1)
 

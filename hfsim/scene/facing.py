@@ -9,7 +9,6 @@ from typing import TypeAlias
 import numpy as np
 
 from hfsim.deck.fields import split_point
-from hfsim.deck.orientation import matrix_of
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import rotation, smallest_rotation
 from hfsim.parts.specs import JointSpec
@@ -105,5 +104,7 @@ def _held(joint: JointSpec) -> Array:
     if joint.follows_start:
         stated = getattr(joint, "orientation", None)
         return LEVEL if stated is None else np.asarray(stated.matrix)
+    from hfsim.deck.orientation import matrix_of
+
     R = matrix_of(joint) if hasattr(joint, "orientation") else None
     return LEVEL if R is None else R

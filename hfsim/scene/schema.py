@@ -17,6 +17,7 @@ from hfsim.deck.fields import (
     Flag,
     LengthVector,
     Name,
+    Orientation,
     Points,
     PositiveTime,
     Spin,
@@ -28,7 +29,6 @@ from hfsim.deck.fields import (
     whole,
 )
 from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionProperties
-from hfsim.deck.orientation import OrientationSpec, matrix_of
 from hfsim.deck.reader import Path
 from hfsim.deck.sections import SectionSpec
 from hfsim.deck.source import did_you_mean
@@ -88,7 +88,7 @@ class InitialSpec(Spec):
     angle: Angle | None = None
     """Angle of the body frame, in space about z [rad]."""
 
-    orientation: OrientationSpec | None = None
+    orientation: Orientation | None = None
     """Orientation of the body frame in space, against the ground's axes."""
 
     angular_velocity: Spin | None = None
@@ -111,6 +111,8 @@ class InitialSpec(Spec):
     def turn(self, n_dim: int) -> Array | None:
         """Return how the frame is turned: an angle (1,), in space a matrix (3, 3); None if that is open."""
         if n_dim == 3:
+            from hfsim.deck.orientation import matrix_of
+
             return matrix_of(self)
         return None if self.angle is None else np.array([self.angle])
 

@@ -5,12 +5,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError
 
-from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, whole
-from hfsim.deck.sections import AnySection, ShapedSection, StiffnessSection, alike, equivalent_side
+from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, alike, whole
+from hfsim.deck.sections import equivalent_side
 from hfsim.deck.spec import (
     Around,
     Complaint,
     Spec,
+    entry_of,
     explained,
     named_in,
     refusal,
@@ -18,11 +19,11 @@ from hfsim.deck.spec import (
     refused,
     shown,
 )
-from hfsim.parts.bodies.axis_spec import AxisSpec
 from hfsim.parts.bodies.models import MODELS, missing
 from hfsim.parts.specs import BodySpec
 
 if TYPE_CHECKING:
+    from hfsim.deck.materials import AnySection, ShapedSection
     from hfsim.mechanics.body import Body
     from hfsim.parts.bodies.models import Model
 
@@ -120,7 +121,7 @@ class BeamSpec(BodySpec):
     truncation: Literal["second_order", "none"] = "second_order"
     """Order in the deformation through which the model lowOrder keeps inertia terms."""
 
-    axis: AxisSpec | None = None
+    axis: Annotated[Any, entry_of("hfsim.parts.bodies.axis_spec.AxisSpec")] | None = None
     """Undeformed centre line in the body frame; straight along x without it."""
 
     twist: Angle | None = None
@@ -235,7 +236,7 @@ class BeamSpec(BodySpec):
             message = f"{self.length:g} m for a section {height:.3g} m high"
             yield Complaint(("length",), message, f"'{self.length:g} mm'?")
 
-    def _spatial_complaints(self, model: str, section: AnySection | None) -> Iterator[Complaint]:
+    def _spatial_complaints(self, model: str, section: "AnySection | None") -> Iterator[Complaint]:
         if lacks := self.lacking(model, 3):
             yield Complaint(("model",), *lacks)
         if self.element == "continuum" and section is not None and section.stiff:
@@ -250,7 +251,7 @@ class BeamSpec(BodySpec):
                 message = f"a {self.element} element {why}"
                 yield Complaint((key,), message, "remove this key, or element: cosserat", True)
 
-    def _section_complaints(self, section: AnySection | None) -> Iterator[Complaint]:
+    def _section_complaints(self, section: "AnySection | None") -> Iterator[Complaint]:
         if section is None:
             return
         if self.material is None and not section.stiff:
@@ -258,10 +259,10 @@ class BeamSpec(BodySpec):
         elif self.material is not None and section.stiff:
             message = f"the section '{self.section}' has its stiffness and needs no material"
             yield Complaint(("material",), message, "remove this key", True)
-        if self.element == "continuum" and not isinstance(section, StiffnessSection):
+        if self.element == "continuum" and not section.stiff:
             yield from self._outside(section)
 
-    def _outside(self, section: ShapedSection) -> Iterator[Complaint]:
+    def _outside(self, section: "ShapedSection") -> Iterator[Complaint]:
         """Yield points outside the section's rectangle."""
         sides = (section.height, "high"), (equivalent_side(section.bending[0], section.area), "wide")
         for name, place in self.points.items():

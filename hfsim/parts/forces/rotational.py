@@ -10,11 +10,11 @@ from hfsim.deck.fields import (
     Angle,
     Axis,
     Between,
+    Orientation,
     RotationalDamping,
     RotationalStiffness,
     degrees_as_radians,
 )
-from hfsim.deck.orientation import OrientationSpec
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
@@ -49,7 +49,7 @@ class RotationalSpec(SpringSpec):
     axis: Axis | None = None
     """Axis in A's frame, in space [-]; [0, 0, 1] without it."""
 
-    orientation: OrientationSpec | None = None
+    orientation: Orientation | None = None
     """Orientation of B's frame relative to A's where the angle is zero, in space; without it the smallest
     rotation that takes the axis in B to that in A."""
 

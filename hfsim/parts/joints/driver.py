@@ -3,9 +3,8 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from hfsim.deck.fields import Axis, Between
+from hfsim.deck.fields import Axis, Between, Orientation
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
-from hfsim.deck.orientation import OrientationSpec
 from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
@@ -35,7 +34,7 @@ class DriverSpec(JointSpec):
     """Axis in A's frame along which the position is measured, or in space about which the angle is [-];
     without it the first axis, in space [0, 0, 1]."""
 
-    orientation: OrientationSpec | None = None
+    orientation: Orientation | None = None
     """Orientation of B's frame relative to A's where the angle is zero, in space; without it the smallest
     rotation that takes the axis in B to that in A."""
 

@@ -3,8 +3,7 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from hfsim.deck.fields import Angle, Axis, Between, degrees_as_radians
-from hfsim.deck.orientation import OrientationSpec
+from hfsim.deck.fields import Angle, Axis, Between, Orientation, degrees_as_radians
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
@@ -30,7 +29,7 @@ class PrismaticSpec(JointSpec):
     angle: Angle = 0.0
     """Angle of B's frame relative to A's at the joint, in space about z [rad]."""
 
-    orientation: OrientationSpec | None = None
+    orientation: Orientation | None = None
     """Orientation of B's frame relative to A's at the joint, in space; the same without it."""
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:

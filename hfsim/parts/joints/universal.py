@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BeforeValidator
 
-from hfsim.deck.fields import Angle, Axis, Between, entries
-from hfsim.deck.orientation import OrientationSpec
+from hfsim.deck.fields import Angle, Axis, Between, Orientation, entries
 from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift
@@ -37,7 +36,7 @@ class UniversalSpec(JointSpec):
     angle: Angle | None = None
     """Angle of B's frame relative to A's about z where no angle has changed yet [rad]."""
 
-    orientation: OrientationSpec | None = None
+    orientation: Orientation | None = None
     """Orientation of B's frame relative to A's where no angle has changed yet; the same without it."""
 
     def complaints(self) -> Iterator[Complaint]:
