@@ -37,15 +37,21 @@ def _balanced(system, t, z, multipliers):
     raise AssertionError(f"no equilibrium at t = {t[0]:g}")
 
 
-def cantilever(section, length, force, moment=(0.0, 0.0, 0.0), elements=4, degree=3, material=None, more=""):
-    """Return the scene of a clamped beam along x with loads at its tip that grow to their size at t = 1."""
+def cantilever(section, length, force, moment=None, elements=4, degree=3, material=None, more=""):
+    """Return the scene of a clamped beam along x with loads at its tip that grow to their size at t = 1.
+
+    It is in the plane or in space as its force is.
+    """
+    moment = moment or (0.0 if len(force) == 2 else [0.0] * 3)
+    moment = list(moment) if isinstance(moment, tuple) else moment
     long = f"length: {length!r}," if length else ""
+    more = more if "element:" in more else f"element: cosserat, {more}"
     of = f"material: stuff, {more}" if material else more
     return build(
         parse_deck(
             f"""
 hfsim: 1
-gravity: [0.0, 0.0, 0.0]
+gravity: {[0.0] * len(force)}
 materials: {{stuff: {{density: 1000.0, {material or "youngs_modulus: 1.0"}}}}}
 sections: {{bar: {section}}}
 bodies:
@@ -53,7 +59,7 @@ bodies:
 joints: {{clamp: {{type: fixed, between: [ground, b.root]}}}}
 loads:
   push: {{type: force, at: b.tip, force: {list(force)}, law: {{type: constant_rate, rate: 1.0}}}}
-  turn: {{type: moment, at: b.tip, moment: {list(moment)}, law: {{type: constant_rate, rate: 1.0}}}}
+  turn: {{type: moment, at: b.tip, moment: {moment}, law: {{type: constant_rate, rate: 1.0}}}}
 solve: {{duration: 1.0}}
 """
         )

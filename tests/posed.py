@@ -73,7 +73,7 @@ def in_space(deck, R, shift):
         if body["type"] == "rigid":
             body["inertia"] = [0.5 * body["inertia"], 0.5 * body["inertia"], body["inertia"]]
         else:
-            body["element"] = "cable"
+            body.setdefault("element", "cable")
     for entry in (*deck["joints"].values(), *deck.get("springs", {}).values()):
         entry["between"] = ["ground.origin" if end == "ground" else end for end in entry["between"]]
         if entry["type"] == "prismatic" or "position" in entry:

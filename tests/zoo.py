@@ -2,12 +2,15 @@
 
 import numpy as np
 
-from hfsim.deck.materials import BeamProperties
+from hfsim.deck.materials import BeamProperties, SectionProperties
 from hfsim.mechanics.markers import GroundMarker, NodalMarker, RigidMarker
+from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
 from hfsim.mechanics.pose import Pose
+from hfsim.parts.bodies.beam_axis import Axis, Line
 from hfsim.parts.bodies.low_order import LowOrderBeam
 from hfsim.parts.bodies.low_order_body import LowOrderMarker
 from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.bodies.section_mesh import SectionMesh
 from hfsim.parts.elements import Cable, Continuum
 
 STIFFNESS = BeamProperties(
@@ -17,12 +20,17 @@ INERTIA = BeamProperties(mass_per_length=1.7, rotary_inertia=0.0, height=0.3)
 
 CABLE = BeamMesh(Cable(0.6), 2, INERTIA)
 CONTINUUM = BeamMesh(Continuum(0.6), 2, INERTIA)
+SPAR = SectionMesh(
+    Axis(Line(), 1.2, n_dim=2), 1, 2, SectionProperties(1.7, (0.1, 0.1), 300.0, (90.0, 90.0), 1.0, (2.0, 2.0))
+)
 
 HUB, PLATE = slice(0, 3), slice(3, 6)
 ROPE = slice(6, 6 + 2 * CABLE.n_vectors)
 BLOCK = slice(ROPE.stop, ROPE.stop + 2 * CONTINUUM.n_vectors)
 BLADE = slice(BLOCK.stop, BLOCK.stop + 2 * CABLE.n_vectors)
-N = BLADE.stop
+SLAT = slice(BLADE.stop, BLADE.stop + SPAR.undeformed.size)
+N = SLAT.stop
+MESHED = ((CABLE, ROPE), (CONTINUUM, BLOCK), (SPAR, SLAT))
 
 LOW_ORDER = LowOrderBeam(
     name="blade",
@@ -41,6 +49,12 @@ def nodal(mesh, columns, x, y=0.0):
     return NodalMarker(columns, mesh.shape(x, y), mesh.shape(x, y, (1, 0)))
 
 
+def section(x, y):
+    """Marker of a material point of the beam with section vectors."""
+    position, (across,), _ = SPAR.point((x, y))
+    return PlanarSectionMarker(SLAT, position, across, 0.5 * np.pi)
+
+
 MARKERS = {
     "ground": GroundMarker(Pose.planar((0.3, -0.2), 0.4)),
     "hub": RigidMarker(HUB),
@@ -50,6 +64,7 @@ MARKERS = {
     "block": nodal(CONTINUUM, BLOCK, 0.8, 0.1),
     "blade_root": LowOrderMarker(LOW_ORDER, 0.0),
     "blade": LowOrderMarker(LOW_ORDER, 0.9),
+    "slat": section(0.8, 0.1),
 }
 
 PAIRS = [
@@ -64,6 +79,8 @@ PAIRS = [
     ("block", "blade"),
     ("blade", "plate"),
     ("blade_root", "rope_tip"),
+    ("slat", "plate"),
+    ("ground", "slat"),
     ("rope_inside", "rope_tip"),
 ]
 """First and second marker; the last pair shares its body."""
@@ -72,7 +89,7 @@ PAIRS = [
 def random_state(rng, size=0.15):
     """Coordinates (N,) of bodies that are placed, turned and deformed at random."""
     x = rng.normal(size=N)
-    for mesh, columns in ((CABLE, ROPE), (CONTINUUM, BLOCK)):
+    for mesh, columns in MESHED:
         angle, place = rng.uniform(-1.2, 1.2), rng.normal(size=2)
         vectors = mesh.undeformed + size * rng.normal(size=mesh.undeformed.shape)
         c, s = np.cos(angle), np.sin(angle)
@@ -89,6 +106,7 @@ PLACES = {
     "block": (0.8, 0.1),
     "blade_root": (0.0, 0.0),
     "blade": (0.9, 0.0),
+    "slat": (0.8, 0.1),
 }
 """Where the markers of undeformed bodies stand in the frames of their bodies."""
 
@@ -98,7 +116,7 @@ def undeformed(turn, origin):
     x = np.zeros(N)
     for columns in (HUB, PLATE, BLADE):
         x[columns.start : columns.start + 3] = [*origin, np.arctan2(turn[1, 0], turn[0, 0])]
-    for mesh, columns in ((CABLE, ROPE), (CONTINUUM, BLOCK)):
+    for mesh, columns in MESHED:
         x[columns] = (mesh.undeformed @ turn.T + mesh.positions[:, None] * origin).ravel()
     return x
 
@@ -114,7 +132,7 @@ def rigid_motion(x, velocity, spin):
     for columns in (HUB, PLATE, BLADE):
         i = columns.start
         u[i : i + 3] = [velocity[0] - omega * x[i + 1], velocity[1] + omega * x[i], omega]
-    for mesh, columns in ((CABLE, ROPE), (CONTINUUM, BLOCK)):
+    for mesh, columns in MESHED:
         z = x[columns].reshape(-1, 2)
         turned = omega * np.stack([-z[:, 1], z[:, 0]], axis=-1)
         u[columns] = (turned + mesh.positions[:, None] * np.asarray(velocity)).ravel()

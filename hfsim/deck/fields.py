@@ -136,15 +136,19 @@ ForceVector = Annotated[tuple[Force, ...], _vector]
 _triple = BeforeValidator(partial(entries, counts=(3,), what="numbers"))
 
 SpatialAngle = Annotated[tuple[Angle, ...], _triple]
-SpatialPlace = Annotated[tuple[Length, ...], _triple]
 
 
-def _one_or_three(dimension: str, value: object) -> object:
-    """Return a number, or the three of a vector in space."""
-    read = partial(_read_number, dimension, {})
+def _one_or_list(count: int, dimension: str, bounds: Mapping[str, float], value: object) -> object:
+    """Return a number, or as many as are wanted in space."""
+    read = partial(_read_number, dimension, bounds)
     if not isinstance(value, list | tuple):
         return read(value)
-    return tuple(read(one) for one in entries(value, (3,), "numbers"))  # type: ignore[attr-defined]
+    return tuple(read(one) for one in entries(value, (count,), "numbers"))  # type: ignore[attr-defined]
+
+
+def one_or_list(count: int, dimension: str, **bounds: float) -> ReadBy:
+    """Return what reads a number of a dimension, or a list of so many, as `measures` does."""
+    return ReadBy(partial(_one_or_list, count, dimension, bounds))
 
 
 def _read_inertia(value: object) -> object:
@@ -167,8 +171,8 @@ def flat(values: Iterable[object]) -> Iterator[float]:
 Inertia = Annotated[Any, ReadBy(_read_inertia)]
 """A number, three of them, or three rows of three [kg m^2]."""
 
-Spin = Annotated[float | tuple[float, ...], ReadBy(partial(_one_or_three, "angular_velocity"))]
-Torque = Annotated[float | tuple[float, ...], ReadBy(partial(_one_or_three, "moment"))]
+Spin = Annotated[float | tuple[float, ...], one_or_list(3, "angular_velocity")]
+Torque = Annotated[float | tuple[float, ...], one_or_list(3, "moment")]
 
 
 _SHORTEST_AXIS = 1e-12

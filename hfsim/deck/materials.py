@@ -111,9 +111,9 @@ class BeamProperties(NamedTuple):
         if section.stiff:
             return cls(
                 mass_per_length=section.mass_per_length,
-                rotary_inertia=section.rotary_inertia[2],
+                rotary_inertia=section.rotary[1],
                 axial_stiffness=section.axial_stiffness,
-                bending_stiffness=section.bending_stiffness[1],
+                bending_stiffness=section.bending[1],
             )
         assert material is not None
         return cls(
@@ -138,7 +138,9 @@ class BeamProperties(NamedTuple):
 
 
 class SectionProperties(NamedTuple):
-    """All that follows from the material and the section of a beam in space; pairs are of y and z.
+    """All that follows from the material and the section of a beam; pairs are of y and z.
+
+    The plane is that of x and y: of pairs, shear along y and what goes with turns about z count there.
 
     Attributes
     ----------
@@ -174,14 +176,13 @@ class SectionProperties(NamedTuple):
     def of(cls, material: MaterialSpec | None, section: "AnySection") -> Self:
         """Return the properties of a beam with a section, of a material unless that is stiff by itself."""
         if section.stiff:
-            _, *rotary = section.rotary_inertia
             return cls(
                 mass_per_length=section.mass_per_length,
-                rotary_inertia=(rotary[0], rotary[1]),
+                rotary_inertia=section.rotary,
                 axial_stiffness=section.axial_stiffness,
-                shear_stiffness=(section.shear_stiffness[0], section.shear_stiffness[1]),
-                torsion_stiffness=section.torsion_stiffness,
-                bending_stiffness=(section.bending_stiffness[0], section.bending_stiffness[1]),
+                shear_stiffness=section.shears,
+                torsion_stiffness=section.torsion_stiffness or 0.0,
+                bending_stiffness=section.bending,
             )
         assert material is not None
         E, G, (I_y, I_z) = material.youngs_modulus, material.lame_mu, section.bending

@@ -99,8 +99,11 @@ class GeneralSection(EquivalentRectangle):
     torsion_constant: PositiveSecondMoment | None = None
     """In space: torsion constant [m^4]; without it the sum of both second moments, if they are equal."""
 
+    shear_factor: PositiveNumber | None = None
+    """What of the area bears shear, in space along both axes [-]; 5/6 without it."""
+
     shear_factors: Annotated[tuple[PositiveNumber, ...], PAIR] | None = None
-    """In space: what of the area bears shear along y and along z [-]; 5/6 without it."""
+    """In space: the same along y and along z [-]."""
 
     @property
     def bending(self) -> Moments:
@@ -115,11 +118,14 @@ class GeneralSection(EquivalentRectangle):
 
     def shear(self, poisson_ratio: float) -> Moments:
         """Return the shear factors along y and z."""
-        first, second = self.shear_factors or (SHEAR_FACTOR, SHEAR_FACTOR)
+        first, second = self.shear_factors or (self.shear_factor or SHEAR_FACTOR,) * 2
         return first, second
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a section without second moments or with too many, or whose torsion nothing tells."""
+        if self.shear_factor is not None and self.shear_factors is not None:
+            message = "shear_factors says this already"
+            yield Complaint(("shear_factor",), message, "leave one of them out", True)
         if self.second_moment is None and self.second_moments is None:
             message = "Second moment of area about the axis across the bending plane [m^4]"
             yield Complaint(("second_moment",), "missing key", message, True)

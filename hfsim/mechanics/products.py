@@ -1,6 +1,7 @@
 """Joint equations that are products of vectors: all those of a scene evaluated at once.
 
-In space every vector that joints hold, an axis or the distance of two points, is linear in the coordinates:
+In space every vector that joints hold, an axis or the distance of two points, is linear in the coordinates,
+and so are section vectors in the plane:
 weight (A x + a) . (B x + b) = constant.  The paper's Phi_x and gamma of eq. (37) follow from A and B.
 """
 
@@ -18,13 +19,13 @@ from hfsim.maths.matrices import Entries, Matrix, assemble, dense, is_sparse
 
 
 class LinearVector(NamedTuple):
-    """A vector in space that is linear in some coordinates: matrix @ x[columns] + offset.
+    """A vector that is linear in some coordinates: matrix @ x[columns] + offset.
 
     Attributes
     ----------
     columns : ndarray of int, shape (k,)
-    matrix : ndarray, shape (3, k)
-    offset : ndarray, shape (3,)
+    matrix : ndarray, shape (n_dim, k)
+    offset : ndarray, shape (n_dim,)
     """
 
     columns: IntArray
@@ -33,8 +34,13 @@ class LinearVector(NamedTuple):
 
     @classmethod
     def constant(cls, value: Array) -> LinearVector:
-        """Return a vector (3,) that depends on no coordinates."""
-        return cls(np.zeros(0, dtype=np.intp), np.zeros((3, 0)), value)
+        """Return a vector (n_dim,) that depends on no coordinates."""
+        return cls(np.zeros(0, dtype=np.intp), np.zeros((len(value), 0)), value)
+
+    @classmethod
+    def at(cls, columns: IntArray) -> LinearVector:
+        """Return the vector that coordinates (n_dim,) are."""
+        return cls(columns, np.eye(len(columns)), np.zeros(len(columns)))
 
     def minus(self, other: LinearVector) -> LinearVector:
         """Return the difference of two vectors of different coordinates."""
@@ -85,24 +91,29 @@ class Products:
         return np.array([one.constant for one in self.equations])
 
     @cached_property
+    def _n_dim(self) -> int:
+        return len(self.equations[0].first.offset)
+
+    @cached_property
     def _maps(self) -> tuple[tuple[Matrix, Array], tuple[Matrix, Array]]:
-        """From coordinates to both vectors of all equations, (3 m, n), and the constant parts, (m, 3)."""
+        """From coordinates to both vectors of all equations, (n_dim m, n), and constant parts, (m, n_dim)."""
         return self._map(0), self._map(1)
 
     def _map(self, side: int) -> tuple[Matrix, Array]:
         vectors = [(one.first, one.second)[side] for one in self.equations]
-        own = np.arange(3)
-        parts = [Entries.of_block(3 * k + own, v.columns, v.matrix) for k, v in enumerate(vectors)]
-        return assemble(parts, (3 * len(self), self.n), self.sparse), np.array([v.offset for v in vectors])
+        own, n_dim = np.arange(self._n_dim), self._n_dim
+        parts = [Entries.of_block(n_dim * k + own, v.columns, v.matrix) for k, v in enumerate(vectors)]
+        matrix = assemble(parts, (n_dim * len(self), self.n), self.sparse)
+        return matrix, np.array([v.offset for v in vectors])
 
     def _vectors(self, x: Array) -> tuple[Array, Array]:
         (A, a), (B, b) = self._maps
-        shape = (len(x), len(self), 3)
+        shape = (len(x), len(self), self._n_dim)
         return (A @ x.T).T.reshape(shape) + a, (B @ x.T).T.reshape(shape) + b
 
     def _rates(self, u: Array) -> tuple[Array, Array]:
         (A, _), (B, _) = self._maps
-        shape = (len(u), len(self), 3)
+        shape = (len(u), len(self), self._n_dim)
         return (A @ u.T).T.reshape(shape), (B @ u.T).T.reshape(shape)
 
     def gap(self, x: Array) -> Array:
@@ -129,9 +140,9 @@ class Products:
         return by_equation.swapaxes(0, 1)
 
     def _dense(self, support: IntArray) -> tuple[Array, Array]:
-        """Return both maps from some coordinates, (m, 3, k); those asked for last are kept."""
+        """Return both maps from some coordinates, (m, n_dim, k); those asked for last are kept."""
         if self.__dict__.get("_kept_for") is not support:
-            maps = tuple(dense(one[:, support]).reshape(len(self), 3, -1) for one, _ in self._maps)
+            maps = tuple(dense(one[:, support]).reshape(len(self), self._n_dim, -1) for one, _ in self._maps)
             self.__dict__.update(_kept_for=support, _kept=maps)
         first, second = self.__dict__["_kept"]
         return first, second
@@ -147,8 +158,8 @@ class Products:
         found = matrix.tocoo() if is_sparse(matrix) else None
         rows, columns = (found.row, found.col) if found is not None else np.nonzero(matrix)
         values = found.data if found is not None else matrix[rows, columns]
-        k = rows // 3
-        return Entries(self.rows[k], columns, values * self._weight[k] * other[:, k, rows % 3])
+        k, component = np.divmod(rows, self._n_dim)
+        return Entries(self.rows[k], columns, values * self._weight[k] * other[:, k, component])
 
     def stiffness(self, multipliers: Array) -> Entries:
         """Return the derivative of Phi_x^T lambda by x, the same in every state, for multipliers (m,)."""

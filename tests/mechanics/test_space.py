@@ -15,10 +15,11 @@ from hfsim.maths.rotations import (
     skew,
 )
 from hfsim.mechanics.constraints import constraints_of
-from hfsim.mechanics.directions import Facing, Orthonormal, Parallel, Square
+from hfsim.mechanics.directions import Facing, Parallel, Square
 from hfsim.mechanics.gradient_markers import GradientMarker
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.markers import GroundMarker
+from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.section_markers import SectionMarker
 from hfsim.mechanics.spatial_markers import FrameMarker, VectorMarker

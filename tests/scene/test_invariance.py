@@ -1,6 +1,8 @@
 # ruff: noqa: E501
 """Where a scene is and how it is turned changes nothing: spatial scenes as a whole, planar ones posed in space."""
 
+from copy import deepcopy
+
 import numpy as np
 import posed
 import pytest
@@ -171,10 +173,13 @@ output: {interval: 0.05, channels: [arm.tip.x, arm.tip.y, bob.x, bob.y, rope.tip
 DRIVEN = {"motor": {"type": "driver", "between": ["ground", "hub"], "angle": {"type": "sine", "amplitude": 0.8, "frequency": 0.7, "offset": 0.3}}}
 
 
-@pytest.mark.parametrize("driven", [False, True])
-def test_a_planar_scene_posed_in_space_does_the_same(driven):
-    """Rigid bodies and cables, hinges, clamps, slides, springs, drivers, loads."""
-    plane = {**PLANE, "joints": {**PLANE["joints"], **(DRIVEN if driven else {})}}
+@pytest.mark.parametrize(("driven", "element"), [(False, "cable"), (True, "cable"), (True, "cosserat")])
+def test_a_planar_scene_posed_in_space_does_the_same(driven, element):
+    """Rigid bodies and beams, hinges, clamps, slides, springs, drivers, loads."""
+    plane = deepcopy({**PLANE, "joints": {**PLANE["joints"], **(DRIVEN if driven else {})}})
+    for beam in ("arm", "rope") if element == "cosserat" else ():
+        plane["bodies"][beam] |= {"element": element, "elements": 1, "degree": 2}
+        plane["solve"]["duration"] = 0.05
     if driven:
         plane["initial"] = {**plane["initial"], "hub": {"angle": 0.3}}
     space = posed.in_space(plane, R, SHIFT)

@@ -1,12 +1,13 @@
-"""How decks state the centre line of a beam in space that is not straight."""
+"""How decks state the centre line of a beam that is not straight."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from annotated_types import MinLen
 
-from hfsim.deck.fields import Angle, PositiveLength, SpatialPlace
+from hfsim.deck.fields import Angle, LengthVector, PositiveLength
+from hfsim.deck.reader import Path
 from hfsim.deck.spec import Complaint, Spec
 
 if TYPE_CHECKING:
@@ -34,22 +35,30 @@ class ArcSpec(Spec):
 class AxisSpec(Spec):
     """Undeformed centre line of a beam, in its body frame."""
 
-    spatial = True
-
     arc: ArcSpec | None = None
     """An arc of a circle."""
 
-    points: Annotated[tuple[SpatialPlace, ...], MinLen(2)] | None = None
+    points: Annotated[tuple[LengthVector, ...], MinLen(2)] | None = None
     """Points of a cubic spline, the first of them the origin [m]."""
+
+    def _vectors(self) -> Iterator[tuple[Path, Sequence[float]]]:
+        yield from ((("points", index), point) for index, point in enumerate(self.points or ()))
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a line that is stated in no form or in both, and points that make none."""
         if (self.arc is None) == (self.points is None):
             yield Complaint((), "states one form of a line", "give arc: {radius, angle} or points")
         elif self.points is not None:
+            counts = [len(point) for point in self.points]
+            if len(set(counts)) > 1:
+                index = next(k for k, count in enumerate(counts) if count != counts[0])
+                message = f"has {counts[index]} numbers, the first point {counts[0]}"
+                yield Complaint(("points", index), message)
+                return
             gaps = np.linalg.norm(np.diff(np.array(self.points), axis=0), axis=1)
             if any(self.points[0]):
-                yield Complaint(("points", 0), "a beam starts at its origin", "[0, 0, 0]")
+                origin = f"[{', '.join('0' for _ in self.points[0])}]"
+                yield Complaint(("points", 0), "a beam starts at its origin", origin)
             if gaps.min() <= _SAME * gaps.sum():
                 index = int(np.argmin(gaps)) + 1
                 yield Complaint(("points", index), "is where the point before it is", "leave it out")
@@ -61,13 +70,15 @@ class AxisSpec(Spec):
 
         if self.arc is not None:
             return Arc(float(np.copysign(self.arc.radius, self.arc.angle)))
-        return Curve(np.array(self.points))
+        points = np.array(self.points)
+        return Curve(np.pad(points, ((0, 0), (0, 3 - points.shape[1]))))
 
     @property
     def length(self) -> float:
         """Its length [m]."""
-        if self.arc is not None:
-            return self.arc.radius * abs(self.arc.angle)
         from hfsim.parts.bodies.beam_axis import Curve
 
-        return Curve(np.array(self.points)).length
+        if self.arc is not None:
+            return self.arc.radius * abs(self.arc.angle)
+        assert isinstance(self.shape, Curve)
+        return self.shape.length

@@ -78,7 +78,7 @@ class BeamSpec(BodySpec):
 
     own_points = END_POINTS
     noun = "beam"
-    spatial = ("axis", "section_angle", "twist")
+    spatial = ("section_angle", "twist")
 
     type: Literal["beam"]
     """Kind of body."""
@@ -97,7 +97,7 @@ class BeamSpec(BodySpec):
 
     element: Annotated[str, named_in("hfsim.parts.elements.ELEMENTS", "cosserat")] | None = None
     """cable: centre line only, usual in the plane; continuum: fully parameterised as in Liu, Hong & Cui
-    (2007), eq. 22-27; cosserat: line with sections, with shear and torsion too, usual in space."""
+    (2007), eq. 22-27; cosserat: line with sections, with shear, in space torsion too, usual there."""
 
     degree: Annotated[int, whole(1, 12)] = 3
     """Degree of the shapes [-]: of a cable 3 or more, cubic Hermite and degree - 3 interior functions;
@@ -210,14 +210,16 @@ class BeamSpec(BodySpec):
         """Yield what does not fit the section, the model and the form of the elastic force."""
         beam = self.in_space(around.n_dim or 2)
         yield from super().complaints_in(around)
-        yield from beam._element_complaints(around.n_dim)
+        yield from beam._element_complaints()
         yield from beam._section_complaints(around.sections.get(self.section))
         model = self.model or around.model or ""
         for key, value, words, instead in MODELS[model].lacks if model in MODELS else ():
             if getattr(beam, key) == value:
                 yield Complaint((key,), f"the model {model} has no {words}", f"{instead}, or another model")
+        if lacks := beam.lacking(model, around.n_dim or 2):
+            yield Complaint(("model",), *lacks)
         if around.n_dim == 3:
-            yield from beam._spatial_complaints(model, around.sections.get(self.section))
+            yield from beam._spatial_complaints(around.sections.get(self.section))
         if around.elastic_form not in (None, "gram") and (self.strain, self.curvature) != ("green", "linear"):
             key = "strain" if self.strain != "green" else "curvature"
             message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
@@ -236,25 +238,19 @@ class BeamSpec(BodySpec):
             message = f"{self.length:g} m for a section {height:.3g} m high"
             yield Complaint(("length",), message, f"'{self.length:g} mm'?")
 
-    def _spatial_complaints(self, model: str, section: "AnySection | None") -> Iterator[Complaint]:
-        if lacks := self.lacking(model, 3):
-            yield Complaint(("model",), *lacks)
-        if self.element == "continuum" and section is not None and section.stiff:
-            message = "a continuum element is made of its material: it needs the section's shape or moments"
-            yield Complaint(("section",), message, "a material and such a section, or element: cosserat")
+    def _spatial_complaints(self, section: "AnySection | None") -> Iterator[Complaint]:
         if self.element == "cable" and section is not None and not alike(section.bending):
             first, second = section.bending
             message = f"a cable element has no section axes, but {first:.4g} about y and {second:.4g} about z"
             yield Complaint(("section",), message, "equal second moments, or element: cosserat")
-        for key, why in _STRAIGHT.get(self.element or "", ()):
-            if getattr(self, key) is not None:
-                message = f"a {self.element} element {why}"
-                yield Complaint((key,), message, "remove this key, or element: cosserat", True)
 
     def _section_complaints(self, section: "AnySection | None") -> Iterator[Complaint]:
         if section is None:
             return
-        if self.material is None and not section.stiff:
+        if self.element == "continuum" and section.stiff:
+            message = "a continuum element is made of its material: it needs the section's shape or moments"
+            yield Complaint(("section",), message, "a material and such a section, or element: cosserat")
+        elif self.material is None and not section.stiff:
             yield Complaint(("material",), "missing key", "Name of the material", True)
         elif self.material is not None and section.stiff:
             message = f"the section '{self.section}' has its stiffness and needs no material"
@@ -271,12 +267,14 @@ class BeamSpec(BodySpec):
                     message = f"{axis} = {at:g} m is outside the section, {side:.3g} m {word}"
                     yield Complaint(("points", name), message)
 
-    def _element_complaints(self, n_dim: int | None) -> Iterator[Complaint]:
+    def _element_complaints(self) -> Iterator[Complaint]:
         for key, usual, why, instead in _OWN.get(self.element or "", ()):
             if getattr(self, key) != usual:
                 yield Complaint((key,), f"a {self.element} element {why}", f"remove this key{instead}")
-        if self.element == "cosserat" and n_dim == 2:
-            yield Complaint(("element",), "a cosserat element is not available in the plane", "take cable")
+        for key, why in _STRAIGHT.get(self.element or "", ()):
+            if getattr(self, key) is not None:
+                message = f"a {self.element} element {why}"
+                yield Complaint((key,), message, "remove this key, or element: cosserat", True)
         if self.element == "cable" and self.degree < 3:
             yield Complaint(("degree",), f"must be at least 3, not {self.degree}")
         if self.quadrature is None:

@@ -1,4 +1,7 @@
-"""Undeformed centre lines of beams in space: straight, arcs, curves through points; and frames along them."""
+"""Undeformed centre lines of beams: straight, arcs, curves through points; and frames along them.
+
+Lines are curves in space; a beam in the plane has one that stays in the plane of the first two axes.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import rotation, smallest_rotation
+from hfsim.maths.rotations import normal, rotation, smallest_rotation
 from hfsim.maths.shapes import gauss_legendre
 
 PIECES = 64
@@ -123,20 +126,29 @@ class Axis:
     length : float
         [m].
     section_angle, twist : float
-        Angle at the root from the line's own frame, and by how much more at the tip [rad].
+        In space, angle at the root from the line's own frame, and by how much more at the tip [rad].
+    n_dim : int
+        Of the space.
     """
 
     shape: Shape
     length: float
     section_angle: float = 0.0
     twist: float = 0.0
+    n_dim: int = 3
 
     def at(self, places: Array) -> tuple[Array, Array]:
-        """Return points (n, 3) of the line and its frames (n, 3, 3), tangent first, as columns."""
-        return self.shape.at(places)
+        """Return points (n, n_dim) of the line and frames (n, n_dim, n_dim), tangent first, as columns."""
+        points, frames = self.shape.at(places)
+        if self.n_dim == 3:
+            return points, frames
+        tangents = frames[:, :2, 0]
+        return points[:, :2], np.stack([tangents, normal(tangents)], axis=-1)
 
     def sections(self, places: Array) -> tuple[Array, Array]:
-        """Return points (n, 3) of the line and the axes (n, 3, 3) of sections there, as columns."""
+        """Return points of the line and the axes of sections there, as `at`."""
         points, frames = self.at(places)
+        if self.n_dim == 2:
+            return points, frames
         angles = self.section_angle + self.twist * places / self.length
         return points, np.asarray(frames @ rotation(angles[:, None] * FIRST))

@@ -1,30 +1,30 @@
-"""Beams with shear and torsion in space: the element ``cosserat`` in absolute nodal vectors."""
+"""Beams with shear, in space with torsion: the element ``cosserat`` in absolute nodal vectors."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
 from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import cross
+from hfsim.maths.rotations import cross, normal
 from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
-from hfsim.mechanics.directions import Orthonormal
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.mechanics.markers import GroundMarker
+from hfsim.mechanics.markers import GroundMarker, LinearMarker
+from hfsim.mechanics.orthonormal import Orthonormal
+from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.section_markers import SectionMarker
-from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
-from hfsim.parts.elements.cosserat import VECTORS, SectionDamping
+from hfsim.parts.elements.cosserat import SectionDamping
 from hfsim.parts.elements.forces import ElasticForce
 
 OUTLINE = 200
@@ -33,23 +33,27 @@ OUTLINE = 200
 
 @dataclass(frozen=True, eq=False)
 class CosseratBeam(VectorBody):
-    """A beam in space whose coordinates are positions and section vectors of its nodes.
+    """A beam whose coordinates are positions and section vectors of its nodes.
 
     Attributes
     ----------
     mesh : SectionMesh
-    gravity : ndarray, shape (3,)
+    gravity : ndarray, shape (n_dim,)
         [m/s^2].
     """
 
     mesh: SectionMesh
     gravity: Array
-    n_dim: ClassVar[int] = 3
+
+    @property
+    def n_dim(self) -> int:  # type: ignore[override]
+        """Of its mesh."""
+        return self.mesh.n_dim
 
     @classmethod
     def of(cls, beam: SectionBlueprint, framed: bool) -> Self:
         """Return the body of a beam."""
-        columns = beam.columns(3 * VECTORS * beam.mesh.n_nodes)
+        columns = beam.columns(beam.mesh.undeformed.size)
         return cls(beam.name, columns, beam.points, beam.mesh, beam.gravity)
 
     @property
@@ -78,9 +82,9 @@ class CosseratBeam(VectorBody):
         row, _, _ = self.mesh.point(place)
         return tuple(map(float, row @ self.mesh.undeformed))
 
-    def marker(self, place: Place) -> SectionMarker:
+    def marker(self, place: Place) -> LinearMarker:
         """Return the marker of a material point; its axes are those of the body frame, carried along."""
-        return SectionMarker(self.columns, *self.mesh.point(place))
+        return _marker(self.columns, *self.mesh.point(place))
 
     @property
     def outline_places(self) -> Array:
@@ -109,33 +113,33 @@ class CosseratBeam(VectorBody):
 
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return stretch and slope of the centre line, and how sections turn, in the frame at the root."""
-        root, (vectors, rows) = self.marker(self.origin), self.mesh.point_vectors
-        frame = root.turned(x, np.eye(3))
-        slope, y, z, bent_y, bent_z = np.moveaxis(rows @ self.vectors(x)[:, vectors], 2, 0)
-        bent = (cross(bent_y, z) + cross(y, bent_z)) @ frame
-        along, own = slope @ frame, self.vectors(x)[:, VECTORS * (self.mesh.n_nodes - 1)]
-        tip = ((own - self.vectors(x)[:, 0])[:, None] @ frame)[:, 0]
+        root, (vectors, rows), own = self.marker(self.origin), self.mesh.point_vectors, self.vectors(x)
+        frame = np.stack([root.turned(x, axis) for axis in np.eye(self.n_dim)], axis=-1)
+        slope, *sections = np.moveaxis(rows @ own[:, vectors], 2, 0)
+        along, bent = slope @ frame, _turning(np.array(sections)) @ frame
+        tip = ((own[:, -self.n_dim] - own[:, 0])[:, None] @ frame)[:, 0]
         at, weights = self.mesh.points
         spin = root.spin(x, u)
-        return Deformation(at, weights, along[..., 0] - 1.0, along[..., 1:], bent[..., 1:], tip[:, 1:], spin)
+        axial, slopes = along[..., 0] - 1.0, along[..., 1:]
+        return Deformation(at, weights, axial, slopes, bent[..., 1:], tip[:, 1:], spin)
 
     def own_constraints(self) -> Iterator[Constraint]:
         """Yield what keeps section vectors of unit length and at right angles, node by node."""
-        ground, size = GroundMarker(Pose.level(self.origin)), 3 * VECTORS
-        for first in range(self.columns.start, self.columns.stop, size):
-            node = VectorMarker(slice(first, first + size), np.zeros(VECTORS), np.eye(VECTORS)[1:])
+        ground, own = GroundMarker(Pose.level(self.origin)), np.eye(self.n_dim)
+        for first in range(self.columns.start, self.columns.stop, own.size):
+            node = _marker(slice(first, first + own.size), np.zeros(len(own)), own[1:], own)
             yield Orthonormal(ground, node, item=self.item)
 
     def mass_entries(self) -> Entries:
         """Return those of the nodes."""
         columns = np.arange(self.columns.start, self.columns.stop)
-        return Entries(columns, columns, np.repeat(self.mesh.masses, 3))
+        return Entries(columns, columns, np.repeat(self.mesh.masses, self.n_dim))
 
     def connectivity(self, n: int) -> Connectivity:
         """Return how the vectors of Gauss points follow from n coordinates."""
-        vectors, rows = self.mesh.point_vectors
-        columns = self.columns.start + 3 * vectors[..., None] + np.arange(3)
-        return Connectivity(n, columns.reshape(len(vectors), -1), np.kron(rows, np.eye(3)), 3)
+        (vectors, rows), n_dim = self.mesh.point_vectors, self.n_dim
+        columns = self.columns.start + n_dim * vectors[..., None] + np.arange(n_dim)
+        return Connectivity(n, columns.reshape(len(vectors), -1), np.kron(rows, np.eye(n_dim)), n_dim)
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield weight, elastic force and damping."""
@@ -143,5 +147,20 @@ class CosseratBeam(VectorBody):
         yield ConstantForce(n, np.arange(self.columns.start, self.columns.stop), weights, item=self.item)
         elements = self.connectivity(n)
         yield ElasticForce(elements, self.mesh.law(), item=self.item)
-        resisting = np.outer(self.mesh.properties.damping, self.mesh.points[1])
-        yield SectionDamping(elements, resisting, item=self.item)
+        resisting = self.mesh.at_points(self.mesh.properties.damping)
+        yield SectionDamping(elements, resisting, self.mesh.strains, item=self.item)
+
+
+def _marker(columns: slice, position: Array, section: Array, axes: Array) -> LinearMarker:
+    """Return the marker with rows of position and section vectors; these are ``axes`` in its own frame."""
+    if len(axes) == 3:
+        return SectionMarker(columns, position, section, axes)
+    return PlanarSectionMarker(columns, position, section[0], float(np.arctan2(axes[1, 1], axes[0, 1])))
+
+
+def _turning(sections: Array) -> Array:
+    """Return d1' of section vectors d.. and their derivatives by the length, shape (k, ..., n_dim)."""
+    if len(sections) == 2:
+        return -normal(sections[1])
+    y, z, bent_y, bent_z = sections
+    return cross(bent_y, z) + cross(y, bent_z)

@@ -1,4 +1,4 @@
-"""Internal forces of beams with section vectors in space, carried from the Gauss points to any place.
+"""Internal forces of beams with section vectors, carried from the Gauss points to any place.
 
 At the Gauss points the force of the strains does the work of the loads, which between them interpolated
 section vectors do not let it do.  Force, and moment about the origin, change along a beam by loads alone; so
@@ -10,41 +10,52 @@ from __future__ import annotations
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import cross
+from hfsim.maths.rotations import cross, lever, normal
 from hfsim.maths.shapes import gauss_legendre, lagrange
+from hfsim.parts.bodies.line_forces import in_the_plane
 from hfsim.parts.bodies.section_mesh import SectionMesh
-from hfsim.parts.elements.cosserat import pulled, strain_slopes, strains
+from hfsim.parts.elements.cosserat import strain_slopes
 
 
 def frame_forces(mesh: SectionMesh, vectors: Array, rates: Array, places: Array) -> tuple[Array, Array]:
-    """Return force [N] and moment [N m] in ground axes, (n_batch, n_places, 3) each.
+    """Return force [N] and moment [N m] in ground axes and the one across the plane, (n_batch, n_places, 3).
 
     Parameters
     ----------
     mesh : SectionMesh
-    vectors, rates : ndarray, shape (n_batch, 3 n_nodes, 3)
+    vectors, rates : ndarray, shape (n_batch, n_dim n_nodes, n_dim)
         Nodal vectors, and their rates.
     places : ndarray, shape (n_places,)
         Distances from the root [m]; of an element's end, the element beyond it counts.
     """
-    own, rows = mesh.point_vectors
+    (own, rows), strains = mesh.point_vectors, mesh.strains
     V, dV = (rows @ nodal[:, own] for nodal in (vectors, rates))
-    undeformed = strains(np.moveaxis(rows @ mesh.undeformed[own], (-2, -1), (0, 1)))
-    change = strains(np.moveaxis(V, (-2, -1), (0, 1))) - undeformed[:, None]
-    changing = (strain_slopes(V) @ dV.reshape(*V.shape[:2], -1, 1))[..., 0]
-    stiffness, damping = np.array([mesh.properties.stiffness, mesh.properties.damping])
-    S = stiffness[:, None, None] * change + np.moveaxis(damping * changing, -1, 0)
-    force, _, _, on_y, on_z = np.moveaxis(pulled(np.moveaxis(V, (-2, -1), (0, 1)), S), 1, -1)
-    moment = cross(V[:, :, 1], on_y) + cross(V[:, :, 2], on_z)
-    about_origin = moment + cross(_positions(mesh, mesh.points[0], vectors), force)
+    undeformed = strains.of(np.moveaxis(rows @ mesh.undeformed[own], (-2, -1), (0, 1)))
+    change = strains.of(np.moveaxis(V, (-2, -1), (0, 1))) - undeformed[:, None]
+    changing = (strain_slopes(strains, V) @ dV.reshape(*V.shape[:2], -1, 1))[..., 0]
+    each = np.array([mesh.properties.stiffness, mesh.properties.damping])[:, list(strains.which)]
+    S = each[0][:, None, None] * change + np.moveaxis(each[1] * changing, -1, 0)
+    on_vectors = np.moveaxis(strains.pulled(np.moveaxis(V, (-2, -1), (0, 1)), S), 1, -1)
+    force, on_bent = on_vectors[0], on_vectors[mesh.n_dim :]
+    moment = sum(lever(V[:, :, k], on) for k, on in enumerate(on_bent, 1))
+    about_origin = moment + lever(_positions(mesh, mesh.points[0], vectors), force)
     carried = _carried(mesh, force, places)
-    arms = _positions(mesh, places, vectors)
-    return carried, _carried(mesh, about_origin, places) - cross(arms, carried)
+    about_place = _carried(mesh, about_origin, places) - lever(_positions(mesh, places, vectors), carried)
+    return _padded(carried, after=True), _padded(about_place, after=False)
+
+
+def _padded(numbers: Array, after: bool) -> Array:
+    """Return vectors (..., n) of three numbers: those that the plane has not are zero."""
+    missing = 3 - numbers.shape[-1]
+    return np.pad(numbers, ((0, 0), (0, 0), (0, missing) if after else (missing, 0)))
 
 
 def section_axes(mesh: SectionMesh, vectors: Array, places: Array) -> Array:
     """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns; they are square."""
-    y, z = (np.array([mesh.shape(float(a))[1][k] for a in places]) @ vectors for k in (0, 1))
+    sections = np.array([mesh.shape(float(a))[1] for a in places]).swapaxes(0, 1)
+    if mesh.n_dim == 2:
+        return in_the_plane(-normal(sections[0] @ vectors))
+    y, z = (rows @ vectors for rows in sections)
     x = cross(y, z)
     x, between = _unit(x), _unit(_unit(y) + _unit(z))
     across = cross(x, between)
@@ -60,9 +71,9 @@ def _positions(mesh: SectionMesh, places: Array, vectors: Array) -> Array:
 
 
 def _carried(mesh: SectionMesh, values: Array, places: Array) -> Array:
-    """Return values (n_batch, n_points, 3) at Gauss points by the polynomials through those of elements."""
+    """Return values (n_batch, n_points, k) at Gauss points by the polynomials through those of elements."""
     where = places / mesh.axis.length * mesh.count
     e = np.minimum(where.astype(int), mesh.count - 1)
     rows = lagrange(where - e, gauss_legendre(mesh.degree)[0])
-    own = values.reshape(len(values), mesh.count, mesh.degree, 3)[:, e]
+    own = values.reshape(len(values), mesh.count, mesh.degree, -1)[:, e]
     return np.asarray(np.einsum("pk,bpki->bpi", rows, own))

@@ -60,9 +60,9 @@ class Model(NamedTuple):
 
     def where(self, element: str, n_dim: int) -> str:
         """Return where the class of its bodies of an element stands; empty if it has none."""
-        if n_dim == 2:
-            return self.body
-        return {"cosserat": self.sections, "continuum": self.gradients}.get(element, self.spatial)
+        if element == "cosserat":
+            return self.sections
+        return self.body if n_dim == 2 else {"continuum": self.gradients}.get(element, self.spatial)
 
     def assemble(self, beam: Blueprint | SectionBlueprint, element: str) -> Body:
         """Return the body of a beam in this model."""

@@ -1,4 +1,4 @@
-"""What a beam with sections in space is made of, before it has a model."""
+"""What a beam with sections is made of, before it has a model."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class SectionBlueprint(NamedTuple):
     start : int
         Column of x where its coordinates begin.
     mesh : SectionMesh
-    gravity : ndarray, shape (3,)
+    gravity : ndarray, shape (n_dim,)
         [m/s^2].
     points : dict of str to Place
         Named points, root and tip among them.
@@ -38,9 +38,10 @@ class SectionBlueprint(NamedTuple):
     def of(cls, spec: Any, name: str, start: int, deck: Any) -> SectionBlueprint:
         """Return what a beam of a deck, a `BeamSpec`, is made of; its coordinates begin at a column."""
         shape = Line() if spec.axis is None else spec.axis.shape
-        axis = Axis(shape, spec.length, spec.section_angle or 0.0, spec.twist or 0.0)
+        axis = Axis(shape, spec.length, spec.section_angle or 0.0, spec.twist or 0.0, deck.dimension)
         mesh = SectionMesh(axis, spec.elements, spec.degree, deck.section_properties(name))
-        ends = {"root": (0.0, 0.0, 0.0), "tip": (spec.length, 0.0, 0.0)}
+        beside = (0.0,) * (deck.dimension - 1)
+        ends = {"root": (0.0, *beside), "tip": (spec.length, *beside)}
         return cls(name, start, mesh, np.array(deck.gravity), places(spec.points) | ends)
 
     @property

@@ -1,7 +1,8 @@
-"""A beam in space cut into equal elements of nodes with section vectors: shape rows and undeformed state."""
+"""A beam cut into equal elements of nodes with section vectors: shape rows and undeformed state."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -12,12 +13,13 @@ from hfsim.maths.arrays import Array, IntArray, component_rows
 from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange
 from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
-from hfsim.parts.elements.cosserat import VECTORS, CosseratLaw, point_rows, strains, vector_rows
+from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw, point_rows, vector_rows
+from hfsim.parts.elements.section_strains import SectionStrains
 
 
 @dataclass(frozen=True, eq=False)
 class SectionMesh:
-    """Equal elements in a row; each node has position, second and third section axis, in this order.
+    """Equal elements in a row; each node has position, second and in space third section axis, in this order.
 
     Attributes
     ----------
@@ -31,6 +33,16 @@ class SectionMesh:
     count: int
     degree: int
     properties: SectionProperties
+
+    @property
+    def n_dim(self) -> int:
+        """Of space; so many vectors has a node."""
+        return self.axis.n_dim
+
+    @property
+    def strains(self) -> SectionStrains:
+        """Those of its space."""
+        return STRAINS[self.n_dim]
 
     @property
     def n_nodes(self) -> int:
@@ -47,15 +59,16 @@ class SectionMesh:
 
     @cached_property
     def undeformed(self) -> Array:
-        """Nodal vectors in the body frame, shape (3 n_nodes, 3)."""
+        """Nodal vectors in the body frame, shape (n_dim n_nodes, n_dim)."""
         inner = self._along(gauss_lobatto(self.degree + 1)[0][:-1])
         points, sections = self.axis.sections(np.append(inner, self.axis.length))
-        return np.stack([points, sections[..., 1], sections[..., 2]], axis=1).reshape(-1, 3)
+        vectors = np.concatenate([points[:, None], sections.swapaxes(1, 2)[:, 1:]], axis=1)
+        return vectors.reshape(-1, self.n_dim)
 
     @cached_property
     def positions(self) -> Array:
-        """One for nodal vectors that are positions, zero for section vectors, shape (3 n_nodes,)."""
-        return np.tile([1.0, 0.0, 0.0], self.n_nodes)
+        """One for nodal vectors that are positions, zero for section vectors, shape (n_dim n_nodes,)."""
+        return np.tile(np.eye(self.n_dim)[0], self.n_nodes)
 
     @cached_property
     def node_lengths(self) -> Array:
@@ -66,9 +79,10 @@ class SectionMesh:
 
     @property
     def masses(self) -> Array:
-        """What each nodal vector's acceleration is multiplied by, (3 n_nodes,) [kg], [kg m^2]."""
+        """What each nodal vector's acceleration is multiplied by, (n_dim n_nodes,) [kg], [kg m^2]."""
         about_y, about_z = self.properties.rotary_inertia
-        return np.outer(self.node_lengths, [self.properties.mass_per_length, about_z, about_y]).ravel()
+        each = [self.properties.mass_per_length, about_z, about_y][: self.n_dim]
+        return np.outer(self.node_lengths, each).ravel()
 
     @property
     def _nodes(self) -> IntArray:
@@ -83,42 +97,45 @@ class SectionMesh:
 
     @cached_property
     def point_vectors(self) -> tuple[IntArray, Array]:
-        """The nodal vectors of each Gauss point and the rows of (r', d2, d3, d2', d3') over them.
+        """The nodal vectors of each Gauss point and the rows of (r', d.., d'..) over them.
 
-        Shapes (n_points, 3 (degree + 1)) and (n_points, 5, 3 (degree + 1)).
+        Shapes (n_points, n_dim (degree + 1)) and (n_points, 2 n_dim - 1, n_dim (degree + 1)).
         """
         values, slopes = point_rows(self.degree)
-        rows = vector_rows(values, slopes / self._element_length)
-        width = VECTORS * (self.degree + 1)
-        first = VECTORS * self.degree * np.arange(self.count)
+        rows = vector_rows(values, slopes / self._element_length, self.n_dim)
+        width = self.n_dim * (self.degree + 1)
+        first = self.n_dim * self.degree * np.arange(self.count)
         vectors = np.repeat(first, self.degree)[:, None] + np.arange(width)
         return vectors, np.tile(rows, (self.count, 1, 1))
 
     def law(self) -> CosseratLaw:
         """Return the elastic law of all Gauss points; undeformed, the beam is without stress."""
         vectors, rows = self.point_vectors
-        stiffness = np.outer(self.properties.stiffness, self.points[1])
-        undeformed = strains(component_rows(rows @ self.undeformed[vectors]))
-        return CosseratLaw(stiffness, undeformed, self.degree)
+        undeformed = self.strains.of(component_rows(rows @ self.undeformed[vectors]))
+        return CosseratLaw(self.at_points(self.properties.stiffness), undeformed, self.degree, self.strains)
+
+    def at_points(self, numbers: Sequence[float]) -> Array:
+        """Return what goes with each strain in space at Gauss points, of the strains there are, by weight."""
+        return np.outer([numbers[k] for k in self.strains.which], self.points[1])
 
     def shape(self, place: float, derivative: int = 0) -> tuple[Array, Array]:
-        """Return the rows of position, and of both section vectors, over all nodal vectors.
+        """Return the rows of position, and of the section vectors, over all nodal vectors.
 
-        Shapes (3 n_nodes,) and (2, 3 n_nodes).
+        Shapes (n_dim n_nodes,) and (n_dim - 1, n_dim n_nodes).
         """
         e = min(int(place / self._element_length), self.count - 1)
         nodes, _ = gauss_lobatto(self.degree + 1)
         values = lagrange(place / self._element_length - e, nodes, derivative)[0]
-        rows = np.zeros((VECTORS, self.n_nodes, VECTORS))
-        for k in range(VECTORS):
+        rows = np.zeros((self.n_dim, self.n_nodes, self.n_dim))
+        for k in range(self.n_dim):
             rows[k, self._nodes[e], k] = values / self._element_length**derivative
-        flat = rows.reshape(VECTORS, -1)
+        flat = rows.reshape(self.n_dim, -1)
         return flat[0], flat[1:]
 
     def point(self, place: Place) -> tuple[Array, Array, Array]:
         """Return the rows of a point off the line and of its section vectors, and the section's axes there.
 
-        The axes are columns in the body frame, shape (3, 3).
+        The axes are columns in the body frame, shape (n_dim, n_dim).
         """
         position, section = self.shape(place[0])
         _, line = self.axis.at(np.array(place[:1]))

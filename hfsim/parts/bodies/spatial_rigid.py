@@ -12,9 +12,9 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.constraints import Constraint
-from hfsim.mechanics.directions import Orthonormal
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import GroundMarker
+from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.folded import FoldedBody

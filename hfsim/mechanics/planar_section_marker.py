@@ -1,0 +1,34 @@
+"""Markers of beams with a section vector in the plane, which is a quarter turn ahead of the line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.rotations import wrap
+from hfsim.mechanics.markers import NodalMarker
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarSectionMarker(NodalMarker):
+    """A material point of a planar beam whose coordinates are positions and second axes of its sections.
+
+    ``slope_row`` is that of the section's second axis.
+
+    Attributes
+    ----------
+    ahead : float
+        Angle of that axis in the body frame of the undeformed beam [rad]: the marker's own axes are those of
+        the body frame, carried along.
+    """
+
+    ahead: float
+
+    def angle(self, x: Array) -> Array:
+        """Return the angle of the first axis of the body frame, carried along."""
+        return wrap(super().angle(x) - self.ahead)
+
+    @property
+    def slope_columns(self) -> IntArray | None:
+        """None: no coordinates are a vector along its first axis."""
+        return None

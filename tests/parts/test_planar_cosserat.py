@@ -1,0 +1,249 @@
+"""The element cosserat in the plane: laws against those in space, statics, frequencies, no locking."""
+
+import numpy as np
+import pytest
+import scipy.linalg
+from equilibrium import cantilever, displacement, equilibrium
+
+from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw, SectionDamping
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+
+E = 2.07e11
+K = 10 * 1.3 / (12 + 11 * 0.3)
+"""Shear factor of a rectangle at a Poisson ratio of 0.3 (Cowper)."""
+
+
+ELASTICA = {
+    0.2: (0.099636163037402, 0.0026465483405228, 0.06636448214483),
+    2.0: (0.78174983155654, 0.16064172082517, 0.49345748039671),
+    10.0: (1.4302855388039, 0.55499559775375, 0.8106090248803),
+}
+"""Case S9: end rotation, shortening and deflection by P L^2 / EI, neither stretched nor sheared."""
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(4)
+
+
+def law_and_vectors(rng, points=4):
+    stiffness, undeformed = rng.uniform(0.5, 2.0, (3, points)), 0.2 * rng.normal(size=(3, points))
+    V = 0.3 * rng.normal(size=(2, points, 3, 2))
+    V[..., :2, :] += np.eye(2)
+    return CosseratLaw(stiffness, undeformed, 1, STRAINS[2]), V
+
+
+def raised(V):
+    """The same vectors in space, with a third section axis across the plane."""
+    slope, y, bent = np.moveaxis(np.pad(V, ((0, 0), (0, 0), (0, 0), (0, 1))), -2, 0)
+    across = np.zeros_like(y)
+    across[..., 2] = 1.0
+    return np.stack([slope, y, across, bent, np.zeros_like(y)], axis=-2)
+
+
+def test_strains_are_those_in_space(rng):
+    _, V = law_and_vectors(rng)
+    own, space = (STRAINS[k].of(np.moveaxis(v, (-2, -1), (0, 1))) for k, v in ((2, V), (3, raised(V))))
+    assert space[list(STRAINS[2].which)] == pytest.approx(own, abs=1e-14)
+    assert np.abs(np.delete(space, STRAINS[2].which, axis=0)).max() == 0.0
+
+
+def test_gradient_and_hessian_against_differences(rng):
+    law, V = law_and_vectors(rng)
+    dV, h = rng.normal(size=V.shape), 1e-6
+    change = (law.energy(V + h * dV) - law.energy(V - h * dV)) / (2 * h)
+    assert np.sum(law.gradient(V) * dV, axis=(-1, -2)) == pytest.approx(change, rel=1e-8)
+    H, bent = law.hessian(V), (law.gradient(V + h * dV) - law.gradient(V - h * dV)) / (2 * h)
+    flat = dV.reshape(*dV.shape[:2], 6, 1)
+    assert (H @ flat)[..., 0] == pytest.approx(bent.reshape(2, 4, 6), rel=1e-7, abs=1e-8)
+    assert pytest.approx(H.swapaxes(-1, -2), abs=1e-14) == H
+
+
+def test_damping_against_differences(rng):
+    damped = "youngs_modulus: 10.0, axial_damping: 0.2, bending_damping: 0.3"
+    scene = cantilever("{shape: circle, radius: 0.1}", 1.0, (0, 1), elements=2, degree=2, material=damped)
+    (part,) = (one for one in scene.system.forces if isinstance(one, SectionDamping))
+    n, t, h = scene.system.n_x, np.zeros(1), 1e-6
+    x = scene.system.absolute(scene.q[None]) + 0.1 * rng.normal(size=(1, n))
+    u, d = rng.normal(size=(1, n)), rng.normal(size=n)
+
+    def force(x, u):
+        out = np.zeros_like(x)
+        part.add_force(t, x, u, out)
+        return out
+
+    for entries, slope in (
+        (part.tangent(t, x, u), (force(x + h * d, u) - force(x - h * d, u)) / (2 * h)),
+        (part.rate_tangent(t, x, u), (force(x, u + h * d) - force(x, u - h * d)) / (2 * h)),
+    ):
+        matrix = np.zeros((n, n))
+        np.add.at(matrix, (entries.rows, entries.columns), entries.values)
+        assert matrix @ d == pytest.approx(-slope[0], rel=1e-6, abs=1e-7 * np.abs(slope).max())
+    assert part.power(t, x, u)[0] == pytest.approx(float(force(x, u)[0] @ u[0]), rel=1e-12)
+    assert part.power(t, x, u)[0] < 0.0
+    turning = scene.bodies["b"].freedoms(x[0], scene.assembly.poses["b"])[2:]
+    assert np.abs(force(x, np.pad(turning, ((0, 0), (0, n - turning.shape[1]))))).max() < 1e-12
+
+
+def stiffness(EA, GA, EI, mass=1.0, inertia=1.0):
+    return (
+        f"{{mass_per_length: {mass!r}, rotary_inertia: {inertia!r}, axial_stiffness: {EA!r}, "
+        f"shear_stiffness: {GA!r}, bending_stiffness: {EI!r}}}"
+    )
+
+
+def rectangle(b, h):
+    return f"{{area: {b * h!r}, second_moment: {b * h**3 / 12!r}, shear_factor: {K!r}}}"
+
+
+STEEL = f"youngs_modulus: {E!r}, poisson_ratio: 0.3"
+
+
+def bent(scene, steps=10):
+    """Displacement of the tip and how far its section has turned."""
+    x = equilibrium(scene, steps)
+    return (*displacement(scene, x), float(scene.marker("b.tip").angle(x)[0]))
+
+
+def test_extensible_cantilever_with_shear():
+    """Case S10, row R."""
+    force = (0.0, -3 * E * 0.1**4 / 12 / 2.0**2)
+    found = bent(cantilever(rectangle(0.1, 0.1), 2.0, force, 0.0, 4, 5, STEEL))
+    assert found == pytest.approx((-0.5094647177450, -1.2088228295599, -0.9855627858735), abs=2e-10)
+
+
+@pytest.mark.parametrize(
+    "force, expected, rel",
+    [
+        (62500.0, (-1.8884916386e-7, 8.0990325397694e-4), 1e-9),
+        (6.25e7, (-0.15097114424, 0.71056859785, 0.52017316601), 1e-10),
+    ],
+)
+def test_thick_cantilever(force, expected, rel):
+    """Case S11, rows R."""
+    found = bent(cantilever(rectangle(0.1, 0.5), 2.0, (0.0, force), 0.0, 4, 5, STEEL), 4)
+    assert found[: len(expected)] == pytest.approx(expected, rel=rel)
+
+
+def test_geradin_cantilever():
+    """Case S12, row R: shortening, deflection and rotation."""
+    scene = cantilever(stiffness(4.8e8, 3.231e8, 9.346e6), 5.0, (0.0, 6e5), elements=4, degree=5)
+    assert bent(scene) == pytest.approx((-0.596471272235, 2.159693894490, 0.672006063844), abs=1e-9)
+
+
+@pytest.mark.parametrize("turns", [0.25, 1.0, 2.0])
+def test_an_end_moment_bends_into_circles(turns):
+    """Case S8: M = t EI / L."""
+    t = 2.0 * np.pi * turns
+    scene = cantilever(stiffness(1e4, 1e4, 3.0), 1.0, (0.0, 0.0), 3.0 * t, elements=6, degree=8)
+    x, y, angle = bent(scene, 12)
+    assert (x, y) == pytest.approx((np.sin(t) / t - 1.0, (1.0 - np.cos(t)) / t), abs=2e-9)
+    assert np.exp(1j * angle) == pytest.approx(np.exp(1j * t), abs=1e-9)
+
+
+@pytest.mark.parametrize("load", ELASTICA)
+def test_the_elastica_is_the_limit_of_stiff_sections(load):
+    """Case S9: what is left falls with the compliance in stretch and shear."""
+    missed = []
+    for stiff in (1e5, 1e6):
+        scene = cantilever(stiffness(stiff, stiff, 1.0), 1.0, (0.0, load), elements=4, degree=6)
+        x, y, angle = bent(scene)
+        missed.append(np.subtract((angle, -x, y), ELASTICA[load]))
+    assert np.abs(missed[0]).max() < 2e-4
+    assert missed[1] == pytest.approx(0.1 * missed[0], rel=1e-2, abs=1e-8)
+
+
+@pytest.mark.parametrize("degree", [1, 2, 3])
+def test_errors_at_nodes_fall_with_twice_the_degree(degree):
+    exact = tip_of(4, 7)
+    counts = {1: (8, 16, 32), 2: (4, 8, 16), 3: (2, 4, 8)}[degree]
+    errors = [np.linalg.norm(tip_of(n, degree) - exact) for n in counts]
+    assert np.log2(errors[-2] / errors[-1]) == pytest.approx(2 * degree, abs=0.25)
+
+
+def tip_of(elements, degree):
+    scene = cantilever(rectangle(0.1, 0.5), 2.0, (0.0, 6.25e7), 0.0, elements, degree, STEEL)
+    return displacement(scene, equilibrium(scene, 3))
+
+
+def test_no_locking():
+    """Slenderness 10 to 1e4, equal unknowns, loads that bend alike: errors differ by less than a tenth."""
+    meshes, errors = ((12, 1), (6, 2), (4, 3)), []
+    for slenderness in (1e1, 1e2, 1e3, 1e4):
+        h = 1.0 / slenderness
+        section = f"{{shape: rectangle, width: {h!r}, height: {h!r}}}"
+        tips = [
+            displacement(one, equilibrium(one, 8))
+            for n, p in (*meshes, (3, 6))
+            for one in [cantilever(section, 1.0, (0.0, h**4 / 6.0), 0.0, n, p, "youngs_modulus: 1.0")]
+        ]
+        errors.append(np.linalg.norm(np.array(tips[:-1]) - tips[-1], axis=1))
+    assert np.max(errors, axis=0) == pytest.approx(np.min(errors, axis=0), rel=0.1)
+    assert (np.max(errors, axis=0) < [1e-2, 2e-4, 5e-6]).all()
+
+
+PINNED = """
+hfsim: 1
+gravity: [0.0, 0.0]
+materials: {stuff: {density: 1000.0, youngs_modulus: 1.0e7, poisson_ratio: 0.3}}
+sections: {bar: {shape: rectangle, width: 0.1, height: 0.2}}
+ground: {points: {end: [1.0, 0.0]}}
+bodies:
+  b: {type: beam, element: cosserat, material: stuff, section: bar, length: 1.0, elements: 2, degree: 8}
+joints:
+  left: {type: revolute, between: [ground, b.root]}
+  right: {type: revolute, between: [ground.end, b.tip]}
+solve: {duration: 1.0}
+"""
+
+
+def test_frequencies_of_timoshenko():
+    """A thick beam pinned at both ends: both branches of each wave number n pi / L."""
+    scene = build(parse_deck(PINNED))
+    linear = scene.system.linearized(0.0, scene.q, scene.v)
+    free = linear.allowed
+    omega = np.sqrt(np.abs(scipy.linalg.eigvalsh(free @ linear.stiffness @ free.T)))
+    mass, inertia, EI = 20.0, 1000.0 * 0.1 * 0.2**3 / 12, 1e7 * 0.1 * 0.2**3 / 12
+    kGA = 5.0 / 6.0 * 1e7 / 2.6 * 0.02
+    for n in (1, 2, 3):
+        k2 = (n * np.pi) ** 2
+        both = np.roots([mass * inertia, -(kGA * inertia + EI * mass) * k2 - mass * kGA, kGA * EI * k2**2])
+        for one in np.sqrt(both):
+            assert np.abs(omega / one - 1.0).min() < 1e-6
+
+
+def test_a_beam_at_45_degrees_under_force_and_moment():
+    """The beam of S11 as Exudyn's geometricallyExactBeam2Dtest has it, which is 2e-3 m off by its mesh."""
+    deck = f"""
+hfsim: 1
+gravity: [0.0, 0.0]
+sections: {{bar: {stiffness(E * 0.05, K * 7.9615e10 * 0.05, E * 0.1 * 0.5**3 / 12)}}}
+bodies: {{b: {{type: beam, element: cosserat, section: bar, length: 2.0, elements: 4, degree: 6}}}}
+joints: {{clamp: {{type: fixed, between: [ground, b.root], angle: 45 deg}}}}
+loads:
+  push: {{type: force, at: b.tip, force: [{6.25e7 / 2**0.5!r}, {-6.25e7 / 2**0.5!r}],
+         law: {{type: constant_rate, rate: 1.0}}}}
+  turn: {{type: moment, at: b.tip, moment: -5.0e8, law: {{type: constant_rate, rate: 1.0}}}}
+initial: {{b: {{angle: 45 deg}}}}
+solve: {{duration: 1.0}}
+"""
+    scene = build(parse_deck(deck))
+    found = displacement(scene, equilibrium(scene, 10))
+    assert found == pytest.approx((-1.19737406900, -2.20940844646), abs=1e-8)
+
+
+@pytest.mark.parametrize("axis", ["arc: {radius: 2.0, angle: ANGLE}", "points: POINTS"])
+@pytest.mark.parametrize("sense", [1, -1])
+def test_a_curved_beam_straightens_under_its_own_moment(axis, sense):
+    """A quarter of a circle under M = EI / R is straight; the sections at its ends are across it."""
+    a = np.linspace(0.0, 0.5 * np.pi, 60)
+    points = np.stack([2.0 * np.sin(a), sense * 2.0 * (1.0 - np.cos(a))], axis=1).tolist()
+    more = "axis: {" + axis.replace("ANGLE", f"{sense * 90} deg").replace("POINTS", str(points)) + "}"
+    scene = cantilever(stiffness(1e4, 1e4, 3.0), 0.0, (0.0, 0.0), -sense * 1.5, 4, 6, more=more)
+    start = scene.marker("b.tip").position(scene.system.absolute(scene.q[None]))[0]
+    assert start == pytest.approx((2.0, sense * 2.0), abs=1e-12)
+    x = equilibrium(scene, 4)
+    rel = 1e-9 if axis.startswith("arc") else 1e-5
+    assert scene.marker("b.tip").position(x)[0] == pytest.approx((np.pi, 0.0), abs=np.pi * rel)
+    assert scene.marker("b.tip").angle(x)[0] == pytest.approx(-sense * 0.5 * np.pi, abs=rel)
