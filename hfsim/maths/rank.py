@@ -65,6 +65,16 @@ def dependence(
     return Dependence(missing, float(sizes[0]), tuple(involved))
 
 
+def null_space(rows: Array, largest: float | None = None) -> Array:
+    """Return an orthonormal basis, as columns (n, k), of what rows (m, n) are zero for.
+
+    Singular values count as zero relative to a largest one: that of the rows unless it is stated.
+    """
+    _, sizes, right = np.linalg.svd(rows, full_matrices=True)
+    size = sizes.max(initial=0.0) if largest is None else largest
+    return np.asarray(right[int(np.sum(sizes > LOST * size)) :].T)
+
+
 def _touched(Phi_x: Matrix) -> Matrix:
     """Return rows of unit length and only those columns that are not zero; sparse if there are many rows."""
     if is_sparse(Phi_x):

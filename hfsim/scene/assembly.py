@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
@@ -91,6 +91,17 @@ class Assembly:
     changes: tuple[Change, ...]
     closed: dict[str, Turn]
     branches: Branches
+
+    def tangent(self, body: str) -> Array:
+        """Return the first axis of a body, shape (3,), in space."""
+        return self.poses[body].turned(np.eye(3)[0])
+
+    def rolls(self, bodies: Collection[str]) -> Array:
+        """Return the motions (n_bodies, n) of the frames in which each body turns about its first axis."""
+        names, motions = list(self.poses), np.zeros((len(bodies), self.linkage.n))
+        for motion, body in zip(motions, bodies, strict=True):
+            motion[self.linkage.columns_of(names.index(body))[3:]] = self.tangent(body)
+        return motions
 
     def warnings(self) -> list[str]:
         """Return in words which stated values were changed by much."""

@@ -85,15 +85,14 @@ class Scene:
     @cached_property
     def free_motions(self) -> list[FreeMotion] | None:
         """What the joints leave free at the start, bodies taken as rigid; None in large mechanisms."""
-        lines = [list(self.bodies).index(name) for name in self._lines]
-        held = replace(self.assembly, linkage=self._held) if lines else self.assembly
-        return free_motions(held, self._rigid_energy, lines)
+        held = replace(self.assembly, linkage=self._held) if self._lines else self.assembly
+        return free_motions(held, self._rigid_energy, self._lines)
 
     @cached_property
     def _lines(self) -> tuple[str, ...]:
         """Bodies that are lines without sections in space."""
-        markers = ((name, body.marker(body.origin)) for name, body in self.bodies.items())
-        return tuple(name for name, marker in markers if marker.n_dim == 3 and marker.n_axes == 1)
+        spatial, specs = self.deck.dimension == 3, self.deck.bodies
+        return tuple(name for name in self.bodies if spatial and not specs[name].sectioned)
 
     @cached_property
     def _held(self) -> Linkage:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from hfsim.deck.fields import split_point
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array
+from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import cross, normal
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
@@ -61,7 +62,7 @@ class FreeMotion(NamedTuple):
 
 
 def free_motions(
-    assembly: Assembly, energy: Callable[[Array], float], lines: Collection[int] = ()
+    assembly: Assembly, energy: Callable[[Array], float], lines: Collection[str] = ()
 ) -> list[FreeMotion] | None:
     """Return the rigid motions that are left at the start, body by body from the ground outwards.
 
@@ -72,15 +73,17 @@ def free_motions(
     assembly : Assembly
     energy : callable
         Rates of the frames (n,) -> kinetic energy of the scene [J].
-    lines : collection of int
-        Numbers of bodies in space that are lines without sections: that they roll is no motion.
+    lines : collection of str
+        Bodies in space that are lines without sections: that they roll is no motion.
     """
     groups = _mechanisms(assembly.linkage, len(assembly.poses))
     if max(map(len, groups)) > MOST_BODIES:
         return None
     link = assembly.linkage
     mass = energy(np.where(link.turns, 0.0, link.units)) / link.n_dim
-    return [motion for group in groups for motion in _motions_of(group, assembly, energy, mass, lines)]
+    slopes = link.slopes_by_rates(assembly.place) * link.units / link.scales[:, None]
+    rows = np.concatenate([slopes, assembly.rolls(lines)])
+    return [motion for group in groups for motion in _motions_of(group, assembly, energy, mass, rows)]
 
 
 def _mechanisms(link: Linkage, count: int) -> list[list[int]]:
@@ -111,14 +114,15 @@ def _motions_of(
     assembly: Assembly,
     energy: Callable[[Array], float],
     whole_mass: float,
-    lines: Collection[int],
+    rows: Array,
 ) -> Iterator[FreeMotion]:
     link, names = assembly.linkage, tuple(assembly.poses)
     columns = {body: link.columns_of(body) for body in group}
-    rolls = np.zeros((len(lines), link.n))
-    for row, body in zip(rolls, lines, strict=True):
-        row[link.columns_of(body)[3:]] = list(assembly.poses.values())[body].turned(np.eye(3)[0])
-    motions = _null_space(link, assembly.place, np.concatenate([columns[body] for body in group]), rolls)
+    joined = np.concatenate([columns[body] for body in group])
+    touched = rows[:, joined]
+    allowed = null_space(touched[touched.any(axis=1)])
+    motions = np.zeros((link.n, allowed.shape[1]))
+    motions[joined] = allowed
     found = []
     for body in group:
         own, sizes, mixed = np.linalg.svd(motions[columns[body]], full_matrices=True)
@@ -136,23 +140,12 @@ def _motions_of(
             yield FreeMotion(names[body], own.shape[1], kind, about, follow, least / whole_mass)
 
 
-def _null_space(link: Linkage, place: Array, columns: IntArray, rolls: Array) -> Array:
-    """Return the motions of some bodies that the joints allow, in steps of units, shape (n, n_motions)."""
-    rows = link.slopes_by_rates(place) * link.units / link.scales[:, None]
-    J = np.concatenate([rows, rolls])[:, columns]
-    J = J[J.any(axis=1)]
-    _, sizes, right = np.linalg.svd(J, full_matrices=True)
-    motions = np.zeros((link.n, len(columns)))
-    motions[columns] = right.T
-    return motions[:, int(np.sum(sizes > NONE * sizes.max(initial=0.0))) :]
-
-
 def _described(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
     """Return kind and place of the motions (n_freedoms, k) of a body."""
     n_dim = assembly.linkage.n_dim
     if n_dim == 3:
         return _described_in_space(own, body, assembly)
-    shifts = own @ _null(own[n_dim:])
+    shifts = own @ null_space(own[n_dim:], 1.0)
     if shifts.shape[1] == n_dim:
         return "floats", ", ".join([*AXES[:n_dim], "turn"][: own.shape[1]])
     if own.shape[1] > 1:
@@ -163,7 +156,7 @@ def _described(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
 
 
 def _described_in_space(own: Array, body: int, assembly: Assembly) -> tuple[str, str]:
-    shifts, turns = own @ _null(own[3:]), own[3:]
+    shifts, turns = own @ null_space(own[3:], 1.0), own[3:]
     axes, sizes, _ = np.linalg.svd(turns)
     n_turns, n_shifts = int(np.sum(sizes > NONE)), shifts.shape[1]
     if n_shifts >= 2:
@@ -193,12 +186,6 @@ def _turned_about(own: Array, axes: Array, body: int, assembly: Assembly) -> str
                 if np.abs(moved).max() < CLOSE * link.size:
                     return c.item.removeprefix("joints.")
     return ""
-
-
-def _null(rows: Array) -> Array:
-    """Return an orthonormal basis, as columns, of what rows (m, k) are zero for."""
-    _, sizes, right = np.linalg.svd(rows, full_matrices=True)
-    return np.asarray(right[int(np.sum(sizes > NONE)) :].T)
 
 
 def _axis(direction: Array) -> str:

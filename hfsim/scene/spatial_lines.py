@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.deck.spec import Complaint
-from hfsim.maths.arrays import Array
+from hfsim.maths.rank import null_space
 from hfsim.parts.specs import LoadSpec
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
@@ -79,9 +79,9 @@ def untwisted(assembly: Assembly, held: Linkage, lines: Collection[str]) -> Iter
     names, whole = list(assembly.poses), assembly.linkage
     if len(names) > MOST_BODIES:
         return
-    rolls = _rolls(assembly, lines)
+    rolls = assembly.rolls(lines)
     slopes = held.slopes_by_rates(assembly.place) * held.units / held.scales[:, None]
-    motions = _null_space(np.concatenate([slopes, rolls]))
+    motions = null_space(np.concatenate([slopes, rolls]))
     every = whole.slopes_by_rates(assembly.place) * whole.units / whole.scales[:, None]
     rows = [
         (c.item, k, [whole.owner(end) for end in c.ends])
@@ -104,24 +104,6 @@ def untwisted(assembly: Assembly, held: Linkage, lines: Collection[str]) -> Iter
             yield involved[-1], f"{message}; {SECTIONS}"
 
 
-def _rolls(assembly: Assembly, lines: Collection[str]) -> Array:
-    """Return the motions (n_lines, n) in which each line rolls about its tangent."""
-    link, rolls = assembly.linkage, np.zeros((len(lines), assembly.linkage.n))
-    for row, line in zip(rolls, lines, strict=True):
-        row[link.columns_of(list(assembly.poses).index(line))[3:]] = _tangent(assembly, line)
-    return rolls
-
-
-def _tangent(assembly: Assembly, line: str) -> Array:
-    return assembly.poses[line].turned(np.eye(3)[0])
-
-
-def _null_space(rows: Array) -> Array:
-    """Return an orthonormal basis, as columns, of the motions that rows are zero for."""
-    _, sizes, right = np.linalg.svd(rows, full_matrices=True)
-    return np.asarray(right[int(np.sum(sizes > NONE * sizes.max(initial=0.0))) :].T)
-
-
 def twisting(deck: Deck, assembly: Assembly, lines: Collection[str]) -> Iterator[tuple[str, str]]:
     """Yield the moments that would twist a line at the start."""
     for name, load in deck.loads.items():
@@ -129,7 +111,7 @@ def twisting(deck: Deck, assembly: Assembly, lines: Collection[str]) -> Iterator
         if load.carries or line not in lines:
             continue
         moment = np.array([0.0] * (3 - len(tuple(load.amount))) + list(load.amount))
-        part = float(moment @ _tangent(assembly, line))
+        part = float(moment @ assembly.tangent(line))
         if abs(part) > NONE * np.linalg.norm(moment):
             message = f"{abs(part):.4g} N m would twist '{line}', a line without sections: these do nothing"
             yield f"loads.{name}", f"{message}; {SECTIONS}"
