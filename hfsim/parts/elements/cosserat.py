@@ -23,8 +23,8 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange
 from hfsim.mechanics.connectivity import Connectivity
-from hfsim.mechanics.force import ForcePart
 from hfsim.parts.elements._base import RowLaw
+from hfsim.parts.elements.forces import MaterialDamping
 from hfsim.parts.elements.planar_strains import PLANAR
 from hfsim.parts.elements.section_strains import SectionStrains
 from hfsim.parts.elements.spatial_strains import SPATIAL
@@ -141,7 +141,7 @@ def strain_slopes(strains: SectionStrains, V: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class SectionDamping(ForcePart):
+class SectionDamping(MaterialDamping):
     """Damping proportional to the rates of all strains, at the Gauss points of beams with section vectors.
 
     Attributes
@@ -156,23 +156,11 @@ class SectionDamping(ForcePart):
     elements: Connectivity
     resisting: Array
     strains: SectionStrains
-    rule: ClassVar[str] = "damping"
-    why: ClassVar[str] = "damped material"
 
     @property
     def counts(self) -> dict[str, int | str]:
         """One kernel serves all points in one call."""
         return {"kernels": 1, "integrals": CosseratLaw.integrals}
-
-    @property
-    def idle(self) -> bool:
-        """Whether there is no damping."""
-        return not self.dissipates
-
-    @property
-    def uses_rates(self) -> bool:
-        """Return True."""
-        return True
 
     @property
     def dissipates(self) -> bool:

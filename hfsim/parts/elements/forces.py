@@ -76,8 +76,25 @@ class ElasticForce(ForcePart):
         return self.elements.entries(self.law.hessian(self.elements.vectors(x))[0])
 
 
+class MaterialDamping(ForcePart):
+    """Base of forces that resist the rates of strains."""
+
+    rule: ClassVar[str] = "damping"
+    why: ClassVar[str] = "damped material"
+
+    @property
+    def idle(self) -> bool:
+        """Whether there is no damping."""
+        return not self.dissipates
+
+    @property
+    def uses_rates(self) -> bool:
+        """Return True."""
+        return True
+
+
 @dataclass(frozen=True, eq=False)
-class KelvinVoigtForce(ForcePart):
+class KelvinVoigtForce(MaterialDamping):
     """Damping proportional to the rates of axial strain and curvature, of cable elements.
 
     Dissipated per length: EA tau_a strain'^2 + EI tau_b curvature'^2 with the Green strain and the
@@ -99,24 +116,12 @@ class KelvinVoigtForce(ForcePart):
     bend: Array
     axial: Array
     bending: Array
-    rule: ClassVar[str] = "damping"
-    why: ClassVar[str] = "damped material"
 
     @property
     def counts(self) -> dict[str, int | str]:
         """One kernel serves all elements in one call."""
         elements, points = self.axial.shape
         return {"kernels": 1, "elements": elements, "integrals": f"{points} Gauss points an element"}
-
-    @property
-    def idle(self) -> bool:
-        """Whether there is no damping."""
-        return not self.dissipates
-
-    @property
-    def uses_rates(self) -> bool:
-        """Return True."""
-        return True
 
     @property
     def dissipates(self) -> bool:
