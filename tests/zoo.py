@@ -41,6 +41,7 @@ LOW_ORDER = LowOrderBeam(
     axial_damping=0.0,
     bending_damping=0.0,
     gravity=(0.0, 0.0),
+    whole=False,
 )
 
 

@@ -312,31 +312,31 @@ class System:
         """
         if np.any(q[self.reduction.stretches] <= 0.0):
             return False
-        return not self.variable_mass or self._smallest_inertia(q)[0] > 0.0
+        return not self.variable_mass or self._smallest_inertia(self.absolute(q[None]))[0] > 0.0
 
     def breakdown(self, t: float, q: Array) -> SolverFailure | None:
         """Return why no step leads on from a state (n,), if a body says that its model has broken down."""
         if not self.variable_mass:
             return None
-        size, motion = self._smallest_inertia(q)
+        x = self.absolute(q[None])
+        size, motion = self._smallest_inertia(x)
         body = max(self.variable_mass, key=lambda one: float(np.sum(motion[one.columns] ** 2)))
-        return body.breakdown(t, size, self._smallest_inertia(self._straightened(q))[0])
+        return body.breakdown(t, size, self._smallest_inertia(self._straightened(x))[0])
 
-    def _straightened(self, q: Array) -> Array:
-        """Return the state with no deformation of the bodies whose mass matrix depends on it."""
-        straight = q.copy()
+    def _straightened(self, x: Array) -> Array:
+        """Return coordinates (1, n_x) with no deformation of bodies whose mass matrix depends on that."""
+        straight = x.copy()
         for body in self.variable_mass:
-            own = self.reduction.free_columns(body.columns)
-            straight[own] = body.straightened(q[own])
+            straight[0, body.columns] = body.straightened(x[0, body.columns])
         return straight
 
-    def _smallest_inertia(self, q: Array) -> tuple[float, Array]:
+    def _smallest_inertia(self, x: Array) -> tuple[float, Array]:
         """Return the smallest eigenvalue of the mass matrix among allowed motions, and that motion.
 
-        Coordinates are scaled so that the undeformed mass matrix has a unit diagonal.
+        Coordinates are scaled so that the undeformed mass matrix has a unit diagonal, where it has any.
         """
-        x, equations = self.absolute(q[None]), self.unreduced
-        scale = 1.0 / np.sqrt(np.diag(equations.mass(np.zeros_like(x))[0]))
+        equations, sizes = self.unreduced, np.diag(self.unreduced.mass(self._straightened(x))[0])
+        scale = 1.0 / np.sqrt(np.maximum(sizes, sizes[sizes > 0.0].min()))
         M = equations.mass(x)[0] * np.outer(scale, scale)
         Z = np.eye(self.n_x)
         if equations.constraints:

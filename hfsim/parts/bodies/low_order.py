@@ -9,27 +9,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import normal, rotate
 from hfsim.maths.shapes import gauss_legendre
-from hfsim.mechanics.force import ForcePart
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.bodies.foreshortened import ForeshortenedBeam, weighted
 
 PLACE, TURN, RIGID = slice(0, 2), 2, 3
 """Where place and angle of a beam's frame stand among its coordinates, and where its deformation begins."""
-NEARLY_SINGULAR = 0.2
-"""Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a failure is put
-down to it."""
 
 
 @dataclass(frozen=True, eq=False)
-class LowOrderBeam(ForcePart):
+class LowOrderBeam(ForeshortenedBeam):
     """One beam in the coordinates (r0, theta, w, v).
 
     The elastic coordinates are the nodal values and slopes of w (root value left out) followed by
@@ -38,32 +33,16 @@ class LowOrderBeam(ForcePart):
 
     Attributes
     ----------
-    name : str
-    mesh : BeamMesh
-        Of cable elements.
-    columns : slice
-        Where its coordinates stand.
     axial, bending : float
         EA [N] and EI [N m^2].
     axial_damping, bending_damping : float
         Kelvin-Voigt retardation times [s].
-    gravity : tuple of float
-        [m/s^2].
-    whole : bool
-        Keep the terms of third and fourth order too.
     """
 
-    name: str
-    mesh: BeamMesh
-    columns: slice
     axial: float
     bending: float
     axial_damping: float
     bending_damping: float
-    gravity: tuple[float, ...]
-    whole: bool = False
-    model: str = "lowOrder"
-    why: ClassVar[str] = "flexible"
 
     @classmethod
     def of(cls, beam: Blueprint) -> LowOrderBeam:
@@ -81,40 +60,11 @@ class LowOrderBeam(ForcePart):
             item=beam.item,
         )
 
-    @property
-    def truncated(self) -> bool:
-        """Whether terms of the inertia force are left out, so that it may feed energy."""
-        return not self.whole
-
     def straightened(self, q: Array) -> Array:
         """Return coordinates with no deformation."""
         straight = q.copy()
         straight[RIGID:] = 0.0
         return straight
-
-    def breakdown(self, t: float, inertia: float, straight: float) -> SolverFailure | None:
-        """Return the failure of a mass matrix that has become nearly singular."""
-        if inertia > NEARLY_SINGULAR * straight:
-            return None
-        return SolverFailure(
-            reason=f"the mass matrix of body '{self.name}' in model {self.model} stops being positive "
-            f"definite at t = {t:.4g} s",
-            cause="the terms the model leaves out are no longer small",
-            time=t,
-            item=self.item,
-            kind="model",
-            evidence={"smallest_eigenvalue": inertia},
-        )
-
-    @property
-    def uses_rates(self) -> bool:
-        """Return True: its inertia force is counted among the forces."""
-        return True
-
-    @property
-    def support(self) -> IntArray:
-        """All coordinates of the beam."""
-        return np.arange(self.columns.start, self.columns.stop)
 
     @property
     def dissipates(self) -> bool:
@@ -122,24 +72,9 @@ class LowOrderBeam(ForcePart):
         return self.axial_damping > 0.0 or self.bending_damping > 0.0
 
     @property
-    def n_w(self) -> int:
-        """Number of axial coordinates."""
-        return self.mesh.n_vectors - 1
-
-    @property
-    def n_v(self) -> int:
-        """Number of transverse coordinates."""
-        return self.mesh.n_vectors - 2
-
-    @property
     def n(self) -> int:
         """Number of coordinates."""
         return RIGID + self.n_w + self.n_v
-
-    @property
-    def n_points(self) -> int:
-        """Number of quadrature points: what integrates the terms of highest degree (H H) exactly."""
-        return 2 * self.mesh.element.degree * self.mesh.count
 
     @property
     def of_w(self) -> slice:
@@ -155,46 +90,6 @@ class LowOrderBeam(ForcePart):
     def _elastic(self) -> slice:
         """Where the coordinates of the deformation stand in x."""
         return slice(self.columns.start + RIGID, self.columns.stop)
-
-    @cached_property
-    def _points(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Quadrature along the beam: x, mass of each point, N_w, N_v, and H as (n_v, n_points * n_v).
-
-        Twice the degree of the shapes is the number of points an element that integrates the terms of
-        highest degree (H H, degree 10 with cubics) exactly.
-        """
-        le = self.mesh.element.length
-        xi, w = gauss_legendre(self.n_points // self.mesh.count)
-        x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
-        mass = np.tile(w, self.mesh.count) * le * self.mesh.properties.mass_per_length
-        N = np.array([self.mesh.shape(float(a)) for a in x])
-        H = np.array([self.foreshortening(float(a)) for a in x])
-        return x, mass, N[:, 1:], N[:, 2:], H.transpose(1, 0, 2).reshape(self.n_v, -1)
-
-    def foreshortening(self, x: float) -> Array:
-        """Return H(x) = int_0^x N_v'^T N_v', shape (n_v, n_v) [1/m]."""
-        le = self.mesh.element.length
-        whole = min(int(x / le), self.mesh.count - 1)
-        rest = min(le, x - whole * le)
-        H = np.array(self._whole_elements[whole])
-        if rest > 0.0:
-            H += self._own_foreshortening(whole, rest)
-        return H
-
-    @cached_property
-    def _whole_elements(self) -> Array:
-        """H at the start of each element, shape (count, n_v, n_v)."""
-        H = np.zeros((self.mesh.count, self.n_v, self.n_v))
-        for e in range(1, self.mesh.count):
-            H[e] = H[e - 1] + self._own_foreshortening(e - 1, self.mesh.element.length)
-        return H
-
-    def _own_foreshortening(self, e: int, part: float) -> Array:
-        """Return the share in H of the first `part` [m] of element e."""
-        start = e * self.mesh.element.length
-        xi, w = gauss_legendre(self.mesh.element.degree)
-        rows = np.array([self.mesh.shape(start + a * part, 0.0, (1, 0))[2:] for a in xi])
-        return np.asarray((rows.T * (w * part)) @ rows)
 
     @cached_property
     def stiffness(self) -> tuple[Array, Array]:
@@ -217,7 +112,7 @@ class LowOrderBeam(ForcePart):
         return b[:, PLACE], b[:, TURN], b[:, self.of_w], b[:, self.of_v]
 
     def _fields(self, x: Array, u: Array) -> _Fields:
-        _, _, N_w, N_v, H = self._points
+        _, _, N_w, N_v, H = self.points
         _, _, w, v = self.split(x)
         _, _, dw, dv = self.split(u)
         Hv = (v @ H).reshape(len(x), -1, self.n_v)
@@ -235,7 +130,7 @@ class LowOrderBeam(ForcePart):
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix (10)-(12) kept as eq. (46) says, shape (n_batch, n, n)."""
-        place, m, N_w, N_v, _ = self._points
+        place, m, N_w, N_v, _ = self.points
         f = self._fields(x, np.zeros_like(x))
         theta = self.split(x)[1]
         W, V, nw = self.of_w, self.of_v, self.n_w
@@ -248,7 +143,7 @@ class LowOrderBeam(ForcePart):
         M[:, PLACE, RIGID:] = rotate(theta[:, None], np.stack([along, across], axis=-1)).swapaxes(1, 2)
         M[:, TURN, TURN] = self._rotary(f) @ m
         M[:, TURN, W] = -(f.v * m) @ N_w
-        M[:, TURN, V] = (axial * m) @ N_v + _weighted(f.v * m, f.Hv)
+        M[:, TURN, V] = (axial * m) @ N_v + weighted(f.v * m, f.Hv)
         M[:, W, W] = (N_w.T * m) @ N_w
         M[:, W, V] = -((N_w.T * m) @ f.Hv)
         M[:, V, V] = (N_v.T * m) @ N_v + (f.Hv.swapaxes(1, 2) * m) @ f.Hv
@@ -257,7 +152,7 @@ class LowOrderBeam(ForcePart):
 
     def _rotary(self, f: _Fields) -> Array:
         """Return s'.s' at the quadrature points; the w v^2 and v^4 parts only when whole."""
-        place = self._points[0]
+        place = self.points[0]
         square = place**2 + 2.0 * place * (f.w - f.short) + f.w**2 + f.v**2
         if self.whole:
             square = square - 2.0 * f.w * f.short + f.short**2
@@ -265,9 +160,9 @@ class LowOrderBeam(ForcePart):
 
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest part of the moment of inertia that eq. (46) leaves out, over the part kept."""
-        m = self._points[1]
+        m = self.points[1]
         f = self._fields(x, np.zeros_like(x))
-        kept = (self._points[0] ** 2) @ m
+        kept = (self.points[0] ** 2) @ m
         return float(np.abs((f.short**2 - 2.0 * f.w * f.short) @ m).max(initial=0.0) / kept)
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
@@ -287,7 +182,7 @@ class LowOrderBeam(ForcePart):
         return self.axial_damping * K_axial + self.bending_damping * K_bending
 
     def _inertia_force(self, x: Array, u: Array) -> Array:
-        place, m, N_w, N_v, _ = self._points
+        place, m, N_w, N_v, _ = self.points
         f = self._fields(x, u)
         theta = self.split(x)[1]
         omega = self.split(u)[1][:, None]
@@ -306,11 +201,11 @@ class LowOrderBeam(ForcePart):
             lever = lever - omega**2 * f.short + f.ddshort
         Q[:, TURN] = -rotary @ m
         Q[:, self.of_w] = -(accel[..., 0] * m) @ N_w
-        Q[:, self.of_v] = -(accel[..., 1] * m) @ N_v - _weighted(lever * m, f.Hv)
+        Q[:, self.of_v] = -(accel[..., 1] * m) @ N_v - weighted(lever * m, f.Hv)
         return Q
 
     def _gravity_force(self, x: Array) -> Array:
-        place, m, N_w, N_v, _ = self._points
+        place, m, N_w, N_v, _ = self.points
         f = self._fields(x, np.zeros_like(x))
         theta = self.split(x)[1]
         g = rotate(-theta, np.broadcast_to(np.array(self.gravity), self.split(x)[0].shape))
@@ -334,7 +229,7 @@ class LowOrderBeam(ForcePart):
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return the energy of the weight [J]."""
-        place, m, _, _, _ = self._points
+        place, m, _, _, _ = self.points
         f = self._fields(x, np.zeros_like(x))
         r0, theta, _, _ = self.split(x)
         arm = np.stack([(place + f.w - f.short) @ m, f.v @ m], axis=-1)
@@ -344,11 +239,6 @@ class LowOrderBeam(ForcePart):
         """Return the power that damping takes out [W], never positive."""
         e = self._elastic_coordinates(u)
         return np.asarray(-np.sum((e @ self._damping()) * e, axis=-1))
-
-
-def _weighted(weights: Array, rows: Array) -> Array:
-    """Return the sum of rows (n_batch, n_points, n) with weights (n_batch, n_points)."""
-    return np.asarray((weights[:, None, :] @ rows)[:, 0])
 
 
 class _Fields(NamedTuple):

@@ -108,6 +108,7 @@ MODELS: dict[str, Model] = {
             ("element", "continuum", "continuum element", "element: cable"),
             ("rotary_inertia", True, "rotary inertia", "false"),
         ),
+        spatial="spatial_low_order_body:SpatialLowOrderBody",
     ),
     "exact": Model(
         "nodal:NodalBeam",

@@ -110,7 +110,7 @@ class SpatialFrameChart(Chart):
         p[:, :, 0] = 0.0
         p[:, :, 1] = 0.0
         p[:, :, 1, :1] = np.abs(length)
-        return SpatialFrames(_turn(t, length), p, c[:, :, :1], length, t, d, sines)
+        return SpatialFrames(turned_to(t, length), p, c[:, :, :1], length, t, d, sines)
 
     def absolute(self, frames: SpatialFrames) -> Array:
         """Return absolute nodal coordinates, eq. (2), shape (n_batch, n_columns)."""
@@ -194,7 +194,7 @@ class SpatialFrameChart(Chart):
         t = slope / length
         sine = np.linalg.norm(t[..., 1:], axis=-1, keepdims=True)
         d = np.arctan2(sine, t[..., :1]) / np.where(sine > 0.0, sine, 1.0) * t[..., 1:]
-        return self._joined(self._shifted(r) @ _turn(t, length), r[:, :, 0], length, d)
+        return self._joined(self._shifted(r) @ turned_to(t, length), r[:, :, 0], length, d)
 
     def hybrid_velocity(self, frames: SpatialFrames, u: Array) -> Array:
         """Return the rates of the hybrid coordinates from those of the absolute ones."""
@@ -213,8 +213,11 @@ class SpatialFrameChart(Chart):
         return self._flat(c)
 
 
-def _turn(t: Array, length: Array) -> Array:
-    """Return the axes (..., 3, 3), as columns, of the smallest rotation to t; of the chart of a length."""
+def turned_to(t: Array, length: Array) -> Array:
+    """Return the axes (..., 3, 3), as columns, of the smallest rotation to t (..., 3).
+
+    Where the length (..., 1) of the root slope along t is negative, they are turned by half a turn more.
+    """
     A = np.zeros((*t.shape, 3))
     across = t[..., 1:]
     A[..., :, 0] = t

@@ -10,6 +10,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.deformation import Deformation
+from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.bodies.spatial_frame import SpatialFrameChart
@@ -25,7 +26,7 @@ class SpatialNodalBeam(NodalBeam):
     def angle_column(self) -> None:
         """None: a direction in space has no angle."""
 
-    def marker(self, place: Place) -> VectorMarker:
+    def marker(self, place: Place) -> Marker:
         """Return the marker of a material point; its direction is that of the beam's axis there."""
         position, slope = self._rows(place)
         return VectorMarker(self.columns, position, slope[None])

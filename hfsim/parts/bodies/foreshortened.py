@@ -1,0 +1,134 @@
+"""Lines with foreshortening: what beams of the model lowOrder have in common in plane and space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from hfsim.errors import SolverFailure
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.shapes import gauss_legendre
+from hfsim.mechanics.force import ForcePart
+from hfsim.parts.bodies.mesh import BeamMesh
+
+NEARLY_SINGULAR = 0.2
+"""Smallest eigenvalue of the mass matrix, relative to the undeformed scene's, below which a failure is put
+down to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForeshortenedBeam(ForcePart):
+    """A beam whose mass matrix depends on its deflections v by H(x) = int_0^x N'^T N'.
+
+    Attributes
+    ----------
+    name : str
+    mesh : BeamMesh
+        Of cable elements.
+    columns : slice
+        Where its coordinates stand.
+    gravity : tuple of float
+        [m/s^2].
+    whole : bool
+        Keep the terms of third and fourth order too.
+    """
+
+    name: str
+    mesh: BeamMesh
+    columns: slice
+    gravity: tuple[float, ...]
+    whole: bool
+    model: ClassVar[str] = "lowOrder"
+    why: ClassVar[str] = "flexible"
+
+    @property
+    def truncated(self) -> bool:
+        """Whether terms of the inertia force are left out, so that it may feed energy."""
+        return not self.whole
+
+    def breakdown(self, t: float, inertia: float, straight: float) -> SolverFailure | None:
+        """Return the failure of a mass matrix that has become nearly singular."""
+        if inertia > NEARLY_SINGULAR * straight:
+            return None
+        return SolverFailure(
+            reason=f"the mass matrix of body '{self.name}' in model {self.model} stops being positive "
+            f"definite at t = {t:.4g} s",
+            cause="the terms the model leaves out are no longer small",
+            time=t,
+            item=self.item,
+            kind="model",
+            evidence={"smallest_eigenvalue": inertia},
+        )
+
+    @property
+    def uses_rates(self) -> bool:
+        """Return True: its inertia force is counted among the forces."""
+        return True
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return np.arange(self.columns.start, self.columns.stop)
+
+    @property
+    def n_w(self) -> int:
+        """Number of axial coordinates."""
+        return self.mesh.n_vectors - 1
+
+    @property
+    def n_v(self) -> int:
+        """Number of coordinates of one deflection."""
+        return self.mesh.n_vectors - 2
+
+    @property
+    def n_points(self) -> int:
+        """Number of quadrature points: what integrates the terms of highest degree (H H) exactly."""
+        return 2 * self.mesh.element.degree * self.mesh.count
+
+    @cached_property
+    def points(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Quadrature along the beam: x, mass of each point, N_w, N_v, and H as (n_v, n_points * n_v).
+
+        Twice the degree of the shapes is the number of points an element that integrates the terms of
+        highest degree (H H, degree 10 with cubics) exactly.
+        """
+        le = self.mesh.element.length
+        xi, w = gauss_legendre(self.n_points // self.mesh.count)
+        x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
+        mass = np.tile(w, self.mesh.count) * le * self.mesh.properties.mass_per_length
+        N = np.array([self.mesh.shape(float(a)) for a in x])
+        H = np.array([self.foreshortening(float(a)) for a in x])
+        return x, mass, N[:, 1:], N[:, 2:], H.transpose(1, 0, 2).reshape(self.n_v, -1)
+
+    def foreshortening(self, x: float) -> Array:
+        """Return H(x) = int_0^x N_v'^T N_v', shape (n_v, n_v) [1/m]."""
+        le = self.mesh.element.length
+        whole = min(int(x / le), self.mesh.count - 1)
+        rest = min(le, x - whole * le)
+        H = np.array(self._whole_elements[whole])
+        if rest > 0.0:
+            H += self._own_foreshortening(whole, rest)
+        return H
+
+    @cached_property
+    def _whole_elements(self) -> Array:
+        """H at the start of each element, shape (count, n_v, n_v)."""
+        H = np.zeros((self.mesh.count, self.n_v, self.n_v))
+        for e in range(1, self.mesh.count):
+            H[e] = H[e - 1] + self._own_foreshortening(e - 1, self.mesh.element.length)
+        return H
+
+    def _own_foreshortening(self, e: int, part: float) -> Array:
+        """Return the share in H of the first `part` [m] of element e."""
+        start = e * self.mesh.element.length
+        xi, w = gauss_legendre(self.mesh.element.degree)
+        rows = np.array([self.mesh.shape(start + a * part, 0.0, (1, 0))[2:] for a in xi])
+        return np.asarray((rows.T * (w * part)) @ rows)
+
+
+def weighted(weights: Array, rows: Array) -> Array:
+    """Return the sum of rows (..., n_points, n) with weights (..., n_points)."""
+    return np.asarray((weights[..., None, :] @ rows)[..., 0, :])

@@ -1,0 +1,244 @@
+"""Beams of the model lowOrder in space, and their points."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Self
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.maths.rotations import lever, skew, smallest_rotation
+from hfsim.mechanics.body import Place
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.markers import Marker
+from hfsim.parts.bodies.blueprint import Blueprint
+from hfsim.parts.bodies.low_order_body import FIELDS
+from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
+from hfsim.parts.bodies.spatial_linear import SpatialLinearBeam, SpatialLinearElasticForce
+from hfsim.parts.bodies.spatial_low_order import SpatialLowOrderBeam
+
+
+@dataclass(frozen=True, eq=False)
+class Foreshortened:
+    """A vector of a foreshortened line: N X - 1/2 (v2^T Q v2 + v3^T Q v3) t.
+
+    Attributes
+    ----------
+    row : ndarray, shape (n_vectors,)
+        N.
+    short : ndarray, shape (n_vectors - 2, n_vectors - 2)
+        Q.
+    """
+
+    row: Array
+    short: Array
+
+    def value(self, frame: RootFrame, X: Array) -> Array:
+        """Return the vector in ground axes, shape (n_batch, 3)."""
+        v = frame.v
+        return np.asarray(self.row @ X - 0.5 * np.sum((v @ self.short) * v, axis=(1, 2))[:, None] * frame.t)
+
+    def _local(self, frame: RootFrame) -> tuple[Array, Array]:
+        """Return it in the frame, from the root on, and its derivatives by deflections, negative."""
+        v, bent = frame.v, frame.v @ self.short
+        a = self.row @ frame.p
+        a[:, 0] -= 0.5 * np.sum(bent * v, axis=(1, 2))
+        return a, bent
+
+    def jacobian(self, frame: RootFrame) -> Array:
+        """Return its derivative by the absolute vectors, shape (n_batch, 3, n)."""
+        a, bent = self._local(frame)
+        J = np.zeros((len(a), 3, len(self.row), 3))
+        for i in range(3):
+            J[:, i, 0, i] = self.row @ frame.positions
+            J[:, i, 1:, i] = self.row[1:]
+        # in the place of the first slope's direction stands how the frame turns
+        J[:, 1, 1, 1] = J[:, 2, 1, 2] = a[:, 0]
+        J[:, 0, 1, ACROSS] = -a[:, ACROSS]
+        J[:, 0, 2:, ACROSS] = -bent.swapaxes(1, 2)
+        return np.asarray(frame.A @ frame.onto_vectors(J).reshape(len(a), 3, -1))
+
+    def bias(self, frame: RootFrame, U: Array) -> Array:
+        """Return its second time derivative at zero accelerations, shape (n_batch, 3)."""
+        a, bent = self._local(frame)
+        rates = frame.rates(U)
+        a1, a2 = self._rate(rates.p, bent), self._rate(rates.bias, bent)
+        v1 = rates.p[:, 2:, ACROSS].swapaxes(1, 2)
+        a2[:, 0] -= np.sum((v1 @ self.short) * v1, axis=(1, 2))
+        a2 += spun_by(rates.bias[:, 1, ACROSS], a) + 2.0 * spun_by(rates.beta, a1)
+        a2 += spun_by(rates.beta, spun_by(rates.beta, a))
+        return np.asarray((frame.A @ a2[:, :, None])[:, :, 0])
+
+    def _rate(self, p1: Array, bent: Array) -> Array:
+        """Return the change of the vector in the frame with those of w and v."""
+        own = p1.copy()
+        own[:, :2, ACROSS] = 0.0
+        a1 = self.row @ own
+        a1[:, 0] -= np.einsum("bck,bkc->b", bent, own[:, 2:, ACROSS])
+        return np.asarray(a1)
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialLowOrderMarker(Marker):
+    """A point of the centre line; its one axis is the slope ds'/dx = (1 + w' - 1/2 v'.v', v')."""
+
+    beam: SpatialLowOrderBeam
+    place: float
+    n_dim: ClassVar[int] = 3
+    n_spin: ClassVar[int] = 3
+    n_axes: ClassVar[int] = 1
+    linear_turn: ClassVar[bool] = False
+    keeps_turns: ClassVar[bool] = False
+
+    @property
+    def columns(self) -> slice:  # type: ignore[override]
+        """Coordinates of the beam."""
+        return self.beam.columns
+
+    @property
+    def linear(self) -> bool:
+        """Return False: the place is foreshortened."""
+        return False
+
+    @cached_property
+    def _vectors(self) -> tuple[Foreshortened, Foreshortened]:
+        """Position and slope."""
+        mesh, place = self.beam.mesh, self.place
+        row, slope = mesh.shape(place), mesh.shape(place, 0.0, (1, 0))
+        own = slope[2:]
+        return Foreshortened(row, self.beam.foreshortening(place)), Foreshortened(slope, np.outer(own, own))
+
+    def position(self, x: Array) -> Array:
+        """Return r0 + A s'."""
+        return self._vectors[0].value(self.beam.frame(x), self.beam.vectors(x))
+
+    def position_jacobian(self, x: Array) -> Array:
+        """Return its derivative by X."""
+        return self._vectors[0].jacobian(self.beam.frame(x))
+
+    def position_bias(self, x: Array, u: Array) -> Array:
+        """Return its second time derivative at zero accelerations of X."""
+        return self._vectors[0].bias(self.beam.frame(x), self.beam.vectors(u))
+
+    def _slope(self, x: Array) -> Array:
+        return self._vectors[1].value(self.beam.frame(x), self.beam.vectors(x))
+
+    def turned(self, x: Array, a: Array) -> Array:
+        """Return vectors (3,), given in its axes, in ground axes: by the smallest rotation to the slope."""
+        slope = self._slope(x)
+        unit = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
+        return np.asarray(smallest_rotation(np.eye(3)[0], unit) @ a)
+
+    def axis(self, x: Array, a: Array) -> Array:
+        """Return the slope, times the first component."""
+        return np.asarray(np.asarray(a)[0] * self._slope(x))
+
+    def axis_jacobian(self, x: Array, a: Array) -> Array:
+        """Return the derivative of `axis` by X."""
+        return np.asarray(np.asarray(a)[0] * self._vectors[1].jacobian(self.beam.frame(x)))
+
+    def axis_bias(self, x: Array, u: Array, a: Array) -> Array:
+        """Return the second time derivative of `axis` at zero accelerations of X."""
+        return np.asarray(np.asarray(a)[0] * self._vectors[1].bias(self.beam.frame(x), self.beam.vectors(u)))
+
+    def spin_jacobian(self, x: Array) -> Array:
+        """Return t x dt / |t|^2 of the slope."""
+        t = self._slope(x)
+        return skew(t / np.sum(t * t, axis=-1, keepdims=True)) @ self.axis_jacobian(x, np.eye(3)[0])
+
+    def spin_bias(self, x: Array, u: Array) -> Array:
+        """Return t x t_b / |t|^2 - 2 (t . t') (t x t') / |t|^4."""
+        t, first = self._slope(x), np.eye(3)[0]
+        rate = (self.axis_jacobian(x, first) @ u[:, self.columns, None])[..., 0]
+        square = np.sum(t * t, axis=-1, keepdims=True)
+        stretching = 2.0 * np.sum(t * rate, axis=-1, keepdims=True) / square
+        return np.asarray(lever(t, self.axis_bias(x, u, first) - stretching * rate) / square)
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
+        raise NotImplementedError
+
+    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
+        """Refuse, as `position_stiffness`."""
+        raise NotImplementedError
+
+    def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
+        """Refuse, as `position_stiffness`."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, eq=False)
+class LowOrderElasticForce(SpatialLinearElasticForce):
+    """Elastic force of w and v: linear, but what it belongs to has its stiffening in the kinematics."""
+
+    runs_away: ClassVar[bool] = False
+
+    def runaway(self, t: float, x: Array) -> None:
+        """Return None."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpatialLowOrderBody(SpatialLinearBeam):
+    """A cable with the foreshortening of its deflections: its nodal vectors are those without that."""
+
+    @classmethod
+    def of(cls, beam: Blueprint, framed: bool) -> Self:
+        """Return the body of a beam; EI v'' does not depend on w, as of the curvature (r' x r'')/|r'|^2."""
+        return super().of(beam._replace(measures=beam.measures._replace(curvature="exact")), framed)
+
+    @property
+    def described(self) -> tuple[str, str]:
+        """Its coordinates relative to its frame."""
+        return (
+            f"axial and two transverse coordinates of {self.mesh.count} elements",
+            "beam of model lowOrder, mass matrix anew in every state",
+        )
+
+    @property
+    def banded(self) -> bool:
+        """Return False: in a body frame all coordinates are coupled."""
+        return False
+
+    @property
+    def coordinates(self) -> str:
+        """Its own."""
+        return type(self).__name__
+
+    @cached_property
+    def variable_mass(self) -> SpatialLowOrderBeam:
+        """That of the beam."""
+        return SpatialLowOrderBeam.of(self.beam)
+
+    def marker(self, place: Place) -> SpatialLowOrderMarker:
+        """Return the marker of a point of the centre line."""
+        return SpatialLowOrderMarker(self.variable_mass, place[0])
+
+    def outline(self, x: Array) -> Array:
+        """Return points of the centre line."""
+        places = self.mesh.outline_places
+        return np.stack([self.marker((float(a), 0.0, 0.0)).position(x) for a in places], axis=1)
+
+    def third_order_inertia(self, x: Array) -> float:
+        """Return that of the beam."""
+        return self.variable_mass.third_order_inertia(x)
+
+    def mass_entries(self) -> Entries:
+        """Return none: the mass matrix is not constant."""
+        return NOTHING
+
+    def tables(self, n: int) -> float:
+        """Return that of its fields at all quadrature points, in as many states as there are coordinates."""
+        return 16.0 * FIELDS * n * self.variable_mass.n_points * self.variable_mass.n_v
+
+    def forces(self, n: int) -> Iterator[ForcePart]:
+        """Yield inertia and weight, and elastic force and damping."""
+        yield self.variable_mass
+        yield self._elastic
+
+    @property
+    def _kind(self) -> type[LowOrderElasticForce]:
+        return LowOrderElasticForce
