@@ -1,13 +1,17 @@
 # ruff: noqa: E501
 """Scenes in the plane with beams of the element cosserat: joints, channels, models, what is refused."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from hfsim.errors import DeckError
 from hfsim.maths.matrices import is_sparse
+from hfsim.maths.rotations import lever
+from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
-from hfsim.scene.loading import parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 
 DECK = """
@@ -116,3 +120,55 @@ def test_small_and_large_scenes_move_alike(elements):
     scene = build(deck)
     assert found["b.tip.y"][-1] > 0.5 * momentum * 0.02
     assert scene.system.n_x == 4 * (2 * elements + 1)
+
+
+CASE = Path(__file__).parent.parent.parent / "cases" / "flying_spaghetti.yaml"
+F6 = {
+    2.5: (4.4301, -0.7851, 5.9453, 8.9708),
+    5.0: (5.6202, 4.7642, 15.4085, 4.2645),
+    7.5: (15.5415, 8.9948, 15.7557, -0.9722),
+    10.0: (25.4087, 4.7902, 15.6244, 4.1513),
+    15.0: (25.6097, 2.9702, 35.3647, 5.1479),
+}
+"""Flying spaghetti: both ends, two meshes agree to 3e-4 up to 10 s and to 6e-4 at 15 s."""
+
+
+def ends_of(result):
+    values = np.stack([channel.values for channel in result.channels[:4]], axis=1)
+    return {t: values[np.searchsorted(result.t, t - 1e-9)] for t in F6}
+
+
+def test_flying_spaghetti():
+    """Case F6 on the shipped mesh, which is 1.6e-3 m from finer ones; energy and momenta as they must be."""
+    result = simulate(load_deck(CASE), error_estimate=False)
+    for t, found in ends_of(result).items():
+        assert found == pytest.approx(F6[t], abs=1.7e-3)
+    energy = result.channels[-1].values[result.t > 2.55]
+    assert np.ptp(energy) < 1e-4
+    assert energy[0] == pytest.approx(90.3, rel=0.03)
+
+
+@pytest.mark.slow
+def test_flying_spaghetti_on_a_fine_mesh():
+    change = ["bodies.noodle.elements=16", "solve.tolerance=1e-7"]
+    for t, found in ends_of(simulate(load_deck(CASE, change), error_estimate=False)).items():
+        assert found == pytest.approx(F6[t], abs=6e-4 if t > 10.0 else 3e-4)
+
+
+def test_flying_spaghetti_keeps_its_momenta():
+    """Centre of mass at (3 + 0.4 t^2, 4), then at 2 m/s; momenta are kept without loads."""
+    scene = build(load_deck(CASE, ["solve.duration=5", "solve.tolerance=1e-9"]))
+    done = run_integration(scene, scene.deck.solve)
+    t = np.linspace(0.0, 5.0, 21)
+    q, v = done.trajectory.at(t)
+    x, u = scene.system.absolute(q), scene.system.absolute_velocity(q, v)
+    body = scene.bodies["noodle"]
+    masses, shifts = body.mesh.masses, body.positions
+    centre = (masses * shifts) @ body.vectors(x) / 10.0
+    pushed = np.minimum(t, 2.5)
+    expected = 3.0 + 0.4 * pushed**2 + 2.0 * (t - pushed)
+    assert centre == pytest.approx(np.stack([expected, np.full(len(t), 4.0)], axis=1), abs=2e-7)
+    momentum = masses[:, None] * body.vectors(u)
+    assert momentum[t > 2.6][:, shifts > 0].sum(axis=1) == pytest.approx(np.array([[20.0, 0.0]] * 10), abs=1e-7)
+    about = np.sum(lever(body.vectors(x), momentum), axis=(1, 2))
+    assert np.ptp(about[t > 2.6]) < 1e-6 * np.abs(about[-1])
