@@ -111,6 +111,10 @@ class Body:
         """Return the marker of a material point."""
         raise NotImplementedError
 
+    def grip(self, place: Place) -> Marker:
+        """Return the marker by which joints, springs and loads take hold of it there."""
+        return self.marker(place)
+
     def placed(self, pose: Pose) -> Array:
         """Return the coordinates of the undeformed body, shape (n_columns,)."""
         raise NotImplementedError

@@ -25,10 +25,10 @@ THIRD = (0.0, 0.0, 1.0)
 """Axis of a joint that states none."""
 ALONG = 1e-9
 """Part of a unit vector that counts as none."""
-_PLANE = (TANGENT, (0.0, 1.0, 0.0))
-"""The first two axes."""
-_OBLIQUE = ((1, 0), (2, 0), (2, 1))
-"""Axes at right angles, the second of a point whose vectors are oblique: the third is never of these."""
+_SECTION = ((0.0, 1.0, 0.0), THIRD)
+"""The axes in a section."""
+_OBLIQUE = ((0, 2), (1, 2), (0, 1))
+"""Axes at right angles, the second of a section whose vectors are oblique: the first is never of these."""
 
 
 class Parallel(NamedTuple):
@@ -54,10 +54,10 @@ class Parallel(NamedTuple):
         elif on_lines[1] and not tangents[1]:
             sides = [(self.first, side) for side in _sides(self.second)]
         elif _flat(second, self.second):
-            second, sides = second.oblique, [(self.first, side) for side in _PLANE]
+            second, sides = second.oblique, [(self.first, side) for side in _SECTION]
         elif _flat(first, self.first):
-            first, sides = first.oblique, [(side, self.second) for side in _PLANE]
-        elif on_lines[0] or (_oblique(first) and tangents[0]) or (_oblique(second) and not tangents[1]):
+            first, sides = first.oblique, [(side, self.second) for side in _SECTION]
+        elif on_lines[0] or _upright(first, self.first) or _slanted(second, self.second):
             sides = [(self.first, side) for side in across(self.second)]
         else:
             sides = [(side, self.second) for side in across(self.first)]
@@ -175,13 +175,23 @@ def _sides(axis: Direction) -> tuple[Direction, ...]:
 
 
 def _oblique(marker: Marker) -> bool:
-    """Tell whether axes of a point are not its vectors, but those have the same plane."""
+    """Tell whether the axes of a point's section are not vectors of the state, but lie in their plane."""
     return marker.oblique is not marker
 
 
 def _flat(marker: Marker, axis: Direction) -> bool:
-    """Tell whether an axis of such a point is across that plane: at right angles to both vectors."""
+    """Tell whether an axis of such a point is across its section: at right angles to both vectors."""
+    return _oblique(marker) and along(axis, TANGENT)
+
+
+def _upright(marker: Marker, axis: Direction) -> bool:
+    """Tell whether an axis of such a point is a vector of the state."""
     return _oblique(marker) and along(axis, THIRD)
+
+
+def _slanted(marker: Marker, axis: Direction) -> bool:
+    """Tell whether an axis of such a point is no vector of the state."""
+    return _oblique(marker) and not along(axis, THIRD)
 
 
 def _known(first: Marker, second: Marker, a: Direction, b: Direction) -> bool:

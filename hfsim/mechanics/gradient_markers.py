@@ -1,4 +1,4 @@
-"""Markers of beams in space with gradient vectors: r_x and r_y, of any length and angle, make a frame."""
+"""Markers of beams in space with gradient vectors: two of these, of any length and angle, make a frame."""
 
 from __future__ import annotations
 
@@ -15,9 +15,14 @@ from hfsim.mechanics.markers import ROUNDING, Marker
 from hfsim.mechanics.products import LinearVector
 from hfsim.mechanics.spatial_markers import VectorMarker
 
+TANGENTIAL = np.eye(3)
+"""From t1, t2, t3 to the marker's axes, as rows, where the vectors are r_x and r_y."""
+SECTIONAL = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
+"""The same where they are r_z and r_y."""
+
 
 class _Gradients(NamedTuple):
-    """Axes t1, t2, t3, (n_batch, 3) each, and r_x = length t1, r_y = along t1 + beside t2, (n_batch, 1)."""
+    """Axes t1, t2, t3, (n_batch, 3) each; first = length t1, second = along t1 + beside t2, (n_batch, 1)."""
 
     axes: tuple[Array, Array, Array]
     length: Array
@@ -27,11 +32,17 @@ class _Gradients(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class GradientMarker(VectorMarker):
-    """A material point of a fully parameterised beam; ``axis_rows`` are those of r_x and r_y there.
+    """A material point of a fully parameterised beam; ``axis_rows`` are those of two gradient vectors there.
 
-    Its first axis is that of r_x, as in the plane; its second lies in the plane of r_x and r_y.  Shear and
-    stretch of the section do not turn it about the first.
+    t1 is along the first of them, t2 in the plane of both, t3 across it.
+
+    Attributes
+    ----------
+    order : ndarray, shape (3, 3)
+        `TANGENTIAL` or `SECTIONAL`.
     """
+
+    order: Array
 
     @property
     def n_axes(self) -> int:  # type: ignore[override]
@@ -40,8 +51,8 @@ class GradientMarker(VectorMarker):
 
     @property
     def oblique(self) -> VectorMarker:
-        """The same point with r_x and r_y themselves for axes."""
-        return VectorMarker(self.columns, self.place_row, self.axis_rows)
+        """The same point with both vectors themselves for axes, and none across them."""
+        return VectorMarker(self.columns, self.place_row, self.order[:, :2] @ self.axis_rows)
 
     def _gradients(self, x: Array) -> _Gradients:
         g = self._combined(x, self.axis_rows)
@@ -55,24 +66,24 @@ class GradientMarker(VectorMarker):
 
     def axes(self, x: Array) -> Array:
         """Return its axes, of unit length and at right angles, shape (n_batch, 3, 3)."""
-        return np.stack(self._gradients(x).axes, axis=1)
+        return np.asarray(self.order @ np.stack(self._gradients(x).axes, axis=1))
 
     def frame(self, x: Array) -> Array:
         """Return the same as columns, shape (n_batch, 3, 3)."""
-        return np.stack(self._gradients(x).axes, axis=2)
+        return self.axes(x).swapaxes(1, 2)
 
     def _slope(self, a: Array) -> Array | None:
-        """Return the row of r_x times its part of a direction that is along the first axis; else None."""
-        a = np.asarray(a)
-        return a[0] * self.axis_rows[0] if np.abs(a[1:]).max() <= ROUNDING else None
+        """Return the row of the first vector times its part of a direction along t1; None of any other."""
+        c = np.asarray(a) @ self.order
+        return c[0] * self.axis_rows[0] if np.abs(c[1:]).max() <= ROUNDING else None
 
     def axis(self, x: Array, a: Array) -> Array:
-        """Return r_x itself for the first axis, which is linear in the coordinates; others of unit length."""
+        """Return the first vector itself, which is linear in the coordinates; others of unit length."""
         slope = self._slope(a)
         return self.turned(x, np.asarray(a)) if slope is None else self._combined(x, slope)
 
     def linear_axis(self, a: Array) -> LinearVector | None:
-        """Return r_x; None of any other."""
+        """Return the first vector; None of any other."""
         slope = self._slope(a)
         return None if slope is None else self._linear(slope)
 
@@ -98,7 +109,7 @@ class GradientMarker(VectorMarker):
         return difference(pulled, x, self.support)
 
     def spin_jacobian(self, x: Array) -> Array:
-        """Return the derivative of its turn: r_x turns t1, and r_y beside it turns the frame about t1."""
+        """Return the derivative of its turn: the first vector turns t1, the second the frame about t1."""
         (t1, t2, t3), length, along, beside = self._gradients(x)
         tilt = (-t2 - along / beside * t1) / length
         by_slope = tilt[:, :, None] * t3[:, None] + (t3 / length)[:, :, None] * t2[:, None]
@@ -108,7 +119,7 @@ class GradientMarker(VectorMarker):
         return np.asarray(J.reshape(len(x), 3, -1))
 
     def spin_bias(self, x: Array, u: Array) -> Array:
-        """Return its angular acceleration where r_x and r_y have none, shape (n_batch, 3)."""
+        """Return its angular acceleration where both vectors have none, shape (n_batch, 3)."""
         axes, length, along, beside = self._gradients(x)
         slope, side = np.moveaxis(self._combined(u, self.axis_rows), 1, 0)
 

@@ -124,7 +124,7 @@ class Marker:
     def oblique(self) -> Marker:
         """The same point with axes, of any length and angle, that are linear in the coordinates.
 
-        The first is along its own first axis, the second in the plane of its own first two.
+        The third is along its own third axis, the second in the plane of its own last two; a first may lack.
         """
         return self
 

@@ -306,13 +306,14 @@ def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "ab
     return "absolute"
 
 
-def find_marker(point: str, bodies: Mapping[str, Body], deck: Deck) -> Marker:
-    """Return the marker of a point as decks name it: ``BODY``, ``BODY.tip``, ``ground.name``."""
+def find_marker(point: str, bodies: Mapping[str, Body], deck: Deck, held: bool = False) -> Marker:
+    """Return the marker of a point as decks name it: ``BODY``, ``BODY.tip``, ``ground.name``; or its grip."""
     owner, name = split_point(point)
     if owner == "ground":
         return GroundMarker(Pose.level(deck.ground.points[name] if name else (0.0,) * deck.dimension))
     body = bodies[owner]
-    return body.marker(body.points[name] if name else body.origin)
+    place = body.points[name] if name else body.origin
+    return body.grip(place) if held else body.marker(place)
 
 
 def _bodies(
@@ -335,7 +336,7 @@ def _joints(
     held = welds(deck, [name for name, body in bodies.items() if body.still])
     facings = Facings(deck)
     for name, spec in deck.joints.items():
-        first, second = (find_marker(point, bodies, deck) for point in spec.between)
+        first, second = (find_marker(point, bodies, deck, held=True) for point in spec.between)
         holds = () if name in held else spec.held(*facings.of(spec))
         rows = constraints_of(holds, first, second, f"joints.{name}")
         if left_out is not None and f"joints.{name}" in left_out["standing_drivers"]:
@@ -382,7 +383,7 @@ def _springs_and_loads(
 ) -> list[ForcePart]:
     found: dict[str, ForcePart] = {}
     for name, spring in deck.springs.items():
-        first, second = (find_marker(point, bodies, deck) for point in spring.between)
+        first, second = (find_marker(point, bodies, deck, held=True) for point in spring.between)
         found[f"springs.{name}"] = part = spring.build(first, second, x)
         if part.counter is not None and deck.dimension == 2:
             a, b = (angles.get(split_point(point)[0], 0.0) for point in spring.between)
@@ -390,6 +391,6 @@ def _springs_and_loads(
         elif part.counter is not None:
             part.counter.suppose(0.0, float(part.angle(x[None])[0]))
     for name, load in deck.loads.items():
-        found[f"loads.{name}"] = load.build(find_marker(load.at, bodies, deck))
+        found[f"loads.{name}"] = load.build(find_marker(load.at, bodies, deck, held=True))
     gone = {*left_out["springs"], *left_out["loads"]}
     return [replace(part, item=item) for item, part in found.items() if item not in gone]

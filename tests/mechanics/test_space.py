@@ -16,7 +16,7 @@ from hfsim.maths.rotations import (
 )
 from hfsim.mechanics.constraints import constraints_of
 from hfsim.mechanics.directions import Facing, Parallel, Square
-from hfsim.mechanics.gradient_markers import GradientMarker
+from hfsim.mechanics.gradient_markers import SECTIONAL, TANGENTIAL, GradientMarker
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.markers import GroundMarker
 from hfsim.mechanics.orthonormal import Orthonormal
@@ -47,8 +47,12 @@ MARKERS = {
         rotation(np.array([0.5, -0.3, 0.2])),
     ),
     "gradient": GradientMarker(
-        BLOCK, np.array([1.0, 0.2, 0.1, -0.3]), np.array([[0.0, 1.0, 0.3, 0.0], [0.0, 0.0, 1.0, 0.1]])
+        BLOCK,
+        np.array([1.0, 0.2, 0.1, -0.3]),
+        np.array([[0.0, 0.1, 0.0, 1.0], [0.0, 0.0, 1.0, 0.3]]),
+        SECTIONAL,
     ),
+    "tangential": GradientMarker(BLOCK, np.eye(4)[0], np.eye(4)[1:3], TANGENTIAL),
     "frame": FrameMarker(FRAME, (0.2, 0.1, -0.3), rotation(np.array([0.1, 0.9, -0.4]))),
 }
 TAPE = VectorMarker(slice(0, 6), np.array([1.0, 0.0]), np.array([[0.0, 1.0]]))
@@ -167,20 +171,25 @@ def test_spin_of_a_section_is_its_angular_velocity(rng):
 
 
 def test_spin_of_gradient_vectors_is_that_of_their_frame(rng):
-    """Stretch and shear of the section in its own plane, and any change of r_z, do not turn it."""
+    """Stretch and shear of the section in its own plane, and any change of r_x, do not turn it."""
     marker, x, u = MARKERS["gradient"], state(rng)[None], np.zeros((1, N))
     frame, vectors = marker.frame(x)[0], x[0, BLOCK].reshape(4, 3)
     assert np.allclose(frame.T @ frame, np.eye(3), rtol=0.0, atol=1e-14)
-    slope_x, slope_y = marker.axis_rows @ vectors
-    assert frame[:, 0] @ slope_x == pytest.approx(np.linalg.norm(slope_x))
-    assert abs(frame[:, 2] @ slope_y) < 1e-15 < frame[:, 1] @ slope_y
+    side_z, side_y = marker.axis_rows @ vectors
+    assert frame[:, 2] @ side_z == pytest.approx(np.linalg.norm(side_z))
+    assert abs(frame[:, 0] @ side_y) < 1e-15 < frame[:, 1] @ side_y
+    assert np.linalg.det(frame) == pytest.approx(1.0)
     spin = rng.normal(size=3)
     u[0, BLOCK] = cross(spin, vectors).ravel()
     assert marker.spin(x, u)[0] == pytest.approx(spin, abs=1e-13)
-    changed = np.zeros((4, 3))
-    changed[1:3] = np.linalg.solve(marker.axis_rows[:, 1:3], [0.3 * slope_x, 0.7 * slope_x - 0.2 * slope_y])
+    changed = rng.normal(size=(4, 3))
+    rest = [0.3 * side_z, 0.7 * side_z - 0.2 * side_y] - marker.axis_rows[:, 1:2] * changed[1]
+    changed[2:] = np.linalg.solve(marker.axis_rows[:, 2:], rest)
     u[0, BLOCK] += changed.ravel()
     assert marker.spin(x, u)[0] == pytest.approx(spin, abs=1e-13)
+    along = MARKERS["tangential"].frame(x)[0]
+    assert along[:, 0] @ vectors[1] == pytest.approx(np.linalg.norm(vectors[1]))
+    assert abs(along[:, 2] @ vectors[2]) < 1e-15 < along[:, 1] @ vectors[2]
     u = 0.3 * rng.normal(size=(1, N))
     bias = slope(lambda s: marker.spin(x + s[:, None] * u, np.repeat(u, len(s), axis=0)))
     assert marker.spin_bias(x, u)[0] == pytest.approx(bias, abs=1e-8)
@@ -242,8 +251,8 @@ def test_joints_hold_the_frame_of_gradient_vectors(name, end, rng):
     found = constraints_of(held, *((ground, other) if end else (other, ground)))
     assert sum(c.rows for c in found) == rows
     R = rotation(ground.pose.turn) @ FACING
-    sections = R @ np.array([[1.2, 0.3, 0.1], [0.0, 0.8, -0.2], [0.0, 0.0, 1.1]])
-    vectors = np.linalg.solve(np.vstack([other.axis_rows[:, 1:], [0.0, 0.0, 1.0]]), sections.T)
+    sections = R @ np.array([[0.0, 0.0, 1.2], [0.0, 0.8, -0.2], [1.3, 0.2, 0.1]]).T
+    vectors = np.linalg.solve(np.vstack([other.axis_rows[:, 1:], [1.0, 0.0, 0.0]]), sections.T)
     x[0, BLOCK] = np.vstack([ground.pose.origin - other.place_row[1:] @ vectors, vectors]).ravel()
     assert other.frame(x)[0] == pytest.approx(R, abs=1e-14)
     assert max(np.abs(c.gap(x)).max() for c in found) < 1e-14

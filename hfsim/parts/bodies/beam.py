@@ -45,8 +45,13 @@ _STRAINS = (
 )
 _NO_AXES, _LEVEL = "has no section axes", "has its section along y and z"
 _OWN = {
-    "continuum": (("degree", 3, "is cubic along its axis", ", or take element: cable"), *_STRAINS),
-    "cosserat": (*_STRAINS, ("rotary_inertia", False, "always has it", "")),
+    "cable": (("section_degree", 1, "has no section vectors", ""),),
+    "continuum": _STRAINS,
+    "cosserat": (
+        ("section_degree", 1, "has sections of its degree", ""),
+        ("rotary_inertia", False, "always has it", ""),
+        *_STRAINS,
+    ),
 }
 """Options that elements do not know, with their usual values."""
 
@@ -101,7 +106,12 @@ class BeamSpec(BodySpec):
 
     degree: Annotated[int, whole(1, 12)] = 3
     """Degree of the shapes [-]: of a cable 3 or more, cubic Hermite and degree - 3 interior functions;
-    of a cosserat element any, so many intervals between nodes."""
+    of a continuum element likewise, see section_degree; of a cosserat element any, so many intervals between
+    nodes."""
+
+    section_degree: Annotated[int, whole(1, 11)] = 1
+    """Degree of the section vectors of a continuum element along its axis [-]: 1 in the paper; one less than
+    `degree` does not lock in bending."""
 
     section_angle: Angle | None = None
     """Angle by which the section's axes are turned about the beam from those of its frame, in space [rad]."""
@@ -165,7 +175,8 @@ class BeamSpec(BodySpec):
         if self.element == "cosserat":
             return 9 * (self.elements * self.degree + 1)
         if self.element == "continuum":
-            return 6 * (self.elements + 1)
+            inner = self.degree + self.section_degree - 4
+            return 6 * (self.elements + 1) + 2 * inner * self.elements
         return 4 * (self.elements + 1) + 2 * (self.degree - 3) * self.elements
 
     def in_space(self, n_dim: int) -> Self:
@@ -258,6 +269,16 @@ class BeamSpec(BodySpec):
         if self.element == "continuum" and not section.stiff:
             yield from self._outside(section)
 
+    def _degree_complaints(self) -> Iterator[Complaint]:
+        """Yield degrees that do not go together: sections do not turn faster than their line."""
+        if self.section_degree >= max(3, self.degree):
+            message = f"must be less than the degree of the line, which is {self.degree}"
+            yield Complaint(("section_degree",), message, f"{self.degree - 1}?")
+        elif self.degree > 3 and self.section_degree == 1:
+            message = "a continuum element with linear section vectors is cubic along its axis"
+            instead = f"state section_degree: {self.degree - 1} too, or take element: cable"
+            yield Complaint(("degree",), message, instead)
+
     def _outside(self, section: "ShapedSection") -> Iterator[Complaint]:
         """Yield points outside the section's rectangle."""
         sides = (section.height, "high"), (equivalent_side(section.bending[0], section.area), "wide")
@@ -268,6 +289,8 @@ class BeamSpec(BodySpec):
                     yield Complaint(("points", name), message)
 
     def _element_complaints(self) -> Iterator[Complaint]:
+        if self.element == "continuum":
+            yield from self._degree_complaints()
         for key, usual, why, instead in _OWN.get(self.element or "", ()):
             if getattr(self, key) != usual:
                 yield Complaint((key,), f"a {self.element} element {why}", f"remove this key{instead}")
@@ -275,7 +298,7 @@ class BeamSpec(BodySpec):
             if getattr(self, key) is not None:
                 message = f"a {self.element} element {why}"
                 yield Complaint((key,), message, "remove this key, or element: cosserat", True)
-        if self.element == "cable" and self.degree < 3:
+        if self.element in ("cable", "continuum") and self.degree < 3:
             yield Complaint(("degree",), f"must be at least 3, not {self.degree}")
         if self.quadrature is None:
             return

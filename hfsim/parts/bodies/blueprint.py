@@ -53,7 +53,7 @@ class Blueprint(NamedTuple):
         if not spec.rotary_inertia:
             properties = properties._replace(rotary_inertia=0.0)
         element = ELEMENTS[spec.element].of(
-            spec.length / spec.elements, spec.degree, n_dim=deck.dimension
+            spec.length / spec.elements, spec.degree, spec.section_degree, deck.dimension
         )
         axial, bending = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
         beside = (0.0,) * (deck.dimension - 1)

@@ -85,6 +85,19 @@ class NodalBeam(VectorBody):
         """Return the marker of a material point; its direction is that of the beam's axis there."""
         return NodalMarker(self.columns, *self._rows(place))
 
+    def grip(self, place: Place) -> Marker:
+        """Return the marker of the section there, by r_y, where it has one.
+
+        What holds a section holds its moments on any mesh; the slope alone, which differs from its normal by
+        shear, would hold them less the shorter the element is.
+        """
+        if self.mesh.element.per_node == 2:
+            return self.marker(place)
+        from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
+
+        side = self.mesh.shape(place[0], place[1], (0, 1))
+        return PlanarSectionMarker(self.columns, self._rows(place)[0], side, 0.5 * np.pi)
+
     def _rows(self, place: Place) -> tuple[Array, Array]:
         """Return the shape rows of a point and of the slope of the axis there."""
         return self.mesh.shape(place[0], place[1]), self.mesh.shape(place[0], place[1], (1, 0))
@@ -197,6 +210,8 @@ class NodalBeam(VectorBody):
         row = (self.columns, 1, element.stride, element.length, self.framed)
         if element.stride == element.per_node:
             return NaturalBeams(*row)
+        if element.per_node > 2:
+            return None
         from hfsim.parts.bodies.interior import InteriorBeams
 
         return InteriorBeams(*row)

@@ -31,6 +31,10 @@ class SpatialNodalBeam(NodalBeam):
         position, slope = self._rows(place)
         return VectorMarker(self.columns, position, slope[None])
 
+    def grip(self, place: Place) -> Marker:
+        """Return the same."""
+        return self.marker(place)
+
     def _section_axes(self, x: Array, places: Array) -> Array:
         from hfsim.parts.bodies.line_forces import along_the_line
 

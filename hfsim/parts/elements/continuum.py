@@ -14,7 +14,7 @@ import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.shapes import bubbles, gauss_legendre, hierarchic
+from hfsim.maths.shapes import bubbles, gauss_legendre, gauss_lobatto, hierarchic
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 from hfsim.parts.elements.points import PointLaw
 
@@ -124,9 +124,16 @@ class Continuum:
         return np.asarray(properties.mass_per_length * self.length * M)
 
     @property
-    def axial_points(self) -> int:
-        """Gauss points along the axis that integrate the energy exactly."""
-        return 2 * max(self.degree - 1, self.section_degree) + 1
+    def axial_rule(self) -> tuple[Array, Array]:
+        """Places and weights along the axis: Gauss points that integrate the paper's energy exactly.
+
+        With richer sections they are the Gauss-Lobatto points, as many as the degree: r' and the section
+        vectors, of one degree less and continuous, have one value for each of them.  A bent beam of any
+        slenderness can then be without stretch and shear where these are asked for, and nothing locks.
+        """
+        if self.section_degree == 1:
+            return gauss_legendre(2 * self.degree - 1)
+        return gauss_lobatto(max(self.degree, self.section_degree + 1))
 
     def strain_table(self, properties: BeamProperties) -> tuple[Array, Array]:
         """Shape derivatives at the Gauss points of the element, exact for the energy's polynomial.
@@ -138,7 +145,7 @@ class Continuum:
         rows : ndarray, shape (n_dim, n_points, n_vectors)
             Rows of dN/dx, dN/dy[, dN/dz].
         """
-        x, wx = gauss_legendre(self.axial_points)
+        x, wx = self.axial_rule
         y, z, across = section_points(properties, self.n_dim, ACROSS)
         volume = self.length * properties.height * properties.width
         places = [(float(xi), float(a), float(b)) for xi in x for a, b in zip(y, z, strict=True)]
@@ -170,7 +177,7 @@ class Continuum:
         There it is a form in products of r' on the line, r_y[, r_z] and their derivatives by x / le: with
         high degrees these are far fewer than all vectors of the element.
         """
-        x, wx = gauss_legendre(self.axial_points)
+        x, wx = self.axial_rule
         y, z, across = section_points(properties, self.n_dim, ACROSS)
         sides, n = (y, z)[: self.n_dim - 1], 2 * self.n_dim - 1
         rows = np.zeros((self.n_dim, len(across), n))
