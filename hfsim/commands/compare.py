@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING
 import click
 
 from hfsim.commands import STARTED
-from hfsim.commands.decks import assemble, command_line, find_deck, load_decks, provenance_of, with_numbers
+from hfsim.commands.decks import (
+    assemble,
+    command_line,
+    find_deck,
+    load_decks,
+    provenance_of,
+    usual_models,
+    with_numbers,
+)
 from hfsim.commands.options import (
     names,
     output_options,
@@ -104,9 +112,12 @@ def compare(
     -o DIR, with a run folder for each model. A model that breaks down is a result (exit code 0); exit code 3
     means that the reference failed, 4 that a model under --require missed the bound.
     """
+    case = case or default_case()
+    if not models:
+        models = usual_models(case, overrides, talk)
     chosen = choose_models(models, reference, require)
     plan = make_plan(
-        case or default_case(), reference, chosen, channels, overrides, to,
+        case, reference, chosen, channels, overrides, to,
         error_estimate=error_estimate, repeats=repeats, talk=talk,
     )  # fmt: skip
     raise click.exceptions.Exit(do_comparison(plan, max_error, require))
@@ -125,7 +136,7 @@ def choose_models(models: Sequence[str], reference: str, require: Sequence[str])
     click.UsageError
         If ``auto`` is named, or a required model is not to be run.
     """
-    named = tuple(dict.fromkeys(models or ("linear", "lowOrder", "exact")))
+    named = tuple(dict.fromkeys(models))
     chosen = named if reference in named else (*named, reference)
     if "auto" in chosen:
         raise click.UsageError("'auto' is no model of its own; name the models to compare")

@@ -6,13 +6,15 @@ import difflib
 import os
 import sys
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from hfsim.commands import report_error, worst
-from hfsim.errors import HfsimError
+from hfsim.commands.options import with_settings
+from hfsim.errors import DeckError, HfsimError
 from hfsim.output.talk import Talk
 
 if TYPE_CHECKING:
@@ -132,6 +134,32 @@ def assemble(loaded: LoadedDeck) -> None:
     from hfsim.simulate import check
 
     check(loaded)
+
+
+def usual_models(argument: str, overrides: Sequence[str], talk: Talk) -> tuple[str, ...]:
+    """Return the models a study takes where none is named: those that all beams have, one without beams.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If the deck is bad with the model exact too.
+    """
+    from hfsim.parts.bodies.beam import BeamSpec
+    from hfsim.scene.loading import load_deck
+
+    path = find_deck(argument, replace(talk, quiet=True))
+    deck = load_deck(path, with_settings(overrides, "exact")).deck
+    if not any(isinstance(body, BeamSpec) for body in deck.bodies.values()):
+        talk.note(f"{deck.name}: without beams all models are one")
+        return ("exact",)
+    found = ["exact"]
+    for model in ("lowOrder", "linear"):
+        try:
+            load_deck(path, with_settings(overrides, model))
+            found.insert(0, model)
+        except DeckError as error:
+            talk.note(f"{deck.name}: not with {model}: {error.problems[0].message}")
+    return tuple(found)
 
 
 def with_numbers(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands.decks import find_deck, load_decks, provenance_of, with_numbers
+from hfsim.commands.decks import find_deck, load_decks, provenance_of, usual_models, with_numbers
 from hfsim.commands.options import (
     jobs_option,
     names,
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 _DRAWING = (2.0, 0.1)
 """Time kept back for pictures: so many seconds, at most this part of the budget."""
 _MOST_AXES = 2
-_DEFAULT_MODELS = ("linear", "lowOrder", "exact")
 
 
 def _named_axis(name: str, words: str) -> Callable[[Any], Any]:
@@ -118,8 +117,9 @@ def stability(
     axes = read_axes(vary, named)
     drawing = 0.0 if not to.plots else min(_DRAWING[0], _DRAWING[1] * budget)
     spent = time.perf_counter() - started
+    chosen = names(models) or (() if measure else usual_models(deck, overrides, talk))
     plan = make_plan(
-        axes, names(methods), names(models), (max_error, max_drift), budget - drawing - spent, limit, jobs
+        axes, names(methods), chosen, (max_error, max_drift), budget - drawing - spent, limit, jobs
     )
     refuse_bisection(bisect, axes)
     if measure and axes:
@@ -177,7 +177,7 @@ def make_plan(
     refuse_unknown("method", methods, [*METHODS, "auto"])
     refuse_unknown("model", models, MODELS)
     return Plan(
-        axes=axes, methods=methods or tuple(METHODS), models=models or _DEFAULT_MODELS,
+        axes=axes, methods=methods or tuple(METHODS), models=models,
         bounds=Bounds(*bounds), seconds=max(seconds, 0.0), limit=limit, jobs=jobs,
     )  # fmt: skip
 

@@ -19,8 +19,10 @@ import hfsim.output.plots
 import hfsim.studies.compare.measurements
 import hfsim.trust.validity
 from hfsim.cli import COMMANDS, app
+from hfsim.commands.decks import CASES, usual_models
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.output.progress import Progress
+from hfsim.output.talk import Talk
 from hfsim.run.solution import Channel, Run
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -492,3 +494,16 @@ def test_sigterm_ends_a_run_as_an_interruption_does(tmp_path):
     assert (summary["status"], summary["exit_code"]) == ("interrupted", 143)
     assert "SIGTERM" in summary["reason"]
     assert len((tmp_path / "o" / "history.csv").read_text().splitlines()) > 5
+
+
+def test_studies_leave_out_models_that_a_scene_has_not(tmp_path, capsys):
+    def told(path):
+        return usual_models(str(path), (), Talk(False, False, False)), capsys.readouterr().err
+
+    assert told(CASES / "two_beams.yaml") == (("linear", "lowOrder", "exact"), "")
+    assert told(CASES / "governor.yaml") == (("exact",), "governor: without beams all models are one\n")
+    text = (CASES / "two_beams.yaml").read_text()
+    thick = tmp_path / "thick.yaml"
+    thick.write_text(text.replace("type: beam,", "type: beam, element: continuum,"))
+    models, notes = told(thick)
+    assert models == ("linear", "exact") and "not with lowOrder: the model lowOrder has no continuum" in notes
