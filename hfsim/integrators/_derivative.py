@@ -10,6 +10,7 @@ import numpy as np
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Matrix
 
 Correction = Callable[[Array], tuple[Array, float]]
 """From residuals at the stages, as displacements (s, n_r), to corrections and the size of their consequence:
@@ -29,6 +30,15 @@ class Start(NamedTuple):
     second: Array
     convective: Array
     """What velocities alone make of the second ones, (n,)."""
+
+
+class Strained(NamedTuple):
+    """Strains of the stages."""
+
+    seen: Array
+    """Those of the states, (s, n_strains)."""
+    expected: Array
+    """Those to which the last correction was to lead."""
 
 
 _Value = TypeVar("_Value")
@@ -57,24 +67,48 @@ class Derivative:
     fastest : float
         Largest circular frequency in it [rad/s].
     taken : ndarray
-        Where: t, q, v and the angles whose turns are counted.
+        Where: t, q, v, expected strains, and the angles whose turns are counted.
     """
 
     increments: Increments
     fastest: float
     taken: Array
 
+    def know_strains(self, stiffness: Array, slopes: Matrix, q: Array) -> None:
+        """Take note of the stiffness of strains and of their derivative (n_strains, n) by a state (n,)."""
+        at = self.increments.geometry(q[None])
+        self._stiffness, self._slopes = stiffness, self.increments.to_natural_forces(at, slopes)
+
+    def strain_changes(self, y: Array) -> Array:
+        """Return the changes of strains (s, n_strains) with small natural increments (s, n)."""
+        return np.asarray(y @ self._slopes.T)
+
+    def pull(self, strained: Strained) -> Array:
+        """Return the forces on natural increments (s, n) that strains not expected resist with."""
+        return np.asarray(((strained.seen - strained.expected) * self._stiffness) @ self._slopes)
+
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Return displacements at the stages, (s, n), in natural increments."""
         raise NotImplementedError
 
-    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+    def residual(
+        self,
+        problem: Problem,
+        at: Any,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        strained: Strained | None = None,
+    ) -> Array:
         """Return by how much accelerations ``a`` fail the equations, (s, n_r), in columns of its own.
 
         They are missing accelerations in natural increments unless said otherwise; ``at`` is the geometry
-        of the states ``q``.
+        of the states ``q``.  Forces are those of expected strains if these are given; what is seen beyond
+        them acts as it would where the derivative was taken.
         """
-        return self.increments.to_natural(at, problem.evaluate(t, q, v) - a)
+        expected = None if strained is None else strained.expected
+        return self.increments.to_natural(at, problem.evaluate(t, q, v, expected) - a)
 
     def reading(self, r: Array) -> Array:
         """Return accelerations that are missing, (s, n) in natural increments, in these columns."""

@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._derivative import ByStep, Correction, Derivative, Start
+from hfsim.integrators._derivative import ByStep, Correction, Derivative, Start, Strained
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.mechanics.linearized import Linearized
+
+SLOW = 1e-2
+"""Angle that a mode swings in a step below which its answer to forces is a power of time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,14 +113,27 @@ class ModalDerivative(Derivative):
         L = np.linalg.inv(R)
         return cls(natural, w2, R, L) if np.abs(L).max() * len(by_q) < 1e10 else None
 
-    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+    def residual(
+        self,
+        problem: Problem,
+        at: Any,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        strained: Strained | None = None,
+    ) -> Array:
         """Return missing accelerations of the modes and gaps of joints."""
-        natural = self.increments
         if self.mass is None or problem.imbalance is None:
-            return self.reading(super().residual(problem, at, t, q, v, a))
-        forces, gaps = problem.unbalanced(t, q, v, a)
-        modes = natural.to_natural_forces(at, forces) @ self.R
-        return np.asarray(modes if self.joints is None else np.concatenate([modes, gaps], axis=1))
+            r = self.reading(super().residual(problem, at, t, q, v, a, strained))
+        else:
+            expected = None if strained is None else strained.expected
+            forces, gaps = problem.unbalanced(t, q, v, a, expected)
+            modes = self.increments.to_natural_forces(at, forces) @ self.R
+            r = np.asarray(modes if self.joints is None else np.concatenate([modes, gaps], axis=1))
+        if strained is not None:
+            r[:, : len(self.w2)] -= (self.pull(strained) @ self.R).real
+        return r
 
     def reading(self, r: Array) -> Array:
         """Return accelerations in natural increments as accelerations of the modes and gaps of joints."""
@@ -128,20 +144,26 @@ class ModalDerivative(Derivative):
         return z.real if np.isrealobj(self.R) else z
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
-        """Let each mode swing freely from its velocity and acceleration at the start of the step."""
+        """Let each mode swing from its velocity and acceleration at the start of the step.
+
+        What the joints are driven by goes on uniformly accelerated, and takes the modes along.
+        """
         oscillating = np.isrealobj(self.w2) and bool((self.w2 >= 0.0).all())
         omega = np.sqrt(self.w2 if oscillating else self.w2.astype(complex))
         omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
-        half = (0.5 * h * table.nodes)[:, None] * omega
+        tau = (h * table.nodes)[:, None]
+        half = 0.5 * tau * omega
         sine = np.sin(half) / omega
+        once, twice = 2.0 * sine * np.cos(half), 2.0 * sine * sine
         p1, p2 = self.L @ start.first, self._modal_acceleration(start)
-        swing = p1 * (2.0 * sine * np.cos(half)) + p2 * (2.0 * sine * sine)
-        y = (self._real(swing) @ self.R.T).real
-        if self.joints is not None:
-            tau = (h * table.nodes)[:, None]
-            y = y + self.joints.closed(tau * (self.joints.jacobian @ start.first))
-            y += self.joints.closed(0.5 * tau**2 * (self.joints.jacobian @ start.second))
-        return np.asarray(y)
+        swing = p1 * once + p2 * twice
+        if self.joints is None:
+            return np.asarray((self._real(swing) @ self.R.T).real)
+        rate, acceleration = (self.joints.jacobian @ part for part in (start.first, start.second))
+        driven = (rate @ self.joints.forces) * _response(tau, once, omega, 1)
+        driven = driven + (acceleration @ self.joints.forces) * _response(tau, twice, omega, 2)
+        moved = self.joints.closed(tau * rate + 0.5 * tau**2 * acceleration)
+        return np.asarray((self._real(swing - driven) @ self.R.T).real + moved)
 
     def _modal_acceleration(self, start: Start) -> Array | ComplexArray:
         """Return accelerations of the modes, where the mass matrix is known from the forces behind them."""
@@ -187,3 +209,15 @@ class ModalDerivative(Derivative):
             coupled = self.joints.closing.T - (self.R * (by_q * divisor)) @ self.joints.forces.T
             inverse += coupled @ self.joints.jacobian
         return lambda r: np.asarray(inverse @ r)
+
+
+def _response(tau: Array, free: Array | ComplexArray, omega: Array | ComplexArray, power: int) -> Any:
+    """Return how modes at rest answer forces tau^power / power!, beside how they swing by themselves.
+
+    The latter, ``free``, is sin(omega tau) / omega or (1 - cos(omega tau)) / omega^2: what is left of
+    tau^power / power!, over omega^2.
+    """
+    forced = tau**power / power
+    slow = np.abs(omega) * tau[-1] < SLOW
+    small = forced * tau**2 / ((power + 1) * (power + 2))
+    return np.where(slow, small, (forced - free) / np.where(slow, 1.0, omega) ** 2)

@@ -13,6 +13,7 @@ from hfsim.integrators._memory import Remembering
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.linearized import Linearized, by_differences
+from hfsim.mechanics.strained import Strains
 
 
 @dataclass(eq=False)
@@ -114,6 +115,8 @@ class Problem:
     imbalance : callable or None
         (t, q, v, a) -> the forces (n_batch, n) and joint accelerations (n_batch, n_rows) by which
         accelerations fail the equations of motion.
+    strains : Strains or None
+        What stiff forces depend on, where a Newton iteration can have it as variables of its own.
     constant_mass : bool
         Whether the state are coordinates with a constant mass matrix.
     quartic : bool
@@ -138,6 +141,7 @@ class Problem:
     culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
     increments: Increments = field(default_factory=PlainIncrements)
     imbalance: Callable[[Array, Array, Array, Array], tuple[Array, Array]] | None = None
+    strains: Strains | None = None
     constant_mass: bool = True
     quartic: bool = False
     breaks: Array = field(default_factory=lambda: np.zeros(0))
@@ -146,16 +150,22 @@ class Problem:
     recharted: Callable[[Array, Array], tuple[Array, Array] | None] = lambda q, v: None
     counts: Counts = field(default_factory=Counts)
 
-    def evaluate(self, t: Array, q: Array, v: Array) -> Array:
-        """Return accelerations of a batch and count the call."""
+    def evaluate(self, t: Array, q: Array, v: Array, strains: Array | None = None) -> Array:
+        """Return accelerations of a batch, with strains that are expected if given, and count the call."""
         self._count(q)
-        return np.asarray(self.acceleration(t, q, v))
+        if strains is None or self.strains is None:
+            return np.asarray(self.acceleration(t, q, v))
+        return self.strains.expected(strains).acceleration(t, q, v)
 
-    def unbalanced(self, t: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-        """Return by how much accelerations of a batch fail the equations and count the call."""
+    def unbalanced(
+        self, t: Array, q: Array, v: Array, a: Array, strains: Array | None = None
+    ) -> tuple[Array, Array]:
+        """Return by how much accelerations of a batch fail the equations, strains as in `evaluate`."""
         assert self.imbalance is not None
         self._count(q)
-        return self.imbalance(t, q, v, a)
+        if strains is None or self.strains is None:
+            return self.imbalance(t, q, v, a)
+        return self.strains.expected(strains).imbalance(t, q, v, a)
 
     def _count(self, q: Array) -> None:
         self.counts.calls += 1
@@ -165,8 +175,13 @@ class Problem:
         """Return the accelerations of one state, shape (n,)."""
         return np.asarray(self.evaluate(np.array([t]), q[None], v[None])[0])
 
-    def near(self, t: float, q: Array, v: Array) -> Linearized:
-        """Return the equations linearised at a state (n,), by differences where nothing else is at hand."""
+    def near(self, t: float, q: Array, v: Array, strains: Array | None = None) -> Linearized:
+        """Return the equations linearised at a state (n,), by differences where nothing else is at hand.
+
+        Stresses are those of the strains that are expected there, (n_strains,), if given.
+        """
+        if strains is not None and self.strains is not None:
+            return self.strains.expected(strains[None]).linearized(t, q, v)
         if self.linearized is not None:
             return self.linearized(t, q, v)
         return by_differences(self.evaluate, t, q, v, self.dissipates)

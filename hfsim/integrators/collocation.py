@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, relative, unsolved
-from hfsim.integrators._derivative import Start
+from hfsim.integrators._derivative import Start, Strained
 from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._tableau import Collocation, gauss, radau
 from hfsim.integrators.derivative import derivative, taken_again
@@ -120,6 +120,8 @@ class CollocationStepper(Stepper):
         self._old, self._served, self._iterations = False, 0, 0
         self._cap = np.inf
         self._known_at, self._known = np.nan, q
+        self._expected: Array | None = None
+        """Strains at the stages to which the first guess leads if these go along with it."""
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
@@ -199,7 +201,10 @@ class CollocationStepper(Stepper):
         natural, table = self._derivative.increments, self.table
         at = natural.geometry(q[None])
         rates = (rate[0] for rate in natural.rates(at, v[None], a0[None]))
-        moved = natural.advance(at, self._derivative.free_motion(table, Start(at, a0, *rates), h))
+        y = self._derivative.free_motion(table, Start(at, a0, *rates), h)
+        moved = natural.advance(at, y)
+        if self._problem.strains is not None:
+            self._expected = self._problem.strains.seen(q[None]) + self._derivative.strain_changes(y)
         return np.asarray(table.A2_inverse @ (moved - (h * table.nodes)[:, None] * v) / h**2)
 
     def _renew_inside(self, t: float, q: Array, v: Array, h: float, a: Array) -> bool:
@@ -207,14 +212,14 @@ class CollocationStepper(Stepper):
         table, middle = self.table, self.table.stages // 2
         tau = h * table.nodes[middle]
         q, v = q + tau * v + h * h * (table.A2[middle] @ a), v + h * (table.A[middle] @ a)
-        self._renew(t + tau, q, v, h)
+        self._renew(t + tau, q, v, h, None if self._expected is None else self._expected[middle])
         return self.table is not table
 
-    def _renew(self, t: float, q: Array, v: Array, h: float) -> None:
+    def _renew(self, t: float, q: Array, v: Array, h: float, expected: Array | None = None) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         self._stiff = bool(h * self._derivative.fastest > STIFF * self.table.stages)
         self._choose()
-        self._derivative = derivative(self._problem, t, q, v, self._natural)
+        self._derivative = derivative(self._problem, t, q, v, self._natural, expected)
         self._old, self._served = False, 0
 
     def _choose(self) -> None:
@@ -236,14 +241,20 @@ class CollocationStepper(Stepper):
         A2 = scaled[:s]
         correct, residual = self._derivative.correction(table, h), self._derivative.residual
         ending, size = _Ending(q, self._tolerance), np.inf
+        strains, strained = problem.strains if self._stiff else None, None
+        expected = self._expected
         for k in range(MAX_ITERATIONS):
             moved = scaled @ a
             Q = uniform + moved[:s]
             if size > SAME:
                 at = natural.geometry(Q)
+            if strains is not None and expected is not None:
+                strained = Strained(strains.seen(Q), expected)
             # each stage is read in its own geometry before they are summed
-            r = residual(problem, at, times, Q, v + moved[s:], a)
+            r = residual(problem, at, times, Q, v + moved[s:], a, strained)
             y, change = correct(A2 @ r)
+            if strained is not None:
+                expected = strained.seen + self._derivative.strain_changes(y)
             size = float(np.abs(y).max())
             a = a + back @ (natural.from_natural if size < LINEAR else natural.advance)(at, y)
             problem.counts.iterations += 1

@@ -13,18 +13,24 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._derivative import ByStep, Correction, Derivative, Start, in_natural
+from hfsim.integrators._derivative import ByStep, Correction, Derivative, Start, Strained, in_natural
 from hfsim.integrators._modal import ModalDerivative
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.linearized import Linearized
 
 _Solver = Callable[[Array, Array], Array]
 
 
 def derivative(
-    problem: Problem, t: float, q: Array, v: Array, natural: Increments | None = None
+    problem: Problem,
+    t: float,
+    q: Array,
+    v: Array,
+    natural: Increments | None = None,
+    expected: Array | None = None,
 ) -> Derivative:
     """Compute the derivative of the accelerations at a state, for corrections in natural coordinates.
 
@@ -35,19 +41,32 @@ def derivative(
     q, v : ndarray, shape (n,)
     natural : Increments, optional
         The state's own coordinates without it.
+    expected : ndarray, shape (n_strains,), optional
+        Strains that are expected there; those of the state without it.
     """
     problem.counts.factorisations += 1
-    found = _in_its_form(problem.near(t, q, v), q, natural or PlainIncrements())
-    found.taken = np.concatenate([[t], q, v, problem.turns.angles(t, q)])
+    strains = problem.strains
+    if strains is None:
+        expected = np.zeros(0)
+        at = problem.near(t, q, v)
+    else:
+        expected = strains.seen(q[None])[0] if expected is None else expected
+        at = problem.near(t, q, v, expected)
+    found = _in_its_form(at, q, natural or PlainIncrements())
+    if strains is not None:
+        found.know_strains(strains.stiffness, strains.slopes(q), q)
+    found.taken = np.concatenate([[t], q, v, expected, problem.turns.angles(t, q)])
     return found
 
 
 def taken_again(problem: Problem, taken: Array, natural: Increments | None = None) -> Derivative:
     """Compute a derivative where one was taken."""
     place, angles = np.split(taken, [len(taken) - len(problem.turns)])
-    q, v = np.split(place[1:], 2)
-    with problem.turns.supposed(float(place[0]), angles):
-        return derivative(problem, float(place[0]), q, v, natural)
+    count = 0 if problem.strains is None else problem.strains.count
+    n = (len(place) - 1 - count) // 2
+    t, q, v, expected = float(place[0]), place[1 : n + 1], place[n + 1 : 2 * n + 1], place[2 * n + 1 :]
+    with problem.turns.supposed(t, angles):
+        return derivative(problem, t, q, v, natural, expected)
 
 
 def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:
@@ -100,13 +119,27 @@ class DenseDerivative(Derivative):
         self.fastest = float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
         self._inverse: ByStep[ComplexArray] = ByStep()
 
-    def residual(self, problem: Problem, at: Any, t: Array, q: Array, v: Array, a: Array) -> Array:
+    def residual(
+        self,
+        problem: Problem,
+        at: Any,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        strained: Strained | None = None,
+    ) -> Array:
         """Return missing accelerations in natural increments, from forces where these are at hand."""
-        if self.of_imbalance is None or problem.imbalance is None:
-            return super().residual(problem, at, t, q, v, a)
-        forces, gaps = problem.unbalanced(t, q, v, a)
+        if self.of_imbalance is None:
+            return super().residual(problem, at, t, q, v, a, strained)
         mobility, closing = self.of_imbalance
-        return np.asarray(self.increments.to_natural_forces(at, forces) @ mobility + gaps @ closing)
+        if problem.imbalance is None:
+            r = super().residual(problem, at, t, q, v, a, strained)
+        else:
+            expected = None if strained is None else strained.expected
+            forces, gaps = problem.unbalanced(t, q, v, a, expected)
+            r = self.increments.to_natural_forces(at, forces) @ mobility + gaps @ closing
+        return r if strained is None else r - self.pull(strained) @ mobility
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Keep the accelerations at the start of the step, less what dies out at once."""
@@ -164,11 +197,37 @@ class SparseDerivative(Derivative):
         """Return the solution of M - by_q M J_q - by_v M J_v, on the joints."""
         return self.at.solver(self.at.implicit(by_q, by_v))
 
+    def know_strains(self, stiffness: Array, slopes: Matrix, q: Array) -> None:
+        """Take note of the strains, their derivative sparse and by the state."""
+        self._stiffness, self._slopes = stiffness, slopes
+
+    def strain_changes(self, y: Array) -> Array:
+        """Return the changes of strains (s, n_strains) with small natural increments (s, n)."""
+        return np.asarray(self.increments.from_natural(self._geometry, y) @ self._slopes.T)
+
+    def residual(
+        self,
+        problem: Problem,
+        at: Any,
+        t: Array,
+        q: Array,
+        v: Array,
+        a: Array,
+        strained: Strained | None = None,
+    ) -> Array:
+        """Return missing accelerations in natural increments, then stresses of strains not expected."""
+        r = super().residual(problem, at, t, q, v, a, strained)
+        if strained is None:
+            return r
+        return np.concatenate([r, (strained.seen - strained.expected) * self._stiffness], axis=1)
+
     def _right_sides(self, r: Array) -> tuple[Array, Array]:
-        """Return forces and gaps that belong to residuals (..., n) in natural increments."""
+        """Return forces and gaps that belong to residuals."""
+        r, stresses = np.split(r, [len(self.q)], axis=1)
         r = self.increments.from_natural(self._geometry, r)
         gaps = np.zeros((len(r), 0)) if self.at.jacobian is None else r @ self.at.jacobian.T
-        return np.asarray(r @ self.at.mass), gaps
+        forces = np.asarray(r @ self.at.mass)
+        return forces - stresses @ self._slopes if stresses.size else forces, gaps
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Return the stages of the linearised motion."""

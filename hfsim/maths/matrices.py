@@ -19,6 +19,15 @@ Matrix: TypeAlias = Any
 
 DENSE_UP_TO = 200
 """Coordinates up to which dense algebra is the faster one (at 196, 0.51 s against 0.66 s)."""
+DENSE_WITH_JOINTS = 300
+"""The same in space, where joints and axes take up many of them (at 237, 0.95 s against 2.3 s)."""
+MANY = 0.2
+"""Equations of joints and axes, over coordinates, that are many."""
+
+
+def dense_up_to(coordinates: int, rows: int, n_dim: int) -> int:
+    """Return up to how many coordinates matrices are dense; rows are the equations of joints and axes."""
+    return DENSE_WITH_JOINTS if n_dim == 3 and rows > MANY * coordinates else DENSE_UP_TO
 
 
 class Entries(NamedTuple):

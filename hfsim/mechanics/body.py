@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -23,6 +23,9 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import BodyIncrements
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.carried import Carried
 
 Place = tuple[float, ...]
 """A point in the undeformed body frame [m]."""
@@ -250,6 +253,10 @@ class Body:
 
     def increments(self) -> BodyIncrements | None:
         """Return coordinates for Newton corrections, where its own do not serve."""
+        return None
+
+    def carried(self) -> Carried | None:
+        """Return which of its vectors Newton corrections see from axes that it carries along."""
         return None
 
 

@@ -124,9 +124,11 @@ class Facing(NamedTuple):
         if _oblique(first):
             pairs = [(direction(own[k]), direction(R.T @ own[j])) for j, k in _OBLIQUE]
             return tuple(Perpendicular(first.oblique, second, *pair) for pair in pairs)
-        # the last two axes of B first: where one of its axes is no vector of the state, it is the first
-        pairs = [(direction(R @ own[j]), direction(own[k])) for j, k in ((0, 1), (0, 2), (1, 2))]
-        return tuple(Perpendicular(first, second, *pair) for pair in pairs)
+        # the last two axes of B, or of A: where one axis of a body is no vector of the state, it is the first
+        units = [(own[j], own[k]) for j, k in ((0, 1), (0, 2), (1, 2))]
+        of_b = tuple(Perpendicular(first, second, direction(R @ a), direction(b)) for a, b in units)
+        of_a = tuple(Perpendicular(first, second, direction(b), direction(R.T @ a)) for a, b in units)
+        return max(of_b, of_a, key=lambda rows: sum(len(row.products) for row in rows))
 
     def fits(self, first: bool, second: bool) -> bool:
         """Tell whether tangents of two lines are along or across each other."""
@@ -234,7 +236,9 @@ class Perpendicular(OfAxes):
 
     def jacobian(self, end: int, x: Array) -> Array:
         """Return the other axis times the derivative of one."""
-        return np.asarray(self._both(x)[1 - end][:, None] @ self._jacobians(x)[end])
+        ends = (self.first, np.array(self.axes)), (self.second, np.array(self.others))
+        (marker, own), (other, axis) = ends[end], ends[1 - end]
+        return np.asarray(other.axis(x, axis)[:, None] @ marker.axis_jacobian(x, own))
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return the terms of the product's second derivative without accelerations."""

@@ -9,8 +9,9 @@ points between nodes or off the centre of mass, and all of bodies with coordinat
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,10 +19,14 @@ from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import Entries, assemble
 from hfsim.maths.rotations import rotate
 from hfsim.mechanics.body import Body
+from hfsim.mechanics.chart import side_by_side
 from hfsim.mechanics.constraints import Constraint
-from hfsim.mechanics.increments import Mount, Tie
+from hfsim.mechanics.increments import Mount, NaturalIncrements, Tie
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.reduction import Reduction
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.carried import CarriedIncrements
 
 GROUND = None
 """Owner of the points of the ground."""
@@ -43,6 +48,18 @@ class FreeCoordinates:
     reduction: Reduction
     ties: tuple[Tie, ...]
     natural_columns: IntArray
+
+    def increments(self, bodies: Collection[Body]) -> NaturalIncrements | CarriedIncrements | None:
+        """Return coordinates for Newton corrections; None where their own serve all bodies."""
+        natural = side_by_side(body.increments() for body in bodies)
+        if natural:
+            return NaturalIncrements(natural, self.reduction, self.ties, self.natural_columns)
+        carried = [found for body in bodies if (found := body.carried()) is not None]
+        if not carried:
+            return None
+        from hfsim.mechanics.carried import CarriedIncrements
+
+        return CarriedIncrements.of(carried, self.reduction)
 
 
 def eliminate(

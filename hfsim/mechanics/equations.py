@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from hfsim.maths.matrices import Matrix, SaddlePoints, dense, factorised, is_spa
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.reduction import Reduction
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.node_solution import NodeSolution
 
 AT_ONCE = 20_000
 """Rows of the sparse matrices, of several states, that are factorised together."""
@@ -192,6 +195,10 @@ class Equations:
         forces = self.reduction.free_force(f) - az @ self.free_mass
         if not self.constraints:
             return forces, np.zeros((len(x), 0))
+        if self.by_nodes is not None:
+            free = self.reduction.free_force(f)
+            missing, gaps = self.by_nodes.missing(x, free, self.phi.curvature(t, x, u), az)
+            return missing @ self.free_mass, gaps
         reading, mobility, _ = self._at_joints
         J = self.phi.at_joints(x)
         gaps = self.phi.curvature(t, x, u) - (J @ (az @ reading)[..., None])[..., 0]
@@ -217,6 +224,8 @@ class Equations:
 
     def constrained(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Solve M a + Phi_z^T lambda = f, Phi_z a = gamma for the free coordinates, f (n_batch, n)."""
+        if self.by_nodes is not None:
+            return self.by_nodes.solve(x, f, gamma)
         if is_sparse(self.constant_mass) and not self._few_joint_coordinates:
             return self._solve_sparse(x, f, gamma)
         if self._changes:
@@ -229,6 +238,18 @@ class Equations:
         gap = (J @ (free @ reading)[..., None])[..., 0] - gamma
         multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), gap[..., None])[..., 0]
         return free - (multipliers[:, None, :] @ J)[:, 0] @ spreading, multipliers
+
+    @cached_property
+    def by_nodes(self) -> NodeSolution | None:
+        """The solution node by node, where axes are kept orthonormal and joints depend on few coordinates."""
+        if self.phi.constant or self._changes:
+            return None
+        from hfsim.mechanics.node_solution import NodeSolution
+
+        found = NodeSolution.of(self.phi, self.constant_mass, self.reduction, self._unconstrained)
+        if found is not None and is_sparse(self.constant_mass) and len(found.joints.support) > FEW:
+            return None
+        return found
 
     @cached_property
     def _few_joint_coordinates(self) -> bool:

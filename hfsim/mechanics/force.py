@@ -141,6 +141,26 @@ class ForcePart:
         """Coordinates in x that the force depends on or acts on."""
         raise NotImplementedError
 
+    @property
+    def strain_stiffness(self) -> Array:
+        """What strains are multiplied by, (n_strains,), where the force is a stiffness times strains.
+
+        Empty elsewhere; see `hfsim.mechanics.strained`.
+        """
+        return np.zeros(0)
+
+    def strain(self, x: Array) -> Array:
+        """Return these strains, shape (n_batch, n_strains)."""
+        raise NotImplementedError
+
+    def strain_slopes(self, x: Array) -> Entries:
+        """Return their derivative by x in one state."""
+        raise NotImplementedError
+
+    def strained(self, strains: Array) -> ForcePart:
+        """Return the force with given strains (n_batch or 1, n_strains), not those of the coordinates."""
+        raise NotImplementedError
+
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the generalised force to ``out``, shape (n_batch, n)."""
         raise NotImplementedError

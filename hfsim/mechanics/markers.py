@@ -207,7 +207,14 @@ class GroundMarker(Marker):
 
     def turned(self, x: Array, a: Array) -> Array:
         """Return the fixed vectors."""
-        return np.repeat(self.pose.turned(np.asarray(a, dtype=float))[None], len(x), axis=0)
+        own = np.asarray(a, dtype=float)
+        fixed = own @ self._axes if self.n_dim == 3 else self.pose.turned(own)
+        return np.repeat(fixed[None], len(x), axis=0)
+
+    @cached_property
+    def _axes(self) -> Array:
+        """Its axes as rows."""
+        return self.pose.turned(np.eye(self.n_dim))
 
     def spin_jacobian(self, x: Array) -> Array:
         """Return an empty matrix."""

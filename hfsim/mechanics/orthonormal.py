@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.products import LinearVector, Product
@@ -19,6 +19,11 @@ class Orthonormal(Constraint):
 
     unit: ClassVar[str] = "-"
     why_kept: ClassVar[str] = "axes of bodies and sections keep lengths and angles"
+
+    @property
+    def axis_columns(self) -> IntArray:
+        """Columns of the axes."""
+        return np.arange(self.second.columns.start + self.second.n_dim, self.second.columns.stop)
 
     @property
     def _count(self) -> int:
@@ -37,7 +42,7 @@ class Orthonormal(Constraint):
     @property
     def products(self) -> tuple[Product, ...]:
         """The products of its axes."""
-        _, first, other = _PAIRS[self._count]
+        _, first, other = PAIRS[self._count]
         columns = np.arange(self.second.columns.start, self.second.columns.stop)
         d = [LinearVector.at(own) for own in columns.reshape(-1, self.second.n_dim)[1:]]
         angles = (Product(d[i], d[j]) for i, j in zip(first, other, strict=True))
@@ -45,13 +50,13 @@ class Orthonormal(Constraint):
 
     def gap(self, x: Array) -> Array:
         """Return half of what squares miss of one, and products of zero."""
-        D, (equal, one, other) = self._axes(x), _PAIRS[self._count]
+        D, (equal, one, other) = self._axes(x), PAIRS[self._count]
         G = D @ D.swapaxes(1, 2)
         return np.concatenate([0.5 * (G[:, equal, equal] - 1.0), G[:, one, other]], axis=1)
 
     def jacobian(self, end: int, x: Array) -> Array:
         """Return the products of axes with changes of axes."""
-        marker, (equal, one, other) = self.ends[end], _PAIRS[self._count]
+        marker, (equal, one, other) = self.ends[end], PAIRS[self._count]
         J = np.zeros((len(x), self.rows, marker.columns.stop - marker.columns.start))
         if end:
             D = self._axes(x)
@@ -64,24 +69,23 @@ class Orthonormal(Constraint):
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return twice the products of the rates of axes, once for equal ones."""
-        D, (equal, one, other) = self._axes(u), _PAIRS[self._count]
+        D, (equal, one, other) = self._axes(u), PAIRS[self._count]
         G = D @ D.swapaxes(1, 2)
         return np.concatenate([G[:, equal, equal], 2.0 * G[:, one, other]], axis=1)
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
         """Return the symmetric matrix of the multipliers, the same for each component."""
-        (_, one, other), n_dim = _PAIRS[self._count], self.second.n_dim
+        (_, one, other), n_dim = PAIRS[self._count], self.second.n_dim
         L = np.diag(multipliers[0, : self._count])
         L[one, other] = L[other, one] = multipliers[0, self._count :]
-        columns = np.arange(self.second.columns.start + n_dim, self.second.columns.stop)
-        return Entries.of_block(columns, columns, np.kron(L, np.eye(n_dim)))
+        return Entries.of_block(self.axis_columns, self.axis_columns, np.kron(L, np.eye(n_dim)))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return nothing: these forces are inside the body."""
         return np.zeros((len(x), self.second.n_dim)), np.zeros((len(x), self.second.n_spin))
 
 
-_PAIRS: dict[int, tuple[list[int], list[int], list[int]]] = {
+PAIRS: dict[int, tuple[list[int], list[int], list[int]]] = {
     1: ([0], [], []),
     2: ([0, 1], [0], [1]),
     3: ([0, 1, 2], [1, 2, 0], [2, 0, 1]),

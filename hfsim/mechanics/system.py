@@ -29,6 +29,7 @@ from hfsim.mechanics.subset import parted
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
+    from hfsim.mechanics.carried import CarriedIncrements
 
 CLOSED = 1e-9
 """Violation of joints, relative to the largest coordinate (or 1), that projection may leave."""
@@ -46,9 +47,8 @@ class System:
         Where state and free coordinates differ.
     forces : tuple of ForcePart
     equations : Equations
-        Of the free coordinates.
-    natural : NaturalIncrements or None
-        Coordinates for Newton corrections of the state; None where the state's own serve.
+    natural : NaturalIncrements, CarriedIncrements or None
+        Coordinates for Newton corrections; None where the state's own serve.
     keeps_rates, keeps_work : bool
         Compute rates and the power put in even where they are not needed.
     redundant : tuple of Constraint
@@ -58,7 +58,7 @@ class System:
     charts: tuple[Chart, ...]
     forces: tuple[ForcePart, ...]
     equations: Equations
-    natural: NaturalIncrements | None
+    natural: NaturalIncrements | CarriedIncrements | None
     keeps_rates: bool = False
     keeps_work: bool = False
     redundant: tuple[Constraint, ...] = ()

@@ -12,6 +12,7 @@ from hfsim.errors import LimitReached, SolverFailure
 from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
+from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
 from hfsim.run.record import LegRecord, Record
 from hfsim.run.runaway import RateWatch, Watch, Watches
@@ -167,6 +168,7 @@ def problem_of(scene: Scene) -> Problem:
         linearized=system.linearized if system.linearizes else None,
         increments=system.natural or PlainIncrements(),
         imbalance=system.imbalance if system.balances else None,
+        strains=Strains.of(system),
         constant_mass=system.linearizes,
         quartic=system.quartic,
         breaks=system.breaks,

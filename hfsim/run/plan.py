@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from hfsim.maths.matrices import DENSE_UP_TO, is_sparse
+from hfsim.maths.matrices import dense_up_to, is_sparse
 from hfsim.mechanics.force import ForcePart
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
@@ -67,8 +67,10 @@ def _variable(scene: Scene) -> int:
 
 def algebra(scene: Scene) -> str:
     """Return which matrices are used, and how their cost grows."""
-    if is_sparse(scene.system.equations.constant_mass):
-        return f"sparse, from {DENSE_UP_TO + 1} coordinates on: cost grows with the number of elements"
+    system = scene.system
+    most = dense_up_to(system.n_x, sum(one.rows for one in system.constraints), scene.deck.dimension)
+    if is_sparse(system.equations.constant_mass):
+        return f"sparse, from {most + 1} coordinates on: cost grows with the number of elements"
     grows = "cost grows with the square of the unknowns, that of a derivative with the cube"
     if scene.system.variable_mass:
         return (
@@ -77,7 +79,7 @@ def algebra(scene: Scene) -> str:
         )
     if scene.system.charts:
         return f"dense at any size, because the steps are made in body frames: {grows}"
-    return f"dense: {grows}; sparse from {DENSE_UP_TO + 1} coordinates on (not for lowOrder or body frames)"
+    return f"dense: {grows}; sparse from {most + 1} coordinates on (not for lowOrder or body frames)"
 
 
 # --- what is kept --------------------------------------------------------------------------------

@@ -12,14 +12,13 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.matrices import DENSE_UP_TO, assemble
+from hfsim.maths.matrices import assemble, dense_up_to
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.chart import side_by_side
 from hfsim.mechanics.constraints import Constraint, constraints_of
 from hfsim.mechanics.elimination import eliminate
 from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.force import ForcePart, merged
-from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.markers import GroundMarker, Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
@@ -357,7 +356,8 @@ def _system(
     angles: Mapping[str, float],
 ) -> System:
     n, every = len(x), bodies.values()
-    sparse = n > DENSE_UP_TO and all(body.banded for body in every)
+    dense = n <= dense_up_to(n, sum(one.rows for one in constraints), deck.dimension)
+    sparse = not dense and all(body.banded for body in every)
     mass = assemble([body.mass_entries() for body in every], (n, n), sparse)
     variable = tuple(one for body in every if (one := body.variable_mass) is not None)
     own = (part for body in every for part in body.forces(n))
@@ -365,14 +365,12 @@ def _system(
     moving = {name: body for name, body in bodies.items() if not body.still}
     free = eliminate(moving, constraints if left_out.fires("tree_joints") else (), sparse)
     charts = side_by_side(body.chart() for body in every)
-    increments = side_by_side(body.increments() for body in every)
     once, invertible = left_out.fires("constant_mass"), all(body.invertible_mass for body in every)
-    natural = NaturalIncrements(increments, free.reduction, free.ties, free.natural_columns)
     return System(
         charts=tuple(chart.at(free.reduction.free_columns(chart.columns)) for chart in charts),
         forces=(*merged(needed), *_springs_and_loads(deck, bodies, left_out, x, angles)),
         equations=Equations(mass, variable, constraints, free.reduction, once, invertible),
-        natural=natural if increments else None,
+        natural=free.increments(every),
         keeps_rates=not left_out.fires("rates"),
         keeps_work=not left_out.fires("work"),
     )

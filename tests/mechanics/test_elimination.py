@@ -80,7 +80,6 @@ def switch(request, monkeypatch):
     def to_sparse():
         monkeypatch.setattr(hfsim.mechanics.equations, "FEW", request.param)
         monkeypatch.setattr(hfsim.maths.matrices, "DENSE_UP_TO", 0)
-        monkeypatch.setattr(hfsim.scene.build, "DENSE_UP_TO", 0)
 
     return to_sparse
 

@@ -13,6 +13,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross, normal
 from hfsim.mechanics.body import Place, VectorBody
+from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
@@ -25,7 +26,7 @@ from hfsim.mechanics.section_markers import SectionMarker
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
 from hfsim.parts.elements.cosserat import SectionDamping
-from hfsim.parts.elements.forces import ElasticForce
+from hfsim.parts.elements.forces import StrainForce
 
 OUTLINE = 200
 """Points of a picture's line, near enough."""
@@ -146,9 +147,15 @@ class CosseratBeam(VectorBody):
         weights = np.kron(self.mesh.masses * self.mesh.positions, self.gravity)
         yield ConstantForce(n, np.arange(self.columns.start, self.columns.stop), weights, item=self.item)
         elements = self.connectivity(n)
-        yield ElasticForce(elements, self.mesh.law(), item=self.item)
+        yield StrainForce(elements, self.mesh.law(), item=self.item)
         resisting = self.mesh.at_points(self.mesh.properties.damping)
         yield SectionDamping(elements, resisting, self.mesh.strains, item=self.item)
+
+    def carried(self) -> Carried:
+        """Return the vectors of each node with its section vectors."""
+        columns = np.arange(self.columns.start, self.columns.stop)
+        vectors = columns.reshape(-1, self.n_dim, self.n_dim)
+        return Carried(vectors, vectors[:, 1:])
 
 
 def _marker(columns: slice, position: Array, section: Array, axes: Array) -> LinearMarker:

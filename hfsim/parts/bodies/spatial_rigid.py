@@ -11,6 +11,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.body import Place, VectorBody
+from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import GroundMarker
@@ -123,3 +124,8 @@ class SpatialRigidBody(VectorBody):
     def folded(self, pose: Pose) -> FoldedBody:
         """Return the same body held for ever at a pose."""
         return FoldedBody(self.name, slice(0, 0), self.points, pose, self.mass * self.gravity)
+
+    def carried(self) -> Carried:
+        """Return its axes; its place is that of the centre of mass in ground axes."""
+        axes = np.arange(self.columns.start + 3, self.columns.stop).reshape(1, 3, 3)
+        return Carried(axes, axes[:, 1:])

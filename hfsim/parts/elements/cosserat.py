@@ -96,12 +96,15 @@ class CosseratLaw(RowLaw):
         stiffness, undeformed = (np.concatenate(pair, axis=1) for pair in pairs)
         return CosseratLaw(stiffness, undeformed, self.degree, self.strains)
 
-    def section_forces(self, v: Array) -> Array:
-        """Return C (e - e0), (n_strains, n_points, n_batch), of `component_rows`."""
+    def strains_of(self, v: Array) -> Array:
+        """Return e - e0, (n_strains, n_points, n_batch), of `component_rows`."""
         e = self.strains.of(v).reshape(*self.stiffness.shape, -1)
         e -= self.undeformed[..., None]
-        e *= self.stiffness[..., None]
         return np.asarray(e)
+
+    def slopes(self, V: Array) -> Array:
+        """Return the derivative of the strains by the vectors, shape (..., n_points, n_strains, m)."""
+        return strain_slopes(self.strains, V)
 
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_points)."""
@@ -110,16 +113,24 @@ class CosseratLaw(RowLaw):
 
     def pull(self, v: Array) -> Array:
         """Return dU/dV [J] for `component_rows`, same shape."""
-        return self.strains.pulled(v, self.section_forces(v).reshape(len(self.stiffness), -1))
+        return self.pull_of(v, self.strains_of(v))
+
+    def pull_of(self, v: Array, e: Array) -> Array:
+        """Return the forces on the vectors with given strains (n_strains, n_points, n_batch or 1)."""
+        shape = *self.stiffness.shape, v.shape[-1] // self.stiffness.shape[1]
+        S = np.broadcast_to(e * self.stiffness[..., None], shape)
+        return self.strains.pulled(v, S.reshape(len(S), -1))
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_points, m, m), of all m numbers of the vectors."""
         v = np.moveaxis(V, (-2, -1), (0, 1))
-        C = _spread(self.stiffness, V)
-        B = strain_slopes(self.strains, V)
+        return self.hessian_of(V, self.strains.of(v) - _spread(self.undeformed, V))
+
+    def hessian_of(self, V: Array, e: Array) -> Array:
+        """Return the same with given strains (n_strains, ..., n_points)."""
+        C, B = _spread(self.stiffness, V), strain_slopes(self.strains, V)
         material = np.einsum("...ia,i...,...ib->...ab", B, C, B, optimize=True)
-        S = C * (self.strains.of(v) - _spread(self.undeformed, V))
-        return np.asarray(material + self.strains.bent_by(V, S))
+        return np.asarray(material + self.strains.bent_by(V, C * e))
 
 
 def _spread(numbers: Array, V: Array) -> Array:

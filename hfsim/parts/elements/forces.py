@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -74,6 +74,84 @@ class ElasticForce(ForcePart):
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return the second derivative of the strain energy in one state."""
         return self.elements.entries(self.law.hessian(self.elements.vectors(x))[0])
+
+
+class StrainLaw(ElasticLaw, Protocol):
+    """An energy that is quadratic in strains e of the difference vectors: 1/2 e . C e."""
+
+    @property
+    def stiffness(self) -> Array:
+        """C, shape (n_kinds, n_points)."""
+
+    def strains_of(self, v: Array) -> Array:
+        """Return e, shape (n_kinds, n_points, n_batch), of `component_rows`."""
+
+    def slopes(self, V: Array) -> Array:
+        """Return de/dV, shape (..., n_points, n_kinds, n_vectors * n_dim)."""
+
+    def pull_of(self, v: Array, e: Array) -> Array:
+        """Return `pull` with given strains, (n_kinds, n_points, n_batch or 1)."""
+
+    def hessian_of(self, V: Array, e: Array) -> Array:
+        """Return `hessian` with given strains, (n_kinds, ..., n_points)."""
+
+
+@dataclass(frozen=True, eq=False)
+class StrainForce(ElasticForce):
+    """The same where the energy is quadratic in strains; these may be given instead of computed.
+
+    Attributes
+    ----------
+    given : ndarray, shape (n_batch or 1, n_strains), optional
+        Strains to take in place of those of the coordinates.
+    """
+
+    law: StrainLaw
+    given: Array | None = None
+
+    def joined(self, other: ElasticForce) -> StrainForce:
+        """Return the force of these elements followed by the other's."""
+        both = super().joined(other)
+        return StrainForce(both.elements, both.law)  # type: ignore[arg-type]
+
+    @property
+    def strain_stiffness(self) -> Array:
+        """That of all strains, point by point for each kind."""
+        return self.law.stiffness.ravel()
+
+    def strain(self, x: Array) -> Array:
+        """Return the strains, shape (n_batch, n_strains)."""
+        return self.law.strains_of(self.elements.rows(x)).reshape(-1, len(x)).T
+
+    def strain_slopes(self, x: Array) -> Entries:
+        """Return their derivative by x in one state."""
+        blocks = self.law.slopes(self.elements.vectors(x))[0] @ self.elements.local
+        numbers = np.arange(self.law.stiffness.size).reshape(self.law.stiffness.shape).T
+        return Entries.of_block(numbers, self.elements.columns, blocks)
+
+    def strained(self, strains: Array) -> StrainForce:
+        """Return the force with given strains."""
+        return replace(self, given=strains)
+
+    @property
+    def _given(self) -> Array:
+        """The given strains, shape (n_kinds, n_points, n_batch or 1)."""
+        assert self.given is not None
+        return self.given.T.reshape(*self.law.stiffness.shape, -1)
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add minus stiffness times strain times the derivative of the strain."""
+        if self.given is None:
+            super().add_force(t, x, u, out)
+        else:
+            out -= self.elements.push(self.law.pull_of(self.elements.rows(x), self._given), len(x))
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state, as if strains were not given."""
+        if self.given is None:
+            return super().tangent(t, x, u)
+        e = self._given.transpose(0, 2, 1)
+        return self.elements.entries(self.law.hessian_of(self.elements.vectors(x), e)[0])
 
 
 class MaterialDamping(ForcePart):

@@ -1,0 +1,127 @@
+"""The equations solved node by node against the whole matrix of them."""
+
+import numpy as np
+import pytest
+
+from hfsim.maths.matrices import dense
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+
+HEAD = """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+materials: {soft: {density: 1100.0, youngs_modulus: 5.0e6, poisson_ratio: 0.4}}
+sections: {bar: {shape: rectangle, width: 0.03, height: 0.02}, line: {area: 1.0e-4, second_moment: 1.0e-9}}
+"""
+FREE = HEAD + "bodies: {b: {type: beam, material: soft, section: bar, length: 1.0, elements: 2}}\n"
+MIXED = """
+bodies:
+  hub: {type: rigid, mass: 2.0, inertia: [[0.1, 0.02, 0.0], [0.02, 0.2, 0.0], [0.0, 0.0, 0.25]],
+        points: {rim: [0.1, 0.05, 0.0]}}
+  a: {type: beam, material: soft, section: bar, length: 0.5, elements: COUNT}
+  rope: {type: beam, material: soft, section: line, length: 0.4, elements: 2,
+         element: cable}
+  bob: {type: rigid, mass: 0.3, inertia: [1.0e-3, 1.0e-3, 1.5e-3], points: {eye: [0.05, 0.0, 0.02]}}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  mount: {type: fixed, between: [hub.rim, a.root]}
+  elbow: {type: universal, between: [a.tip, bob.eye], axes: [[0, 1, 0], [0, 0, 1]]}
+  knot: {type: spherical, between: [bob, rope.root]}
+solve: {duration: 1.0}
+"""
+CHAIN = """
+bodies:
+  one: {type: rigid, mass: 1.0, inertia: [0.02, 0.09, 0.1], points: {a: [-0.5, 0, 0], b: [0.5, 0, 0]}}
+  two: {type: rigid, mass: 1.0, inertia: [0.02, 0.09, 0.1], points: {a: [-0.5, 0, 0], b: [0.5, 0, 0]}}
+joints:
+  j1: {type: spherical, between: [ground, one.a]}
+  j2: {type: spherical, between: [one.b, two.a]}
+solve: {duration: 1.0}
+"""
+PLANAR = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {soft: {density: 1100.0, youngs_modulus: 5.0e6, poisson_ratio: 0.4}}
+sections: {bar: {shape: rectangle, width: 0.03, height: 0.02}}
+bodies:
+  b: {type: beam, material: soft, section: bar, length: 1.0, elements: 2, element: cosserat}
+  disc: {type: rigid, mass: 1.0, inertia: 0.1, points: {rim: [0.1, 0.0]}}
+joints:
+  pin: {type: revolute, between: [ground, b.root]}
+  mount: {type: fixed, between: [b.tip, disc.rim]}
+solve: {duration: 1.0}
+"""
+SCENES = {
+    "free": FREE + "solve: {duration: 1.0}\n",
+    "mixed": HEAD + MIXED.replace("COUNT", "2"),
+    "large": HEAD + MIXED.replace("COUNT", "12"),
+    "chain": HEAD + CHAIN,
+    "plane": PLANAR,
+}
+
+
+@pytest.fixture(params=SCENES)
+def scene(request):
+    return build(parse_deck(SCENES[request.param]))
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(8)
+
+
+def states(scene, rng, count=3):
+    """States in which axes are no longer quite orthonormal."""
+    q = scene.q + 0.02 * rng.normal(size=(count, scene.system.n))
+    return scene.system.absolute(q)
+
+
+def whole(equations, x):
+    """The matrices of eq. (37) for each state, by the free coordinates."""
+    B = dense(equations.reduction.basis)
+    M = B.T @ dense(equations.constant_mass) @ B
+    Phi = np.stack([equations.phi.jacobians(one[None])[0] @ B for one in x])
+    zero = np.zeros((len(x), equations.n_rows, equations.n_rows))
+    top = np.concatenate([np.repeat(M[None], len(x), 0), Phi.swapaxes(1, 2)], axis=2)
+    return np.concatenate([top, np.concatenate([Phi, zero], axis=2)], axis=1), Phi
+
+
+@pytest.mark.parametrize("unreduced", [False, True], ids=["free", "all"])
+def test_accelerations_and_multipliers(scene, unreduced, rng):
+    equations = scene.system.unreduced if unreduced else scene.system.equations
+    assert equations.by_nodes is not None
+    x = states(scene, rng)
+    f, gamma = (rng.normal(size=(len(x), count)) for count in (equations.n, equations.n_rows))
+    a, multipliers = equations.constrained(x, f, gamma)
+    right = np.linalg.solve(whole(equations, x)[0], np.concatenate([f, gamma], axis=1)[..., None])[..., 0]
+    size = np.abs(right[:, : equations.n]).max()
+    assert a == pytest.approx(right[:, : equations.n], abs=1e-10 * size)
+    theirs = right[:, equations.n :]
+    assert multipliers == pytest.approx(theirs, rel=1e-8, abs=1e-8 * np.abs(theirs).max())
+
+
+def test_what_accelerations_miss(scene, rng):
+    """Forces leave nothing that the rows would bear; gaps are those of the accelerations."""
+    equations, x = scene.system.equations, states(scene, rng)
+    f, az = (rng.normal(size=(len(x), count)) for count in (x.shape[1], equations.n))
+    u, t = rng.normal(size=x.shape), np.zeros(len(x))
+    gamma = equations.phi.curvature(t, x, u)
+    free = equations.reduction.free_force(f)
+    missing, gaps = equations.by_nodes.missing(x, free, gamma, az)
+    matrix, Phi = whole(equations, x)
+    right = np.linalg.solve(matrix, np.concatenate([free, gamma], axis=1)[..., None])[:, : equations.n, 0]
+    assert missing == pytest.approx(right - az, abs=1e-9 * np.abs(right).max())
+    assert gaps == pytest.approx(gamma - (Phi @ az[..., None])[..., 0], abs=1e-9 * np.abs(right).max())
+
+
+def test_joints_with_many_coordinates_are_solved_with_sparse_matrices():
+    bodies, joints, last = [], [], "ground"
+    for k in range(30):
+        bodies.append(
+            f"  b{k}: {{type: rigid, mass: 1.0, inertia: [0.02, 0.09, 0.1],"
+            " points: {a: [-0.5, 0, 0], b: [0.5, 0, 0]}}"
+        )
+        joints.append(f"  j{k}: {{type: spherical, between: [{last}, b{k}.a]}}")
+        last = f"b{k}.b"
+    text = "\n".join([HEAD, "bodies:", *bodies, "joints:", *joints, "solve: {duration: 1.0}"])
+    assert build(parse_deck(text)).system.equations.by_nodes is None

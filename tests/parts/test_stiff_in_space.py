@@ -1,0 +1,187 @@
+"""Stiff beams in space: increments bodies carry along, strains as variables, and steps they allow."""
+
+import numpy as np
+import pytest
+
+from hfsim.integrators import Limits, Stepping, choose
+from hfsim.maths.rotations import rotation
+from hfsim.mechanics.strained import Strains
+from hfsim.run.integration import problem_of, run_integration
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+
+ARM = """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+materials: {steel: {density: 7850.0, youngs_modulus: 2.1e11, poisson_ratio: 0.3}}
+sections: {bar: {shape: rectangle, width: 0.02, height: 0.01}}
+bodies:
+  hub: {type: rigid, mass: 5.0, inertia: [0.05, 0.05, 0.05], points: {rim: [0.1, 0.0, 0.0]}}
+  arm: {type: beam, material: steel, section: bar, length: 1.0, elements: 2}
+joints:
+  axle: {type: driver, between: [ground, hub], axis: [0, 0, 1], angle: {type: spin_up, rate: 6.0, time: 0.5}}
+  mount: {type: fixed, between: [hub.rim, arm.root]}
+solve: {duration: 0.4}
+output: {interval: 0.01, channels: [arm.tip.x, arm.tip.y, arm.tip.z]}
+"""
+PINNED = ARM.replace("axle: {type: driver", "axle: {type: spherical").replace(
+    ", axis: [0, 0, 1], angle: {type: spin_up, rate: 6.0, time: 0.5}", ""
+)
+
+
+def scene_of(*changes, text=ARM):
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    return build(parse_deck(text))
+
+
+def solved(**options):
+    """The change of a deck to these options of ``solve``."""
+    every = {"duration": 0.4} | options
+    return "{duration: 0.4}", "{" + ", ".join(f"{key}: {value}" for key, value in every.items()) + "}"
+
+
+MORE = ("elements: 2", "elements: 8")
+DAMPED = ("poisson_ratio: 0.3", "poisson_ratio: 0.3, bending_damping: 1.0e-6")
+
+
+def bent(scene, rng, size=0.02):
+    """A state near the start, with directors that are no longer quite of unit length."""
+    return scene.q + size * rng.normal(size=scene.system.n)
+
+
+def turned(q, R, scene):
+    """The state of a scene without coordinates on the ground, turned about the origin."""
+    return (q.reshape(-1, 3) @ R.T).ravel()
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def test_carried_increments_are_those_of_turned_frames(rng):
+    scene = scene_of()
+    natural, n = scene.system.natural, scene.system.n
+    q = np.array([bent(scene, rng) for _ in range(3)])
+    at, dq, f = natural.geometry(q), rng.normal(size=(3, n)), rng.normal(size=(3, n))
+    y = natural.to_natural(at, dq)
+    assert natural.from_natural(at, y) == pytest.approx(dq, abs=1e-13)
+    assert np.sum(natural.to_natural_forces(at, f) * y, axis=1) == pytest.approx(np.sum(f * dq, axis=1))
+    assert np.linalg.norm(y, axis=1) == pytest.approx(np.linalg.norm(dq, axis=1))
+
+
+def test_carried_increments_of_a_turned_scene_are_the_same(rng):
+    """Stiffness and orthonormality do not turn with it; the mass does not change at all."""
+    scene = scene_of(text=PINNED)
+    system, natural, R = scene.system, scene.system.natural, rotation(np.array([0.4, -1.1, 0.7]))
+    unit = np.eye(system.n)
+
+    def seen(q):
+        at = natural.geometry(q[None])
+        T = natural.from_natural(at, unit)
+        found = system.linearized(0.0, q, np.zeros(system.n))
+        own = found.jacobian[-3 * 7 :] @ T.T
+        return T @ (found.stiffness @ T.T), T @ found.mass @ T.T, own
+
+    q = bent(scene, rng, 1e-3)
+    here, there = seen(q), seen(turned(q, R, scene))
+    beam = slice(scene.bodies["arm"].columns.start - 3, None)
+    assert there[0][beam, beam] == pytest.approx(here[0][beam, beam], abs=1e-9 * np.abs(here[0]).max())
+    assert there[1] == pytest.approx(here[1], abs=1e-12)
+    assert there[2][:, 3:] == pytest.approx(here[2][:, 3:], abs=1e-12)
+
+
+@pytest.mark.parametrize("changes", [[], [MORE]], ids=["dense", "sparse"])
+def test_strains_and_their_slopes(changes, rng):
+    scene = scene_of(*changes)
+    strains, q = Strains.of(scene.system), bent(scene, rng)
+    eps, dq = 1e-6, rng.normal(size=scene.system.n)
+    pair = strains.seen(np.stack([q + eps * dq, q - eps * dq]))
+    slope = strains.slopes(q) @ dq
+    assert slope == pytest.approx((pair[0] - pair[1]) / (2 * eps), abs=1e-7 * np.abs(slope).max())
+    x = scene.system.absolute(q[None])
+    energy = 0.5 * np.sum(strains.stiffness * strains.seen(q[None]) ** 2)
+    assert energy == pytest.approx(scene.system.strain_energy(x)[0])
+
+
+def test_forces_of_the_strains_that_are_seen_are_the_forces(rng):
+    scene = scene_of()
+    system, strains, t = scene.system, Strains.of(scene.system), np.zeros(3)
+    q = np.array([bent(scene, rng) for _ in range(3)])
+    x = system.absolute(q)
+    same = strains.expected(strains.seen(q)).force(t, x, x)
+    assert same == pytest.approx(system.force(t, x, x), rel=1e-12, abs=1e-6)
+
+
+def test_derivatives_with_expected_strains(rng):
+    """The stress is that of the expected strains; it changes as the strains of the coordinates do."""
+    scene = scene_of()
+    system, strains, q = scene.system, Strains.of(scene.system), bent(scene, rng)
+    given, eps = strains.seen(q[None]) + 0.01 * rng.normal(size=strains.count), 1e-6
+    dq = rng.normal(size=system.n)
+    moved = np.stack([q + eps * dq, q - eps * dq])
+    expected = strains.expected(given + strains.seen(moved) - strains.seen(q[None]))
+    x = system.absolute(moved)
+    part = next(k for k, one in enumerate(system.forces) if one.strain_stiffness.size)
+    f = np.zeros_like(x)
+    expected.forces[part].add_force(np.zeros(2), x, x, f)
+    entries = strains.expected(given).forces[part].tangent(np.zeros(1), system.absolute(q[None]), x[:1])
+    K = np.zeros((system.n_x, system.n_x))
+    np.add.at(K, (entries.rows, entries.columns), entries.values)
+    change = -K @ system.absolute_velocity(q[None], dq[None])[0]
+    assert change == pytest.approx((f[0] - f[1]) / (2 * eps), abs=1e-6 * np.abs(change).max())
+
+
+@pytest.mark.parametrize(
+    ("changes", "method"),
+    [([], "auto"), ([MORE], "auto"), ([DAMPED], "auto"), ([], "gauss")],
+    ids=["dense", "sparse", "damped", "gauss"],
+)
+def test_steps_of_a_stiff_arm_that_is_spun_up(changes, method):
+    """Steps follow the motion, not the stiffness: without strains as variables there are hundreds."""
+    scene = scene_of(solved(tolerance=1e-5, method=method), *changes)
+    done = run_integration(scene, scene.deck.solve)
+    counts = done.problem.counts
+    assert done.stop is None and counts.steps < 40 and counts.iterations < 350
+    exact = scene_of(solved(tolerance=1e-9, method=method), *changes)
+    closer = run_integration(exact, exact.deck.solve)
+    assert closer.problem.counts.steps < 80
+    assert done.trajectory.q == pytest.approx(closer.trajectory.q, abs=3e-5)
+
+
+def test_the_equations_solved_are_the_same():
+    """At short steps, which need no strains as variables, the arm moves in the same way."""
+    scene = scene_of(solved(tolerance=1e-9, duration=0.05))
+    long = run_integration(scene, scene.deck.solve)
+    assert long.problem.counts.steps < 25
+    short = scene_of(solved(method="radau", step=2.0e-4, stages=4, duration=0.05))
+    fine = run_integration(short, short.deck.solve)
+    assert long.trajectory.q == pytest.approx(fine.trajectory.q, abs=1e-8)
+
+
+def test_a_run_put_down_in_stiff_steps_goes_on_to_the_last_bit():
+    def stepping():
+        scene = scene_of()
+        solve = scene.deck.solve
+        method, start = choose(solve, scene.system.dissipates), (0.0, scene.q, scene.v)
+        return Stepping(problem_of(scene), method, start, solve.duration, Limits(), lambda t, q, v: None)
+
+    first, again = stepping(), stepping()
+    for _ in range(10):
+        next(first)
+    again.recall(first.memory())
+    assert first.path.t_end < 0.4 and "radau" in first.path.methods
+    ends = [list(steps) and steps.path.q for steps in (first, again)]
+    assert np.array_equal(*ends)
+
+
+def test_rigid_bodies_alone_have_no_strains():
+    scene = scene_of(
+        ("  arm: {type: beam, material: steel, section: bar, length: 1.0, elements: 2}\n", ""),
+        ("  mount: {type: fixed, between: [hub.rim, arm.root]}\n", ""),
+        ("arm.tip", "hub"),
+    )
+    assert Strains.of(scene.system) is None
+    assert scene.system.natural.vectors.shape == (3, 3)
