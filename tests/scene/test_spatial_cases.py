@@ -1,0 +1,279 @@
+"""Shipped cases in space against the values that their headers state."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from equilibrium import displacement, equilibrium
+from scipy.integrate import solve_ivp
+from turning import Turning
+
+from hfsim.maths.rotations import rotation
+from hfsim.mechanics.modes import modes_by_differences
+from hfsim.scene.build import build
+from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.simulate import simulate
+
+CASES = Path(__file__).parents[2] / "cases"
+
+
+def scene_of(case, *settings):
+    return build(load_deck(CASES / f"{case}.yaml", list(settings)))
+
+
+def run(case, *settings):
+    found = simulate(load_deck(CASES / f"{case}.yaml", list(settings)), error_estimate=False)
+    return found, {channel.name: channel.values for channel in found.channels}
+
+
+# --- at rest -------------------------------------------------------------------------------------
+
+
+def test_45_degree_bend():
+    scene = scene_of("bend_45", "bodies.bend.elements=4", "bodies.bend.degree=4")
+    tip = scene.marker("bend.tip").position(equilibrium(scene))[0]
+    assert tip == pytest.approx((15.6846894790, 47.1500962403, 53.4754779982), rel=2e-7)
+
+
+def test_princeton_beam():
+    scene = scene_of("princeton", "bodies.beam.elements=4", "bodies.beam.degree=4")
+    moved = displacement(scene, equilibrium(scene, 4), "beam.tip")
+    assert moved == pytest.approx((-0.014389320, -0.008888858, 0.109041568), abs=2e-9)
+
+
+def test_torsion_with_bending():
+    """At rest, and by the run, which is damped until it rests; its section forces are the moments put on."""
+    expected = (-1.0943798558e-4, -1.8643645616e-4, -1.81174027438e-2)
+    scene = scene_of("torsion")
+    assert displacement(scene, equilibrium(scene, 4), "beam.tip") == pytest.approx(expected, rel=1e-7)
+    found, values = run("torsion")
+    tip = [values[f"beam.tip.{axis}"] for axis in "xyz"]
+    assert [one[-1] - one[0] for one in tip] == pytest.approx(expected, abs=1e-6)
+    moments = values["beam.root.torsion_moment"][-1], values["beam.root.bending_moment_y"][-1]
+    assert (found.status, *moments) == ("done", pytest.approx(0.5e6, rel=1e-6), pytest.approx(2e6, rel=1e-6))
+
+
+# --- pendulum ------------------------------------------------------------------------------------
+
+
+def test_flexible_pendulum_in_space():
+    times = np.array([0.25, 0.5, 0.75, 1.0])
+    found, values = run("pendulum_3d")
+    tip = np.stack([values[f"b1.tip.{axis}"] for axis in "xyz"], axis=1)
+    rows = np.searchsorted(found.t, times - 1e-9)
+    assert tip[rows] == pytest.approx(cable_pendulum(times), abs=1e-6)
+    assert tip[rows[1]] == pytest.approx((-0.26683389, 0.64647064, -1.15446897), abs=1e-6)
+    assert tip[rows[3]] == pytest.approx((-0.39003196, -1.13107237, -0.06289325), abs=1e-6)
+
+
+def cable_pendulum(times, n=4, length=1.2):
+    """Tip positions of the same mesh by its own assembly: six Gauss points an element, DOP853."""
+    rho, E, A, second, le = 5540.0, 7e5, 0.0018, 1.215e-8, length / n
+    g, w = np.polynomial.legendre.leggauss(6)
+    g, w = 0.5 * g + 0.5, 0.5 * w * le
+    a, b = g**2, g**3
+    N = np.array([1 - 3 * a + 2 * b, le * (g - 2 * a + b), 3 * a - 2 * b, le * (b - a)])
+    slope = np.array([-6 * g + 6 * a, le * (1 - 4 * g + 3 * a), 6 * g - 6 * a, le * (3 * a - 2 * g)])
+    bend = np.array([-6 + 12 * g, le * (-4 + 6 * g), 6 - 12 * g, le * (6 * g - 2)]) / le**2
+    mass, weight = np.zeros((2 * n + 2, 2 * n + 2)), np.zeros((2 * n + 2, 3))
+    own = [slice(2 * e, 2 * e + 4) for e in range(n)]
+    for k in own:
+        mass[k, k] += rho * A * (N * w) @ N.T
+        weight[k, 2] -= 9.81 * rho * A * N @ w
+    inverse = np.linalg.inv(mass[1:, 1:])
+
+    def rates(t, y):
+        r, v = np.split(y, 2)
+        r, force = np.vstack([np.zeros(3), r.reshape(-1, 3)]), weight.copy()
+        for k in own:
+            s, c = slope.T @ r[k] / le, bend.T @ r[k]
+            strain = 0.5 * (np.sum(s * s, axis=1) - 1.0)
+            force[k] -= E * ((slope / le * (w * A * strain)) @ s + (bend * (w * second)) @ c)
+        return np.r_[v, (inverse @ force[1:]).ravel()]
+
+    r = np.zeros((2 * n + 2, 3))
+    r[::2, 0], r[1::2, 0] = le * np.arange(n + 1), 1.0
+    start = np.r_[r[1:].ravel(), np.cross([0.0, 0.0, 3.0], r)[1:].ravel()]
+    found = solve_ivp(rates, (0.0, times[-1]), start, "DOP853", times, rtol=1e-10, atol=1e-10)
+    return found.y.T[:, : len(start) // 2].reshape(len(times), -1, 3)[:, -2]
+
+
+# --- rotating blade ------------------------------------------------------------------------------
+
+E, RHO, LENGTH = 20e6, 1100.0, 0.5
+FLAP = {
+    (0.0, 1.0): (3.68164681395796, 22.1810111505828, 61.8417625871599),
+    (0.0, 3.0): (4.79727853236308, 23.3202636742959, 62.9849674806828),
+    (0.0, 6.0): (7.36037301931002, 26.8090816784979, 66.6839143815049),
+    (0.0, 10.0): (11.2023277622213, 33.6403658542134, 74.6492945969782),
+    (0.1, 2.0): (4.21224744846087, 22.6912198756009, 62.3531596753027),
+    (0.1, 5.0): (6.74142013673656, 25.8654764743703, 65.6776685822346),
+    (0.1, 10.0): (11.8577964567937, 34.8784106318361, 76.2533300132072),
+    (1.0, 1.0): (3.88882350156101, 22.3750142638354, 62.0430531666447),
+    (1.0, 5.0): (8.94035813008849, 29.352835475806, 69.7607097730953),
+    (1.0, 10.0): (16.6063628421502, 44.3682239229148, 89.1563288304323),
+}
+"""Case S3: flap by hub radius and speed; Wright, Smith, Thresher and Wang."""
+LAG = {1.0: 3.54323626967308, 3.0: 3.74351189621078, 6.0: 4.26322542019383, 10.0: 5.04897487538162}
+"""First lag frequency without hub."""
+
+
+def blade(radius, speed, elements, degree, diameter=1e-4):
+    """Relative errors of the three flaps, and of the first lag: nearest frequencies of a blade that turns."""
+    unit = float(np.sqrt(RHO * 16.0 / (E * diameter**2)) * LENGTH**2)
+    scene = scene_of(
+        "blade",
+        f"joints.motor.angle={{type: constant_rate, rate: {speed / unit!r}}}",
+        f"sections.rod.diameter={diameter!r}",
+        f"bodies.blade.elements={elements}",
+        f"bodies.blade.degree={degree}",
+        f"bodies.hub.points.rim=[{radius * LENGTH!r}, 0.0, 0.0]",
+    )
+    turning = Turning(scene, (0.0, 0.0, speed / unit))
+    wanted = FLAP[radius, speed] + ((LAG[speed],) if radius == 0.0 else ())
+    return np.array([nearest(turning, one / unit) * unit / one - 1.0 for one in wanted])
+
+
+def nearest(turning, frequency):
+    found = turning.frequencies(frequency)[:4]
+    return found[np.argmin(np.abs(found - frequency))]
+
+
+@pytest.mark.parametrize(("radius", "speed"), FLAP)
+def test_flap_and_lag_of_a_blade_that_turns(radius, speed):
+    assert np.abs(blade(radius, speed, 2, 8)).max() < 3e-7
+
+
+def test_frequencies_converge_with_the_degree():
+    """The table in the header of the case."""
+    errors = np.array([blade(0.1, 5.0, 3, degree) for degree in (3, 4, 5, 6)])
+    told = [[4e-4, 3e-3, 9.5e-3], [6e-6, 8.2e-5, 1.1e-3], [5e-8, 8e-7, 2e-5], [2e-8, 2e-8, 1e-6]]
+    assert np.all(np.abs(errors) < told)
+    assert np.all(np.abs(errors[:3]) > np.array(told[:3]) / 2)
+
+
+ALUMINIUM = [
+    "materials={al: {density: 2682.41, youngs_modulus: 7.30844e10, poisson_ratio: 0.33}}",
+    "sections={strip: {shape: rectangle, height: 0.0254, width: 0.0016002}}",
+    "bodies.blade={type: beam, material: al, section: strip, length: 0.9525, elements: 3, degree: 6}",
+    "bodies.hub.points.rim=[0.0635, 0, 0]",
+    "output.channels=[blade.tip.z]",
+]
+"""Case F14: the straight blade of Epps and Chandra."""
+
+
+@pytest.mark.parametrize(
+    ("rpm", "flaps", "error"),
+    [
+        (0.0, (1.48721702, 9.32022997, 26.0969138), 5e-5),
+        (500.0, (9.19132266, 23.8363124, 44.5516064), 5e-5),
+        (750.0, (13.5507190, 34.0034556, 59.4890518), 2e-4),
+    ],
+)
+def test_flap_of_an_aluminium_blade_with_sections(rpm, flaps, error):
+    """Beam theory without shear, rotary inertia and the stretch by the spin, of (speed L / c)^2 = 2e-4."""
+    spin = rpm * np.pi / 30.0
+    motor = f"joints.motor.angle={{type: constant_rate, rate: {spin!r}}}"
+    turning = Turning(scene_of("blade", *ALUMINIUM, motor), (0.0, 0.0, spin))
+    found = [nearest(turning, 2.0 * np.pi * one) / (2.0 * np.pi) for one in flaps]
+    assert found == pytest.approx(flaps, rel=error)
+
+
+LOW_ORDER = """
+hfsim: 1
+gravity: [0.0, 0.0]
+materials: {{one: {{density: 1.0, youngs_modulus: 4900.0}}}}
+sections: {{bar: {{area: 1.0, second_moment: {second!r}}}}}
+bodies: {{b: {{type: beam, material: one, section: bar, length: 1.0, elements: 3, degree: 6}}}}
+joints:
+  pin: {{type: revolute, between: [ground, b.root]}}
+  motor: {{type: driver, between: [ground, b.root], angle: {{type: constant_rate, rate: {speed}}}}}
+solve: {{duration: 1.0, model: {model}}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("speed", "expected"),
+    [(1.0, (3.54269166, 22.15784360, 61.83313887)), (2.0, (3.61956637, 22.52384210, 62.23889506))],
+)
+def test_lag_with_coriolis_of_the_model_low_order(speed, expected):
+    """Case S4, slenderness 70: no steady stretch, which shifts frequencies by less than a tenth of itself."""
+    scene = build(parse_deck(LOW_ORDER.format(second=1 / 4900, speed=speed, model="lowOrder")))
+    q = scene.q.copy()
+    for _ in range(4):
+        modes = modes_by_differences(scene.system, 0.0, q, scene.v)
+        a = scene.system.acceleration(np.zeros(1), q[None], scene.v[None])[0] @ modes.basis
+        q -= modes.basis @ np.linalg.solve(modes.stiffness, a)
+    frequencies = modes.eigenvalues().imag
+    found = np.sort(frequencies[frequencies > 0.0])[:3]
+    assert found == pytest.approx(expected, rel=0.1 * (speed / 70) ** 2)
+
+
+@pytest.mark.parametrize(("speed", "expected"), [(1.0, 3.37029282), (2.0, 2.88999994), (3.0, 1.83114504)])
+def test_lag_of_the_model_linear_falls_with_speed(speed, expected):
+    """Case S5."""
+    scene = build(parse_deck(LOW_ORDER.format(second=1 / 4900, speed=speed, model="linear")))
+    found = modes_by_differences(scene.system, 0.0, scene.q, scene.v).eigenvalues().imag
+    assert found[found > 0.0].min() == pytest.approx(expected, rel=1e-6)
+
+
+def test_the_model_linear_breaks_down_in_the_blade():
+    found, values = run("blade", "solve.model=linear")
+    assert np.abs(values["blade.tip.deflection_y"]).max() > 10.0 * LENGTH
+    assert any("left the range of linear" in one for one in found.statistics["warnings"])
+
+
+# --- Bricard's loop ------------------------------------------------------------------------------
+
+
+def test_bricard():
+    """One equation for the first angle, by its closing condition, against the loop of rigid bodies."""
+    found, values = run("bricard", "solve.duration=0.5")
+    centre = [values[f"l1.{axis}"][-1] for axis in "xyz"]
+    angle = solve_ivp(angle_rates, (0.0, 0.5), [ANGLE, 3.0], "DOP853", rtol=1e-9, atol=1e-9).y[0, -1]
+    assert centre == pytest.approx(placed(angle)[1][0], abs=3e-7)
+    assert centre == pytest.approx((0.28997405, -0.08450947, 0.1743657), abs=3e-7)
+    assert (found.status, found.statistics["constraint_position"]) == ("done", pytest.approx(0.0, abs=1e-9))
+
+
+ANGLE, LINK = 0.6, 0.4
+OWN = [rotation(np.array([0.1 * k, 0.2, 0.3 * k])) for k in range(5)]
+"""How the bodies' frames are turned at the start."""
+
+
+def links(angle):
+    """Frames of the five moving links: origin at a hinge, first axis along the link."""
+    other = np.arccos(-np.cos(angle) / (1.0 + np.cos(angle)))
+    at, found = np.eye(4), []
+    for k in range(5):
+        turn, step = np.eye(4), np.eye(4)
+        turn[:3, :3] = rotation(np.array([0.0, 0.0, (angle, other)[k % 2]]))
+        step[:3, :3], step[0, 3] = rotation(np.array([(0.5 - k % 2) * np.pi, 0.0, 0.0])), LINK
+        found.append(at @ turn)
+        at = found[-1] @ step
+    return found
+
+
+def placed(angle):
+    """Centres and orientations of the bodies."""
+    found = []
+    for now, start, own in zip(links(angle), links(ANGLE), OWN, strict=True):
+        centre = now[:3, 3] + 0.5 * LINK * now[:3, 0]
+        found.append((centre, now[:3, :3] @ start[:3, :3].T @ own))
+    return found
+
+
+def energies(angle, h=1e-4):
+    """Kinetic energy at a rate of sqrt(2), twice that at 1, and weight."""
+    kinetic = potential = 0.0
+    for (r, R), (ahead, A), (behind, B) in zip(*(placed(angle + k * h) for k in (0, 1, -1)), strict=True):
+        v, S = (ahead - behind) / (2.0 * h), R.T @ (A - B) / (2.0 * h)
+        w = 0.5 * np.array([S[2, 1] - S[1, 2], S[0, 2] - S[2, 0], S[1, 0] - S[0, 1]])
+        kinetic += v @ v + w @ (w * [0.02, 0.03, 0.04])
+        potential += 9.81 * r[1]
+    return np.array([kinetic, potential])
+
+
+def angle_rates(t, y, h=1e-3):
+    slopes = (energies(y[0] + h) - energies(y[0] - h)) / (2.0 * h)
+    return [y[1], -(0.5 * slopes[0] * y[1] ** 2 + slopes[1]) / energies(y[0])[0]]
