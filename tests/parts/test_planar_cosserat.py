@@ -247,3 +247,41 @@ def test_a_curved_beam_straightens_under_its_own_moment(axis, sense):
     rel = 1e-9 if axis.startswith("arc") else 1e-5
     assert scene.marker("b.tip").position(x)[0] == pytest.approx((np.pi, 0.0), abs=np.pi * rel)
     assert scene.marker("b.tip").angle(x)[0] == pytest.approx(-sense * 0.5 * np.pi, abs=rel)
+
+
+def test_section_vectors_keep_their_length(rng):
+    """Equation, rate, bias and stiffness of a node, as itself and as a product of vectors."""
+    scene = cantilever(stiffness(1.0, 1.0, 1.0), 1.0, (0.0, 0.0), elements=1, degree=2)
+    *_, c = scene.bodies["b"].own_constraints()
+    n, t, h = scene.system.n_x, np.zeros(1), 1e-5
+    x, u, multipliers = rng.normal(size=(1, n)), rng.normal(size=(1, n)), rng.normal(size=(1, 1))
+    d = x[0, -2:]
+    assert c.gap(x)[0] == pytest.approx([0.5 * (d @ d - 1.0)])
+    (product,) = c.products
+    own = product.first.matrix @ x[0, product.first.columns]
+    assert product.weight * own @ d - product.constant == pytest.approx(c.gap(x)[0, 0])
+    J, moved = c.jacobian(1, x)[0], [c.gap(x + s * u)[0] for s in (-h, 0.0, h)]
+    assert J @ u[0, c.second.columns] == pytest.approx((moved[2] - moved[0]) / (2 * h), rel=1e-8)
+    assert c.bias(x, u)[0] == pytest.approx((moved[2] - 2 * moved[1] + moved[0]) / h**2, rel=1e-4)
+    assert c.residual(t, x) == pytest.approx(c.gap(x))
+    entries = c.stiffness(x, multipliers)
+    K = np.zeros((n, n))
+    np.add.at(K, (entries.rows, entries.columns), entries.values)
+    pulled = [multipliers[0] @ c.jacobian(1, x + s * u)[0] for s in (-h, h)]
+    assert (K @ u[0])[c.second.columns] == pytest.approx((pulled[1] - pulled[0]) / (2 * h), rel=1e-8)
+
+
+@pytest.mark.parametrize("angle", [0.0, 2.5])
+def test_deformation_in_the_frame_at_the_root(angle):
+    """A small force bends as F (L - x) / EI, and shears a little; turning the whole changes nothing."""
+    scene = cantilever(stiffness(1e3, 1e3, 2.0), 1.0, (0.0, 1e-4), elements=2)
+    body, x = scene.bodies["b"], equilibrium(scene, 1)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turned = x.copy()
+    turned[:, body.columns] = (body.vectors(x) @ turn.T + np.outer(body.positions, [1.0, 2.0])).ravel()
+    seen = body.deformation(turned, np.zeros_like(x))
+    assert seen.curvature[0, :, 0] == pytest.approx(1e-4 * (1.0 - seen.places) / 2.0, rel=1e-6, abs=1e-12)
+    bent = 1e-4 * (seen.places - 0.5 * seen.places**2) / 2.0
+    assert seen.slope[0, :, 0] == pytest.approx(bent + 1e-7, rel=1e-3, abs=1e-10)
+    assert seen.tip[0] == pytest.approx(displacement(scene, x)[1:], rel=1e-9)
+    assert np.abs(seen.axial).max() < 1e-8
