@@ -27,7 +27,8 @@ def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Com
     entries : dict
         Of each top-level key what could be read.
     """
-    declared, (n_dim, where) = Declared(data), space_of(entries)
+    said = entries if "gravity" in data else {**entries, "gravity": ()}  # else its default is what is found
+    declared, (n_dim, where) = Declared(data), space_of(said)
     for check in (_names, _references, _connections, _initial_names, _rules):
         yield from check(declared)
     yield from ChannelNames(declared, n_dim).complaints()

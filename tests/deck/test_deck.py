@@ -61,6 +61,11 @@ def test_broken_deck_is_refused_where_it_is_wrong(path):
         assert re.search(rf"{re.escape(str(path))}:{line}:\d+: error: {re.escape(key)}", message)
 
 
+def test_what_makes_a_scene_spatial_is_named_where_no_gravity_is_stated():
+    with pytest.raises(DeckError, match=r"this scene is spatial: bodies\.hub\.inertia has three"):
+        load_deck(HERE / "broken_decks" / "space_two_numbers_elsewhere.yaml")
+
+
 def test_marks_cover_the_wrong_text():
     for path in BROKEN:
         with pytest.raises(DeckError) as caught:

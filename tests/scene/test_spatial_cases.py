@@ -32,13 +32,21 @@ def run(case, *settings):
 def test_45_degree_bend():
     scene = scene_of("bend_45", "bodies.bend.elements=4", "bodies.bend.degree=4")
     tip = scene.marker("bend.tip").position(equilibrium(scene))[0]
-    assert tip == pytest.approx((15.6846894790, 47.1500962403, 53.4754779982), rel=2e-7)
+    expected = (15.6846894790, 47.1500962403, 53.4754779982)
+    assert tip == pytest.approx(expected, rel=2e-7)
+    _, values = run("bend_45")
+    assert [values[f"bend.tip.{axis}"][-1] for axis in "xyz"] == pytest.approx(expected, rel=3e-5)
 
 
 def test_princeton_beam():
     scene = scene_of("princeton", "bodies.beam.elements=4", "bodies.beam.degree=4")
     moved = displacement(scene, equilibrium(scene, 4), "beam.tip")
-    assert moved == pytest.approx((-0.014389320, -0.008888858, 0.109041568), abs=2e-9)
+    expected = (-0.014389320, -0.008888858, 0.109041568)
+    assert moved == pytest.approx(expected, abs=2e-9)
+    _, values = run("princeton")
+    assert [np.ptp(values[f"beam.tip.{axis}"][[0, -1]]) for axis in "xyz"] == pytest.approx(
+        np.abs(expected), abs=1e-8
+    )
 
 
 def test_torsion_with_bending():
