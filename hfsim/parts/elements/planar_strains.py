@@ -15,28 +15,28 @@ _BACK = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """P, a quarter turn back."""
 
 
-def _back(a: Array) -> Array:
-    """Return P a of vectors whose components are the first axis."""
-    return np.stack([a[1], -a[0]])
-
-
-def _product(a: Array, b: Array) -> Array:
-    """Return a . b of the same."""
-    return np.asarray(a[0] * b[0] + a[1] * b[1])
-
-
 def strains(v: Array) -> Array:
     """Return Gamma_1, Gamma_2 and kappa, shape (3, ...), of vectors (r', d, d'), shape (3, 2, ...)."""
-    slope, y, bent = v
-    x = _back(y)
-    return np.stack([_product(x, slope), _product(y, slope), -_product(x, bent)])
+    (slope_x, slope_y), (x, y), (bent_x, bent_y) = v
+    e = np.empty((3, *v.shape[2:]))
+    e[0] = y * slope_x - x * slope_y
+    e[1] = x * slope_x + y * slope_y
+    e[2] = x * bent_y - y * bent_x
+    return e
 
 
 def pulled(v: Array, S: Array) -> Array:
     """Return the forces on the vectors, shape (3, 2, ...), that do the work of section forces (3, ...)."""
-    slope, y, bent = v
-    x = _back(y)
-    return np.stack([S[0] * x + S[1] * y, S[1] * slope + _back(S[2] * bent - S[0] * slope), -S[2] * x])
+    (slope_x, slope_y), (x, y), (bent_x, bent_y) = v
+    axial, shear, moment = S
+    f = np.empty(v.shape)
+    f[0, 0] = axial * y + shear * x
+    f[0, 1] = shear * y - axial * x
+    f[1, 0] = shear * slope_x - axial * slope_y + moment * bent_y
+    f[1, 1] = shear * slope_y + axial * slope_x - moment * bent_x
+    f[2, 0] = -moment * y
+    f[2, 1] = moment * x
+    return f
 
 
 def bent_by(V: Array, S: Array) -> Array:
