@@ -46,7 +46,7 @@ def line_forces(beam: Blueprint, V: Array, dU: Array, places: Array) -> tuple[Ar
     V, dU = (np.pad(a[:, e], [(0, 0)] * 3 + [(0, 3 - a.shape[-1])]) for a in (V, dU))
     basis, solved, on_slope = _tables(degree)
     F = solved @ dU[:, :, [0, *range(2, degree - 1)]] / length
-    first = [1, *range(degree, V.shape[2], 2)]
+    first = [1, *range(degree, V.shape[2], max(1, (V.shape[2] - degree) // (beam.n_dim - 1)))]
     left = -dU[:, :, first]
     left[:, :, :1] += length * (on_slope @ F)
     moment = np.sum(cross(V[:, :, first], left), axis=2)
