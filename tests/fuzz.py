@@ -234,6 +234,7 @@ OPTIONS: dict[str, tuple[Any, ...]] = {
     "elements": (1, 2, 9),
     "degree": (4, 8, 12),
     "element": ("continuum",),
+    "section_degree": (2, 3, 7),
     "strain": ("engineering",),
     "curvature": ("exact",),
     "rotary_inertia": (True,),

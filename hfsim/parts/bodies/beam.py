@@ -235,6 +235,9 @@ class BeamSpec(BodySpec):
             key = "strain" if self.strain != "green" else "curvature"
             message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
             yield Complaint((key,), message, "or leave elastic_form out")
+        if around.elastic_form not in (None, "gram") and self.section_degree > 1:
+            message = f"elastic_form: {around.elastic_form} is for the paper's element, of section_degree 1"
+            yield Complaint(("section_degree",), message, "or leave elastic_form out")
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield a section higher than the beam is long, and a length that looks like millimetres."""
