@@ -215,10 +215,6 @@ def frames_serve(loaded: LoadedDeck, talk: Talk) -> bool:
     solve = loaded.deck.solve
     if solve.coordinates != "auto" or steps_in_absolute_coordinates(solve.method):
         return False
-    bodies = loaded.deck.resolved().get("bodies", {})
-    if any(body.get("element") == "cosserat" for body in bodies.values()):
-        talk.note("exact makes no steps in body frames: beams with sections have none")
-        return False
     unknowns = check(loaded)["unknowns"]
     if unknowns > _MOST_IN_FRAMES:
         talk.note(f"exact makes no steps in body frames: {unknowns} unknowns are too many for dense matrices")

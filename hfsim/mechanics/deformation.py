@@ -24,6 +24,9 @@ class Deformation(NamedTuple):
         Deflections of the tip [m].
     spin : ndarray, shape (n_batch, n_spin)
         Angular velocity of the body frame [rad/s].
+    sections : ndarray, shape (n_batch, 2, n_points, 3), or None
+        Displacements of the line [m] and small turns of sections [rad] in space, in the body frame, where
+        a beam has sections and these are all that is known of it.
     """
 
     places: Array
@@ -33,6 +36,7 @@ class Deformation(NamedTuple):
     curvature: Array
     tip: Array
     spin: Array
+    sections: Array | None = None
 
     @property
     def steepness(self) -> Array:

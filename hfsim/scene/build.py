@@ -119,7 +119,7 @@ class Scene:
         """What looks wrong with the start: guesses far off, motions that can hardly be meant to be free."""
         found = list(self.assembly.warnings())
         looks = slips(self.deck, self.assembly, self.free_motions or [])
-        told = (*self.redundancy.told(self.loaded), *self._not_borne(), *self._not_framed())
+        told = (*self.redundancy.told(self.loaded), *self._not_borne())
         for path, what in (*looks, *told):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
@@ -132,12 +132,6 @@ class Scene:
 
             yield from untwisted(self.assembly, self._held, self._lines)
             yield from twisting(self.deck, self.assembly, self._lines)
-
-    def _not_framed(self) -> Iterator[tuple[str, str]]:
-        """Yield beams that are stepped in absolute coordinates though the deck asks for body frames."""
-        for name, spec in self.deck.bodies.items() if self.deck.solve.coordinates == "frame" else ():
-            if getattr(spec, "element", "") == "cosserat":
-                yield f"bodies.{name}", "beams with sections have no body frame: steps are in absolute ones"
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

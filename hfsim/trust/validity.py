@@ -155,10 +155,12 @@ def _length(scene: Scene, name: str) -> float:
 
 
 def _beam(scene: Scene, name: str) -> Beam:
-    beam = scene.deck.properties(name)
-    speed = np.sqrt(beam.bending_stiffness / beam.mass_per_length)
+    beam = scene.deck.section_properties(name)
+    # the plane is that of x and y; in space the softer of both counts
+    bending = beam.bending_stiffness[1] if scene.deck.dimension == 2 else min(beam.bending_stiffness)
     wave_number = _WAVE_NUMBERS[_ends(scene, name)] / _length(scene, name)
-    return Beam(beam.axial_stiffness, beam.bending_stiffness, float(wave_number**2 * speed))
+    frequency = wave_number**2 * np.sqrt(bending / beam.mass_per_length)
+    return Beam(beam.axial_stiffness, bending, float(frequency))
 
 
 def tip_range(scene: Scene, name: str, x: Array) -> float:

@@ -76,13 +76,13 @@ def test_exact_and_ancf_are_one(here):
         assert b[name] == pytest.approx(values, abs=1e-12)
 
 
-@pytest.mark.parametrize("model", ["linear", "lowOrder", "rigid", "auto"])
+@pytest.mark.parametrize("model", ["lowOrder", "rigid", "auto"])
 def test_other_models_are_refused(model):
     with pytest.raises(DeckError, match=f"a cosserat element has no model {model} in the plane"):
         run(model)
 
 
-@pytest.mark.parametrize("model", ["linear", "lowOrder", "rigid"])
+@pytest.mark.parametrize("model", ["lowOrder", "rigid"])
 def test_a_model_that_a_study_asks_for_is_refused(model):
     with pytest.raises(DeckError, match=f"a cosserat element has no model {model} in the plane"):
         build(parse_deck(DECK.format(model="exact")), model)

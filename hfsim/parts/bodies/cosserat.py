@@ -9,9 +9,9 @@ from typing import Self
 import numpy as np
 
 from hfsim.deck.sections import Fibres
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import cross, normal
+from hfsim.maths.rotations import cross, normal, rotation
 from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.connectivity import Connectivity
@@ -21,8 +21,9 @@ from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import GroundMarker, LinearMarker
 from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
-from hfsim.mechanics.pose import Pose
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.section_markers import SectionMarker
+from hfsim.parts.bodies.root_axes import SectionFrameChart
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
 from hfsim.parts.elements.cosserat import SectionDamping
@@ -41,10 +42,13 @@ class CosseratBeam(VectorBody):
     mesh : SectionMesh
     gravity : ndarray, shape (n_dim,)
         [m/s^2].
+    framed : bool
+        Whether it is stepped in the frame of its root and coordinates relative to that.
     """
 
     mesh: SectionMesh
     gravity: Array
+    framed: bool = False
 
     @property
     def n_dim(self) -> int:  # type: ignore[override]
@@ -55,7 +59,7 @@ class CosseratBeam(VectorBody):
     def of(cls, beam: SectionBlueprint, framed: bool) -> Self:
         """Return the body of a beam."""
         columns = beam.columns(beam.mesh.undeformed.size)
-        return cls(beam.name, columns, beam.points, beam.mesh, beam.gravity)
+        return cls(beam.name, columns, beam.points, beam.mesh, beam.gravity, framed)
 
     @property
     def described(self) -> tuple[str, str]:
@@ -77,6 +81,20 @@ class CosseratBeam(VectorBody):
     def positions(self) -> Array:
         """One for the positions of nodes."""
         return self.mesh.positions
+
+    @property
+    def banded(self) -> bool:
+        """Whether it has no body frame, with which all its coordinates are coupled."""
+        return not self.framed
+
+    @property
+    def position_columns(self) -> IntArray:
+        """Those of the nodes, unless they are relative to a frame."""
+        return super().position_columns[: 0 if self.framed else None]
+
+    def chart(self) -> SectionFrameChart | None:
+        """Return the map to the body frame, if it is stepped in that."""
+        return SectionFrameChart(self.columns, 1, self.n_dim) if self.framed else None
 
     def reference(self, place: Place) -> Place:
         """Return where a point is in the undeformed body frame: places count along the line."""
@@ -113,16 +131,29 @@ class CosseratBeam(VectorBody):
         return np.asarray(np.array(rows) @ self.vectors(x))
 
     def deformation(self, x: Array, u: Array) -> Deformation:
-        """Return stretch and slope of the centre line, and how sections turn, in the frame at the root."""
-        root, (vectors, rows), own = self.marker(self.origin), self.mesh.point_vectors, self.vectors(x)
+        """Return how its line and sections change, in the frame at the root and undeformed sections' axes."""
+        root, own, (at, weights) = self.marker(self.origin), self.vectors(x), self.mesh.points
         frame = np.stack([root.turned(x, axis) for axis in np.eye(self.n_dim)], axis=-1)
-        slope, *sections = np.moveaxis(rows @ own[:, vectors], 2, 0)
-        along, bent = slope @ frame, _turning(np.array(sections)) @ frame
-        tip = ((own[:, -self.n_dim] - own[:, 0])[:, None] @ frame)[:, 0]
-        at, weights = self.mesh.points
-        spin = root.spin(x, u)
-        axial, slopes = along[..., 0] - 1.0, along[..., 1:]
-        return Deformation(at, weights, axial, slopes, bent[..., 1:], tip[:, 1:], spin)
+        now, before = _line(self.mesh, own), _line(self.mesh, self.undeformed[None])
+        axes = self.mesh.axis.sections(np.append(at, self.mesh.axis.length))[1]
+        changes = (a @ frame - b for a, b in zip(now, before, strict=True))
+        slope, bent = ((change[..., None, :] @ axes[:-1])[..., 0, :] for change in changes)
+        tip = ((own[:, -self.n_dim] - own[:, 0])[:, None] @ frame)[:, 0] - self.undeformed[-self.n_dim]
+        across, spin = (tip @ axes[-1])[:, 1:], root.spin(x, u)
+        return Deformation(at, weights, slope[..., 0], slope[..., 1:], bent[..., 1:], across, spin)
+
+    def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
+        """Return nodal vectors and rates of the beam whose line moves and whose sections turn as seen."""
+        assert seen.sections is not None
+        at, of = self.mesh.node_places, seen.places
+        both = (np.stack([np.interp(at, of, one) for one in part.T], axis=-1) for part in seen.sections[0])
+        moved, turned = both
+        nodes = self.undeformed.reshape(-1, 3, 3).copy()
+        nodes[:, 1:] = nodes[:, 1:] @ rotation(turned).swapaxes(1, 2)
+        nodes[:, 0] += moved
+        vectors, shifts = pose.turned(nodes.reshape(-1, 3)), self.positions[:, None]
+        rates = twist.turning(vectors) + shifts * twist.velocity
+        return (vectors + shifts * pose.origin).ravel(), rates.ravel()
 
     def own_constraints(self) -> Iterator[Constraint]:
         """Yield what keeps section vectors of unit length and at right angles, node by node."""
@@ -144,18 +175,31 @@ class CosseratBeam(VectorBody):
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield weight, elastic force and damping."""
-        weights = np.kron(self.mesh.masses * self.mesh.positions, self.gravity)
-        yield ConstantForce(n, np.arange(self.columns.start, self.columns.stop), weights, item=self.item)
+        yield self.weight(n)
         elements = self.connectivity(n)
         yield StrainForce(elements, self.mesh.law(), item=self.item)
         resisting = self.mesh.at_points(self.mesh.properties.damping)
         yield SectionDamping(elements, resisting, self.mesh.strains, item=self.item)
 
-    def carried(self) -> Carried:
-        """Return the vectors of each node with its section vectors."""
+    def carried(self) -> Carried | None:
+        """Return the vectors of each node with its section vectors, in the frame of the root none."""
+        if self.framed:
+            return None
         columns = np.arange(self.columns.start, self.columns.stop)
         vectors = columns.reshape(-1, self.n_dim, self.n_dim)
         return Carried(vectors, vectors[:, 1:])
+
+    def weight(self, n: int) -> ConstantForce:
+        """Return the weight on its nodal vectors."""
+        weights = np.kron(self.mesh.masses * self.mesh.positions, self.gravity)
+        return ConstantForce(n, np.arange(self.columns.start, self.columns.stop), weights, item=self.item)
+
+
+def _line(mesh: SectionMesh, vectors: Array) -> tuple[Array, Array]:
+    """Return r' and d1' at the Gauss points, shape (n_batch, n_points, n_dim)."""
+    own, rows = mesh.point_vectors
+    slope, *sections = np.moveaxis(rows @ vectors[:, own], 2, 0)
+    return slope, _turning(np.array(sections))
 
 
 def _marker(columns: slice, position: Array, section: Array, axes: Array) -> LinearMarker:

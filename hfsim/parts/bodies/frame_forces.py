@@ -35,6 +35,13 @@ def frame_forces(mesh: SectionMesh, vectors: Array, rates: Array, places: Array)
     changing = (strain_slopes(strains, V) @ dV.reshape(*V.shape[:2], -1, 1))[..., 0]
     each = np.array([mesh.properties.stiffness, mesh.properties.damping])[:, list(strains.which)]
     S = each[0][:, None, None] * change + np.moveaxis(each[1] * changing, -1, 0)
+    return balanced_forces(mesh, vectors, S, places)
+
+
+def balanced_forces(mesh: SectionMesh, vectors: Array, S: Array, places: Array) -> tuple[Array, Array]:
+    """Return the same of section forces (n_strains, n_batch, n_points) at the Gauss points."""
+    (own, rows), strains = mesh.point_vectors, mesh.strains
+    V = rows @ vectors[:, own]
     on_vectors = np.moveaxis(strains.pulled(np.moveaxis(V, (-2, -1), (0, 1)), S), 1, -1)
     force, on_bent = on_vectors[0], on_vectors[mesh.n_dim :]
     moment = sum(lever(V[:, :, k], on) for k, on in enumerate(on_bent, 1))

@@ -19,9 +19,10 @@ class Model(NamedTuple):
 
     Attributes
     ----------
-    body, spatial, gradients, sections : str
+    body, spatial, gradients, sections, flat : str
         Where its classes of bodies stand: in the plane; in space of lines, of fully parameterised beams, and
-        of beams with sections.  They are imported when a scene has one.  Empty where it has none.
+        of beams with sections; of these in the plane.  They are imported when a scene has one.  Empty where
+        it has none.
     frame : bool
         Whether the state has a body frame and coordinates relative to it.
     strain : str
@@ -47,6 +48,7 @@ class Model(NamedTuple):
     spatial: str = ""
     gradients: str = ""
     sections: str = ""
+    flat: str = ""
 
     @property
     def flexible(self) -> bool:
@@ -61,7 +63,7 @@ class Model(NamedTuple):
     def where(self, element: str, n_dim: int) -> str:
         """Return where the class of its bodies of an element stands; empty if it has none."""
         if element == "cosserat":
-            return self.sections
+            return self.flat if n_dim == 2 else self.sections
         return self.body if n_dim == 2 else {"continuum": self.gradients}.get(element, self.spatial)
 
     def assemble(self, beam: Blueprint | SectionBlueprint, element: str) -> Body:
@@ -89,6 +91,7 @@ MODELS: dict[str, Model] = {
         leaves_out=("bending", "stretch"),
         rung=0,
         spatial="spatial_rigid_beam:SpatialRigidBeam",
+        sections="rigid_section_beam:RigidSectionBeam",
     ),
     "linear": Model(
         "linear:LinearBeam",
@@ -98,6 +101,8 @@ MODELS: dict[str, Model] = {
         rung=1,
         alone=True,
         spatial="spatial_linear:SpatialLinearBeam",
+        sections="section_linear:LinearSectionBeam",
+        flat="section_linear:LinearSectionBeam",
     ),
     "lowOrder": Model(
         "low_order_body:LowOrderBody",
@@ -118,6 +123,7 @@ MODELS: dict[str, Model] = {
         spatial="spatial_nodal:SpatialNodalBeam",
         gradients="spatial_continuum:SpatialContinuumBeam",
         sections="cosserat:CosseratBeam",
+        flat="cosserat:CosseratBeam",
     ),
     "ancf": Model(
         "nodal:NodalBeam",
@@ -126,6 +132,7 @@ MODELS: dict[str, Model] = {
         spatial="spatial_nodal:SpatialNodalBeam",
         gradients="spatial_continuum:SpatialContinuumBeam",
         sections="cosserat:CosseratBeam",
+        flat="cosserat:CosseratBeam",
     ),
 }
 

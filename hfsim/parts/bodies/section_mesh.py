@@ -60,10 +60,15 @@ class SectionMesh:
     @cached_property
     def undeformed(self) -> Array:
         """Nodal vectors in the body frame, shape (n_dim n_nodes, n_dim)."""
-        inner = self._along(gauss_lobatto(self.degree + 1)[0][:-1])
-        points, sections = self.axis.sections(np.append(inner, self.axis.length))
+        points, sections = self.axis.sections(self.node_places)
         vectors = np.concatenate([points[:, None], sections.swapaxes(1, 2)[:, 1:]], axis=1)
         return vectors.reshape(-1, self.n_dim)
+
+    @property
+    def node_places(self) -> Array:
+        """Distances of the nodes from the root along the line, (n_nodes,) [m]."""
+        inner = self._along(gauss_lobatto(self.degree + 1)[0][:-1])
+        return np.append(inner, self.axis.length)
 
     @cached_property
     def positions(self) -> Array:
