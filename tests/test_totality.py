@@ -108,6 +108,7 @@ EXAMPLES = {
     },
     "channel": {
         **{name: f"arm.tip.{name}" for name in ("x", "y", "vx", "vy", "speed", "deflection", "elongation")},
+        **{name: f"arm.root.{name}" for name in ("axial_force", "shear_force", "bending_moment", "stress")},
         **{name: f"hub.{name}" for name in ("angle", "angular_velocity")},
         **{name: f"energy.{name}" for name in ("kinetic", "strain", "potential", "total")},
         **{name: f"constraint.{name}" for name in ("position", "velocity")},
