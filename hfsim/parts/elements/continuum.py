@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.shapes import bubbles, gauss_legendre, gauss_lobatto, hierarchic
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
-from hfsim.parts.elements.points import PointLaw
+
+if TYPE_CHECKING:
+    from hfsim.parts.elements.points import PointLaw
 
 ACROSS = 3
 """Gauss points over the height, and over the width, of a section: the energy is of degree four in y and z."""
@@ -177,6 +180,8 @@ class Continuum:
         There it is a form in products of r' on the line, r_y[, r_z] and their derivatives by x / le: with
         high degrees these are far fewer than all vectors of the element.
         """
+        from hfsim.parts.elements.points import PointLaw
+
         x, wx = self.axial_rule
         y, z, across = section_points(properties, self.n_dim, ACROSS)
         sides, n = (y, z)[: self.n_dim - 1], 2 * self.n_dim - 1
