@@ -37,7 +37,7 @@ class _Fields(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SpatialLowOrderBeam(ForeshortenedBeam):
-    """Inertia and weight of one beam in space in the coordinates X."""
+    """Inertia and weight of one beam of the model lowOrder in space."""
 
     @classmethod
     def of(cls, beam: Blueprint) -> SpatialLowOrderBeam:

@@ -173,7 +173,7 @@ class SpatialLowOrderMarker(Marker):
 
 @dataclass(frozen=True, eq=False)
 class LowOrderElasticForce(SpatialLinearElasticForce):
-    """Elastic force of w and v: linear, but what it belongs to has its stiffening in the kinematics."""
+    """Linear elastic force of axial variable and deflections of one beam of the model lowOrder in space."""
 
     runs_away: ClassVar[bool] = False
 
