@@ -9,6 +9,7 @@ from annotated_types import MinLen
 from hfsim.deck.fields import Angle, LengthVector, PositiveLength
 from hfsim.deck.reader import Path
 from hfsim.deck.spec import Complaint, Spec
+from hfsim.deck.units import RANGES
 
 if TYPE_CHECKING:
     from hfsim.parts.bodies.beam_axis import Arc, Curve
@@ -27,9 +28,13 @@ class ArcSpec(Spec):
     """Angle of the arc [rad]; negative: it bends away from y."""
 
     def complaints(self) -> Iterator[Complaint]:
-        """Yield an arc without length."""
+        """Yield an arc without length, or with one that no beam has."""
+        least, most = RANGES["length"]
         if self.angle == 0.0:
             yield Complaint(("angle",), "an arc has an angle", "leave axis out for a straight beam")
+        elif not least <= self.radius * abs(self.angle) <= most:
+            message = f"the arc would be {self.radius * abs(self.angle):.3g} m long"
+            yield Complaint(("angle",), message, f"from {least:g} to {most:g} m")
 
 
 class AxisSpec(Spec):
