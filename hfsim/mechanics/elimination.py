@@ -174,7 +174,7 @@ def _held_slopes(constraints: Iterable[Constraint]) -> Iterator[tuple[IntArray, 
         if c.holds_turn and not c.driven:
             for beam, other, angle in ((c.first, c.second, -c.offset), (c.second, c.first, c.offset)):
                 if beam.slope_columns is not None:
-                    yield beam.slope_columns, other, angle
+                    yield beam.slope_columns, other, angle + beam.lead
 
 
 def _between_positions(

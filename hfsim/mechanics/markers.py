@@ -34,6 +34,8 @@ class Marker:
         Whether the coordinates of its body are nodal vectors.
     linear_turn, keeps_turns : bool
         Whether its turn is a linear function of the coordinates; whether the angle counts full turns.
+    lead : float
+        Angle from its first axis to the vector of ``slope_columns`` in the plane [rad].
     columns : slice
         Coordinates of its body in x; empty for the ground.
     offset : tuple of float, or None
@@ -46,6 +48,7 @@ class Marker:
     nodal: ClassVar[bool] = False
     linear_turn: ClassVar[bool] = True
     keeps_turns: ClassVar[bool] = True
+    lead: ClassVar[float] = 0.0
     columns: slice
     offset: tuple[float, ...] | None = None
 
@@ -71,7 +74,7 @@ class Marker:
 
     @property
     def slope_columns(self) -> IntArray | None:
-        """Coordinates that are a vector along its first axis, shape (n_dim,), where there are such."""
+        """Coordinates that are the vector by which it turns, shape (n_dim,), where there are such."""
         return None
 
     def position(self, x: Array) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.rotations import wrap
@@ -32,3 +33,18 @@ class PlanarSectionMarker(NodalMarker):
     def slope_columns(self) -> IntArray | None:
         """None: no coordinates are a vector along its first axis."""
         return None
+
+
+@dataclass(frozen=True, eq=False)
+class StretchingSectionMarker(PlanarSectionMarker):
+    """The same of a beam whose section vectors may change their length: a clamp at the ground leaves that."""
+
+    @property
+    def lead(self) -> float:  # type: ignore[override]
+        """The angle of the section vector."""
+        return self.ahead
+
+    @cached_property
+    def slope_columns(self) -> IntArray | None:
+        """The coordinates that are the section vector; None between nodes."""
+        return self._vector_columns(self.slope_row)

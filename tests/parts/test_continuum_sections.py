@@ -39,6 +39,7 @@ loads: {{push: {{type: force, at: b.tip, force: [0.0, {force!r}], law: {{type: c
 solve: {{duration: 1.0}}
 """)
     )
+    assert scene.system.n_rows == 0  # a clamp at the ground leaves the stretch of r_y alone
     return displacement(scene, equilibrium(scene, 1))[1]
 
 

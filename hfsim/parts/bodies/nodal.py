@@ -93,10 +93,10 @@ class NodalBeam(VectorBody):
         """
         if self.mesh.element.per_node == 2:
             return self.marker(place)
-        from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
+        from hfsim.mechanics.planar_section_marker import StretchingSectionMarker
 
         side = self.mesh.shape(place[0], place[1], (0, 1))
-        return PlanarSectionMarker(self.columns, self._rows(place)[0], side, 0.5 * np.pi)
+        return StretchingSectionMarker(self.columns, self._rows(place)[0], side, 0.5 * np.pi)
 
     def _rows(self, place: Place) -> tuple[Array, Array]:
         """Return the shape rows of a point and of the slope of the axis there."""
