@@ -15,6 +15,7 @@ from hfsim.errors import DeckError
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.models import MODELS
+from hfsim.parts.bodies.root_axes import SectionFrameChart
 from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -122,6 +123,20 @@ def test_no_rigid_motion_is_resisted_nor_caused(rng, curve):
 def test_steps_in_the_frame_of_the_root_give_those_in_nodal_vectors(model, curve):
     frame, absolute = (solved(rotor(curve, model=model, coordinates=one))[0] for one in ("frame", "absolute"))
     assert frame == pytest.approx(absolute, abs=1e-9 * np.abs(absolute).max())
+
+
+@pytest.mark.parametrize("n_dim", [2, 3])
+def test_chart_of_the_root_against_differences(rng, n_dim):
+    chart, h = SectionFrameChart(slice(0, 6 * n_dim * n_dim), 2, n_dim), 1e-4
+    q, v, a = rng.normal(size=(3, 1, 6 * n_dim * n_dim))
+    frames = chart.frames(q)
+    x, u = chart.absolute(frames), chart.absolute_velocity(frames, v)
+    at = lambda t: chart.absolute(chart.frames(q + t * v + 0.5 * t * t * a))  # noqa: E731
+    assert u == pytest.approx((at(h) - at(-h)) / (2.0 * h), abs=1e-6)
+    second = (at(h) - 2.0 * at(0.0) + at(-h)) / h**2
+    assert chart.relative_acceleration(frames, v, second) == pytest.approx(a, abs=1e-5)
+    assert chart.hybrid(x, q) == pytest.approx(q, abs=1e-11)
+    assert chart.hybrid_velocity(frames, u) == pytest.approx(v, abs=1e-11)
 
 
 def test_planar_steps_in_the_frame_give_those_in_nodal_vectors():

@@ -102,6 +102,41 @@ def test_planar_scene_posed_in_a_plane_of_space(truncation):
     assert changes[1] == pytest.approx(changes[0], abs=1e-8)
 
 
+FREE = """
+hfsim: 1
+gravity: {gravity}
+materials: {{soft: {{density: 900.0, youngs_modulus: 2.0e7}}}}
+sections: {{bar: {{shape: rectangle, width: 0.05, height: 0.05}}}}
+bodies: {{b1: {{type: beam, material: soft, section: bar, length: 1.5, elements: 2, element: cable, truncation: {truncation}}}}}
+solve: {{model: lowOrder, duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("truncation", ["second_order", "none"])
+def test_accelerations_of_a_much_deformed_beam_are_the_planar_ones(rng, truncation):
+    """All terms show where deflections and rates are of the size of the length."""
+    plane, space = (build(parse_deck(FREE.format(gravity=g, truncation=truncation))) for g in ([1.0, -9.81], [1.0, -9.81, 0.0]))
+    system, n_w = plane.system, plane.bodies["b1"].beam.n_w
+    q, v = plane.q[None] + 0.3 * rng.normal(size=(1, system.n)), rng.normal(size=(1, system.n))
+    a = system.acceleration(np.zeros(1), q, v)
+    mesh = plane.bodies["b1"].beam.mesh
+
+    def vectors(state, undeformed):
+        w, v = np.r_[0.0, state[3 : 3 + n_w]], np.r_[0.0, 0.0, state[3 + n_w :]]
+        return undeformed * mesh.undeformed[:, 0] + w + 1j * v
+
+    (p, p1, p2), turn = (vectors(s[0], k == 0) for k, s in enumerate((q, v, a))), np.exp(1j * q[0, 2])
+    omega, alpha = v[0, 2], a[0, 2]
+    local = p, p1 + 1j * omega * p, p2 + 2j * omega * p1 + (1j * alpha - omega**2) * p
+    x, u, ax = (
+        mesh.positions * complex(*s[0, :2]) + turn * z for s, z in zip((q, v, a), local, strict=True)
+    )
+    x, u, ax = (np.stack([z.real, z.imag, 0.0 * z.real], axis=-1).reshape(1, -1) for z in (x, u, ax))
+    own, t = space.system, np.zeros(1)
+    found = own.equations.accelerations(t, x, u, own.force(t, x, u))
+    assert found == pytest.approx(ax, abs=1e-9 * np.abs(ax).max())
+
+
 def test_turning_and_shifting_a_scene_changes_nothing():
     a, b = solved(deck()), solved(posed.moved(deck(), R, SHIFT))
     for name in ("b1.tip", "b2.tip"):
