@@ -298,6 +298,8 @@ class _Ending:
 
 GAUSS_STAGES = 20
 """Stages of `gauss` by default: fewer make steps shorter and save no iterations, even at loose tolerances."""
+IN_SPACE = (3e-5, 12)
+"""In space, where arithmetic costs as much as calls do: tolerance above which `auto` makes do with fewer."""
 LOOSE = 3e-4
 """Tolerance above which radau makes do with fewer stages."""
 
@@ -313,8 +315,10 @@ def unresolving_stages(tolerance: float) -> int:
     return 16 if tolerance > LOOSE else 20 if tolerance > 1e-5 else 24
 
 
-def _gauss(solve: Options, damping: Damping | None = None) -> CollocationMethod:
-    return CollocationMethod("gauss", gauss(solve.stages or GAUSS_STAGES), solve.tolerance, damping)
+def _gauss(
+    solve: Options, damping: Damping | None = None, stages: int = GAUSS_STAGES
+) -> CollocationMethod:
+    return CollocationMethod("gauss", gauss(solve.stages or stages), solve.tolerance, damping)
 
 
 def _radau(solve: Options) -> CollocationMethod:
@@ -322,13 +326,12 @@ def _radau(solve: Options) -> CollocationMethod:
     return CollocationMethod("radau", radau(stages), solve.tolerance)
 
 
-def automatic(solve: Options, dissipates: bool) -> CollocationMethod:
+def automatic(solve: Options, dissipates: bool, spatial: bool = False) -> CollocationMethod:
     """Return what stands for ``auto``; see `hfsim.integrators.choose`."""
     if dissipates:
         return _radau(solve)
-    return _gauss(
-        solve, Damping("radau", partial(radau, solve.stages or unresolving_stages(solve.tolerance)))
-    )
+    damping = Damping("radau", partial(radau, solve.stages or unresolving_stages(solve.tolerance)))
+    return _gauss(solve, damping, IN_SPACE[1] if spatial and solve.tolerance > IN_SPACE[0] else GAUSS_STAGES)
 
 
 GAUSS = Integrator(_gauss, Stability("A-stable, |R(iwh)| = 1"), rank=4, rescue=2)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.errors import LimitReached, SolverFailure
-from hfsim.integrators import Limits, PlainIncrements, Problem, Trajectory, choose
+from hfsim.integrators import Limits, Method, PlainIncrements, Problem, Trajectory, choose
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.strained import Strains
@@ -93,7 +93,7 @@ def run_integration(
         stop = steps.stop
     else:
         stop = _recorded(steps, scene, record)
-    method = ", ".join(steps.path.methods) or choose(solve, scene.system.dissipates).name
+    method = ", ".join(steps.path.methods) or _method(scene, solve).name
     return Integration(steps.path, steps.problem, method, stop)
 
 
@@ -122,11 +122,15 @@ def _steps_of(
 
 
 def _steps(scene: Scene, solve: SolveSpec, start: State | None, others: Sequence[Watch]) -> Steps:
-    method, problem = choose(solve, scene.system.dissipates), problem_of(scene)
+    method, problem = _method(scene, solve), problem_of(scene)
     begin = (0.0, scene.q, scene.v) if start is None else start
     watches = Watches(scene.system, [RateWatch(begin[2], problem.culprit), *others])
     limits = Limits(solve.step, solve.max_steps)
     return Steps(problem, method, begin, solve.duration, limits, watches)
+
+
+def _method(scene: Scene, solve: SolveSpec) -> Method:
+    return choose(solve, scene.system.dissipates, scene.deck.dimension == 3)
 
 
 def _recorded(steps: Steps | Together, scene: Scene, record: Record) -> Stop:
