@@ -14,6 +14,8 @@ from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.mechanics.linearized import Linearized
 
+DRIVEN = 1e-6
+"""Motion of joints in a step, in units of their equations, up to which modes are not taken along."""
 SLOW = 1e-2
 """Angle that a mode swings in a step below which its answer to forces is a power of time."""
 
@@ -160,10 +162,11 @@ class ModalDerivative(Derivative):
         if self.joints is None:
             return np.asarray((self._real(swing) @ self.R.T).real)
         rate, acceleration = (self.joints.jacobian @ part for part in (start.first, start.second))
-        driven = (rate @ self.joints.forces) * _response(tau, once, omega, 1)
-        driven = driven + (acceleration @ self.joints.forces) * _response(tau, twice, omega, 2)
-        moved = self.joints.closed(tau * rate + 0.5 * tau**2 * acceleration)
-        return np.asarray((self._real(swing - driven) @ self.R.T).real + moved)
+        opened = tau * rate + 0.5 * tau**2 * acceleration
+        if float(np.abs(opened[-1]).max(initial=0.0)) > DRIVEN:
+            swing = swing - (rate @ self.joints.forces) * _response(tau, once, omega, 1)
+            swing = swing - (acceleration @ self.joints.forces) * _response(tau, twice, omega, 2)
+        return np.asarray((self._real(swing) @ self.R.T).real + self.joints.closed(opened))
 
     def _modal_acceleration(self, start: Start) -> Array | ComplexArray:
         """Return accelerations of the modes, where the mass matrix is known from the forces behind them."""
