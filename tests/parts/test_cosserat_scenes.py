@@ -182,3 +182,33 @@ def test_right_angle_cantilever_to_its_end():
 def test_a_model_that_a_study_asks_for_and_that_is_not_there_is_refused():
     with pytest.raises(DeckError, match="has no model lowOrder in space"):
         build(load_deck(CASES / "right_angle.yaml"), "lowOrder")
+
+
+TAUT = """
+hfsim: 1
+gravity: [0.0, 0.0{third}]
+materials: {{steel: {{density: 7850.0, youngs_modulus: 2.1e11, poisson_ratio: 0.3, axial_damping: 1.0e-4}}}}
+sections: {{strip: {{shape: rectangle, height: {height}, width: {width}}}}}
+bodies:
+  b: {{type: beam, element: cosserat, material: steel, section: strip, length: 1.0, elements: 4, {more}}}
+joints:
+  pin: {{type: revolute, between: [ground, b.root]}}
+  motor: {{type: driver, between: [ground, b.root], angle: {{type: constant_rate, rate: 21.0}}}}
+initial: {{b: {{angular_velocity: 21.0}}}}
+solve: {{duration: 0.03, tolerance: 1.0e-8}}
+output: {{interval: 0.01, channels: [b.tip.elongation, energy.strain]}}
+"""
+
+
+@pytest.mark.parametrize("degree", [1, 3])
+@pytest.mark.parametrize(
+    ("third", "height", "width"), [(", 0.0", 1e-2, 2e-4), (", 0.0", 2e-4, 1e-2), ("", 2e-4, 1e-2)]
+)
+def test_tension_turns_no_sections_of_thin_strips(third, height, width, degree):
+    """Centrifugal forces 400 times the stiffness of bending: the strip stretches as a rod does, no more."""
+    deck = TAUT.format(third=third, height=height, width=width, more=f"degree: {degree}")
+    run = simulate(parse_deck(deck), outlines=False, error_estimate=False)
+    stretch = {channel.name: channel.values for channel in run.channels}["b.tip.elongation"]
+    k = 21.0 * np.sqrt(7850.0 / 2.1e11)
+    assert run.status == "done"
+    assert stretch[-1] == pytest.approx(np.tan(k) / k - 1.0, rel=4e-2 if degree == 1 else 1e-4)
