@@ -285,8 +285,7 @@ class VectorBody(Body):
 
     def moving(self, pose: Pose, twist: Twist) -> Array:
         """Return the rates of these."""
-        turning = twist.turning(pose.turned(self.undeformed))
-        return np.asarray(turning + self.positions[:, None] * twist.velocity).ravel()
+        return self.taken_along(pose, twist, self.undeformed)[1]
 
     def freedoms(self, x: Array, pose: Pose) -> Array:
         """Return the rates of the body as it is, turning about its origin."""
@@ -294,6 +293,12 @@ class VectorBody(Body):
         arms = vectors - shifts * vectors[0]
         units = Twist.units(self.n_dim)
         return np.array([(unit.turning(arms) + shifts * unit.velocity).ravel() for unit in units])
+
+    def taken_along(self, pose: Pose, twist: Twist, vectors: Array) -> tuple[Array, Array]:
+        """Return coordinates and rates of vectors (n_vectors, n_dim) that keep their places in the frame."""
+        turned, shifts = pose.turned(vectors), self.positions[:, None]
+        rates = twist.turning(turned) + shifts * twist.velocity
+        return (turned + shifts * pose.origin).ravel(), rates.ravel()
 
     def vectors(self, x: Array) -> Array:
         """Return its vectors, shape (..., n_vectors, n_dim), in states (..., n)."""

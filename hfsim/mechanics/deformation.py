@@ -24,9 +24,9 @@ class Deformation(NamedTuple):
         Deflections of the tip [m].
     spin : ndarray, shape (n_batch, n_spin)
         Angular velocity of the body frame [rad/s].
-    sections : ndarray, shape (n_batch, 2, n_points, 3), or None
-        Displacements of the line [m] and small turns of sections [rad] in space, in the body frame, where
-        a beam has sections and these are all that is known of it.
+    sections : ndarray, shape (n_batch, n_points, n_dim + n_spin), or None
+        Displacements of the line [m] and small turns of sections [rad] in the body frame, where a beam has
+        sections and these are all that is known of it.
     """
 
     places: Array

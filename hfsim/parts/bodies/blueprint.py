@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELEMENTS, ElasticLaw, Measures, elastic_law
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
+
+if TYPE_CHECKING:
+    from hfsim.parts.bodies.section_mesh import SectionMesh
 
 
 class Blueprint(NamedTuple):
@@ -84,6 +87,30 @@ class Blueprint(NamedTuple):
         return len(self.gravity)
 
     @property
+    def sections(self) -> SectionMesh:
+        """Nodes with section vectors and the mass, inertia and stiffness of its elements in space.
+
+        Sections stay plane, so that neither shear nor torsion has a factor.
+        """
+        from hfsim.deck.materials import SectionProperties
+        from hfsim.parts.bodies.beam_axis import Axis, Line
+        from hfsim.parts.bodies.section_mesh import SectionMesh
+
+        own, mesh = self.properties, self.mesh
+        about_y, about_z = (side**2 / 12.0 for side in (own.breadth, own.height))
+        shear = own.lame_mu * own.height * own.width
+        properties = SectionProperties(
+            mass_per_length=own.mass_per_length,
+            rotary_inertia=(own.mass_per_length * about_y, own.mass_per_length * about_z),
+            axial_stiffness=own.axial_stiffness,
+            shear_stiffness=(shear, shear),
+            torsion_stiffness=shear * (about_y + about_z),
+            bending_stiffness=(own.axial_stiffness * about_y, own.axial_stiffness * about_z),
+        )
+        axis = Axis(Line(), mesh.length, n_dim=self.n_dim)
+        return SectionMesh(axis, mesh.count, mesh.element.degree, properties)
+
+    @property
     def undeformed(self) -> Array:
         """Nodal vectors in the body frame, shape (n_vectors, n_dim)."""
         plane = self.mesh.undeformed
@@ -150,13 +177,7 @@ class Blueprint(NamedTuple):
         """
         straight = self.difference_vectors(self.undeformed[None])
 
-        def matrix(properties: BeamProperties, curvature: str) -> Array:
-            law = self.law(properties, self.measures._replace(curvature=curvature))
-            return np.asarray(law.hessian(straight)[0])
-
-        own, K = self.properties, matrix(self.properties, curvature)
-        if not own.damped:
-            return K, np.zeros_like(K)
-        # as KelvinVoigtForce, which damps the curvature (r' x r'')/|r'|^2 whatever the deck's
-        axial = matrix(own._replace(bending_stiffness=0.0), "exact")
-        return K, own.axial_damping * axial + own.bending_damping * (matrix(own, "exact") - axial)
+        law = self.law(self.properties, self.measures._replace(curvature=curvature))
+        K = np.asarray(law.hessian(straight)[0])
+        damped = self.properties.damped
+        return K, self.kelvin_voigt(0).resistance(straight) if damped else np.zeros_like(K)

@@ -11,7 +11,7 @@ import numpy as np
 from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import cross, normal, rotation
+from hfsim.maths.rotations import cross, normal, turned
 from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.connectivity import Connectivity
@@ -145,15 +145,12 @@ class CosseratBeam(VectorBody):
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the beam whose line moves and whose sections turn as seen."""
         assert seen.sections is not None
-        at, of = self.mesh.node_places, seen.places
-        both = (np.stack([np.interp(at, of, one) for one in part.T], axis=-1) for part in seen.sections[0])
-        moved, turned = both
-        nodes = self.undeformed.reshape(-1, 3, 3).copy()
-        nodes[:, 1:] = nodes[:, 1:] @ rotation(turned).swapaxes(1, 2)
-        nodes[:, 0] += moved
-        vectors, shifts = pose.turned(nodes.reshape(-1, 3)), self.positions[:, None]
-        rates = twist.turning(vectors) + shifts * twist.velocity
-        return (vectors + shifts * pose.origin).ravel(), rates.ravel()
+        n, at = self.n_dim, self.mesh.node_places
+        known = np.stack([np.interp(at, seen.places, one) for one in seen.sections[0].T], axis=-1)
+        nodes = self.undeformed.reshape(-1, n, n).copy()
+        nodes[:, 1:] = [turned(turn, axes) for turn, axes in zip(known[:, n:], nodes[:, 1:], strict=True)]
+        nodes[:, 0] += known[:, :n]
+        return self.taken_along(pose, twist, nodes.reshape(-1, n))
 
     def own_constraints(self) -> Iterator[Constraint]:
         """Yield what keeps section vectors of unit length and at right angles, node by node."""

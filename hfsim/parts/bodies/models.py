@@ -91,7 +91,9 @@ MODELS: dict[str, Model] = {
         leaves_out=("bending", "stretch"),
         rung=0,
         spatial="spatial_rigid_beam:SpatialRigidBeam",
-        sections="rigid_section_beam:RigidSectionBeam",
+        gradients="spatial_rigid_section_beam:SpatialRigidSectionBeam",
+        sections="spatial_rigid_section_beam:SpatialRigidSectionBeam",
+        flat="planar_rigid_section_beam:PlanarRigidSectionBeam",
     ),
     "linear": Model(
         "linear:LinearBeam",
@@ -101,6 +103,7 @@ MODELS: dict[str, Model] = {
         rung=1,
         alone=True,
         spatial="spatial_linear:SpatialLinearBeam",
+        gradients="spatial_continuum_linear:LinearContinuumBeam",
         sections="section_linear:LinearSectionBeam",
         flat="section_linear:LinearSectionBeam",
     ),

@@ -158,20 +158,18 @@ class NodalBeam(VectorBody):
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the bent and stretched beam; sections stay normal to the axis."""
         mesh, stride = self.mesh, self.mesh.element.stride
-        nodes = mesh.undeformed[::stride, 0]
-
-        def at_nodes(values: Array) -> Array:
-            return np.stack([np.interp(nodes, seen.places, one) for one in values.T], axis=-1)
-
         gradient = np.column_stack([self._stretch(seen), seen.slope[0]])
-        bent, slopes = self.beam.undeformed.copy(), at_nodes(gradient)
-        bent[::stride] += at_nodes(cumulative(gradient, seen.places))
+        bent, slopes = self.beam.undeformed.copy(), self._at_nodes(seen, gradient)
+        bent[::stride] += self._at_nodes(seen, cumulative(gradient, seen.places))
         bent[1::stride] += slopes
         for k in range(2, mesh.element.per_node):
             bent[k::stride, 0] -= slopes[:, k - 1]
-        turned, shifts = pose.turned(bent), mesh.positions[:, None]
-        rates = twist.turning(turned) + shifts * twist.velocity
-        return (turned + shifts * pose.origin).ravel(), rates.ravel()
+        return self.taken_along(pose, twist, bent)
+
+    def _at_nodes(self, seen: Deformation, values: Array) -> Array:
+        """Return at the nodes what is known at the places of a deformation, (n_points, k)."""
+        nodes = self.mesh.undeformed[:: self.mesh.element.stride, 0]
+        return np.stack([np.interp(nodes, seen.places, one) for one in values.T], axis=-1)
 
     def _stretch(self, seen: Deformation) -> Array:
         """Return what the axial coordinates must be for a stretch: bending alone stretches nothing."""

@@ -1,29 +1,33 @@
-"""Beams of the model rigid with sections in space, straight or curved: their inertia, what it leaves out."""
+"""Beams of the model rigid with sections, straight or curved: their inertia, and what it leaves out.
+
+What differs in plane and space is in `planar_rigid_section_beam` and `spatial_rigid_section_beam`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, cumulative
-from hfsim.maths.rotations import cross
-from hfsim.mechanics.body import Load, Place
+from hfsim.maths.rotations import lever, spun
+from hfsim.mechanics.body import Body, Load, Place
 from hfsim.mechanics.deformation import Deformation
+from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose
-from hfsim.mechanics.spatial_markers import VectorMarker
+from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.folded import FoldedBody
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
-from hfsim.parts.bodies.spatial_rigid import SpatialRigidBody
 
 PLACES = 129
 """Equidistant places along the line at which it would be deformed."""
 
 
 @dataclass(frozen=True, eq=False)
-class PlaceMarker(VectorMarker):
+class PlaceMarker(Marker):
     """A point of a rigid beam that says how far along its line it is.
 
     Attributes
@@ -36,52 +40,63 @@ class PlaceMarker(VectorMarker):
 
 
 @dataclass(frozen=True, eq=False)
-class RigidSectionBeam(SpatialRigidBody):
+class RigidSectionBeam(Body):
     """A rigid beam with sections: its frame is at the root, its coordinates are those of its centre of mass.
 
     Attributes
     ----------
+    mass : float
+        [kg].
+    gravity : ndarray, shape (n_dim,)
+        [m/s^2].
     mesh : SectionMesh
         Of which it has the mass and the inertia.
-    centre : ndarray, shape (3,)
+    centre : ndarray, shape (n_dim,)
         Of mass, in the body frame [m].
     """
 
-    mesh: SectionMesh
-    centre: Array
+    mass: float
+    gravity: Array
+    mesh: SectionMesh = field(kw_only=True)
+    centre: Array = field(kw_only=True)
 
     @classmethod
-    def of(cls, beam: SectionBlueprint, framed: bool) -> RigidSectionBeam:
+    def of(cls, beam: SectionBlueprint | Blueprint, framed: bool) -> Self:
         """Return the rigid body with the mass and the inertia that the nodes have in rigid motion."""
-        mesh = beam.mesh
+        mesh = beam.sections
         own = mesh.masses * mesh.positions
-        mass, centre = float(own.sum()), own @ mesh.undeformed / own.sum()
+        centre = own @ mesh.undeformed / own.sum()
         arms = mesh.undeformed - np.outer(mesh.positions, centre)
-        euler = (arms.T * mesh.masses) @ arms
-        inertia = np.trace(euler) * np.eye(3) - euler
-        columns = beam.columns(cls.SIZE)
-        return cls(beam.name, columns, beam.points, mass, inertia, beam.gravity, mesh, centre)
+        return cls._with(beam, float(own.sum()), centre, (arms.T * mesh.masses) @ arms)
 
-    @property
-    def undeformed(self) -> Array:
-        """Centre of mass and axes."""
-        return np.concatenate([self.centre[None], np.eye(3)])
+    @classmethod
+    def _with(cls, beam: SectionBlueprint | Blueprint, mass: float, centre: Array, euler: Array) -> Self:
+        """Return the body of a mass, its centre, and Euler's tensor about that, (n_dim, n_dim)."""
+        raise NotImplementedError
+
+    def _motion(self, x: Array, u: Array, ax: Array) -> tuple[Array, Array]:
+        """Return the second derivatives of centre of mass and axes, as rows, in the body's axes."""
+        raise NotImplementedError
+
+    def _load(self, x: Array, force: Array) -> tuple[Array, Array]:
+        """Return force and moment about the centre of mass, in the body's axes, of a force on coordinates."""
+        raise NotImplementedError
+
+    def _frame(self, x: Array) -> Array:
+        """Return the body's axes as columns, (n_batch, n_dim, n_dim)."""
+        root = self.marker(self.origin)
+        return np.stack([root.turned(x, axis) for axis in np.eye(self.n_dim)], axis=-1)
 
     def reference(self, place: Place) -> Place:
         """Return where a point is in the body frame: places count along the line."""
         row, _, _ = self.mesh.point(place)
         return tuple(map(float, row @ self.mesh.undeformed))
 
-    def marker(self, place: Place) -> PlaceMarker:
-        """Return the marker of a material point; its axes are those of the body frame."""
-        row = np.array([1.0, *(np.array(self.reference(place)) - self.centre)])
-        return PlaceMarker(self.columns, row, np.eye(4)[1:], along=place[0])
-
     def outline(self, x: Array) -> Array:
         """Return points of the line."""
         points, _ = self.mesh.axis.at(np.linspace(0.0, self.mesh.axis.length, PLACES))
-        rows = np.column_stack([np.ones(PLACES), points - self.centre])
-        return np.asarray(rows @ self.vectors(x))
+        origin = self.marker(self.origin).position(x)[:, None]
+        return np.asarray(origin + points @ self._frame(x).swapaxes(1, 2))
 
     def folded(self, pose: Pose) -> FoldedBody:
         """Return the same body held for ever at a pose."""
@@ -99,47 +114,50 @@ class RigidSectionBeam(SpatialRigidBody):
         in the body frame; sections turn and move with these strains from the root on.
         """
         mesh, places = self.mesh, np.linspace(0.0, self.mesh.axis.length, PLACES)
-        axes = self.vectors(x)[:, 1:].swapaxes(1, 2)
-        (points, sections), changing = mesh.axis.sections(places), self.vectors(ax) @ axes
-        turning = changing[:, 1:]
-        properties, (about_y, about_z) = mesh.properties, mesh.properties.rotary_inertia
-        local = np.einsum("i,bij->bj", self.gravity, axes) - changing[:, 0]
+        (points, sections), properties = mesh.axis.sections(places), mesh.properties
+        moving, turning = self._motion(x, u, ax)
+        local = (self.gravity @ self._frame(x)) - moving
         f = properties.mass_per_length * (local[:, None] - (points - self.centre) @ turning)
-        y, z = sections[..., 1], sections[..., 2]
-        m = -about_z * cross(y, y @ turning) - about_y * cross(z, z @ turning) + cross(points, f)
+        m = lever(points, f)
+        for d, about in zip(np.moveaxis(sections, 2, 0)[1:], properties.rotary_inertia[::-1], strict=False):
+            m = m - about * lever(d, d @ turning)
         N, M = _beyond(f, places), _beyond(m, places)
-        for marker, force in loads:
+        for marker, on in loads:
             assert isinstance(marker, PlaceMarker)
-            on = force.reshape(len(x), 4, 3) @ axes
-            moment = cross(np.eye(3), on[:, 1:]).sum(axis=1) + cross(self.centre, on[:, 0])
-            there = (marker.along > places)[:, None]
-            N += there * on[:, None, 0]
-            M += there * moment[:, None]
-        return self._strained(x, u, places, N, M - cross(points, N))
+            force, moment = self._load(x, on)
+            # one at the tip acts up to there: trapezoids would lose half of the last
+            there = ((marker.along > places) | (marker.along == places[-1]))[:, None]
+            N += there * force[:, None]
+            M += there * (moment + lever(self.centre, force))[:, None]
+        return self._strained(x, u, places, N, M - lever(points, N))
 
     def _strained(self, x: Array, u: Array, places: Array, N: Array, M: Array) -> Deformation:
-        """Return the deformation of forces and moments (n_batch, n_places, 3) in the body frame."""
-        mesh = self.mesh
+        """Return the deformation of forces (n_batch, n_places, n_dim) and moments in the body frame."""
+        mesh, n = self.mesh, self.n_dim
         _, sections = mesh.axis.sections(places)
-        stiffness = np.array(mesh.properties.stiffness)
-        own = [(a[..., None, :] @ sections)[..., 0, :] for a in (N, M)]
-        strain, bent = own[0] / stiffness[:3], own[1] / stiffness[3:]
-        turned = _along((bent[..., None, :] @ sections.swapaxes(1, 2))[..., 0, :], places)
-        across = (strain[..., None, :] @ sections.swapaxes(1, 2))[..., 0, :]
-        slope = cross(turned, sections[..., 0]) + across
+        # in the plane moments and turns are about the axis that all frames share
+        about = sections if n == 3 else np.ones((1, 1, 1))
+        stiffness = np.array(mesh.properties.stiffness)[list(mesh.strains.which)]
+        strain, bent = _in(sections, N) / stiffness[:n], _in(about, M) / stiffness[n:]
+        turned = _along(_in(about.swapaxes(1, 2), bent), places)
+        slope = spun(turned, sections[..., 0]) + _in(sections.swapaxes(1, 2), strain)
         moved = _along(slope, places)
-        slopes = (slope[..., None, :] @ sections)[..., 0, 1:]
-        curvature = np.stack([bent[..., 2], -bent[..., 1]], axis=-1)
+        curvature = spun(bent, np.eye(n)[0])[..., 1:]
         weights = np.full(len(places), mesh.axis.length / (len(places) - 1))
         weights[[0, -1]] *= 0.5
-        tip = (moved[:, -1] @ sections[-1])[:, 1:]
+        slopes, tip = _in(sections, slope)[..., 1:], (moved[:, -1] @ sections[-1])[:, 1:]
         spin = self.marker(self.origin).spin(x, u)
-        both = np.stack([moved, turned], axis=1)
+        both = np.concatenate([moved, turned], axis=-1)
         return Deformation(places, weights, strain[..., 0], slopes, curvature, tip, spin, both)
 
 
+def _in(axes: Array, vectors: Array) -> Array:
+    """Return vectors (n_batch, n_places, n) in axes (n_places, n, n), their columns."""
+    return np.asarray((vectors[..., None, :] @ axes)[..., 0, :])
+
+
 def _along(rates: Array, places: Array) -> Array:
-    """Return integrals from the root on, of (n_batch, n_places, 3)."""
+    """Return integrals from the root on, of (n_batch, n_places, n)."""
     return cumulative(rates.swapaxes(0, 1), places).swapaxes(0, 1)
 
 

@@ -49,6 +49,11 @@ class SectionBlueprint(NamedTuple):
         """Number of components of a vector."""
         return len(self.gravity)
 
+    @property
+    def sections(self) -> SectionMesh:
+        """Its mesh: the line has sections."""
+        return self.mesh
+
     def columns(self, count: int) -> slice:
         """Return the run of so many coordinates."""
         return slice(self.start, self.start + count)

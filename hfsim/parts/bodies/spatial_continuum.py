@@ -8,8 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import cross, rotation
 from hfsim.mechanics.body import Place
+from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.gradient_markers import SECTIONAL, TANGENTIAL, GradientMarker
+from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.spatial_nodal import SpatialNodalBeam
 
 
@@ -33,6 +36,33 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         shear, would hold them less the shorter the element is.
         """
         return self._marker(place, ((0, 0, 1), (0, 1, 0)), SECTIONAL)
+
+    def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
+        """Return nodal vectors and rates of the beam whose line moves and whose sections turn as seen.
+
+        Of what has no sections, sections stay normal to the axis.
+        """
+        if seen.sections is None:
+            return super().deformed(pose, twist, seen)
+        moved, turns = np.split(seen.sections[0], 2, axis=1)
+        gradients = rotation(turns).swapaxes(1, 2)
+        strains = np.column_stack([seen.axial[0], seen.slope[0]])
+        gradients[:, 0] += strains - cross(turns, np.eye(3)[0])
+        bent, stride = self.beam.undeformed.copy(), self.mesh.element.stride
+        bent[::stride] += self._at_nodes(seen, moved)
+        for k in range(3):
+            bent[k + 1 :: stride] = self._at_nodes(seen, gradients[:, k])
+        self._fit_interior(bent, seen.places, gradients)
+        return self.taken_along(pose, twist, bent)
+
+    def _fit_interior(self, vectors: Array, places: Array, gradients: Array) -> None:
+        """Set the interior vectors so that gradients (n_places, 3, 3), as rows, are met best, in place."""
+        interior = np.arange(len(vectors)) % self.mesh.element.stride > 3
+        if interior.any():
+            units = [tuple(map(int, one)) for one in np.eye(3)]
+            rows = np.array([self.mesh.shape(float(a), 0.0, by) for a in places for by in units])
+            missed = gradients.reshape(-1, 3) - rows[:, ~interior] @ vectors[~interior]
+            vectors[interior] = np.linalg.lstsq(rows[:, interior], missed, rcond=None)[0]
 
     def _marker(self, place: Place, gradients: Iterable[tuple[int, ...]], order: Array) -> GradientMarker:
         x, y, z = place

@@ -259,11 +259,18 @@ class KelvinVoigtForce(MaterialDamping):
         """Return minus the derivative of the force by x in one state; by differences, element by element."""
         V, dV = self.elements.vectors(x), self.elements.vectors(u)
         change = self.gradient(V + DIFFERENCE * self._units, dV) - self.gradient(V, dV)
-        return self._entries(change / DIFFERENCE)
+        return self.elements.entries(self._blocks(change / DIFFERENCE))
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by u in one state: the force is linear in u."""
-        return self._entries(self.gradient(self.elements.vectors(x), self._units))
+        return self.elements.entries(self.resistance(self.elements.vectors(x)))
+
+    def resistance(self, V: Array) -> Array:
+        """Return the matrices by which it follows from the rates of all vectors of an element, in one state.
+
+        Shape (n_elements, n_vectors * n_dim, n_vectors * n_dim).
+        """
+        return self._blocks(self.gradient(V, self._units))
 
     @cached_property
     def _units(self) -> Array:
@@ -273,10 +280,10 @@ class KelvinVoigtForce(MaterialDamping):
         units = np.broadcast_to(np.eye(m)[:, None], (m, count, m))
         return units.reshape(m, count, n_vectors, n_dim)
 
-    def _entries(self, columns: Array) -> Entries:
-        """Return the entries of a matrix whose blocks are given column by column."""
+    def _blocks(self, columns: Array) -> Array:
+        """Return matrices of elements that are given column by column."""
         m, count = columns.shape[:2]
-        return self.elements.entries(columns.reshape(m, count, m).transpose(1, 2, 0))
+        return columns.reshape(m, count, m).transpose(1, 2, 0)
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return minus the dissipated power."""

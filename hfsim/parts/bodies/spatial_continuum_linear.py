@@ -1,0 +1,59 @@
+"""Fully parameterised beams in space of the model linear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import cross
+from hfsim.mechanics.gradient_markers import TANGENTIAL, GradientMarker
+from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce
+from hfsim.parts.bodies.spatial_continuum import SpatialContinuumBeam
+
+
+@dataclass(frozen=True, eq=False)
+class LinearContinuumBeam(LinearBeam, SpatialContinuumBeam):
+    """A fully parameterised beam whose elastic force is linearised about the undeformed state."""
+
+    @property
+    def _kind(self) -> type[LinearElasticForce]:
+        return LinearContinuumForce
+
+
+@dataclass(frozen=True, eq=False)
+class LinearContinuumForce(LinearElasticForce):
+    """The same force with r_x and r_y of the root for body frame, which may turn by any amount."""
+
+    @cached_property
+    def _root(self) -> GradientMarker:
+        own = np.eye(len(self.positions))
+        return GradientMarker(self.columns, own[0], own[1:3], TANGENTIAL)
+
+    def _from_root(self, vectors: Array) -> Array:
+        return np.asarray(vectors - self.positions[:, None] * vectors[:, :1])
+
+    def displacements(self, x: Array) -> Array:
+        """Return p - p0 flattened, (n_batch, n_vectors * n_dim)."""
+        p = self._from_root(self._nodes(x)) @ self._root.frame(x)
+        return np.asarray((p - self.undeformed).reshape(len(x), -1))
+
+    def rates(self, x: Array, u: Array) -> Array:
+        """Return p', flattened likewise."""
+        turning = cross(self._root.spin(x, u)[:, None], self._from_root(self._nodes(x)))
+        local = (self._from_root(self._nodes(u)) - turning) @ self._root.frame(x)
+        return np.asarray(local.reshape(len(x), -1))
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add -K (p - p0) - D p', and what the frame feels of it on the vectors that it turns with."""
+        local = self.displacements(x) @ -self.stiffness
+        if self.uses_rates:
+            local -= self.rates(x, u) @ self.damping
+        arms = self._from_root(self._nodes(x))
+        force = local.reshape(arms.shape) @ self._root.frame(x).swapaxes(1, 2)
+        moment = cross(arms, force).sum(axis=1)
+        force[:, 0] -= np.einsum("bvi,v->bi", force, self.positions)
+        on_frame = moment[:, None] @ self._root.spin_jacobian(x)
+        out[:, self.columns] += force.reshape(len(x), -1) - on_frame[:, 0]

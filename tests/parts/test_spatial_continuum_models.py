@@ -1,0 +1,195 @@
+"""Models rigid, linear and auto of fully parameterised beams in space, and what damps the model linear."""
+
+import numpy as np
+import pytest
+import yaml
+from analytical import jacobian
+from equilibrium import cantilever, displacement, equilibrium
+
+from hfsim.mechanics.pose import Pose, Twist
+from hfsim.parts.bodies.models import MODELS
+from hfsim.parts.elements.forces import KelvinVoigtForce
+from hfsim.run.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+from hfsim.trust.handover import hand_over
+from hfsim.trust.quasistatic import deformation_of
+
+ROTOR = """
+hfsim: 1
+gravity: [0.0, 1.0, -9.81]
+materials:
+  stuff:
+    {density: 2700.0, youngs_modulus: 7.0e+9, poisson_ratio: 0.3, axial_damping: 0.0001,
+     bending_damping: 0.0003}
+sections: {bar: {shape: rectangle, width: 0.06, height: 0.03}}
+bodies:
+  hub: {type: rigid, mass: 3.0, inertia: [0.1, 0.1, 0.15], points: {rim: [0.2, 0.0, 0.0]}}
+  b1: {type: beam, element: continuum, section_degree: 2, material: stuff, section: bar,
+       length: 1.2, elements: 2}
+joints:
+  pin: {type: revolute, between: [ground, hub]}
+  clamp: {type: fixed, between: [hub.rim, b1.root]}
+initial: {hub: {angular_velocity: [0.0, 0.0, 3.0]}}
+solve: {model: linear, duration: 0.1, tolerance: 1.0e-8}
+output: {interval: 0.02, channels: [b1.tip.x, b1.tip.y, b1.tip.z]}
+"""
+PLANAR = """
+hfsim: 1
+materials: {stuff: {density: 2700.0, youngs_modulus: 7.0e+9, axial_damping: 1.0e-4, bending_damping: 3.0e-4}}
+sections: {bar: {shape: rectangle, width: 0.06, height: 0.03}}
+bodies: {b1: {type: beam, element: ELEMENT, material: stuff, section: bar, length: 1.2, elements: 2}}
+solve: {model: linear, duration: 0.1}
+"""
+
+
+def rotor(model="linear", **keys):
+    data = yaml.safe_load(ROTOR)
+    data["solve"]["model"] = model
+    return {**data, **keys}
+
+
+def parsed(data):
+    return parse_deck(yaml.safe_dump(data))
+
+
+def solved(data):
+    result = simulate(parsed(data), error_estimate=False)
+    assert result.status == "done", result.reason
+    return np.stack([c.values for c in result.channels], axis=1), result
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+def elastic(scene):
+    return next(part for part in scene.system.forces if hasattr(part, "stiffness"))
+
+
+def test_force_is_the_derivative_of_its_energy(rng):
+    scene = build(parsed(rotor()))
+    force, x = elastic(scene), scene.system.absolute(scene.q[None])[0]
+    x, still = x + 0.05 * rng.normal(size=x.shape), np.zeros((1, len(x)))
+    out, damped = np.zeros((2, 1, len(x)))
+    force.add_force(np.zeros(1), x[None], still, out)
+    slope = jacobian(lambda y: force.strain_energy(y)[:, None], x)[0]
+    assert out[0] == pytest.approx(-slope, abs=1e-7 * np.abs(slope).max())
+    u, h = rng.normal(size=(1, len(x))), 1e-5
+    rates = (force.displacements(x[None] + h * u) - force.displacements(x[None] - h * u)) / (2.0 * h)
+    assert force.rates(x[None], u) == pytest.approx(rates, abs=1e-7)
+    force.add_force(np.zeros(1), x[None], u, damped)
+    lost = force.power(np.zeros(1), x[None], u)[0]
+    assert np.sum((damped - out) * u) == pytest.approx(lost, rel=1e-8)
+    assert lost < 0.0
+
+
+def test_no_rigid_motion_is_resisted_nor_caused(rng):
+    scene = build(parsed(rotor()))
+    body, x = scene.bodies["b1"], scene.system.absolute(scene.q[None])[0]
+    motions = np.zeros((6, len(x)))
+    motions[:, body.columns] = body.freedoms(x, Pose.level(np.zeros(3)))
+    u, force = rng.normal(size=len(x)), np.zeros((7, len(x)))
+    elastic(scene).add_force(np.zeros(7), np.repeat(x[None], 7, axis=0), np.array([*motions, u]), force)
+    assert np.abs(force[:6]).max() < 1e-9 * np.abs(force[6]).max()
+    assert np.abs(motions @ force[6]).max() < 1e-9 * np.abs(force[6]).max()
+
+
+@pytest.mark.parametrize("element", ["cable", "continuum", "spatial"])
+def test_damping_of_the_undeformed_beam_is_that_of_exact(rng, element):
+    """Of axial strain and of bending, whatever the element."""
+    text = yaml.safe_dump(rotor()) if element == "spatial" else PLANAR.replace("ELEMENT", element)
+    scenes = [build(parse_deck(text), models={"b1": model}) for model in ("linear", "ancf")]
+    x = scenes[0].system.absolute(scenes[0].q[None])
+    u, out = rng.normal(size=x.shape), np.zeros((2, *x.shape))
+    elastic(scenes[0]).add_force(np.zeros(1), x, u, out[0])
+    own = next(part for part in scenes[1].system.forces if isinstance(part, KelvinVoigtForce))
+    own.add_force(np.zeros(1), x, u, out[1])
+    assert own.power(np.zeros(1), x, u)[0] < 0.0
+    assert out[0] == pytest.approx(out[1], abs=1e-8 * np.abs(out[1]).max())
+
+
+def bar(model, force=(30.0, 20.0, 10.0), moment=(0.5, 2.0, -3.0)):
+    more = f"element: continuum, section_degree: 3, model: {model}"
+    material = "youngs_modulus: 7.0e+9, poisson_ratio: 0.0"
+    section = "{shape: rectangle, width: 0.2, height: 0.1}"
+    return cantilever(section, 1.0, force, moment, 3, 4, material, more)
+
+
+def test_static_deflections_of_small_loads_are_those_of_exact():
+    """The difference falls with the square of the load."""
+    missed = []
+    for load in (400.0, 200.0):
+        forces = [load * np.array(part) for part in ((30.0, 20.0, 10.0), (0.5, 2.0, -3.0))]
+        force, moment = (tuple(map(float, part)) for part in forces)
+        ends = [
+            displacement(scene, equilibrium(scene))
+            for scene in (bar(model, force, moment) for model in ("linear", "ancf"))
+        ]
+        missed.append(np.abs(ends[0] - ends[1]).max())
+        assert missed[-1] < 0.05 * np.abs(ends[1]).max()
+    assert missed[0] / missed[1] > 3.5
+
+
+def test_internal_forces_are_those_of_the_load():
+    scene = bar("linear", moment=(0.5, 0.0, 0.0))
+    x = equilibrium(scene)
+    found = scene.bodies["b"].section_forces(x, np.zeros_like(x), np.array([0.0, 0.5]))[0]
+    assert found[0] == pytest.approx([30.0, 20.0, 10.0, 0.5, -10.0, 20.0], rel=1e-4)
+    assert found[1] == pytest.approx([30.0, 20.0, 10.0, 0.5, -5.0, 10.0], rel=1e-4)
+
+
+def test_rigid_beams_tell_how_their_forces_would_deform_them():
+    """At rest it is what linear says, stretch, bending, shear and torsion: tip, and shape to go over to."""
+    flexible = bar("linear")
+    x = equilibrium(flexible)
+    expected = flexible.bodies["b"].deformation(x, np.zeros_like(x))
+    deck = flexible.loaded.deck
+    body = deck.bodies["b"].assemble("b", 0, deck, MODELS["rigid"])
+    pose = Pose.level([0.0, 0.0, 0.0])
+    y, still = body.placed(pose)[None], np.zeros((1, 12))
+    tip = body.marker(body.points["tip"])
+    on = np.array([30.0, 20.0, 10.0]) @ tip.position_jacobian(y)[0]
+    on = on + np.array([0.5, 2.0, -3.0]) @ tip.spin_jacobian(y)[0]
+    seen = body.statics(y, still, still, [(tip, on[None])])
+    shear_modulus, polar = 3.5e9, 0.2 * 0.1 * (0.2**2 + 0.1**2) / 12.0
+    assert seen.sections[0, -1, 3] == pytest.approx(0.5 / (shear_modulus * polar), rel=1e-9)
+    taken, there = flexible.bodies["b"].deformed(pose, Twist(np.zeros(3), np.zeros(3)), seen)[0], x[0]
+    moved = there - flexible.bodies["b"].placed(pose)
+    assert taken == pytest.approx(there, abs=0.02 * np.abs(moved).max())
+    assert seen.elongation == pytest.approx(expected.elongation, rel=2e-3)
+
+
+def test_rigid_beams_have_the_inertia_of_their_material():
+    energies = []
+    for model in ("rigid", "exact"):
+        system, scene = (one := build(parsed(rotor(model)))).system, one
+        x, u = system.absolute(scene.q[None]), system.absolute_velocity(scene.q[None], scene.v[None])
+        energies.append(system.kinetic_energy(x, u)[0] + system.potential_energy(np.zeros(1), x)[0])
+        assert scene.bodies["b1"].outline(x)[0, -1] == pytest.approx([1.4, 0.0, 0.0], abs=1e-12)
+    assert energies[0] == pytest.approx(energies[1], rel=1e-12)
+
+
+def test_what_takes_over_goes_on_with_the_same_forces():
+    spin = {"type": "moment", "at": "hub", "moment": [0.0, 0.0, 9.0]}
+    old, end = build(parsed(rotor("rigid", loads={"spin": spin}))), np.array([0.1])
+    path = run_integration(old, old.deck.solve).trajectory
+    seen = deformation_of(old, old.bodies["b1"], end, path.q[None], path.v[None])
+    for model in ("linear", "exact"):
+        new, gained = hand_over(old, build(old.loaded, models={"b1": model}), path)
+        y, rates = new.system.absolute(new.q[None]), new.system.absolute_velocity(new.q[None], new.v[None])
+        assert np.abs(new.system.residual(end, y)).max() < 1e-9
+        assert new.marker("b1.tip").position(y)[0, 2] == pytest.approx(seen.sections[0, -1, 2], rel=0.02)
+        assert abs(gained) < 2e-3 * new.system.kinetic_energy(y, rates)[0]
+
+
+def test_the_model_that_a_motion_needs_is_chosen():
+    chosen, told = solved(rotor("auto"))
+    exact = solved(rotor("exact"))[0]
+    assert told.statistics["auto"]["switches"]
+    assert chosen == pytest.approx(exact, abs=2e-3)
+    stiff = rotor("auto")
+    stiff["materials"]["stuff"] |= {"youngs_modulus": 7.0e13}
+    assert not solved(stiff)[1].statistics["auto"]["switches"]
