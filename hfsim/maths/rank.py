@@ -56,7 +56,7 @@ def dependence(
     if not Phi_x.shape[0]:
         return Dependence(0, 1.0, ())
     unit = _touched(Phi_x)
-    beyond = max(0, unit.shape[0] - unit.shape[1] - BLOCK)  # more rows than columns: some say enough of all
+    beyond = max(0, unit.shape[0] - unit.shape[1] - BLOCK) if is_sparse(unit) else 0  # some say enough of all
     left, sizes = _weakest(unit[: unit.shape[0] - beyond])
     missing = int(np.sum(sizes <= LOST))
     weight = np.abs(np.pad(left[:, : max(missing, 1)], ((0, beyond), (0, 0)))).max(axis=1)

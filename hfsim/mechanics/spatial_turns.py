@@ -1,21 +1,23 @@
 """Angles about an axis in space: what drivers hold and rotational springs resist.
 
-The axis is one of the first body, and no joint need keep it in the second.  The angle counts from where the
-smallest rotation takes the second body's axis to the first's, if nothing else is said: between bodies that
-share their third axis it is the one of the plane.
+The axis is one of the first body, and no joint need keep it in the second.  The angle is that of the turn
+about it from which a smallest rotation leads to the second body's frame (swing and twist): it is known until
+the second body's axis points the other way.  It counts from where the smallest rotation takes the second
+body's axis to the first's, if nothing else is said: between bodies that share their third axis it is the one
+of the plane.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import across, cross, lever, smallest_rotation, wrap
+from hfsim.maths.rotations import across, cross, smallest_rotation, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.directions import TANGENT, Direction, OfAxes, direction, unit
 from hfsim.mechanics.markers import Marker
@@ -61,9 +63,11 @@ class About(NamedTuple):
         """Return one equation; none on a line whose tangent is not across the axis, or for A on a line."""
         if not self.fits(first.n_axes == 1, second.n_axes == 1):
             return ()
-        zero = self._tangent if second.n_axes == 1 else np.array(across(self.axis)[0])
-        pair = direction(zero), direction(cross(np.array(self.axis), zero))
-        return (TurnAbout(first, second, *pair, direction(np.array(self.turn).T @ zero), law=self.law),)
+        line, back = second.n_axes == 1, np.array(self.turn).T
+        zero = self._tangent if line else np.array(across(self.axis)[0])
+        quarter = cross(np.array(self.axis), zero)
+        others = [direction(back @ own) for own in ((zero,) if line else (zero, quarter))]
+        return (TurnAbout(first, second, direction(zero), direction(quarter), tuple(others), law=self.law),)
 
     @property
     def _tangent(self) -> Array:
@@ -77,105 +81,88 @@ class About(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TurnAbout(OfAxes):
-    """The angle of an axis of the second body in the plane of two axes of the first follows a law.
+    """The angle of axes of the second body about the axis of the first follows a law.
 
-    With c and s the products of the second body's axis with both it is Im log (c + i s).
+    With n = zero + i quarter and o = other - i next it is the angle of z = n . o: both products are the same
+    where the bodies share the axis; elsewhere they are those of swing and twist.  A line has no next.
 
     Attributes
     ----------
     zero, quarter : tuple of float
         Unit vectors in A's frame: from which the angle counts, and where that points after a quarter turn.
-    other : tuple of float
-        Unit vector in B's frame.
+    others : tuple of tuple of float
+        Where these are in B's frame at angle zero; on a line the first alone.
     """
 
     zero: Direction
     quarter: Direction
-    other: Direction
+    others: tuple[Direction, ...]
 
-    def _axes(self, x: Array) -> tuple[Array, Array, Array]:
-        first, second = self.ends
-        return (
-            first.axis(x, np.array(self.zero)),
-            first.axis(x, np.array(self.quarter)),
-            second.axis(x, np.array(self.other)),
-        )
+    @property
+    def _axes(self) -> tuple[tuple[tuple[complex, Direction], ...], ...]:
+        """Factors and axes of each end, whose sums are n and o."""
+        return ((1.0, self.zero), (1.0j, self.quarter)), tuple(zip((1.0, -1.0j), self.others, strict=False))
 
-    def _parts(self, x: Array) -> tuple[Array, Array]:
-        """Return cosine and sine, times lengths, shape (n_batch, 1) each."""
-        zero, quarter, other = self._axes(x)
-        return np.sum(zero * other, axis=-1, keepdims=True), np.sum(quarter * other, axis=-1, keepdims=True)
+    def _sum(self, end: int, of: Callable[[Marker, Array], Array]) -> ComplexArray:
+        """Return n or o, or what each end's marker says of its axes instead."""
+        parts = (factor * of(self.ends[end], np.array(own)) for factor, own in self._axes[end])
+        return np.asarray(sum(parts))
+
+    def _both(self, x: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return n and o, shape (n_batch, 3), and z (n_batch, 1)."""
+        n, o = (self._sum(end, lambda marker, own: marker.axis(x, own)) for end in (0, 1))
+        return n, o, _dot(n, o)
+
+    def _slope(self, end: int, x: Array) -> ComplexArray:
+        """Return the derivative of n or o by the coordinates of its body, shape (n_batch, 3, k)."""
+        return self._sum(end, lambda marker, own: marker.axis_jacobian(x, own))
 
     def gap(self, x: Array) -> Array:
         """Return the angle [rad], within half a turn."""
-        c, s = self._parts(x)
-        return np.arctan2(s, c)
+        return np.angle(self._both(x)[2])
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return the angle error [rad], within half a turn."""
         return wrap(super().residual(t, x))
 
     def jacobian(self, end: int, x: Array) -> Array:
-        """Return (c ds - s dc) / (c^2 + s^2)."""
-        (c, s), (zero, quarter, other) = self._parts(x), self._axes(x)
-        square = c * c + s * s
-        if end:
-            return np.asarray(
-                ((c * quarter - s * zero) / square)[:, None]
-                @ self.second.axis_jacobian(x, np.array(self.other))
-            )
-        J = self.first.axis_jacobian(x, np.array(self.quarter)) * (c / square)[..., None]
-        J = J - self.first.axis_jacobian(x, np.array(self.zero)) * (s / square)[..., None]
-        return np.asarray(other[:, None] @ J)
+        """Return Im dz / z."""
+        *both, z = self._both(x)
+        return np.imag((both[1 - end] / z)[:, None] @ self._slope(end, x))
 
     def bias(self, x: Array, u: Array) -> Array:
-        """Return the terms of the angle's second derivative without accelerations."""
-        (c, s), (zero, quarter, other) = self._parts(x), self._axes(x)
-        first, second = self.ends
-
-        def rate(marker: Marker, own: Direction) -> Array:
-            return np.asarray((marker.axis_jacobian(x, np.array(own)) @ u[:, marker.columns, None])[..., 0])
-
-        def total(a: Array) -> Array:
-            return np.asarray(np.sum(a, axis=-1, keepdims=True))
-
-        zero1, quarter1, other1 = rate(first, self.zero), rate(first, self.quarter), rate(second, self.other)
-        zero2, quarter2 = (first.axis_bias(x, u, np.array(own)) for own in (self.zero, self.quarter))
-        other2 = second.axis_bias(x, u, np.array(self.other))
-        c1, s1 = total(zero1 * other + zero * other1), total(quarter1 * other + quarter * other1)
-        c2 = total(zero2 * other + 2.0 * zero1 * other1 + zero * other2)
-        s2 = total(quarter2 * other + 2.0 * quarter1 * other1 + quarter * other2)
-        square, growth = c * c + s * s, 2.0 * (c * c1 + s * s1)
-        return np.asarray((c * s2 - s * c2) / square - (c * s1 - s * c1) * growth / square**2)
+        """Return the angle's second derivative without accelerations, Im (z'' / z - (z' / z)^2)."""
+        n, o, z = self._both(x)
+        n1, o1 = ((self._slope(end, x) @ u[:, m.columns, None])[..., 0] for end, m in enumerate(self.ends))
+        n2, o2 = (self._sum(end, lambda marker, own: marker.axis_bias(x, u, own)) for end in (0, 1))
+        once, twice = _dot(n1, o) + _dot(n, o1), _dot(n2, o) + 2.0 * _dot(n1, o1) + _dot(n, o2)
+        return np.imag(twice / z - (once / z) ** 2)
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
-        """Return the multiplier times the second derivative, Im(ddz / z - dz dz / z^2) with z = c + i s."""
-        c, s = (float(part[0, 0]) for part in self._parts(x))
-        z = complex(c, s)
-        (zero, quarter, other), (of_zero, of_quarter, of_other) = self._axes(x), self._slopes(x)
-        of_first, of_second = of_zero + 1j * of_quarter, of_other.astype(complex)
-        slope = np.concatenate([other[0] @ of_first, (zero[0] + 1j * quarter[0]) @ of_second])
-        second = -np.outer(slope, slope) / z**2
-        k = of_first.shape[1]
-        cross_term = of_first.T @ of_second / z
-        second[:k, k:] += cross_term
-        second[k:, :k] += cross_term.T
-        columns, moment = np.concatenate([self.first.support, self.second.support]), float(multipliers[0, 0])
+        """Return the multiplier times the second derivative, Im (ddz / z - dz dz / z^2)."""
+        moment = float(multipliers[0, 0])
+        n, o, z = (part[0] for part in self._both(x))
+        by_n, by_o = (
+            self._slope(end, x)[0][:, marker.support - marker.columns.start]
+            for end, marker in enumerate(self.ends)
+        )
+        slope = np.concatenate([o @ by_n, n @ by_o]) / z
+        second, k = -np.outer(slope, slope), by_n.shape[1]
+        mixed = by_n.T @ by_o / z
+        second[:k, k:] += mixed
+        second[k:, :k] += mixed.T
+        columns = np.concatenate([marker.support for marker in self.ends])
         parts = [Entries.of_block(columns, columns, moment * second.imag)]
-        pull = moment / (c * c + s * s)
-        parts.append(self.first.axis_stiffness(x, np.array(self.zero), -pull * s * other[0]))
-        parts.append(self.first.axis_stiffness(x, np.array(self.quarter), pull * c * other[0]))
-        across_it = pull * (c * quarter[0] - s * zero[0])
-        parts.append(self.second.axis_stiffness(x, np.array(self.other), across_it))
+        for marker, axes, pull in zip(self.ends, self._axes, (o / z, n / z), strict=True):
+            for factor, own in axes:
+                parts.append(marker.axis_stiffness(x, np.array(own), moment * np.imag(factor * pull)))
         return Entries(*(np.concatenate(kinds) for kinds in zip(*parts, strict=True)))
 
-    def _slopes(self, x: Array) -> Iterator[Array]:
-        """Yield the derivatives (3, k) of its axes by the coordinates that each end depends on."""
-        owners = (self.first, self.first, self.second)
-        for marker, own in zip(owners, (self.zero, self.quarter, self.other), strict=True):
-            yield marker.axis_jacobian(x, np.array(own))[0][:, marker.support - marker.columns.start]
-
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
-        """Return minus the multiplier as a moment about the axis."""
-        zero, quarter, _ = self._axes(x)
-        return np.zeros((len(x), 3)), -multipliers * lever(zero, quarter)
+        """Return minus the multiplier times what the angle changes by with small turns of B."""
+        n, o, z = self._both(x)
+        return np.zeros((len(x), 3)), -multipliers * np.imag(np.cross(o, n) / z)
+
+
+def _dot(a: ComplexArray, b: ComplexArray) -> ComplexArray:
+    return np.asarray(np.sum(a * b, axis=-1, keepdims=True))

@@ -378,6 +378,21 @@ def test_an_angle_about_an_axis_counts_from_the_smallest_rotation(tilt):
         assert c.gap(x)[0, 0] == pytest.approx(angle, abs=1e-14)
 
 
+@pytest.mark.parametrize("swing", [[0.0, 0.0, 0.0], [0.0, 1.7, 0.0], [-2.0, 2.2, 0.0]])
+def test_an_angle_about_an_axis_is_that_of_twist_whatever_the_swing(swing):
+    """Also beyond a right angle, and its multiplier is the moment that does its work."""
+    (c,) = About.of((0.0, 0.0, 1.0), np.eye(3)).between(MARKERS["ground"], MARKERS["body"])
+    x, level = np.zeros((1, N)), rotation(MARKERS["ground"].pose.turn)
+    for angle in (0.0, 0.7, -2.0):
+        R = level @ rotation(np.array([0.0, 0.0, angle])) @ rotation(np.array(swing))
+        x[0, BODY] = np.r_[np.zeros(3), R.T.ravel()]
+        assert c.gap(x)[0, 0] == pytest.approx(angle, abs=1e-12)
+        moment = c.reaction(x, np.array([[-1.0]]))[1][0]
+        for spin in np.eye(3):
+            rates = np.r_[np.zeros(3), np.cross(spin, R.T).ravel()]
+            assert (c.jacobian(1, x)[0] @ rates)[0] == pytest.approx(moment @ spin, abs=1e-11)
+
+
 @pytest.mark.parametrize("sparse", [False, True])
 def test_products_of_a_whole_scene_are_those_of_each_joint(sparse, rng):
     found = [

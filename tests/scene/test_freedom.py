@@ -43,7 +43,8 @@ def rigid_freedoms(built):
 @pytest.mark.parametrize("path", DECKS, ids=lambda path: path.stem)
 def test_shipped_cases_are_told_and_not_nagged(path):
     built = build(load_deck(path))
-    assert len(built.warnings) == (1 if path.stem == "bricard" else 0)  # it is held too often
+    told = ("bricard", "space_light_rod")  # one is held too often, one hardly has mass
+    assert len(built.warnings) == (1 if path.stem in told else 0)
     rolls = 1 if path.stem == "pendulum_3d" else 0  # that of a line about itself is no motion
     assert sum(motion.number for motion in built.free_motions) == rigid_freedoms(built) - rolls
 
