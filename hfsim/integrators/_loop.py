@@ -323,7 +323,8 @@ class Stepping:
 
     def _rechart(self) -> None:
         """Go on in other coordinates where the state is at the edge of its own; steps before keep theirs."""
-        moved = self._problem.recharted(self.path.q, self.path.v)
+        recharted = self._problem.recharted
+        moved = None if recharted is None else recharted(self.path.q, self.path.v)
         if moved is not None:
             self.path.q, self.path.v = moved
             stepper = self._restarted()

@@ -161,7 +161,7 @@ class ModalDerivative(Derivative):
         swing = p1 * once + p2 * twice
         if self.joints is None:
             return np.asarray((self._real(swing) @ self.R.T).real)
-        rate, acceleration = (self.joints.jacobian @ part for part in (start.first, start.second))
+        rate, acceleration = self.joints.jacobian @ start.first, self.joints.jacobian @ start.second
         opened = tau * rate + 0.5 * tau**2 * acceleration
         if float(np.abs(opened[-1]).max(initial=0.0)) > DRIVEN:
             swing = swing - (rate @ self.joints.forces) * _response(tau, once, omega, 1)

@@ -128,8 +128,9 @@ class Problem:
         The shortest time after which such a one does [s].
     turns : Turns
         What counts the turns of angles along the steps.
-    recharted : callable
-        (q, v), shape (n,) each -> the same state in the coordinates to go on in, None if those are its own.
+    recharted : callable or None
+        (q, v), shape (n,) each -> the same state in the coordinates to go on in, None if those are its own;
+        None where all states have the same.
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
@@ -147,7 +148,7 @@ class Problem:
     breaks: Array = field(default_factory=lambda: np.zeros(0))
     period: float = np.inf
     turns: Turns = field(default_factory=Turns)
-    recharted: Callable[[Array, Array], tuple[Array, Array] | None] = lambda q, v: None
+    recharted: Callable[[Array, Array], tuple[Array, Array] | None] | None = None
     counts: Counts = field(default_factory=Counts)
 
     def evaluate(self, t: Array, q: Array, v: Array, strains: Array | None = None) -> Array:

@@ -45,17 +45,16 @@ def derivative(
         Strains that are expected there; those of the state without it.
     """
     problem.counts.factorisations += 1
-    strains = problem.strains
+    strains, natural = problem.strains, natural or PlainIncrements()
+    place = [np.array([t]), q, v]
     if strains is None:
-        expected = np.zeros(0)
-        at = problem.near(t, q, v)
+        found = _in_its_form(problem.near(t, q, v), q, natural)
     else:
         expected = strains.seen(q[None])[0] if expected is None else expected
-        at = problem.near(t, q, v, expected)
-    found = _in_its_form(at, q, natural or PlainIncrements())
-    if strains is not None:
+        found = _in_its_form(problem.near(t, q, v, expected), q, natural)
         found.know_strains(strains.stiffness, strains.slopes(q), q)
-    found.taken = np.concatenate([[t], q, v, expected, problem.turns.angles(t, q)])
+        place.append(expected)
+    found.taken = np.concatenate([*place, problem.turns.angles(t, q)])
     return found
 
 

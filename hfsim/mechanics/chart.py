@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any, Self, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 from hfsim.maths.arrays import Array
 
@@ -43,7 +43,14 @@ class Chart(AlikeBodies):
 
     Frames are whatever the maps need of a batch of states (n_batch, n); blocks have shape
     (n_batch, n_columns).
+
+    Attributes
+    ----------
+    several : bool
+        Whether it is of several charts, none of which serves all states.
     """
+
+    several: ClassVar[bool] = False
 
     def frames(self, q: Array) -> Any:
         """Return what the maps below need of a batch of states."""

@@ -7,6 +7,7 @@ only axis: what would need another one is not held.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
@@ -221,6 +222,16 @@ class Perpendicular(OfAxes):
         """The product itself, where both axes are linear in the coordinates."""
         a, b = self.first.linear_axis(np.array(self.axes)), self.second.linear_axis(np.array(self.others))
         return () if a is None or b is None else (Product(a, b, constant=self.offset),)
+
+    @cached_property
+    def constant(self) -> bool:
+        """Whether one of the axes is fixed to the ground, the other linear in the coordinates."""
+        return bool(self.products) and any(marker.grounded for marker in self.ends) and not self.driven
+
+    @property
+    def still(self) -> tuple[bool, bool]:
+        """Whether the Jacobian never changes."""
+        return self.constant, self.constant
 
     def _both(self, x: Array) -> tuple[Array, Array]:
         return self.first.axis(x, np.array(self.axes)), self.second.axis(x, np.array(self.others))

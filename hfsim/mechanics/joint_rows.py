@@ -59,16 +59,18 @@ class JointRows:
         return zip(self.constraints, self.rows, strict=True)
 
     @cached_property
-    def _products(self) -> Products:
-        """The equations that are products."""
+    def _products(self) -> Products | None:
+        """The equations that are products, where there are any and not all equations are linear."""
         found = [(one, rows.start + k) for c, rows in self._pairs for k, one in enumerate(c.products)]
+        if self.constant or not found:
+            return None
         rows = np.array([row for _, row in found], dtype=np.intp)
         return Products(rows, [one for one, _ in found], self.n_x, self.sparse)
 
     @cached_property
     def _others(self) -> tuple[tuple[Constraint, slice], ...]:
-        """The constraints that are no products, with their rows."""
-        return tuple((c, rows) for c, rows in self._pairs if not c.products)
+        """The other constraints, with their rows."""
+        return tuple((c, rows) for c, rows in self._pairs if self._products is None or not c.products)
 
     @cached_property
     def _changing(self) -> tuple[tuple[Constraint, slice], ...]:
@@ -82,7 +84,7 @@ class JointRows:
         if self.constant:
             return np.asarray(x @ self._constant_transpose + self._origin_residual)
         out = self._stack(len(x), lambda c: c.residual(t, x))
-        if self._products:
+        if self._products is not None:
             out[:, self._products.rows] = self._products.gap(x)
         return out
 
@@ -93,7 +95,7 @@ class JointRows:
         drift = self.rate(t)
         for end in self.ends:
             drift[:, end.rows] += (end.jacobian(x) @ u[:, end.columns, None])[..., 0]
-        if self._products:
+        if self._products is not None:
             drift[:, self._products.rows] = self._products.rate(x, u)
         return drift
 
@@ -106,7 +108,7 @@ class JointRows:
         gamma = np.zeros((len(x), self.n_rows))
         for constraint, rows in self._changing:
             gamma[:, rows] = constraint.acceleration(t, x, u)
-        if self._products:
+        if self._products is not None:
             gamma[:, self._products.rows] = -self._products.bias(u)
         return gamma
 
@@ -135,7 +137,7 @@ class JointRows:
 
     @cached_property
     def ends(self) -> tuple[End, ...]:
-        """The ends, on bodies, of all constraints that are no products."""
+        """The ends, on bodies, of the constraints that are not evaluated as products."""
         return tuple(
             End.of(c, k, rows, self.support)
             for c, rows in self._others
@@ -165,7 +167,7 @@ class JointRows:
             places = Entries.of_block(np.r_[end.rows], end.columns, block[0])
             values = np.broadcast_to(block.reshape(len(block), -1), (len(x), block[0].size))
             parts.append(places._replace(values=values))
-        if self._products:
+        if self._products is not None:
             parts.append(self._products.entries(x))
         return Entries(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))
 
@@ -174,7 +176,7 @@ class JointRows:
         if self.constant:
             return self._constant_rows
         J = self._with_ends(np.repeat(self._constant_rows, len(x), axis=0), x, still=False)
-        if self._products:
+        if self._products is not None:
             J[:, self._products.rows] += self._products.jacobian(x, self.support)
         return J
 
@@ -193,6 +195,6 @@ class JointRows:
     def stiffness(self, x: Array, multipliers: Array) -> list[Entries]:
         """Return the derivative of Phi_x^T lambda by x in one state, multipliers (1, n_rows)."""
         parts = [c.stiffness(x, multipliers[:, rows]) for c, rows in self._changing]
-        if self._products:
+        if self._products is not None:
             parts.append(self._products.stiffness(multipliers[0, self._products.rows]))
         return parts

@@ -178,7 +178,7 @@ def problem_of(scene: Scene) -> Problem:
         breaks=system.breaks,
         period=system.period,
         turns=Turns(system),
-        recharted=partial(_recharted, system),
+        recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
 
 

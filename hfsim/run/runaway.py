@@ -133,8 +133,6 @@ class RedundantWatch:
             Naming the joint that has come apart the most.
         """
         rows = self.system.redundant
-        if not rows:
-            return
         time, x = np.array([t]), self.system.absolute(q[None])
         gaps = [float(np.abs(row.residual(time, x)).max()) for row in rows]
         worst = int(np.argmax(gaps))
@@ -199,7 +197,8 @@ class Watches:
 
     def __init__(self, system: System, others: Sequence[Watch] = ()) -> None:
         self._energy = EnergyWatch(system)
-        self._every: tuple[Watch, ...] = (self._energy, PartsWatch(system), RedundantWatch(system), *others)
+        redundant = (RedundantWatch(system),) if system.redundant else ()
+        self._every: tuple[Watch, ...] = (self._energy, PartsWatch(system), *redundant, *others)
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
         """Look at a kept state."""

@@ -1,5 +1,7 @@
 """Markers and joints in space against differences; frames, reactions, redundancy of what they hold."""
 
+from itertools import permutations
+
 import numpy as np
 import pytest
 
@@ -423,3 +425,18 @@ def test_products_of_a_whole_scene_are_those_of_each_joint(sparse, rng):
     assert np.allclose(one.toarray() if sparse else one, J[0], rtol=0.0, atol=1e-14)
     mine, theirs = (assemble(parts, (N, N), False) for parts in (phi.stiffness(x[:1], multipliers), stiff))
     assert np.allclose(mine, theirs, rtol=0.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("ends", [*permutations(("ground", "line")), *permutations(("body", "line"))])
+def test_a_line_hinged_to_the_ground_has_linear_equations(ends, sparse, rng):
+    found = constraints_of(JOINTS["hinge"][0].held(np.eye(3)), *(MARKERS[one] for one in ends))
+    phi = JointRows(found, N, sparse)
+    assert phi.n_rows == 4
+    assert phi.constant == ("ground" in ends)
+    x, u, t = np.array([state(rng), state(rng)]), rng.normal(size=(2, N)), np.zeros(2)
+    gaps = np.concatenate([c.gap(x) for c in found], axis=1)
+    assert phi.residual(t, x) == pytest.approx(gaps, abs=1e-14)
+    J = np.broadcast_to(phi.jacobians(x), (2, phi.n_rows, N))
+    assert phi.drift(t, x, u) == pytest.approx((J @ u[..., None])[..., 0], abs=1e-13)
+    assert phi.curvature(t, x, u) == pytest.approx(-np.hstack([c.bias(x, u) for c in found]), abs=1e-12)

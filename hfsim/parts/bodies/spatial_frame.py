@@ -14,12 +14,12 @@ and where a step ends beyond `EDGE`, the motion goes on in the other one (`Spati
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import cross, skew
+from hfsim.maths.rotations import skew
 from hfsim.mechanics.chart import Chart
 
 EDGE = 1.8
@@ -27,24 +27,37 @@ EDGE = 1.8
 _SMALL = 0.5
 """Angle below which series are more exact than closed forms [rad]."""
 _TERMS = 8
+_UNIT = np.eye(2)
 
 
-def _sines(angle: Array) -> tuple[Array, Array, Array]:
-    """Return f = sin a / a and, each time over a, its derivative g and that of g, for angles a (...)."""
-    a, square = np.maximum(angle, _SMALL), angle * angle
-    f = np.sinc(angle / np.pi)
-    g = np.where(angle < _SMALL, np.polynomial.polynomial.polyval(square, _G), (np.cos(a) - f) / a**2)
-    h = np.where(angle < _SMALL, np.polynomial.polynomial.polyval(square, _H), -(f + 3.0 * g) / a**2)
+def _sines(angle: Array, cosine: Array) -> tuple[Array, Array, Array]:
+    """Return f = sin a / a and, each time over a, its derivative g and that of g, for angles a (..., 1)."""
+    a = np.maximum(angle, _SMALL)
+    square = a * a
+    f = np.sin(a) / a
+    g = (cosine - f) / square
+    h = -(f + 3.0 * g) / square
+    small = angle < _SMALL
+    if small.any():
+        powers = np.multiply.accumulate(np.repeat(angle[small, None] ** 2, _TERMS - 1, axis=1), axis=1)
+        f[small], g[small], h[small] = _SERIES[:, :1] + _SERIES[:, 1:] @ powers.T
     return f, g, h
 
 
-def _series() -> tuple[Array, Array]:
+def _series() -> Array:
+    """Return the series of these three in squares of the angle, shape (3, _TERMS)."""
     f = np.cumprod([1.0, *(-1.0 / (2 * k * (2 * k + 1)) for k in range(1, _TERMS + 2))])
     g = 2.0 * np.arange(1, len(f)) * f[1:]
-    return g[:-1], 2.0 * np.arange(1, len(g)) * g[1:]
+    h = 2.0 * np.arange(1, len(g)) * g[1:]
+    return np.array([one[:_TERMS] for one in (f, g, h)])
 
 
-_G, _H = _series()
+_SERIES = _series()
+
+
+def _dot(a: Array, b: Array) -> Array:
+    """Return products of vectors, (..., 1): summing their components' costs more than these for few."""
+    return np.asarray((a[..., None, :] @ b[..., :, None])[..., 0])
 
 
 class SpatialFrames(NamedTuple):
@@ -74,7 +87,7 @@ class SpatialFrames(NamedTuple):
 
 
 class Spin(NamedTuple):
-    """How frames turn: t', the angular velocity and its part about t, shape (..., 3), (..., 3), (..., 1)."""
+    """How frames turn: t', angular velocity in the frame, its part about t: (..., 3), (..., 3), (..., 1)."""
 
     t1: Array
     omega: Array
@@ -91,6 +104,7 @@ class SpatialFrameChart(Chart):
         Vectors from one nodal position to the next.
     """
 
+    several: ClassVar[bool] = True
     stride: int
 
     def _vectors(self, q: Array) -> Array:
@@ -103,9 +117,10 @@ class SpatialFrameChart(Chart):
         """Return the frames and relative nodal vectors of a batch of states."""
         c = self._vectors(q)
         length, d = c[:, :, 1, :1], c[:, :, 1, 1:]
-        angle = np.linalg.norm(d, axis=-1, keepdims=True)
-        sines = _sines(angle)
-        t = np.concatenate([np.cos(angle), sines[0] * d], axis=-1)
+        angle = np.sqrt(_dot(d, d))
+        cosine = np.cos(angle)
+        sines = _sines(angle, cosine)
+        t = np.concatenate([cosine, sines[0] * d], axis=-1)
         p = c.copy()
         p[:, :, 0] = 0.0
         p[:, :, 1] = 0.0
@@ -121,8 +136,8 @@ class SpatialFrameChart(Chart):
     def absolute_velocity(self, frames: SpatialFrames, v: Array) -> Array:
         """Return the rates of the absolute nodal coordinates, eq. (4)."""
         w = self._vectors(v)
-        omega = _in_frame(frames, self._spin(frames, w).omega)
-        u = (self._relative(frames, w) + frames.p @ _transposed_skew(omega)) @ frames.turn.swapaxes(-1, -2)
+        W = skew(self._spin(frames, w).omega)
+        u = (self._relative(frames, w) - frames.p @ W) @ frames.turn.swapaxes(-1, -2)
         u[:, :, :: self.stride] += w[:, :, :1]
         return self._flat(u)
 
@@ -137,24 +152,25 @@ class SpatialFrameChart(Chart):
     def _spin(self, frames: SpatialFrames, w: Array) -> Spin:
         f, g, _ = frames.sines
         d, d1 = frames.d, w[:, :, 1, 1:]
-        y = np.sum(d * d1, axis=-1, keepdims=True)
+        y = _dot(d, d1)
         t1 = np.concatenate([-f * y, f * d1 + g * y * d], axis=-1)
         roll = _roll(frames.t, t1)
-        return Spin(t1, cross(frames.t, t1) + roll * frames.t, roll)
+        return Spin(t1, _angular(frames, t1, roll), roll)
 
     def relative_acceleration(self, frames: SpatialFrames, v: Array, ax: Array) -> Array:
         """Return q'' from the absolute accelerations ``ax``: eq. (5) solved for q''."""
         w, a = self._vectors(v), self._vectors(ax)
         spin, t, length = self._spin(frames, w), frames.t, frames.length
-        along = np.sum(a[:, :, 1] * t, axis=-1, keepdims=True)
-        stretching = along + length * np.sum(spin.t1 * spin.t1, axis=-1, keepdims=True)
+        along = _dot(a[:, :, 1], t)
+        stretching = along + length * _dot(spin.t1, spin.t1)
         t2 = (a[:, :, 1] - stretching * t - 2.0 * w[:, :, 1, :1] * spin.t1) / length
         roll = _roll(t, t2) - spin.roll * spin.t1[..., :1] / (1.0 + t[..., :1])
-        alpha = _in_frame(frames, cross(t, t2) + roll * t + spin.roll * spin.t1)
-        omega = _transposed_skew(_in_frame(frames, spin.omega))
+        alpha = _angular(frames, t2, roll) + _in_frame(frames, spin.roll * spin.t1)
+        W = skew(spin.omega)
+        # what comes of this for the root's own vectors is not used
         p2 = self._shifted(a) @ frames.turn
-        p2 -= frames.p @ (_transposed_skew(alpha) + omega @ omega)
-        p2 -= 2.0 * self._relative(frames, w) @ omega
+        p2 += frames.p @ (skew(alpha) - W @ W)
+        p2 += w @ (2.0 * W)
         turning = self._directions(frames, t2 - self._bend(frames, w[:, :, 1, 1:]))
         return self._joined(p2, a[:, :, 0], stretching, turning)
 
@@ -167,7 +183,7 @@ class SpatialFrameChart(Chart):
     def _bend(self, frames: SpatialFrames, d1: Array) -> Array:
         """Return t'' where d'' is zero."""
         (f, g, h), d = frames.sines, frames.d
-        y, square = np.sum(d * d1, axis=-1, keepdims=True), np.sum(d1 * d1, axis=-1, keepdims=True)
+        y, square = _dot(d, d1), _dot(d1, d1)
         across = 2.0 * g * y * d1 + (h * y * y + g * square) * d
         return np.concatenate([-g * y * y - f * square, across], axis=-1)
 
@@ -175,8 +191,8 @@ class SpatialFrameChart(Chart):
         """Return the rates of d that make those of t."""
         (f, g, _), d, t = frames.sines, frames.d, frames.t
         across = t1[..., 1:]
-        y = t[..., :1] * np.sum(d * across, axis=-1, keepdims=True)
-        y -= f * np.sum(d * d, axis=-1, keepdims=True) * t1[..., :1]
+        y = t[..., :1] * _dot(d, across)
+        y -= f * _dot(d, d) * t1[..., :1]
         return np.asarray((across - g * y * d) / f)
 
     def _joined(self, p: Array, origin: Array, length: Array, d: Array) -> Array:
@@ -199,10 +215,10 @@ class SpatialFrameChart(Chart):
     def hybrid_velocity(self, frames: SpatialFrames, u: Array) -> Array:
         """Return the rates of the hybrid coordinates from those of the absolute ones."""
         w, t = self._vectors(u), frames.t
-        along = np.sum(w[:, :, 1] * t, axis=-1, keepdims=True)
+        along = _dot(w[:, :, 1], t)
         t1 = (w[:, :, 1] - along * t) / frames.length
-        omega = _in_frame(frames, cross(t, t1) + _roll(t, t1) * t)
-        p1 = self._shifted(w) @ frames.turn - frames.p @ _transposed_skew(omega)
+        omega = _angular(frames, t1, _roll(t, t1))
+        p1 = self._shifted(w) @ frames.turn + frames.p @ skew(omega)
         return self._joined(p1, w[:, :, 0], along, self._directions(frames, t1))
 
     def better(self, q: Array) -> Array:
@@ -222,7 +238,7 @@ def turned_to(t: Array, length: Array) -> Array:
     across = t[..., 1:]
     A[..., :, 0] = t
     A[..., 0, 1:] = -across
-    A[..., 1:, 1:] = np.eye(2) - across[..., :, None] * across[..., None, :] / (1.0 + t[..., :1, None])
+    A[..., 1:, 1:] = _UNIT - across[..., :, None] * across[..., None, :] / (1.0 + t[..., :1, None])
     A[..., :, ::2] *= np.sign(length)[..., None]
     return A
 
@@ -237,6 +253,7 @@ def _in_frame(frames: SpatialFrames, a: Array) -> Array:
     return np.asarray((a[..., None, :] @ frames.turn)[..., 0, :])
 
 
-def _transposed_skew(a: Array) -> Array:
-    """Return the matrices by which rows of vectors are multiplied to get a x b."""
-    return -skew(a)
+def _angular(frames: SpatialFrames, t1: Array, roll: Array) -> Array:
+    """Return t x t1 + roll t in the frame, (..., 3): there t is the first axis, or opposite to it."""
+    a = _in_frame(frames, t1)
+    return np.asarray(np.sign(frames.length) * np.concatenate([roll, -a[..., 2:], a[..., 1:2]], axis=-1))

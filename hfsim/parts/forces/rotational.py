@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -107,7 +108,12 @@ class RotationalSpring(Spring):
         return self._rate(self._rows(x), u)
 
     def _rows(self, x: Array) -> list[Array]:
-        return [self.turn.jacobian(end, x)[:, 0] for end in (0, 1) if not self.turn.ends[end].grounded]
+        return [self.turn.jacobian(end, x)[:, 0] for end in self._on_bodies]
+
+    @cached_property
+    def _on_bodies(self) -> list[int]:
+        """Numbers of the ends that are not on the ground."""
+        return [end for end, marker in enumerate(self.turn.ends) if not marker.grounded]
 
     def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return how far the second frame has turned against the first, from the rest angle."""
