@@ -46,7 +46,7 @@ def pendulum(*overrides):
 def handicapped(monkeypatch):
     """Let `auto` be gauss with two stages, so that radau has something to win, and races have time enough."""
 
-    def slow(solve, dissipates):
+    def slow(solve, dissipates, spatial):
         return CollocationMethod("slow gauss", gauss(2), solve.tolerance)
 
     monkeypatch.setattr(collocation, "automatic", slow)
