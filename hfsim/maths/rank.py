@@ -20,6 +20,10 @@ BLOCK = 4
 """Null vectors that are looked for at first."""
 
 
+MOST_ENTRIES = 5e7
+"""Of a dense matrix with more rows than columns: 0.4 GB."""
+
+
 class Dependence(NamedTuple):
     """How near rows of a constraint Jacobian are to depending on one another.
 
@@ -56,11 +60,13 @@ def dependence(
     if not Phi_x.shape[0]:
         return Dependence(0, 1.0, ())
     unit = _touched(Phi_x)
-    beyond = max(0, unit.shape[0] - unit.shape[1] - BLOCK) if is_sparse(unit) else 0  # some say enough of all
-    left, sizes = _weakest(unit[: unit.shape[0] - beyond])
-    missing = int(np.sum(sizes <= LOST))
-    weight = np.abs(np.pad(left[:, : max(missing, 1)], ((0, beyond), (0, 0)))).max(axis=1)
-    missing += beyond
+    if unit.shape[0] > unit.shape[1] + BLOCK and unit.shape[0] * unit.shape[1] <= MOST_ENTRIES:
+        sizes: Array = np.zeros(1)
+        missing, weight = _too_many(unit)
+    else:
+        left, sizes = _weakest(unit)
+        missing = int(np.sum(sizes <= LOST))
+        weight = np.abs(left[:, : max(missing, 1)]).max(axis=1)
     involved = (n for n, members in joints.items() if any((weight[rows[k]] > share).any() for k in members))
     return Dependence(missing, float(sizes[0]), tuple(involved))
 
@@ -83,6 +89,14 @@ def _touched(Phi_x: Matrix) -> Matrix:
         return unit if unit.shape[0] > DENSE_UP_TO else unit.toarray()
     unit = Phi_x / np.maximum(np.linalg.norm(Phi_x, axis=1, keepdims=True), 1e-300)
     return unit[:, unit.any(axis=0)]
+
+
+def _too_many(unit: Matrix) -> tuple[int, Array]:
+    """Return how many rows, of more than columns, are too many, and how large each is in null vectors."""
+    rows = unit.toarray() if is_sparse(unit) else unit
+    left, sizes, _ = np.linalg.svd(rows, full_matrices=False)
+    kept = left[:, sizes > LOST * sizes.max(initial=_NONE)]
+    return len(rows) - kept.shape[1], np.sqrt(np.maximum(0.0, 1.0 - np.sum(kept * kept, axis=1)))
 
 
 def _weakest(unit: Matrix) -> tuple[Array, Array]:

@@ -58,7 +58,7 @@ class Parallel(NamedTuple):
             second, sides = second.oblique, [(self.first, side) for side in _SECTION]
         elif _flat(first, self.first):
             first, sides = first.oblique, [(side, self.second) for side in _SECTION]
-        elif on_lines[0] or _upright(first, self.first) or _slanted(second, self.second):
+        elif on_lines[0] or _upright(first, self.first) or _unlike_vectors(second, self.second):
             sides = [(self.first, side) for side in across(self.second)]
         else:
             sides = [(side, self.second) for side in across(self.first)]
@@ -192,9 +192,11 @@ def _upright(marker: Marker, axis: Direction) -> bool:
     return _oblique(marker) and along(axis, THIRD)
 
 
-def _slanted(marker: Marker, axis: Direction) -> bool:
-    """Tell whether an axis of such a point is no vector of the state."""
-    return _oblique(marker) and not along(axis, THIRD)
+def _unlike_vectors(marker: Marker, axis: Direction) -> bool:
+    """Tell whether an axis of a section, or of a flat body, is no vector of the state."""
+    if _oblique(marker):
+        return not along(axis, THIRD)
+    return marker.nodal and marker.n_axes > 1 and marker.linear_axis(np.array(axis)) is None
 
 
 def _known(first: Marker, second: Marker, a: Direction, b: Direction) -> bool:
@@ -217,7 +219,7 @@ class Perpendicular(OfAxes):
     axes: Direction
     others: Direction
 
-    @property
+    @cached_property
     def products(self) -> tuple[Product, ...]:
         """The product itself, where both axes are linear in the coordinates."""
         a, b = self.first.linear_axis(np.array(self.axes)), self.second.linear_axis(np.array(self.others))

@@ -197,7 +197,7 @@ class GroundMarker(Marker):
 
     def linear_axis(self, a: Array) -> LinearVector | None:
         """Return a constant in space."""
-        return LinearVector.constant(self.pose.turned(a)) if self.n_dim == 3 else None
+        return LinearVector.constant(np.asarray(a) @ self._axes) if self.n_dim == 3 else None
 
     @property
     def linear_place(self) -> LinearVector | None:

@@ -6,6 +6,7 @@ Axes of a body are vectors among its coordinates: every direction that joints ho
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -147,13 +148,24 @@ class FrameMarker(Marker):
     def position_jacobian(self, x: Array) -> Array:
         """Return (1, - (A c) x T)."""
         J = np.repeat(np.eye(3, 6)[None], len(x), axis=0)
-        J[:, :, 3:] = -skew(self._arm(x)) @ rotation_rates(self._turn(x))
+        J[:, :, 3:] = -skew(self._arm(x)) @ _rates_at(self._turn(x).tobytes())
         return J
 
     def turned(self, x: Array, a: Array) -> Array:
         """Return vectors (3,), given in the frame, in ground axes."""
-        return np.asarray(rotation(self._turn(x)) @ (self.centre @ a))
+        return np.asarray(_rotation_at(self._turn(x).tobytes()) @ (self.centre @ a))
 
     def spin_jacobian(self, x: Array) -> Array:
         """Return (0, T)."""
-        return np.concatenate([np.zeros((len(x), 3, 3)), rotation_rates(self._turn(x))], axis=2)
+        return np.concatenate([np.zeros((len(x), 3, 3)), _rates_at(self._turn(x).tobytes())], axis=2)
+
+
+@lru_cache(maxsize=256)
+def _rotation_at(turn: bytes) -> Array:
+    """Return the matrices of rotation vectors: the same for all points of a frame."""
+    return rotation(np.frombuffer(turn).reshape(-1, 3))
+
+
+@lru_cache(maxsize=256)
+def _rates_at(turn: bytes) -> Array:
+    return rotation_rates(np.frombuffer(turn).reshape(-1, 3))

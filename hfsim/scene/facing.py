@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterator
 from functools import cached_property
 from typing import TypeAlias
 
@@ -30,15 +30,27 @@ class Facings:
         """Orientations (3, 3) of the ground and of bodies, stated or handed on by joints.
 
         First by joints that fix them, then by drivers of hinges, last by hinges alone: about the axis the
-        other body is turned as little as can be against the ground.
+        other body is turned as little as can be against the ground.  Of bodies that are joined to none of
+        these, the first one stands level.
         """
         deck = self._deck
         stated = {name: entry.turn(3) for name, entry in deck.initial.items()}
         known = {"ground": LEVEL} | {name: R for name, R in stated.items() if R is not None}
         steps = (_by_orientation, self._by_driver, _by_hinge)
-        while any(self._handed_on(known, step) for step in steps):
-            pass
+        for name in ("ground", *self._floating(known)):
+            known.setdefault(name, LEVEL)
+            while any(self._handed_on(known, step) for step in steps):
+                pass
         return known
+
+    def _floating(self, known: Collection[str]) -> Iterator[str]:
+        """Yield the first body of each group that joints hold together, if none of it is known."""
+        pairs = [{split_point(end)[0] for end in joint.between} for joint in self._deck.joints.values()]
+        reached = _connected(set(known), pairs)
+        for name in self._deck.bodies:
+            if name not in reached:
+                reached |= _connected({name}, pairs)
+                yield name
 
     def _handed_on(self, known: dict[str, Array], step: Step) -> bool:
         """Hand on orientations by one kind of joints, in one round of all; tell whether any was."""
@@ -78,6 +90,17 @@ class Facings:
         if joint.follows_start and a in self.known and b in self.known:
             return (np.asarray(self.known[a].T @ self.known[b]),)
         return (_held(joint),)
+
+
+def _connected(names: set[str], pairs: list[set[str]]) -> set[str]:
+    """Return all that pairs connect with some names."""
+    count = 0
+    while count < len(names):
+        count = len(names)
+        for pair in pairs:
+            if names & pair:
+                names |= pair
+    return names
 
 
 def _by_orientation(joint: JointSpec, known: Array, back: bool) -> Array | None:

@@ -37,6 +37,9 @@ TAKES_PART = 1e-6
 MOST_ROWS = 1500
 """Joint equations up to which redundant ones are sought and left out."""
 
+TOLD = 8
+"""Joints that are named in a message."""
+
 
 class Redundancy(NamedTuple):
     """Joint equations that others make superfluous.
@@ -107,8 +110,11 @@ def _refusal(loaded: LoadedDeck, joints: Sequence[str], missing: int, count: int
 
 
 def _listed(loaded: LoadedDeck, names: list[str]) -> str:
-    lines = {name: loaded.line_of(f"joints.{name}") for name in names}
-    return ", ".join(f"'{name}' (line {line})" if line else f"'{name}'" for name, line in lines.items())
+    shown = names if len(names) <= TOLD + 1 else names[:TOLD]
+    lines = {name: loaded.line_of(f"joints.{name}") for name in shown}
+    told = [f"'{name}' (line {line})" if line else f"'{name}'" for name, line in lines.items()]
+    more = len(names) - len(told)
+    return ", ".join([*told, *([f"and {more} more"] if more else [])])
 
 
 def _numbered(own: Equations, rows: Sequence[int]) -> dict[int, list[int]]:

@@ -50,6 +50,19 @@ def test_more_rows_than_columns():
     assert measured(J).missing == measured(J.toarray()).missing == 240
 
 
+def test_more_rows_than_columns_of_which_the_last_alone_hold_some():
+    J = np.random.default_rng(3).normal(size=(60, 10))
+    J[:40] = J[:40, :2] @ J[40:42]
+    for kind in (J, csr_array(J)):
+        found = measured(kind)
+        assert found.missing == 50
+        assert len(found.joints) == 30
+    J[:, 9] = 0.0
+    J[58, 9] = 1.0
+    assert measured(J).missing == 50
+    assert "j29" in measured(J).joints and "j0" in measured(J).joints
+
+
 def test_rows_of_zeros_are_dependent():
     J = np.vstack([chain(300), np.zeros((2, 603))])
     assert measured(J).missing == measured(csr_array(J)).missing == 2

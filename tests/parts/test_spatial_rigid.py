@@ -171,3 +171,44 @@ def test_the_slider_of_a_stiff_governor_is_where_minimal_coordinates_put_it():
     slider = scene.marker("slider")
     for t, height in GOVERNOR.items():
         assert slider.position(done.trajectory.at(np.array([t]))[0])[0, 2] == pytest.approx(height, abs=2e-9)
+
+
+DISC = """hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+bodies:
+  disc:
+    type: rigid
+    mass: 2.0
+    inertia: %s
+    points: {rim: %s, other: %s, top: %s}
+  bar: {type: rigid, mass: 1.0, inertia: [0.1, 0.2, 0.2], points: {end: [0.5, 0.0, 0.0]}}
+joints:
+  hold: {type: spherical, between: [ground, disc.rim]}
+  link: {type: %s, between: [disc.other, bar.end]}
+springs: {coil: {type: two_point, between: [ground, bar], stiffness: 3.0, damping: 0.2}}
+initial: {disc: {orientation: {rotation_vector: [0.4, -0.8, 0.2]}, angular_velocity: [1.0, 2.0, -3.0]}}
+solve: {duration: 0.5, tolerance: 1.0e-11}
+"""
+
+
+@pytest.mark.parametrize("joint", ["revolute", "fixed", "universal", "cylindrical", "spherical"])
+@pytest.mark.parametrize("tilt", [[0.0, 0.0, 0.0], [0.3, 1.2, -0.2]])
+def test_a_flat_body_moves_the_same_with_two_axes_as_with_three(joint, tilt):
+    """A point beside its plane needs all three; the third has no mass then, and no inverse."""
+    R = rotation(np.array(tilt))
+    E = R @ np.diag([0.05, 0.08, 0.0]) @ R.T
+    inertia = (np.trace(E) * np.eye(3) - E).tolist()
+
+    def end(beside):
+        points = [(R @ one).tolist() for one in ([0.3, -0.1, 0.0], [0.0, 0.4, 0.0], [0.0, 0.0, beside])]
+        scene = build(parse_deck(DISC % (inertia, *points, joint)))
+        done = run_integration(scene, scene.deck.solve)
+        assert done.stop is None
+        x = scene.system.absolute(done.trajectory.q[None])
+        turned = scene.marker("disc").turned(x, np.eye(3))
+        place = np.concatenate([scene.marker("bar").position(x)[0], turned.ravel()])
+        return place, scene.system.equations.invertible
+
+    (flat, inverse), (whole, none) = end(0.0), end(0.2)
+    assert (inverse, none) == (True, False)
+    assert flat == pytest.approx(whole, abs=1e-9)

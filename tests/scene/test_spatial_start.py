@@ -180,3 +180,13 @@ def test_free_motions_are_told_by_joint_and_axis():
     more = "  tube: {type: cylindrical, between: [ground.o, hub.rim], axis: [0, 0, 1]}\n  rail: {type: prismatic, between: [hub, arm], axis: [0, 1, 0]}\n  hold: {type: fixed, between: [arm, bob]}\n"
     told = [str(motion) for motion in scene(more).free_motions]
     assert told == ["hub: turns and slides: tube, along [0, 0, 1], with bob", "arm: slides along [0, 1, 0]"]
+
+
+def test_what_floats_stands_level_where_nothing_else_is_stated():
+    """A satellite with booms: nothing is sought, so nothing is told of how joints close."""
+    turned = ", orientation: {axis: [0.0, 0.0, 1.0], angle: 90 deg}}"
+    built = scene(WELD.replace("}", turned) + WRIST, "hub: {angular_velocity: [0.1, 0.0, 0.3]}")
+    assert not built.assembly.notes()
+    R = turns(built)
+    assert R["hub"] == pytest.approx(np.eye(3), abs=0.0)
+    assert R["arm"] == pytest.approx(rotation(np.array([0.0, 0.0, 0.5 * np.pi])), abs=1e-15)

@@ -82,11 +82,13 @@ class RigidSpec(BodySpec):
         """Return the body whose coordinates begin at a column; rigid bodies have no models."""
         gravity = np.array(deck.gravity)
         if isinstance(self.inertia, tuple):
+            from hfsim.parts.bodies.spatial_flat_body import FlatRigidBody
             from hfsim.parts.bodies.spatial_rigid import SpatialRigidBody, inertia_matrix
 
             columns = slice(start, start + SpatialRigidBody.SIZE)
             J = inertia_matrix(self.inertia)
-            return SpatialRigidBody(name, columns, places(self.points), self.mass, J, gravity)
+            body = SpatialRigidBody(name, columns, places(self.points), self.mass, J, gravity)
+            return FlatRigidBody.of(body) or body
         columns = slice(start, start + freedoms(len(gravity)))
         return RigidBody(name, columns, places(self.points), self.mass, self.inertia, gravity)
 

@@ -100,20 +100,21 @@ class SpatialRigidBody(VectorBody):
         yield Orthonormal(ground, self.marker(self.origin), item=self.item)
 
     @property
-    def _euler(self) -> Array:
+    def euler(self) -> Array:
+        """Euler's tensor [kg m^2]."""
         return np.asarray(0.5 * np.trace(self.inertia) * np.eye(3) - self.inertia)
 
     @property
     def invertible_mass(self) -> bool:
         """Whether it is neither flat nor slender."""
-        sizes = np.linalg.eigvalsh(self._euler)
+        sizes = np.linalg.eigvalsh(self.euler)
         return bool(sizes[0] > FLAT * sizes[-1])
 
     def mass_entries(self) -> Entries:
         """Return the mass of the origin and Euler's tensor on the axes."""
         tensor = np.zeros((4, 4))
         tensor[0, 0] = self.mass
-        tensor[1:, 1:] = self._euler
+        tensor[1:, 1:] = self.euler
         columns = np.arange(self.columns.start, self.columns.stop)
         return Entries.of_block(columns, columns, np.kron(tensor, np.eye(3)))
 
