@@ -233,7 +233,10 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
     for beam, one in models.items():
         if lacks := loaded.deck.bodies[beam].lacking(one, loaded.deck.dimension):
             raise loaded.problem(f"bodies.{beam}", *lacks)
-    return {beam: MODELS[one].stepping_in(_coordinates(loaded, one)) for beam, one in models.items()}
+    return {
+        beam: MODELS[one].stepping_in(_coordinates(loaded, one), loaded.deck.bodies[beam].element)
+        for beam, one in models.items()
+    }
 
 
 def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:

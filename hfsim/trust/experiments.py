@@ -151,8 +151,9 @@ class Experiments:
         for method in sorted(places, key=lambda name: places[name]):
             if np.isfinite(places[method]) and method != self.done.method:
                 yield f"method {method}", {"method": method, "stages": None, "order": None}
-        models = (MODELS[one] for one in self.scene.models.values())
-        if solve.coordinates == "frame" and any(one.stepping_in("absolute") != one for one in models):
+        bodies, models = self.scene.deck.bodies, self.scene.models.items()
+        beams = [(MODELS[one], bodies[name].element) for name, one in models]
+        if solve.coordinates == "frame" and any(one.stepping_in("absolute", e) != one for one, e in beams):
             yield "absolute coordinates", {"coordinates": "absolute"}
 
     def finer(self) -> Update:

@@ -169,3 +169,15 @@ def test_internal_forces_are_refused_where_there_are_no_strains():
     data["output"]["channels"] = ["b1.at(0.5).moment"]
     with pytest.raises(DeckError):
         build(parsed(data))
+
+
+def test_steps_of_linear_are_in_nodal_vectors_where_nodes_have_section_vectors():
+    """They take less time there; the frame is for all other elements, or when it is asked for."""
+    scene = build(parsed(rotor("straight", "linear")))
+    assert not scene.system.charts
+    data = rotor("straight", "linear")
+    data["bodies"]["b1"]["element"] = "cable"
+    assert build(parsed(data)).system.charts
+    data = rotor("straight", "linear")
+    data["solve"]["coordinates"] = "frame"
+    assert build(parsed(data)).system.charts

@@ -71,16 +71,19 @@ class Model(NamedTuple):
         where = self.where(element, beam.n_dim)
         return cast("Body", resolve_name(f"hfsim.parts.bodies.{where}").of(beam, self.frame))
 
-    def stepping_in(self, coordinates: Literal["auto", "frame", "absolute"]) -> Model:
+    def stepping_in(self, coordinates: Literal["auto", "frame", "absolute"], element: str | None) -> Model:
         """Return the model with its state in the coordinates asked for, where it has them.
 
         A body frame is a change of variables of absolute nodal coordinates, so that steps can be made
         in either; the axial variable of ``low_order`` is not.  ``auto`` takes those in which the
-        stiffness changes least: nodal ones for ``exact``, the body frame for ``linear``.
+        stiffness changes least: nodal ones for ``exact``, the body frame for ``linear``.  Nodes with
+        section vectors have equations of their own, which the frame would couple to those of the root:
+        there it takes nodal ones, too.
         """
         if self.strain in ("none", "low_order") or coordinates == "frame":
             return self
-        return self._replace(frame=coordinates == "auto" and self.strain == "linear")
+        constant = self.strain == "linear" and element != "cosserat"
+        return self._replace(frame=coordinates == "auto" and constant)
 
 
 MODELS: dict[str, Model] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -32,6 +32,7 @@ class RigidSpec(BodySpec):
 
     rigid = True
     noun = "rigid body"
+    element: ClassVar[None] = None
 
     type: Literal["rigid"]
     """Kind of body."""

@@ -12,7 +12,7 @@ from hfsim.run.distance import channel_errors
 from hfsim.run.solution import Run
 from hfsim.run.stop import Progress
 from hfsim.scene.loading import LoadedDeck
-from hfsim.scene.schema import SolveSpec
+from hfsim.scene.schema import Deck, SolveSpec
 from hfsim.simulate import simulate
 from hfsim.studies.timing import in_turns, uninterrupted
 
@@ -72,7 +72,7 @@ def measure(
     KeyboardInterrupt
     """
     found.times |= {run.model: [run.phase_cpu("solve")] for run in runs}
-    found.coordinates |= {run.model: coordinates_of(decks[run.model].deck.solve, run.model) for run in runs}
+    found.coordinates |= {run.model: coordinates_of(decks[run.model].deck, run.model) for run in runs}
     whole = [run for run in runs if run.status == "done"]
     short = [run.model for run in whole if run.phase_cpu("solve") <= _REPEAT_BELOW]
     tell = _shares(progress, len(whole) + (repeats - 1) * len(short))
@@ -132,7 +132,10 @@ def looser(solve: SolveSpec) -> tuple[dict[str, float], float]:
     return {"tolerance": min(_LOOSER * solve.tolerance, _LOOSEST)}, _FALL
 
 
-def coordinates_of(solve: SolveSpec, model: str) -> str:
-    """Return the coordinates in which steps of a model are made, ``frame`` or ``absolute``."""
+def coordinates_of(deck: Deck, model: str) -> str:
+    """Return the coordinates in which steps of a model are made, ``frame`` or ``absolute``, or both."""
+    solve = deck.solve
     stated = "absolute" if steps_in_absolute_coordinates(solve.method) else solve.coordinates
-    return "frame" if MODELS[model].stepping_in(stated).frame else "absolute"
+    elements = {body.element for body in deck.bodies.values() if not body.rigid}
+    framed = {MODELS[model].stepping_in(stated, element).frame for element in elements}
+    return " and ".join("frame" if one else "absolute" for one in sorted(framed)) or "absolute"
