@@ -17,6 +17,10 @@ SLOW = 0.9
 
 _Found = TypeVar("_Found")
 _Solver = Callable[[Array], Array]
+_Place = tuple[float, Array, Array]
+
+Correct = Callable[[Array, float, Array, Array], Array]
+"""From a residual (n,), and t, q, v that it is the residual of, to the correction (n,)."""
 
 
 class Newton:
@@ -32,26 +36,28 @@ class Newton:
         self._derivative: Derivative | None = None
         self._solver: ByStep[_Solver] = ByStep()
         self._by = 0.0, 0.0
+        self._by_slopes = problem.slopes is not None and problem.slopes.pays
+        self._hard = np.inf
+        """Least ``by_v`` for which no derivative of the start of a step served."""
 
     def memory(self) -> dict[str, Array]:
         """Return where the derivative was taken, and for which corrections it was factorised last."""
         taken = np.zeros(0) if self._derivative is None else self._derivative.taken
-        return {"taken": taken, "by": np.array(self._by)}
+        return {"taken": taken, "by": np.array(self._by), "hard": np.array(self._hard)}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take the same derivative again and factorise it."""
+        self._hard = float(memory["hard"])
         if memory["taken"].size:
-            self._derivative = taken_again(self.problem, memory["taken"])
+            self._derivative = taken_again(self.problem, memory["taken"], with_inertia=self._by_slopes)
             self._solver_for(*memory["by"].tolist())
 
     def solution(
-        self,
-        at: tuple[float, Array, Array],
-        by_q: float,
-        by_v: float,
-        iterate: Callable[[_Solver], _Found | None],
+        self, at: _Place, by_q: float, by_v: float, iterate: Callable[[Correct], _Found | None]
     ) -> _Found | None:
         """Return what an iteration finds; it has a second chance with a new derivative.
+
+        Where slopes are at hand, a third one takes them anew for each correction.
 
         Parameters
         ----------
@@ -60,18 +66,33 @@ class Newton:
         by_q, by_v : float
             Corrections solve with I - by_q J_q - by_v J_v.
         iterate : callable
-            Map from residuals to corrections -> solution; None if it does not converge.
+            `Correct` -> solution; None if it does not converge.
         """
+        if by_v < self._hard:
+            found = self._with_one(at, by_q, by_v, iterate)
+            if found is not None or self.problem.slopes is None:
+                return found
+            self._hard = by_v
+        self._derivative = None
+        return iterate(lambda r, *place: self._derivative_at(place, True).solver(by_q, by_v)(r))
+
+    def _with_one(
+        self, at: _Place, by_q: float, by_v: float, iterate: Callable[[Correct], _Found | None]
+    ) -> _Found | None:
         for fresh in (self._derivative is None, True):
             if fresh:
-                self._derivative, self._solver = derivative(self.problem, *at), ByStep()
-            found = iterate(self._solver_for(by_q, by_v))
+                self._derivative, self._solver = self._derivative_at(at, self._by_slopes), ByStep()
+            solve = self._solver_for(by_q, by_v)
+            found = iterate(lambda r, *_, solve=solve: solve(r))
             if found is not None:
                 return found
             if fresh:
                 break
         self._derivative = None
         return None
+
+    def _derivative_at(self, place: _Place, by_slopes: bool) -> Derivative:
+        return derivative(self.problem, *place, with_inertia=by_slopes)
 
     def _solver_for(self, by_q: float, by_v: float) -> _Solver:
         self._by = by_q, by_v

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.linearized import Linearized, by_differences
 from hfsim.mechanics.strained import Strains
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.slopes import Slopes
 
 
 @dataclass(eq=False)
@@ -108,6 +111,8 @@ class Problem:
         (t, q) -> the failure that explains why steps get ever shorter near this state, or None.
     linearized : callable or None
         (t, q, v) -> the equations linearised at a state; without it derivatives come from differences.
+    slopes : Slopes or None
+        Derivatives of the accelerations with all inertia forces, where these are at hand in closed form.
     culprit : callable
         (t, q, v) -> the failure that names what is not finite in this state, or None.
     increments : Increments
@@ -141,6 +146,7 @@ class Problem:
     linearized: Callable[[float, Array, Array], Linearized] | None = None
     culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
     increments: Increments = field(default_factory=PlainIncrements)
+    slopes: Slopes | None = None
     imbalance: Callable[[Array, Array, Array, Array], tuple[Array, Array]] | None = None
     strains: Strains | None = None
     constant_mass: bool = True
@@ -168,6 +174,13 @@ class Problem:
             return self.imbalance(t, q, v, a)
         return self.strains.expected(strains).imbalance(t, q, v, a)
 
+    def sloping(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return accelerations of a batch with their slopes by q and v, and count the call."""
+        assert self.slopes is not None
+        self._count(q)
+        self.counts.factorisations += 1
+        return self.slopes(t, q, v)
+
     def _count(self, q: Array) -> None:
         self.counts.calls += 1
         self.counts.evaluations += len(q)
@@ -185,4 +198,6 @@ class Problem:
             return self.strains.expected(strains[None]).linearized(t, q, v)
         if self.linearized is not None:
             return self.linearized(t, q, v)
+        if self.slopes is not None:
+            return self.slopes.linearized(t, q, v)
         return by_differences(self.evaluate, t, q, v, self.dissipates)

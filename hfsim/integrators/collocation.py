@@ -18,7 +18,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple
+from pkgutil import resolve_name
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,8 @@ from hfsim.integrators._tableau import Collocation, gauss, radau
 from hfsim.integrators.derivative import derivative, taken_again
 from hfsim.maths.arrays import Array
 
+STAGEWISE = "hfsim.integrators._stagewise.StagewiseStepper"
+"""What makes the steps where slopes pay: imported, only then, from what it is built on."""
 MAX_ITERATIONS = 20
 SERVES_WELL = 5
 """Iterations in a step up to which its derivative is kept for one more."""
@@ -81,12 +84,15 @@ class CollocationMethod:
         Local error per step: metre, radian or slope, relative above 1.
     damping : Damping, optional
         Taken instead in natural coordinates.
+    stagewise : callable, optional
+        Gives the table taken instead where slopes pay at every stage.
     """
 
     name: str
     table: Collocation
     tolerance: float
     damping: Damping | None = None
+    stagewise: Callable[[], Collocation] | None = None
 
     @property
     def stages(self) -> int:
@@ -95,6 +101,9 @@ class CollocationMethod:
 
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> CollocationStepper:
         """Return what makes the steps from an initial state."""
+        if problem.slopes is not None and problem.slopes.pays:
+            stepper: CollocationStepper = resolve_name(STAGEWISE)(self, problem, t, q, v)
+            return stepper
         return CollocationStepper(self, problem, t, q, v)
 
 
@@ -107,11 +116,14 @@ class CollocationStepper(Stepper):
         Of the method of the steps, that for damping included.
     table : Collocation
         Of the same.
+    growths : tuple of (int, float)
+        Iterations in a step, and how much longer the next one may then be.
     first : float
         The time in which the fastest mode turns by one radian a stage.
     """
 
-    remembers = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known")
+    growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
+    remembers: ClassVar[tuple[str, ...]] = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known")
 
     def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._tolerance = method, problem, method.tolerance
@@ -193,7 +205,7 @@ class CollocationStepper(Stepper):
         growth = float((TARGET / max(error, 1e-30)) ** (1.0 / (self.table.stages + 1)))
         if error > 1.0:
             return growth
-        most = next(factor for iterations, factor in GROWTH if self._iterations <= iterations)
+        most = next(factor for iterations, factor in self.growths if self._iterations <= iterations)
         return min(growth, most, self._cap / h)
 
     def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
@@ -240,7 +252,7 @@ class CollocationStepper(Stepper):
         back, s = table.A2_inverse / h**2, table.stages
         A2 = scaled[:s]
         correct, residual = self._derivative.correction(table, h), self._derivative.residual
-        ending, size = _Ending(q, self._tolerance), np.inf
+        ending, size = Ending(q, self._tolerance), np.inf
         strains, strained = problem.strains if self._stiff else None, None
         expected = self._expected
         for k in range(MAX_ITERATIONS):
@@ -265,7 +277,7 @@ class CollocationStepper(Stepper):
         return None
 
 
-class _Ending:
+class Ending:
     """Tells when an iteration need not, or cannot, go on."""
 
     def __init__(self, q: Array, tolerance: float) -> None:
@@ -300,6 +312,8 @@ GAUSS_STAGES = 20
 """Stages of `gauss` by default: fewer make steps shorter and save no iterations, even at loose tolerances."""
 IN_SPACE = (3e-5, 12)
 """In space, where arithmetic costs as much as calls do: tolerance above which `auto` makes do with fewer."""
+STAGEWISE_STAGES = 10
+"""Stages of `gauss` by default where each has its own derivative: the matrix of a step grows with them."""
 LOOSE = 3e-4
 """Tolerance above which radau makes do with fewer stages."""
 
@@ -315,10 +329,9 @@ def unresolving_stages(tolerance: float) -> int:
     return 16 if tolerance > LOOSE else 20 if tolerance > 1e-5 else 24
 
 
-def _gauss(
-    solve: Options, damping: Damping | None = None, stages: int = GAUSS_STAGES
-) -> CollocationMethod:
-    return CollocationMethod("gauss", gauss(solve.stages or stages), solve.tolerance, damping)
+def _gauss(solve: Options, damping: Damping | None = None, stages: int = GAUSS_STAGES) -> CollocationMethod:
+    few = None if solve.stages else partial(gauss, STAGEWISE_STAGES)
+    return CollocationMethod("gauss", gauss(solve.stages or stages), solve.tolerance, damping, few)
 
 
 def _radau(solve: Options) -> CollocationMethod:

@@ -31,6 +31,7 @@ def derivative(
     v: Array,
     natural: Increments | None = None,
     expected: Array | None = None,
+    with_inertia: bool = False,
 ) -> Derivative:
     """Compute the derivative of the accelerations at a state, for corrections in natural coordinates.
 
@@ -43,12 +44,16 @@ def derivative(
         The state's own coordinates without it.
     expected : ndarray, shape (n_strains,), optional
         Strains that are expected there; those of the state without it.
+    with_inertia : bool
+        Whether inertia forces that change with the state count where they are at hand.
     """
     problem.counts.factorisations += 1
     strains, natural = problem.strains, natural or PlainIncrements()
     place = [np.array([t]), q, v]
     if strains is None:
-        found = _in_its_form(problem.near(t, q, v), q, natural)
+        slopes = problem.slopes if with_inertia else None
+        near = problem.near if slopes is None else slopes.linearized
+        found = _in_its_form(near(t, q, v), q, natural)
     else:
         expected = strains.seen(q[None])[0] if expected is None else expected
         found = _in_its_form(problem.near(t, q, v, expected), q, natural)
@@ -58,14 +63,16 @@ def derivative(
     return found
 
 
-def taken_again(problem: Problem, taken: Array, natural: Increments | None = None) -> Derivative:
+def taken_again(
+    problem: Problem, taken: Array, natural: Increments | None = None, with_inertia: bool = False
+) -> Derivative:
     """Compute a derivative where one was taken."""
     place, angles = np.split(taken, [len(taken) - len(problem.turns)])
     count = 0 if problem.strains is None else problem.strains.count
     n = (len(place) - 1 - count) // 2
     t, q, v, expected = float(place[0]), place[1 : n + 1], place[n + 1 : 2 * n + 1], place[2 * n + 1 :]
     with problem.turns.supposed(t, angles):
-        return derivative(problem, t, q, v, natural, expected)
+        return derivative(problem, t, q, v, natural, expected, with_inertia)
 
 
 def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:

@@ -8,7 +8,7 @@ collocation, so that the order asked for holds from the start.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,7 +24,7 @@ from hfsim.integrators._base import (
     cautious_step,
     unsolved,
 )
-from hfsim.integrators._newton import Newton
+from hfsim.integrators._newton import Correct, Newton
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators._trajectory import two_point_series
@@ -190,7 +190,7 @@ class GearStepper(Stepper):
         )
 
     def _iterate(
-        self, solve: Callable[[Array], Array], t: float, c: float, predicted: Array, psi: Array
+        self, solve: Correct, t: float, c: float, predicted: Array, psi: Array
     ) -> tuple[Array, Array] | None:
         time, dv = np.array([t]), np.zeros(predicted.shape[1])
 
@@ -199,7 +199,7 @@ class GearStepper(Stepper):
             v = predicted[1] + dv
             q = predicted[0] + (c * v - psi[0])
             a = self._newton.problem.evaluate(time, q[None], v[None])[0]
-            step = solve(c * a - psi[1] - dv)
+            step = solve(c * a - psi[1] - dv, t, q, v)
             dv = dv + step
             return self._size(np.stack([c * step, step]), 1.0)
 

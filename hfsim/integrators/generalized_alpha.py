@@ -5,7 +5,7 @@ Second order, with numerical damping of high frequencies set by the spectral rad
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -22,7 +22,7 @@ from hfsim.integrators._base import (
     relative,
     unsolved,
 )
-from hfsim.integrators._newton import Newton
+from hfsim.integrators._newton import Correct, Newton
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import two_point_series
 from hfsim.maths.arrays import Array
@@ -123,15 +123,14 @@ class GeneralizedAlphaStepper(Stepper):
         super().recall(memory)
         self._newton.recall(memory)
 
-    def _iterate(
-        self, solve: Callable[[Array], Array], t: float, q: Array, v: Array, h: float
-    ) -> _End | None:
+    def _iterate(self, solve: Correct, t: float, q: Array, v: Array, h: float) -> _End | None:
         time, a = np.array([t]), self.a
 
         def correct() -> float:
             nonlocal a
             end = self._end_state(q, v, h, a)
-            delta = solve(self._newton.problem.evaluate(time, end.q[None], end.v[None])[0] - a)
+            there = self._newton.problem.evaluate(time, end.q[None], end.v[None])[0]
+            delta = solve(there - a, t, end.q, end.v)
             a = a + delta
             return self._beta * h * max(h, self.reach) * float(np.abs(delta).max())
 

@@ -198,3 +198,12 @@ class JointRows:
         if self._products is not None:
             parts.append(self._products.stiffness(multipliers[0, self._products.rows]))
         return parts
+
+    def bend(self) -> Array | None:
+        """Return the derivative of Phi_x, (n_rows, n_x, n_x), the same in all states; None if it is not."""
+        if self._changing:
+            return None
+        bend = np.zeros((self.n_rows, self.n_x, self.n_x))
+        if self._products:
+            bend[self._products.rows] = self._products.bend()
+        return bend

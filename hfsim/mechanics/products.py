@@ -166,6 +166,13 @@ class Products:
         which, entries = self._blocks
         return entries._replace(values=entries.values * multipliers[which])
 
+    def bend(self) -> Array:
+        """Return the derivative of Phi_x, the same in every state, dense, shape (m, n, n)."""
+        which, entries = self._blocks
+        bend = np.zeros((len(self), self.n, self.n))
+        np.add.at(bend, (which, entries.rows, entries.columns), entries.values)
+        return bend
+
     @cached_property
     def _blocks(self) -> tuple[IntArray, Entries]:
         """Entries of weight (A^T B + B^T A) of each equation, and the equation of each entry."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from hfsim.run.steps import State, Steps, Stop, Strand, Together
 from hfsim.run.stop import SHIELD, Progress, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.slopes import Slopes
 
 
 class Integration(NamedTuple):
@@ -171,15 +174,24 @@ def problem_of(scene: Scene) -> Problem:
         culprit=partial(_culprit, scene),
         linearized=system.linearized if system.linearizes else None,
         increments=system.natural or PlainIncrements(),
+        slopes=_slopes(scene),
         imbalance=system.imbalance if system.balances else None,
         strains=Strains.of(system),
-        constant_mass=system.linearizes,
+        constant_mass=not system.charts and not system.variable_mass,
         quartic=system.quartic,
         breaks=system.breaks,
         period=system.period,
         turns=Turns(system),
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
+
+
+def _slopes(scene: Scene) -> Slopes | None:
+    if scene.deck.dimension == 2:
+        return None
+    from hfsim.mechanics.slopes import Slopes
+
+    return Slopes.of(scene.system, (scene.q, scene.v))
 
 
 def _recharted(system: System, q: Array, v: Array) -> tuple[Array, Array] | None:

@@ -1,0 +1,86 @@
+"""Collocation by full Newton iteration, with the derivative of the accelerations at every stage.
+
+In few coordinates that is cheap, and spinning bodies need it: in a step of some radians no one derivative
+serves all stages.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from hfsim.integrators._base import Attempt
+from hfsim.integrators._problem import Problem
+from hfsim.integrators.collocation import CollocationMethod, CollocationStepper, Ending
+from hfsim.maths.arrays import Array
+
+MAX_ITERATIONS = 9
+FAR = 1e2
+"""Correction, relative to the largest coordinate, from which an iteration is lost."""
+
+
+class StagewiseStepper(CollocationStepper):
+    """Collocation at work where slopes of the accelerations are cheap."""
+
+    growths = ((3, 3.0), (4, 1.3), (5, 1.0), (MAX_ITERATIONS, 0.85))
+    remembers = (*CollocationStepper.remembers, "_course", "_length")
+
+    def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
+        super().__init__(method, problem, t, q, v)
+        if method.stagewise is not None:
+            self.table = method.stagewise()
+        self._course: Array = np.zeros((0, len(q)))
+        self._length = 1.0
+        """Of the last step, whose Legendre series of the accelerations is the course."""
+
+    def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
+        """Solve the stage equations for one step and estimate its error."""
+        found = super().attempt(t, q, v, h)
+        self._made = found.series, h
+        return found
+
+    def accept(self, t: float, q: Array, v: Array) -> None:
+        """Take note of the accelerations in the step."""
+        super().accept(t, q, v)
+        self._old = False
+        self._course, self._length = self._made
+
+    def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
+        """Return stage accelerations that go on from the last step, at first those of the start."""
+        if not len(self._course):
+            return np.repeat(a0[None], self.table.stages, axis=0)
+        places = 1.0 + 2.0 * h / self._length * self.table.nodes
+        return np.asarray(legvander(places, len(self._course) - 1) @ self._course)
+
+    def _renew(self, t: float, q: Array, v: Array, h: float, expected: Array | None = None) -> None:
+        """Keep the derivative at the start: it takes no part in the steps."""
+
+    def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
+        """Return the stage accelerations, or None if neither guess leads to them."""
+        found = self._newton(t, q, v, h, a)
+        if found is None and len(self._course):
+            start = self._start_acceleration(t, q, v)
+            found = self._newton(t, q, v, h, np.repeat(start[None], self.table.stages, axis=0))
+        return found
+
+    def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
+        table, problem, (s, n) = self.table, self._problem, a.shape
+        times, uniform = t + h * table.nodes, q + (h * table.nodes)[:, None] * v
+        A2, A = h * h * table.A2, h * table.A
+        ending, far = Ending(q, self._tolerance), FAR * (1.0 + float(np.abs(q).max()))
+        for k in range(MAX_ITERATIONS):
+            there, by_q, by_v = problem.sloping(times, uniform + A2 @ a, v + A @ a)
+            matrix = A2[:, None, :, None] * by_q[:, :, None] + A[:, None, :, None] * by_v[:, :, None]
+            matrix = np.eye(s * n) - matrix.reshape(s * n, s * n)
+            step = np.linalg.solve(matrix, (there - a).ravel()).reshape(s, n)
+            a, y = a + step, A2 @ step
+            problem.counts.iterations += 1
+            self._iterations = k + 1
+            size = float(np.abs(y).max())
+            if not size < far:
+                return None
+            # what the change of the velocity at the end does in half a second, as if all motions were slow
+            converged = ending.after(k, 0.5 * float(np.abs(table.end_rate @ y).max()) / h, size)
+            if converged is not None:
+                return a if converged and np.isfinite(a).all() else None
+        return None
