@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.mechanics.constraints import Constraint, End
 from hfsim.mechanics.markers import joint_support
@@ -43,6 +43,15 @@ class JointRows:
     def n_rows(self) -> int:
         """Number of equations."""
         return sum(c.rows for c in self.constraints)
+
+    @cached_property
+    def _of_unit_axes(self) -> BoolArray:
+        """Which rows hold lengths and angles of unit vectors: of size one in any scene."""
+        return np.array([c.unit == "-" for c in self.constraints for _ in range(c.rows)], dtype=bool)
+
+    def scales(self, size: float) -> Array:
+        """Return the sizes of what rows compare, (n_rows,), in a scene with coordinates of a size."""
+        return np.where(self._of_unit_axes, 1.0, size)
 
     @cached_property
     def constant(self) -> bool:

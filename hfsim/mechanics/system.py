@@ -379,7 +379,7 @@ class System:
         equations = self.equations
         for _ in range(8):
             gap = equations.phi.residual(t, x)
-            if _largest(gap) <= ROUNDING * max(1.0, _largest(x)):
+            if np.all(np.abs(gap) <= ROUNDING * equations.phi.scales(max(1.0, _largest(x)))):
                 break
             x = x - self._correction(x, gap)
         else:

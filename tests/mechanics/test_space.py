@@ -33,6 +33,8 @@ from hfsim.parts.joints.prismatic import PrismaticSpec
 from hfsim.parts.joints.revolute import RevoluteSpec
 from hfsim.parts.joints.spherical import SphericalSpec
 from hfsim.parts.joints.universal import UniversalSpec
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
 
 N = 12 + 12 + 6 + 6 + 18 + 12
 BODY, OTHER, LINE, FRAME = slice(0, 12), slice(12, 24), slice(24, 30), slice(30, 36)
@@ -440,3 +442,18 @@ def test_a_line_hinged_to_the_ground_has_linear_equations(ends, sparse, rng):
     J = np.broadcast_to(phi.jacobians(x), (2, phi.n_rows, N))
     assert phi.drift(t, x, u) == pytest.approx((J @ u[..., None])[..., 0], abs=1e-13)
     assert phi.curvature(t, x, u) == pytest.approx(-np.hstack([c.bias(x, u) for c in found]), abs=1e-12)
+
+
+def test_axes_are_kept_as_square_far_away_as_near():
+    """What counts as closed goes with the size of the scene for places alone."""
+    text = """hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+bodies: {box: {type: rigid, mass: 1.0, inertia: [1.0, 2.0, 2.5]}}
+initial: {box: {position: [1000.0, 0.0, 0.0]}}
+solve: {duration: 1.0}
+"""
+    system = (built := build(parse_deck(text))).system
+    off = built.q + 5e-12 * np.sin(np.arange(1.0, system.n + 1.0))
+    q, _ = system.project(np.zeros(1), off[None], built.v[None])
+    assert np.abs(system.residual(np.zeros(1), system.absolute(off[None]))).max() > 1e-12
+    assert np.abs(system.residual(np.zeros(1), system.absolute(q))).max() < 1e-13

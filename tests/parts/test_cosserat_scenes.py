@@ -10,6 +10,7 @@ from equilibrium import cantilever
 from hfsim.errors import DeckError
 from hfsim.maths.matrices import dense, is_sparse
 from hfsim.maths.rotations import rotation
+from hfsim.parts.bodies.axis_spec import AxisSpec
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
@@ -212,3 +213,10 @@ def test_tension_turns_no_sections_of_thin_strips(third, height, width, degree):
     k = 21.0 * np.sqrt(7850.0 / 2.1e11)
     assert run.status == "done"
     assert stretch[-1] == pytest.approx(np.tan(k) / k - 1.0, rel=4e-2 if degree == 1 else 1e-4)
+
+
+@pytest.mark.parametrize("size", [1e-150, 9e11])
+def test_points_of_a_line_as_long_as_no_beam_are_refused(size):
+    points = [[0.0, 0.0, 0.0], [size, 0.0, 0.0], [1.1 * size, 0.4 * size, 0.0]]
+    with pytest.raises(ValueError, match="the line would be"):
+        AxisSpec(points=points)

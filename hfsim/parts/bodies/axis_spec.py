@@ -29,12 +29,17 @@ class ArcSpec(Spec):
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield an arc without length, or with one that no beam has."""
-        least, most = RANGES["length"]
         if self.angle == 0.0:
             yield Complaint(("angle",), "an arc has an angle", "leave axis out for a straight beam")
-        elif not least <= self.radius * abs(self.angle) <= most:
-            message = f"the arc would be {self.radius * abs(self.angle):.3g} m long"
-            yield Complaint(("angle",), message, f"from {least:g} to {most:g} m")
+        else:
+            yield from _of_no_length(("angle",), "arc", self.radius * abs(self.angle))
+
+
+def _of_no_length(path: Path, line: str, length: float) -> Iterator[Complaint]:
+    """Yield a line that is as long as no beam is."""
+    least, most = RANGES["length"]
+    if not least <= length <= most:
+        yield Complaint(path, f"the {line} would be {length:.3g} m long", f"from {least:g} to {most:g} m")
 
 
 class AxisSpec(Spec):
@@ -67,6 +72,7 @@ class AxisSpec(Spec):
             if gaps.min() <= _SAME * gaps.sum():
                 index = int(np.argmin(gaps)) + 1
                 yield Complaint(("points", index), "is where the point before it is", "leave it out")
+            yield from _of_no_length(("points",), "line", float(gaps.sum()))
 
     @property
     def shape(self) -> "Arc | Curve":
