@@ -1,11 +1,12 @@
 """Time and memory of a step against the size of the scene.
 
-    python tests/benchmarks/scaling.py
+    python tests/benchmarks/scaling.py [--space]
 
 Two families: the pendulum of one beam with 16 to 4096 elements, and a chain of 2 to 256 hinged beams of
-two elements each; model `exact`, methods gauss and gear at equal fixed steps.  Each step is scaled to the
-element length, so that the same number of them asks the same of Newton's method.  CPU time, median of
-repeats; memory by tracemalloc in a run of its own.
+two elements each; in space beams of both elements and a chain of rigid bodies on ball joints.  Model `exact`,
+methods gauss and gear at equal fixed steps.  Each step is scaled to the element length, so that the same
+number of them asks the same of Newton's method.  CPU time, median of repeats; memory by tracemalloc in a run
+of its own.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ from __future__ import annotations
 import argparse
 import time
 import tracemalloc
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -42,6 +45,27 @@ joints:
 {joints}
 solve: {{model: exact, duration: {duration}, method: {method}, step: {step}, stages: 8, order: 2}}
 """
+SPACE = """
+hfsim: 1
+name: space
+gravity: [0.0, 0.0, -9.81]
+materials: {{soft: {{density: 5540.0, youngs_modulus: 7.0e5, poisson_ratio: 0.3}}}}
+sections: {{round: {{shape: circle, diameter: 0.04}}}}
+bodies:
+  b1: {{type: beam, material: soft, section: round, length: 1.2, elements: {count}, element: {element}}}
+joints: {{pin: {{type: spherical, between: [ground, b1.root]}}}}
+solve: {{model: exact, duration: {duration}, method: {method}, step: {step}, stages: 8, order: 2}}
+"""
+LINKS = """
+hfsim: 1
+name: links
+gravity: [0.0, 0.0, -9.81]
+bodies:
+{bodies}
+joints:
+{joints}
+solve: {{duration: {duration}, method: {method}, step: {step}, stages: 8, order: 2}}
+"""
 STEPS = 10
 
 
@@ -51,15 +75,24 @@ def beam(count: int, method: str) -> str:
     return BEAM.format(count=count, method=method, step=step, duration=STEPS * step)
 
 
-def chain(count: int, method: str) -> str:
-    """Return the deck of a chain of `count` beams, 0.3 m each, hinged end to end."""
+def space(count: int, method: str, element: str) -> str:
+    """Return the deck of a beam of `count` elements of a kind on a ball joint."""
+    step = 4e-3 / count
+    return SPACE.format(count=count, method=method, step=step, duration=STEPS * step, element=element)
+
+
+def chain(count: int, method: str, deck: str = CHAIN, joint: str = "revolute") -> str:
+    """Return the deck of a chain of `count` beams, 0.3 m each, or of rigid bodies, joined end to end."""
     names = [f"b{k}" for k in range(count)]
     one = "{{type: beam, material: soft, section: strip, length: 0.3, elements: 2}}"
+    if deck is LINKS:
+        points = "{{root: [-0.1, 0, 0], tip: [0.1, 0, 0]}}"
+        one = f"{{{{type: rigid, mass: 1.0, inertia: [0.01, 0.02, 0.02], points: {points}}}}}"
     ends = ["ground", *(f"{name}.tip" for name in names)]
     joints = [
-        f"  j{k}: {{type: revolute, between: [{ends[k]}, {name}.root]}}" for k, name in enumerate(names)
+        f"  j{k}: {{type: {joint}, between: [{ends[k]}, {name}.root]}}" for k, name in enumerate(names)
     ]
-    text = CHAIN.replace("{bodies}", "\n".join(f"  {name}: {one}" for name in names))
+    text = deck.replace("{bodies}", "\n".join(f"  {name}: {one}" for name in names))
     text = text.replace("{joints}", "\n".join(joints).replace("{", "{{").replace("}", "}}"))
     step = 1e-3
     return text.format(method=method, step=step, duration=STEPS * step)
@@ -87,13 +120,23 @@ def measure(text: str, repeats: int) -> tuple[float, float, int, float]:
     return float(np.median(times)), building, scene.system.n, peak
 
 
+FAMILIES: dict[str, Callable[[int, str], str]] = {
+    "elements": beam,
+    "bodies": chain,
+    "cosserat": partial(space, element="cosserat"),
+    "cable": partial(space, element="cable"),
+    "links": partial(chain, deck=LINKS, joint="spherical"),
+}
+"""Decks by number and method."""
+
+
 def table(family: str, counts: list[int], method: str, repeats: int, slope_from: int) -> None:
     """Print one family with one method, and the slopes of time and memory."""
     titles = f"{'count':>6} {'unknowns':>9} {'ms a step':>10} {'build s':>8} {'memory MB':>10}"
     print(f"\n{family}, {method}: {titles}")
     rows = []
     for count in counts:
-        text = (beam if family == "elements" else chain)(count, method)
+        text = FAMILIES[family](count, method)
         step, building, unknowns, peak = measure(text, repeats)
         rows.append((count, step, peak))
         row = f"{count:>6} {unknowns:>9} {1e3 * step:>10.2f} {building:>8.2f} {peak:>10.1f}"
@@ -111,8 +154,13 @@ def main() -> None:
     parser.add_argument("--bodies", default="2,4,16,64,256")
     parser.add_argument("--methods", default="gauss,gear")
     parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--space", action="store_true", help="beams and bodies in space, 64 to 1024")
     given = parser.parse_args()
     for method in given.methods.split(","):
+        for family in ("cosserat", "cable", "links") if given.space else ():
+            table(family, [64, 256, 1024], method, given.repeats, 64)
+        if given.space:
+            continue
         table("elements", [int(n) for n in given.elements.split(",")], method, given.repeats, 64)
         table("bodies", [int(n) for n in given.bodies.split(",")], method, given.repeats, 16)
 
