@@ -1,7 +1,7 @@
 """Mass matrix and forces of one beam as the paper writes them, in hybrid coordinates.
 
 Equations (9)-(14) and (31) of Liu, Hong & Cui (2007) for q = (r0, theta, p), evaluated from the
-constant matrices int rho N^T N and int rho N of the mesh.  `hfsim.parts.bodies.frame` reaches the same
+constant matrices int rho N^T N and int rho N of the mesh.  `hfsim.parts.bodies.planar_frame` reaches the same
 accelerations by a change of variables; these are what tests and benchmarks hold it against.
 
 In the plane s~' a is the number ``normal(s') . a``, and omega~' a the vector ``omega normal(a)``.

@@ -3,13 +3,14 @@
 import numpy as np
 
 from hfsim.deck.materials import BeamProperties, SectionProperties
-from hfsim.mechanics.markers import GroundMarker, NodalMarker, RigidMarker
+from hfsim.mechanics.markers import GroundMarker
+from hfsim.mechanics.planar_markers import NodalMarker, RigidMarker
 from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
 from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.beam_axis import Axis, Line
-from hfsim.parts.bodies.low_order import LowOrderBeam
-from hfsim.parts.bodies.low_order_body import LowOrderMarker
 from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.bodies.planar_low_order import LowOrderBeam
+from hfsim.parts.bodies.planar_low_order_body import LowOrderMarker
 from hfsim.parts.bodies.section_mesh import SectionMesh
 from hfsim.parts.elements import Cable, Continuum
 

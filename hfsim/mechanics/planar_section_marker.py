@@ -7,7 +7,7 @@ from functools import cached_property
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.rotations import wrap
-from hfsim.mechanics.markers import NodalMarker
+from hfsim.mechanics.planar_markers import NodalMarker
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,8 @@ from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_rates, rotation_vector, wrap
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.constraints import Constraint
-from hfsim.mechanics.markers import Marker, RigidMarker
+from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.planar_markers import RigidMarker
 from hfsim.mechanics.pose import Pose
 
 CLOSED = 1e-9

@@ -33,6 +33,7 @@ class FakeDeck:
 
     output = types.SimpleNamespace(plots=True)
     channels = ("b1.tip.x", "b1.tip.y", "constraint.position")
+    bodies = types.MappingProxyType({})
 
     def __init__(self, path, overrides):
         self.name = Path(path).read_text().strip()

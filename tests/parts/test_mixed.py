@@ -10,8 +10,8 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.errors import DeckError
 from hfsim.mechanics.pose import Pose, Twist
-from hfsim.parts.bodies.frame import FrameChart
 from hfsim.parts.bodies.models import MODELS
+from hfsim.parts.bodies.planar_frame import FrameChart
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

@@ -8,9 +8,9 @@ from hfsim.maths.matrices import assemble
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.linear import LinearElasticForce
-from hfsim.parts.bodies.low_order import LowOrderBeam
-from hfsim.parts.bodies.low_order_body import LowOrderMarker
 from hfsim.parts.bodies.models import MODELS
+from hfsim.parts.bodies.planar_low_order import LowOrderBeam
+from hfsim.parts.bodies.planar_low_order_body import LowOrderMarker
 from hfsim.parts.elements import ELEMENTS
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 from hfsim.scene.build import build

@@ -14,8 +14,8 @@ from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ForcePart
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.frame import relative_nodes
 from hfsim.parts.bodies.nodal import NodalBeam
+from hfsim.parts.bodies.planar_frame import relative_nodes
 
 LIMIT_LENGTHS = 10.0
 """Displacement over length at which a beam of the model linear has broken down."""

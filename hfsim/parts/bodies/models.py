@@ -88,7 +88,7 @@ class Model(NamedTuple):
 
 MODELS: dict[str, Model] = {
     "rigid": Model(
-        "rigid_beam:RigidBeam",
+        "planar_rigid_beam:RigidBeam",
         frame=False,
         strain="none",
         leaves_out=("bending", "stretch"),
@@ -111,7 +111,7 @@ MODELS: dict[str, Model] = {
         flat="section_linear:LinearSectionBeam",
     ),
     "lowOrder": Model(
-        "low_order_body:LowOrderBody",
+        "planar_low_order_body:LowOrderBody",
         frame=True,
         strain="low_order",
         leaves_out=("curvature",),

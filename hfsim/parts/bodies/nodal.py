@@ -19,12 +19,13 @@ from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.deformation import Deformation, size
 from hfsim.mechanics.force import ForcePart
-from hfsim.mechanics.markers import Marker, NodalMarker
+from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.planar_markers import NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.frame import FrameChart, relative_nodes
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.bodies.natural import BeamIncrements, NaturalBeams
+from hfsim.parts.bodies.planar_frame import FrameChart, relative_nodes
+from hfsim.parts.bodies.planar_natural import BeamIncrements, NaturalBeams
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,6 +211,6 @@ class NodalBeam(VectorBody):
             return NaturalBeams(*row)
         if element.per_node > 2:
             return None
-        from hfsim.parts.bodies.interior import InteriorBeams
+        from hfsim.parts.bodies.planar_interior import InteriorBeams
 
         return InteriorBeams(*row)

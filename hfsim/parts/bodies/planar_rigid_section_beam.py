@@ -10,10 +10,10 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import freedoms, normal, rotate
 from hfsim.mechanics.body import Place
-from hfsim.mechanics.markers import RigidMarker
+from hfsim.mechanics.planar_markers import RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.rigid import RigidBody
+from hfsim.parts.bodies.planar_rigid import RigidBody
 from hfsim.parts.bodies.rigid_section_beam import PlaceMarker, RigidSectionBeam
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 

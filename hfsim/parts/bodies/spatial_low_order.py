@@ -5,7 +5,7 @@ H(x) = int_0^x N'^T N'.  Without the foreshortening, this is a line in the nodal
 so absolute nodal vectors X of that line are the coordinates: X = r0 + A (x + w, v2, v3).  Mass matrix and
 inertia force are those of `hfsim.parts.bodies.root_frame`, kept through second order in the elastic
 coordinates and their rates jointly (or whole with ``truncation: none``), then carried over to X.  So both are
-the same however a scene is turned, and in a plane those of `hfsim.parts.bodies.low_order`.
+the same however a scene is turned, and in a plane those of `hfsim.parts.bodies.planar_low_order`.
 """
 
 from __future__ import annotations

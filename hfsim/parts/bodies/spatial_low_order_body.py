@@ -16,7 +16,7 @@ from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.low_order_body import FIELDS
+from hfsim.parts.bodies.planar_low_order_body import FIELDS
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
 from hfsim.parts.bodies.spatial_linear import SpatialLinearBeam, SpatialLinearElasticForce
 from hfsim.parts.bodies.spatial_low_order import SpatialLowOrderBeam

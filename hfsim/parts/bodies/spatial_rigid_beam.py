@@ -19,7 +19,7 @@ from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.folded import FoldedBody
-from hfsim.parts.bodies.rigid_beam import POINTS
+from hfsim.parts.bodies.planar_rigid_beam import POINTS
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from functools import cached_property
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
-from hfsim.parts.bodies.frame import ROOT
-from hfsim.parts.bodies.natural import BeamIncrements
+from hfsim.parts.bodies.planar_frame import ROOT
+from hfsim.parts.bodies.planar_natural import BeamIncrements
 from hfsim.parts.elements.polynomial import strain_moments
 
 _MOST_CORRECTIONS = 8

@@ -19,7 +19,7 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.low_order import PLACE, RIGID, TURN, LowOrderBeam
+from hfsim.parts.bodies.planar_low_order import PLACE, RIGID, TURN, LowOrderBeam
 
 FIELDS = 8.5
 """Tables of H v that a derivative by differences holds at a time: measured with 32, 64 and 128 elements."""

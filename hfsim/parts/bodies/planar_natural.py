@@ -21,7 +21,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.mechanics.increments import BodyIncrements
-from hfsim.parts.bodies.frame import ROOT, relative, with_root
+from hfsim.parts.bodies.planar_frame import ROOT, relative, with_root
 from hfsim.parts.elements.polynomial import mean_square_slope
 
 

@@ -12,10 +12,11 @@ from hfsim.maths.arrays import Array, cumulative
 from hfsim.maths.rotations import freedoms, rotate
 from hfsim.mechanics.body import Load, Place
 from hfsim.mechanics.deformation import Deformation
-from hfsim.mechanics.markers import Marker, RigidMarker
+from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.planar_markers import RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
-from hfsim.parts.bodies.rigid import RigidBody
+from hfsim.parts.bodies.planar_rigid import RigidBody
 
 POINTS = 33
 """Equidistant places along the beam at which it would be bent."""
