@@ -171,7 +171,7 @@ def lagrange(xi: Array | float, nodes: Array, derivative: int = 0) -> Array:
 
     Examples
     --------
-    >>> lagrange(0.25, np.array([0.0, 1.0])), lagrange(0.25, np.array([0.0, 1.0]), 1) + 0.0
+    >>> lagrange(0.25, np.array([0.0, 1.0])), lagrange(0.25, np.array([0.0, 1.0]), 1)
     (array([[0.75, 0.25]]), array([[-1.,  1.]]))
     """
     gaps = np.atleast_1d(np.asarray(xi, dtype=float))[:, None] - nodes
