@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -170,15 +170,25 @@ class JointRows:
 
     def entries(self, x: Array) -> Entries:
         """Return the entries of Phi_x in states (n_batch, n_x), their values (n_batch, n_entries)."""
-        parts = [NOTHING._replace(values=np.zeros((len(x), 0)))]
-        for end in self.ends:
-            block = end.jacobian(x)
-            places = Entries.of_block(np.r_[end.rows], end.columns, block[0])
-            values = np.broadcast_to(block.reshape(len(block), -1), (len(x), block[0].size))
-            parts.append(places._replace(values=values))
+        still = self._still_entries
+        parts = [still._replace(values=np.broadcast_to(still.values, (len(x), still.values.shape[1])))]
+        parts += [self._entries_of(end, x) for end in self.ends if not end.still]
         if self._products is not None:
             parts.append(self._products.entries(x))
-        return Entries(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))
+        return _joined(parts)
+
+    @cached_property
+    def _still_entries(self) -> Entries:
+        """Those that never change, values (1, n_entries)."""
+        nothing = NOTHING._replace(values=np.zeros((1, 0)))
+        return _joined([nothing, *(self._entries_of(end, self._origin) for end in self.ends if end.still)])
+
+    def _entries_of(self, end: End, x: Array) -> Entries:
+        """Return the entries of an end, values (n_batch, n_entries)."""
+        block = end.jacobian(x)
+        places = Entries.of_block(np.r_[end.rows], end.columns, block[0])
+        values = np.broadcast_to(block.reshape(len(block), -1), (len(x), block[0].size))
+        return places._replace(values=values)
 
     def at_joints(self, x: Array) -> Array:
         """Return Phi_x by the coordinates `support` alone, shape (n_batch or 1, n_rows, k)."""
@@ -216,3 +226,8 @@ class JointRows:
         if self._products:
             bend[self._products.rows] = self._products.bend()
         return bend
+
+
+def _joined(parts: Sequence[Entries]) -> Entries:
+    """Return entries one after the other."""
+    return Entries(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))
