@@ -41,6 +41,25 @@ class Strained(NamedTuple):
     """Those to which the last correction was to lead."""
 
 
+class Stages(NamedTuple):
+    """The stages of a step as an iteration has them."""
+
+    at: Any
+    """Geometry of their states."""
+    t: Array
+    """Their times, (s,)."""
+    q: Array
+    """Their states, (s, n)."""
+    v: Array
+    a: Array
+    strained: Strained | None = None
+
+    @property
+    def expected(self) -> Array | None:
+        """Strains that are expected, if these are variables."""
+        return None if self.strained is None else self.strained.expected
+
+
 _Value = TypeVar("_Value")
 
 
@@ -91,24 +110,15 @@ class Derivative:
         """Return displacements at the stages, (s, n), in natural increments."""
         raise NotImplementedError
 
-    def residual(
-        self,
-        problem: Problem,
-        at: Any,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        strained: Strained | None = None,
-    ) -> Array:
-        """Return by how much accelerations ``a`` fail the equations, (s, n_r), in columns of its own.
+    def residual(self, problem: Problem, stages: Stages) -> Array:
+        """Return by how much the accelerations fail the equations, (s, n_r), in columns of its own.
 
-        They are missing accelerations in natural increments unless said otherwise; ``at`` is the geometry
-        of the states ``q``.  Forces are those of expected strains if these are given; what is seen beyond
-        them acts as it would where the derivative was taken.
+        They are missing accelerations in natural increments unless said otherwise.  Forces are those of
+        expected strains if these are given; what is seen beyond them acts as it would where the derivative
+        was taken.
         """
-        expected = None if strained is None else strained.expected
-        return self.increments.to_natural(at, problem.evaluate(t, q, v, expected) - a)
+        at, t, q, v, a, _ = stages
+        return self.increments.to_natural(at, problem.evaluate(t, q, v, stages.expected) - a)
 
     def reading(self, r: Array) -> Array:
         """Return accelerations that are missing, (s, n) in natural increments, in these columns."""

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._derivative import ByStep, Correction, Derivative, Start, Strained
+from hfsim.integrators._derivative import ByStep, Correction, Derivative, Stages, Start
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
@@ -115,26 +115,16 @@ class ModalDerivative(Derivative):
         L = np.linalg.inv(R)
         return cls(natural, w2, R, L) if np.abs(L).max() * len(by_q) < 1e10 else None
 
-    def residual(
-        self,
-        problem: Problem,
-        at: Any,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        strained: Strained | None = None,
-    ) -> Array:
+    def residual(self, problem: Problem, stages: Stages) -> Array:
         """Return missing accelerations of the modes and gaps of joints."""
         if self.mass is None or problem.imbalance is None:
-            r = self.reading(super().residual(problem, at, t, q, v, a, strained))
+            r = self.reading(super().residual(problem, stages))
         else:
-            expected = None if strained is None else strained.expected
-            forces, gaps = problem.unbalanced(t, q, v, a, expected)
-            modes = self.increments.to_natural_forces(at, forces) @ self.R
+            forces, gaps = problem.unbalanced(*stages[1:5], stages.expected)
+            modes = self.increments.to_natural_forces(stages.at, forces) @ self.R
             r = np.asarray(modes if self.joints is None else np.concatenate([modes, gaps], axis=1))
-        if strained is not None:
-            r[:, : len(self.w2)] -= (self.pull(strained) @ self.R).real
+        if stages.strained is not None:
+            r[:, : len(self.w2)] -= (self.pull(stages.strained) @ self.R).real
         return r
 
     def reading(self, r: Array) -> Array:

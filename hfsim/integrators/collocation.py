@@ -24,7 +24,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, relative, unsolved
-from hfsim.integrators._derivative import Start, Strained
+from hfsim.integrators._derivative import Stages, Start, Strained
 from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._tableau import Collocation, gauss, radau
 from hfsim.integrators.derivative import derivative, taken_again
@@ -263,7 +263,7 @@ class CollocationStepper(Stepper):
             if strains is not None and expected is not None:
                 strained = Strained(strains.seen(Q), expected)
             # each stage is read in its own geometry before they are summed
-            r = residual(problem, at, times, Q, v + moved[s:], a, strained)
+            r = residual(problem, Stages(at, times, Q, v + moved[s:], a, strained))
             y, change = correct(A2 @ r)
             if strained is not None:
                 expected = strained.seen + self._derivative.strain_changes(y)

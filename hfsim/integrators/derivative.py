@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._derivative import ByStep, Correction, Derivative, Start, Strained, in_natural
+from hfsim.integrators._derivative import ByStep, Correction, Derivative, Stages, Start, in_natural
 from hfsim.integrators._modal import ModalDerivative
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
@@ -125,27 +125,17 @@ class DenseDerivative(Derivative):
         self.fastest = float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
         self._inverse: ByStep[ComplexArray] = ByStep()
 
-    def residual(
-        self,
-        problem: Problem,
-        at: Any,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        strained: Strained | None = None,
-    ) -> Array:
+    def residual(self, problem: Problem, stages: Stages) -> Array:
         """Return missing accelerations in natural increments, from forces where these are at hand."""
         if self.of_imbalance is None:
-            return super().residual(problem, at, t, q, v, a, strained)
+            return super().residual(problem, stages)
         mobility, closing = self.of_imbalance
         if problem.imbalance is None:
-            r = super().residual(problem, at, t, q, v, a, strained)
+            r = super().residual(problem, stages)
         else:
-            expected = None if strained is None else strained.expected
-            forces, gaps = problem.unbalanced(t, q, v, a, expected)
-            r = self.increments.to_natural_forces(at, forces) @ mobility + gaps @ closing
-        return r if strained is None else r - self.pull(strained) @ mobility
+            forces, gaps = problem.unbalanced(*stages[1:5], stages.expected)
+            r = self.increments.to_natural_forces(stages.at, forces) @ mobility + gaps @ closing
+        return r if stages.strained is None else r - self.pull(stages.strained) @ mobility
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Keep the accelerations at the start of the step, less what dies out at once."""
@@ -211,19 +201,10 @@ class SparseDerivative(Derivative):
         """Return the changes of strains (s, n_strains) with small natural increments (s, n)."""
         return np.asarray(self.increments.from_natural(self._geometry, y) @ self._slopes.T)
 
-    def residual(
-        self,
-        problem: Problem,
-        at: Any,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        strained: Strained | None = None,
-    ) -> Array:
+    def residual(self, problem: Problem, stages: Stages) -> Array:
         """Return missing accelerations in natural increments, then stresses of strains not expected."""
-        r = super().residual(problem, at, t, q, v, a, strained)
-        if strained is None:
+        r = super().residual(problem, stages)
+        if (strained := stages.strained) is None:
             return r
         return np.concatenate([r, (strained.seen - strained.expected) * self._stiffness], axis=1)
 

@@ -8,6 +8,7 @@ import hfsim.maths.matrices
 import hfsim.mechanics.equations
 import hfsim.scene.build
 from hfsim.integrators import PlainIncrements, Problem
+from hfsim.integrators._derivative import Stages
 from hfsim.integrators._tableau import gauss, radau
 from hfsim.integrators.derivative import derivative
 from hfsim.maths.matrices import assemble, dense, is_sparse
@@ -221,7 +222,7 @@ def test_residuals_are_alike_from_forces_and_from_accelerations(name):
         problem = problem_of(scene, natural=True)
         problem.imbalance = imbalance
         d = derivative(problem, 0.0, q[0], v[0], problem.increments)
-        found.append(d.residual(problem, problem.increments.geometry(q), t, q, v, a))
+        found.append(d.residual(problem, Stages(problem.increments.geometry(q), t, q, v, a)))
     assert found[0] == pytest.approx(found[1], abs=1e-8 * np.abs(found[0]).max())
 
 
