@@ -73,6 +73,8 @@ class Strains:
     def expected(self, strains: Array) -> System:
         """Return the system in which the forces are those of given strains, (n_batch or 1, n_strains)."""
         ends = np.cumsum([len(part.strain_stiffness) for part in self.parts])
-        own = dict(zip(map(id, self.parts), np.split(strains, ends[:-1], axis=1), strict=True))
-        forces = (part.strained(own[id(part)]) if id(part) in own else part for part in self.system.forces)
+        own = iter(np.split(strains, ends[:-1], axis=1))
+        forces = (
+            part.strained(next(own)) if part.strain_stiffness.size else part for part in self.system.forces
+        )
         return replace(self.system, forces=tuple(forces))
