@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands import bench_separation
-from hfsim.commands.decks import assemble, load_numbered, provenance_of
+from hfsim.commands.decks import assemble, load_numbered, provenance_of, without_blind_channels
 from hfsim.commands.options import (
     names,
     output_options,
@@ -124,6 +124,7 @@ def bench(
         raise click.UsageError("Missing argument 'DECK' (or --separation)")
     if tolerances and steps:
         raise click.UsageError("give --tolerances or --steps, not both")
+    overrides = (*overrides, *without_blind_channels(deck, overrides, models, talk))
     loaded = load_numbered(deck, overrides, talk)
     assemble(loaded)
     from hfsim.studies.bench import Sweep

@@ -21,6 +21,7 @@ from hfsim.commands.decks import (
     provenance_of,
     usual_models,
     with_numbers,
+    without_blind_channels,
 )
 from hfsim.commands.options import (
     names,
@@ -171,6 +172,7 @@ def make_plan(
 
     deck = str(find_deck(argument, talk))
     settings = {m: with_settings(overrides, m) for m in models}
+    settings = {m: (*own, *without_blind_channels(deck, own, (m,), talk)) for m, own in settings.items()}
     decks = {m: load_decks([deck], settings[m], talk, assemble)[0] for m in models}
     refuse_unjudged(channels, decks[reference].deck)
     if {"exact", "ancf"} <= set(models) and frames_serve(decks["exact"], talk):

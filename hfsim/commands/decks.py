@@ -162,6 +162,34 @@ def usual_models(argument: str, overrides: Sequence[str], talk: Talk) -> tuple[s
     return tuple(found)
 
 
+def without_blind_channels(
+    argument: str, overrides: Sequence[str], models: Sequence[str], talk: Talk
+) -> tuple[str, ...]:
+    """Return overrides that leave out channels of internal forces of beams that a model has rigid; say which.
+
+    Without them, where a body's own model is rigid, or where nothing else would be left, the deck is refused.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+    """
+    from hfsim.parts.bodies.models import MODELS
+    from hfsim.parts.channels import kind_of
+    from hfsim.scene.loading import load_deck
+
+    blind = [model for model in models if not MODELS[model].flexible] if set(models) <= set(MODELS) else []
+    if not blind:
+        return ()
+    deck = load_deck(find_deck(argument, replace(talk, quiet=True)), tuple(overrides)).deck
+    rigid = [name for name, own in deck.models("").items() if not own]
+    out = [c for c in deck.channels if kind_of(c).of_strains and c.partition(".")[0] in rigid]
+    kept = [channel for channel in deck.channels if channel not in out]
+    if not out or not kept:
+        return ()
+    talk.note(f"{deck.name}: without strains, model {blind[0]} has no {', '.join(out)}: left out")
+    return (f"output.channels=[{', '.join(kept)}]",)
+
+
 def with_numbers(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:
     """Return a deck with the default elements where it says auto, and say so."""
     if not loaded.auto_elements:

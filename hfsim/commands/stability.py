@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands.decks import find_deck, load_decks, provenance_of, usual_models, with_numbers
+from hfsim.commands.decks import (
+    find_deck,
+    load_decks,
+    provenance_of,
+    usual_models,
+    with_numbers,
+    without_blind_channels,
+)
 from hfsim.commands.options import (
     jobs_option,
     names,
@@ -113,6 +120,7 @@ def stability(
     point is a result (exit code 0). Results go to '<deck name>.stability' or to -o DIR.
     """  # fmt: skip
     started = time.perf_counter()
+    overrides = (*overrides, *without_blind_channels(deck, overrides, names(models), talk))
     loaded = with_numbers(load_decks([str(find_deck(deck, talk))], overrides, talk, lambda _: None)[0], talk)
     axes = read_axes(vary, named)
     drawing = 0.0 if not to.plots else min(_DRAWING[0], _DRAWING[1] * budget)

@@ -29,10 +29,11 @@ def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk, told: C
         talk.note(f"{run.name}: suspicious: {doubt['reason']}\n{findings(doubt)}")
     if summary.get("ringing"):
         talk.note(f"{run.name}: {ringing_words(summary['ringing'])}")
-    if summary.get("mesh_advice"):
+    advice = summary.get("mesh_advice")
+    if advice and not any(advice in one for one in summary["warnings"]):
         what, where = summary["mesh_error_estimate"], summary["mesh_error_estimate_channel"]
         words = f"the mesh error, about {what:.2g} in {where}, is far above the time error"
-        talk.note(f"{run.name}: {words}; what helps: {summary['mesh_advice']}")
+        talk.note(f"{run.name}: {words}; what helps: {advice}")
     talk.facts(summary)
     talk.result(f"{run.name}: {headline(run)}\n{as_text(run, summary, folder)}")
 

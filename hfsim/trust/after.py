@@ -23,7 +23,7 @@ ESTIMATES = ("error_estimate", "mesh_error_estimate")
 AFTER = (*ESTIMATES, "diagnosis")
 """Phases of the work after a run."""
 LARGE = 1e-2
-"""Time error from which a run warns [-]."""
+"""Error in time, or of the mesh, from which a run warns [-]."""
 MESH_TOLD = 1e-3
 """Mesh error [-] from which a run says what would help..."""
 MESH_AHEAD = 100.0
@@ -118,8 +118,8 @@ class Aftermath:
             find(statistics)
         known = {self.facts[f"{name}_channel"]: self.facts[name] for name in ESTIMATES if self.facts[name]}
         self.facts["limiting_channel"] = farthest(known)[0] or None
-        if (self.facts["error_estimate"] or 0.0) > LARGE:
-            self.facts["warnings"] = [*statistics["warnings"], self._warning()]
+        if large := [name for name in ESTIMATES if (self.facts[name] or 0.0) > LARGE]:
+            self.facts["warnings"] = [*statistics["warnings"], *map(self._warning, large)]
 
     def _time_error(self, statistics: dict[str, Any]) -> None:
         from hfsim.trust.error import time_error
@@ -131,7 +131,7 @@ class Aftermath:
 
         self._estimate("mesh_error", self.wish.mesh_error, mesh_error)
         mesh, time = (self.facts[name] for name in reversed(ESTIMATES))
-        if mesh is not None and mesh > max(MESH_TOLD, MESH_AHEAD * (time or 0.0)):
+        if mesh is not None and mesh > min(LARGE, max(MESH_TOLD, MESH_AHEAD * (time or 0.0))):
             self.facts["mesh_advice"] = mesh_advice(self.run.legs[-1].scene)
 
     def _estimate(self, name: str, wanted: bool, find: Callable[[Compared, Budget, float], Estimate]) -> None:
@@ -192,11 +192,11 @@ class Aftermath:
         except KeyboardInterrupt as signal:
             self.interruption = signal
 
-    def _warning(self) -> str:
+    def _warning(self, name: str) -> str:
         stepped = self.run.legs[0].scene.deck.solve.step is not None
         remedy = "shorten the step" if stepped else "lower the tolerance"
-        return (
-            f"the time error is about {self.facts['error_estimate']:.2g} of the range of "
-            f"{self.facts['error_estimate_channel']}: {remedy}; "
-            "if it stays as large, this motion cannot be predicted so far"
-        )
+        what = f"about {self.facts[name]:.2g} of the range of {self.facts[f'{name}_channel']}"
+        if name != ESTIMATES[0]:
+            return f"the mesh error is {what}; what helps: {self.facts['mesh_advice']}"
+        doubt = "if it stays as large, this motion cannot be predicted so far"
+        return f"the time error is {what}: {remedy}; {doubt}"

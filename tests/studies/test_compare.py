@@ -1,12 +1,15 @@
 """The judgement of `compare`, on synthetic runs whose differences are known."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.output.comparison import COLUMNS, as_rows, as_text
 from hfsim.output.plots import draw_comparison, overlay_limits
@@ -306,3 +309,39 @@ def test_the_error_in_time_is_not_understated():
 def test_fixed_steps_are_doubled():
     solve = load_deck(CASES / "pendulum.yaml", ("solve.step=0.01",)).deck.solve
     assert looser(solve) == ({"step": 0.02}, 1.0)
+
+
+FORCES = "output.channels=[b1.tip.x, b1.root.axial_force]"
+
+
+def called(*arguments):
+    short = ("--no-plots", "--set", FORCES, "--set", "solve.duration=0.05")
+    return CliRunner().invoke(app, [*arguments, *short])
+
+
+def test_a_rigid_model_leaves_out_the_internal_forces_that_a_deck_asks_for(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = called("compare", "rigid", "exact", "--case", "pendulum")
+    assert found.exit_code == 0, found.output
+    assert found.stderr.count("b1.root.axial_force") == 1
+    facts = json.loads(Path("pendulum.compare/compare.json").read_text())
+    told = {name: [one["channel"] for one in model["differences"]] for name, model in facts["models"].items()}
+    assert told == {"rigid": ["b1.tip.x"], "exact": ["b1.tip.x", "b1.root.axial_force"]}
+    (row,) = (line for line in found.stdout.splitlines() if "b1.root.axial_force" in line)
+    assert row.split()[-1] == "-"
+
+
+def test_where_internal_forces_are_all_that_is_asked_for_a_rigid_model_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    only = ("--set", "output.channels=[b1.root.axial_force]")
+    found = CliRunner().invoke(app, ["compare", "rigid", "exact", "--case", "pendulum", *only])
+    assert found.exit_code == 2 and "without strains" in found.stderr
+
+
+@pytest.mark.parametrize("study", [("bench", "--methods", "gauss"), ("stability", "--step", "0.05")])
+def test_studies_with_a_rigid_model_leave_them_out_for_all_models(study, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    command, *options = study
+    found = called(command, "pendulum", *options, "--models", "rigid,exact", "--budget", "5s")
+    assert found.exit_code == 0, found.output
+    assert found.stderr.count("b1.root.axial_force") == 1

@@ -144,6 +144,18 @@ def test_a_large_time_error_warns():
     assert "time error" in warning and run.statistics["error_estimate_channel"] in warning
 
 
+def test_a_large_mesh_error_warns_as_a_large_time_error_does():
+    """A rope of one element is far from one of two, however fine the steps are."""
+    shown = "output.channels=[b1.tip.x, b1.root.axial_force]"
+    rope = pendulum("solve.duration=0.3", "bodies.b1.elements=1", shown)
+    run = simulate(rope, mesh_estimate=True, after=30.0)
+    found = run.statistics
+    (warning,) = found["warnings"]
+    assert found["error_estimate"] < 1e-3 < 1e-2 < found["mesh_error_estimate"]
+    assert "mesh error" in warning and found["mesh_error_estimate_channel"] in warning
+    assert "--set bodies.b1.elements=2" in warning
+
+
 # of the mesh -------------------------------------------------------------------------------------
 
 
