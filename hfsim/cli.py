@@ -135,7 +135,7 @@ def _take_signals() -> list[int]:
             os.kill(os.getpid(), number)
             return
         from hfsim.errors import Terminated, interruption_code
-        from hfsim.run.stop import SHIELD
+        from hfsim.marching.stop import SHIELD
 
         by = KeyboardInterrupt() if number == signal.SIGINT else Terminated(signal.Signals(number).name)
         codes.append(interruption_code(by))

@@ -14,16 +14,16 @@ import numpy as np
 
 from hfsim.errors import LimitReached, SolverFailure, interruption_code, interruption_words
 from hfsim.integrators import Memory
+from hfsim.marching.clock import PhaseClock
+from hfsim.marching.integration import Leg, run_integration
+from hfsim.marching.plan import motions_of, plan_of
+from hfsim.marching.record import Record, Sink
+from hfsim.marching.sampling import outlines_of
+from hfsim.marching.solution import Run
+from hfsim.marching.statistics import joined, leg_statistics
+from hfsim.marching.steps import Stop
+from hfsim.marching.stop import Budget, Progress
 from hfsim.parts.bodies import BODIES
-from hfsim.run.clock import PhaseClock
-from hfsim.run.integration import Leg, run_integration
-from hfsim.run.plan import motions_of, plan_of
-from hfsim.run.record import Record, Sink
-from hfsim.run.sampling import outlines_of
-from hfsim.run.solution import Run
-from hfsim.run.statistics import joined, leg_statistics
-from hfsim.run.steps import Stop
-from hfsim.run.stop import Budget, Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.trust.after import Aftermath, Stages, Wish

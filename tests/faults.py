@@ -23,8 +23,8 @@ from pathlib import Path
 import yaml
 
 START = """
-import sys, hfsim.output.recording, hfsim.run.record
-hfsim.output.recording.EVERY, hfsim.run.record.BLOCK = 0.1, 0.05
+import sys, hfsim.output.recording, hfsim.marching.record
+hfsim.output.recording.EVERY, hfsim.marching.record.BLOCK = 0.1, 0.05
 from hfsim.cli import main
 sys.argv[0] = "hfsim"
 main()

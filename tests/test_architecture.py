@@ -16,7 +16,7 @@ PACKAGE = Path(__file__).parent.parent / "hfsim"
 ROOMS = (
     *("__init__", "errors", "maths", "deck", "mechanics", "integrators"),
     *("parts", "parts.elements", "parts.bodies", "parts.joints", "parts.forces", "parts.channels"),
-    *("scene", "run", "trust", "simulate", "studies", "output", "commands", "cli", "__main__"),
+    *("scene", "marching", "trust", "simulate", "studies", "output", "commands", "cli", "__main__"),
 )
 """From the ground up: what stands in a room imports from its own room and from those before it."""
 MOST_ENTRIES = 16

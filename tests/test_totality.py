@@ -22,6 +22,8 @@ from hfsim.deck.fields import Between
 from hfsim.deck.law_specs import LAWS
 from hfsim.errors import SolverFailure
 from hfsim.integrators import METHODS, Attempt, Integrator, Stability, Stepper
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import Budget
 from hfsim.mechanics.constraints import Shift
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, joint_support
@@ -31,8 +33,6 @@ from hfsim.parts.elements import ELEMENTS, Continuum
 from hfsim.parts.forces import LOADS, SPRINGS
 from hfsim.parts.joints import JOINTS
 from hfsim.parts.specs import JointSpec, SpringSpec
-from hfsim.run.integration import run_integration
-from hfsim.run.stop import Budget
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.scene.rules import RULES

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hfsim.run.integration import run_integration
-from hfsim.run.sampling import sample
+from hfsim.marching.integration import run_integration
+from hfsim.marching.sampling import sample
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.trust.doubt import validity

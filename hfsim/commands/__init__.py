@@ -12,8 +12,8 @@ from collections.abc import Iterable
 import click
 
 from hfsim.errors import DeckError, HfsimError
+from hfsim.marching.stop import SHIELD
 from hfsim.output.talk import print_error
-from hfsim.run.stop import SHIELD
 
 STARTED = time.perf_counter()
 """When the program started, near enough [s]."""

@@ -171,9 +171,9 @@ def complete(sweep: Sweep, loaded: LoadedDeck) -> Sweep:
 
 def do_bench(loaded: LoadedDeck, sweep: Sweep, seconds: float, started: float, study: Study) -> int:
     """Run the study, write and tell it, and return the exit code."""
+    from hfsim.marching.stop import Budget
     from hfsim.output.bench import COLUMNS, as_rows, as_text
     from hfsim.output.progress import Progress
-    from hfsim.run.stop import Budget
     from hfsim.studies.bench import as_facts
     from hfsim.studies.bench import bench as measure
 

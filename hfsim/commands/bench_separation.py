@@ -50,8 +50,8 @@ def known_kinds(given: tuple[str, ...]) -> tuple[str, ...]:
 
 def do_separation(plan: Plan) -> int:
     """Run the study, write and tell it, and return the exit code: 4 where forms disagree."""
+    from hfsim.marching.stop import Budget
     from hfsim.output.progress import Progress
-    from hfsim.run.stop import Budget
     from hfsim.studies.separation.measure import measure
     from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows
 

@@ -36,8 +36,8 @@ from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
+    from hfsim.marching.solution import Run
     from hfsim.output.runfolder import RunFolder
-    from hfsim.run.solution import Run
     from hfsim.scene.loading import LoadedDeck
     from hfsim.scene.schema import Deck
     from hfsim.studies.compare import Comparison, Measured

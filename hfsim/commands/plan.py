@@ -51,7 +51,7 @@ def plan(
 
 
 def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
-    from hfsim.run.plan import keeping, plan_of, sizes
+    from hfsim.marching.plan import keeping, plan_of, sizes
     from hfsim.scene.build import build
 
     scene = build(loaded)

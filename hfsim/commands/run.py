@@ -25,12 +25,12 @@ from hfsim.output.report import method_lines, tell
 from hfsim.output.talk import Destination, Talk
 
 if TYPE_CHECKING:
+    from hfsim.marching.solution import Run
     from hfsim.output.checkpoint import Checkpoint
     from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
     from hfsim.output.recording import Recording
     from hfsim.output.runfolder import RunFolder
-    from hfsim.run.solution import Run
     from hfsim.scene.loading import LoadedDeck
 
 
@@ -269,7 +269,7 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
 
 
 def _simulated(job: Job, settings: Settings, recording: Recording, progress: Progress, shown: bool) -> Run:
-    from hfsim.run.stop import Budget
+    from hfsim.marching.stop import Budget
     from hfsim.simulate import simulate
 
     budget = job.loaded.deck.solve.budget

@@ -7,9 +7,9 @@ from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
+from hfsim.marching.distance import group_of
 from hfsim.output.text import Column, as_table, brief, table
 from hfsim.parts.channels import kind_of
-from hfsim.run.distance import group_of
 from hfsim.studies.bench import Bench, Cell, Point, mesh_words, observed_order, pareto, recommend, tidy
 from hfsim.studies.bench.points import ChannelError
 from hfsim.studies.timing import Spread

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
+from hfsim.marching.distance import ChannelScale
 from hfsim.output.text import Column, table
-from hfsim.run.distance import ChannelScale
 from hfsim.studies.compare import Comparison, Difference, ModelResult, ending, how_it_ended, percent
 from hfsim.studies.timing import Spread
 

@@ -12,7 +12,7 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from hfsim.errors import HfsimError
-from hfsim.run.stop import SHIELD
+from hfsim.marching.stop import SHIELD
 
 _BLOCK = 4096
 """Rows turned into text at a time: bounds the memory a long history needs."""

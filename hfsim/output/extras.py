@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hfsim.errors import interruption_code
+from hfsim.marching.solution import Run
+from hfsim.marching.stop import Budget
 from hfsim.output.runfolder import Stopwatch, folder_name
 from hfsim.output.writers import warnings_of
-from hfsim.run.solution import Run
-from hfsim.run.stop import Budget
 from hfsim.trust.after import AFTER
 
 

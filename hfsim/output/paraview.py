@@ -13,8 +13,8 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
+from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.run.solution import Run
 
 _MOST = 1000
 """Files of one run at most; of more times, those are taken that are about evenly apart."""

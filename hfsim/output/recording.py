@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import LimitReached, interruption_code
 from hfsim.integrators import Memory
+from hfsim.marching.solution import Run
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
 from hfsim.output.disk import History, disk, write_json
 from hfsim.output.extras import Extras, add_extras
 from hfsim.output.runfolder import SUMMARY, RunFolder, RunLog, Stopwatch
 from hfsim.output.writers import Provenance, running_summary, summary_of, write_resolved
-from hfsim.run.solution import Run
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -23,7 +23,7 @@ EVERY = 30.0
 
 
 class Recording:
-    """What becomes of a run in its folder; a `hfsim.run.record.Sink`.
+    """What becomes of a run in its folder; a `hfsim.marching.record.Sink`.
 
     Parameters
     ----------

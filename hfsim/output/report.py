@@ -10,7 +10,7 @@ from hfsim.output.talk import Talk, print_error
 from hfsim.output.text import Column, as_table, brief, number, table
 
 if TYPE_CHECKING:
-    from hfsim.run.solution import Run
+    from hfsim.marching.solution import Run
 
 
 def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk, told: Container[str] = ()) -> None:

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from hfsim.errors import HfsimError
+from hfsim.marching.clock import PhaseClock
+from hfsim.marching.solution import Run
 from hfsim.output.disk import disk, write_json
 from hfsim.output.text import printable
-from hfsim.run.clock import PhaseClock
-from hfsim.run.solution import Run
 
 SUMMARY = "summary.json"
 _OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log", "checkpoint.npz")

@@ -1,6 +1,6 @@
 """Runs to files: CSV, JSON and YAML, none of which ever gets a NaN or an infinity.
 
-The rows of a run end before the first that is not finite (`hfsim.run.record`); `json_ready` turns non-finite
+The rows of a run end before the first that is not finite (`hfsim.marching.record`); `json_ready` turns non-finite
 numbers into null and says which they were.
 """
 
@@ -18,9 +18,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim import __version__
+from hfsim.marching.solution import Channel, Run
 from hfsim.output.disk import write_text
 from hfsim.output.text import Column, printable
-from hfsim.run.solution import Channel, Run
 
 _SUMMARY_KEYS = (
     "steps",

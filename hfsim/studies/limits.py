@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators import METHODS, Trajectory, choose, integrator
+from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array
-from hfsim.run.balance import balance, step_samples
-from hfsim.run.integration import run_integration
-from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.studies.farm import Farm, Outcome, Task

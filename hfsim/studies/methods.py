@@ -22,8 +22,8 @@ import numpy as np
 
 from hfsim.errors import DeckError, LimitReached, SolverFailure
 from hfsim.integrators import METHODS, integrator
-from hfsim.run.integration import Integration
-from hfsim.run.stop import Halted, Progress
+from hfsim.marching.integration import Integration
+from hfsim.marching.stop import Halted, Progress
 from hfsim.scene.build import Scene
 from hfsim.studies.timing import solved
 

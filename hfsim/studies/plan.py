@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators import choose
-from hfsim.run.alike import alike
-from hfsim.run.distance import gap, magnitude, unit_sizes
-from hfsim.run.integration import problem_of
-from hfsim.run.plan import keeping, plan_of
-from hfsim.run.solution import Run
+from hfsim.marching.alike import alike
+from hfsim.marching.distance import gap, magnitude, unit_sizes
+from hfsim.marching.integration import problem_of
+from hfsim.marching.plan import keeping, plan_of
+from hfsim.marching.solution import Run
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.simulate import simulate

@@ -17,10 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hfsim.errors import HfsimError
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.modes import AnyModes, analytic_modes, modes_by_differences
-from hfsim.run.integration import run_integration
-from hfsim.run.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
 
 MOST_UNKNOWNS = 400

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.run.integration import Integration, run_integration
-from hfsim.run.solution import Run
-from hfsim.run.stop import Budget, Progress
+from hfsim.marching.integration import Integration, run_integration
+from hfsim.marching.solution import Run
+from hfsim.marching.stop import Budget, Progress
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 

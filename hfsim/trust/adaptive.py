@@ -22,12 +22,12 @@ import numpy as np
 
 from hfsim.errors import DeckError, SolverFailure
 from hfsim.integrators import Trajectory
+from hfsim.marching.integration import Integration, Leg, run_integration
+from hfsim.marching.record import Record
+from hfsim.marching.stop import Halted, Progress
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.deformation import Deformation
 from hfsim.parts.bodies.models import LADDER, MODELS
-from hfsim.run.integration import Integration, Leg, run_integration
-from hfsim.run.record import Record
-from hfsim.run.stop import Halted, Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.trust.handover import hand_over

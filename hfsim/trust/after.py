@@ -12,9 +12,9 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.run.clock import PhaseClock
-from hfsim.run.distance import farthest
-from hfsim.run.stop import Budget, Progress
+from hfsim.marching.clock import PhaseClock
+from hfsim.marching.distance import farthest
+from hfsim.marching.stop import Budget, Progress
 from hfsim.trust.estimate import Compared, Estimate, advice
 from hfsim.trust.experiments import time_for
 

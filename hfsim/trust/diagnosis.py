@@ -15,14 +15,14 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators import Trajectory
+from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.culprit import body_of
+from hfsim.marching.integration import Integration
+from hfsim.marching.stop import Budget
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.linearized import by_differences
 from hfsim.mechanics.modes import first_order
 from hfsim.mechanics.pose import Pose, Twist
-from hfsim.run.balance import balance, step_samples
-from hfsim.run.culprit import body_of
-from hfsim.run.integration import Integration
-from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene, build
 from hfsim.trust.experiments import DENSE, GOOD_BALANCE, Experiments, command, joint_dependence, listed
 from hfsim.trust.validity import STEEP, truncated_beams, watch_validity

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators import Trajectory
+from hfsim.marching.balance import step_samples
+from hfsim.marching.integration import Leg
+from hfsim.marching.sampling import SceneSamples
 from hfsim.parts.bodies.models import MODELS
-from hfsim.run.balance import step_samples
-from hfsim.run.integration import Leg
-from hfsim.run.sampling import SceneSamples
 
 LARGE_DRIFT = 1e-3
 """Energy drift from which a run warns."""

@@ -10,9 +10,9 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from hfsim.integrators import Trajectory
-from hfsim.run.integration import run_integration
-from hfsim.run.record import Record
-from hfsim.run.stop import Budget, Progress
+from hfsim.marching.integration import run_integration
+from hfsim.marching.record import Record
+from hfsim.marching.stop import Budget, Progress
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 from hfsim.trust.estimate import Compared, Estimate, advice, why_not

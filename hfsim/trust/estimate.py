@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.errors import HfsimError
-from hfsim.run.distance import channel_errors, farthest
-from hfsim.run.integration import Integration, Leg
-from hfsim.run.record import Record
-from hfsim.run.solution import Channel
-from hfsim.run.stop import TimeUp
+from hfsim.marching.distance import channel_errors, farthest
+from hfsim.marching.integration import Integration, Leg
+from hfsim.marching.record import Record
+from hfsim.marching.solution import Channel
+from hfsim.marching.stop import TimeUp
 
 
 class Estimate(NamedTuple):

@@ -11,12 +11,12 @@ import numpy as np
 
 from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS, integrator
+from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.integration import Integration, run_integration
+from hfsim.marching.stop import Budget
 from hfsim.maths.arrays import Array
 from hfsim.maths.rank import Dependence, dependence
 from hfsim.parts.bodies.models import LADDER, MODELS
-from hfsim.run.balance import balance, step_samples
-from hfsim.run.integration import Integration, run_integration
-from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec

@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfsim.marching.integration import Integration, run_integration
+from hfsim.marching.stop import Progress
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import factorised
-from hfsim.run.integration import Integration, run_integration
-from hfsim.run.stop import Progress
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 from hfsim.trust.experiments import DENSE

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from hfsim.integrators import Trajectory
+from hfsim.marching.turns import count_turns
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import rotation_vector
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
-from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene
 from hfsim.trust.quasistatic import deformation_of
 

@@ -13,11 +13,11 @@ from dataclasses import replace
 from typing import Any
 
 from hfsim.errors import HfsimError
+from hfsim.marching.integration import run_integration
+from hfsim.marching.record import Record
+from hfsim.marching.stop import Budget
 from hfsim.parts.bodies import BeamSpec
 from hfsim.parts.bodies.models import MODELS
-from hfsim.run.integration import run_integration
-from hfsim.run.record import Record
-from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene, build
 from hfsim.scene.schema import SolveSpec
 from hfsim.trust.estimate import Compared, Estimate, advice, why_not

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.marching.culprit import body_of
+from hfsim.marching.distance import channel_errors, farthest, group_of
+from hfsim.marching.integration import Integration, run_integration
+from hfsim.marching.record import Record
+from hfsim.marching.stop import Budget
 from hfsim.mechanics.modes import Modes
-from hfsim.run.culprit import body_of
-from hfsim.run.distance import channel_errors, farthest, group_of
-from hfsim.run.integration import Integration, run_integration
-from hfsim.run.record import Record
-from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene
 from hfsim.trust.estimate import Compared
 

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.run.integration import Integration
-from hfsim.run.stop import Budget
+from hfsim.marching.integration import Integration
+from hfsim.marching.stop import Budget
 from hfsim.scene.build import Scene
 from hfsim.trust.experiments import (
     GOOD_BALANCE,

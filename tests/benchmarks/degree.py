@@ -22,8 +22,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import numpy as np
 
-from hfsim.run.integration import run_integration
-from hfsim.run.sampling import sample
+from hfsim.marching.integration import run_integration
+from hfsim.marching.sampling import sample
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 

@@ -38,8 +38,8 @@ sys.path.insert(0, str(ROOT))
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from hfsim.run.integration import run_integration
-from hfsim.run.sampling import samples_at
+from hfsim.marching.integration import run_integration
+from hfsim.marching.sampling import samples_at
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, load_deck
 

@@ -15,8 +15,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from hfsim.run.integration import run_integration
-from hfsim.run.sampling import samples_at
+from hfsim.marching.integration import run_integration
+from hfsim.marching.sampling import samples_at
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 

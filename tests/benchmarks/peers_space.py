@@ -27,8 +27,8 @@ sys.exudynFast = True  # type: ignore[attr-defined]  # read by the import: build
 
 import numpy as np
 
-from hfsim.run.integration import run_integration
-from hfsim.run.sampling import samples_at
+from hfsim.marching.integration import run_integration
+from hfsim.marching.sampling import samples_at
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 

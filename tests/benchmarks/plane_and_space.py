@@ -24,8 +24,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import numpy as np
 import yaml
 
+from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from tests.posed import in_space

@@ -19,7 +19,7 @@ from functools import partial
 
 import numpy as np
 
-from hfsim.run.integration import run_integration
+from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 

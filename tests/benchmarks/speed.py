@@ -24,7 +24,7 @@ from statistics import median
 
 import numpy as np
 
-from hfsim.run.solution import Run
+from hfsim.marching.solution import Run
 from hfsim.scene.loading import load_deck
 from hfsim.simulate import simulate
 

@@ -25,11 +25,11 @@ from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+from hfsim.marching.distance import channel_errors
+from hfsim.marching.integration import run_integration
+from hfsim.marching.sampling import compute_channels, sample
+from hfsim.marching.solution import Channel
 from hfsim.parts.channels import is_judged
-from hfsim.run.distance import channel_errors
-from hfsim.run.integration import run_integration
-from hfsim.run.sampling import compute_channels, sample
-from hfsim.run.solution import Channel
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck, load_deck
 from hfsim.simulate import simulate

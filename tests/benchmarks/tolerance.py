@@ -10,7 +10,7 @@ import time
 
 from auto_model import scenes as model_scenes
 
-from hfsim.run.distance import channel_errors, farthest
+from hfsim.marching.distance import channel_errors, farthest
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 

@@ -21,9 +21,9 @@ import hfsim.trust.validity
 from hfsim.cli import COMMANDS, app
 from hfsim.commands.decks import CASES, usual_models
 from hfsim.errors import DeckError, DeckProblem
+from hfsim.marching.solution import Channel, Run
 from hfsim.output.progress import Progress
 from hfsim.output.talk import Talk
-from hfsim.run.solution import Channel, Run
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -473,13 +473,13 @@ def test_progress_redraws_one_line_on_a_terminal_and_wipes_it():
 
 TERMINATED = """
 import os, signal
-import hfsim.run.runaway
+import hfsim.marching.runaway
 
 def watch(self, t, q, v):
     if t > 0.05:
         os.kill(os.getpid(), signal.SIGTERM)
 
-hfsim.run.runaway.EnergyWatch.__call__ = watch
+hfsim.marching.runaway.EnergyWatch.__call__ = watch
 from hfsim.cli import main
 main()
 """

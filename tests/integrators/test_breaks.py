@@ -11,7 +11,7 @@ from hfsim.deck.laws import SineLaw, SplineLaw, StepLaw
 from hfsim.integrators import METHODS
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod
-from hfsim.run.integration import run_integration
+from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 

@@ -5,8 +5,8 @@ import pytest
 
 from hfsim.errors import DeckError, SolverFailure
 from hfsim.integrators import energy
-from hfsim.run.balance import balance, step_samples
-from hfsim.run.integration import run_integration
+from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.spectra import fastest_mode

@@ -15,7 +15,7 @@ from hfsim.integrators.energy import EnergyMethod
 from hfsim.integrators.explicit import Explicit
 from hfsim.integrators.gear import Gear
 from hfsim.integrators.generalized_alpha import GeneralizedAlpha
-from hfsim.run.integration import run_integration
+from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 

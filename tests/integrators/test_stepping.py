@@ -10,7 +10,7 @@ import pytest
 
 from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS, Limits, Stepping, _pace, choose
-from hfsim.run.integration import problem_of
+from hfsim.marching.integration import problem_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hfsim.marching.integration import problem_of, run_integration
 from hfsim.mechanics.linearized import by_differences
-from hfsim.run.integration import problem_of, run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from hfsim.commands import report_error
+from hfsim.marching.stop import SHIELD
 from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
 from hfsim.output.disk import History
 from hfsim.output.runfolder import RunLog
 from hfsim.output.writers import Provenance
-from hfsim.run.stop import SHIELD
 
 RESOLVED = {"name": "case", "solve": {"duration": 1.0, "tolerance": 1e-6, "max_steps": 5}}
 PROVENANCE = Provenance("case.yaml", "0" * 64, (), RESOLVED)
 SLOW = """
-import sys, hfsim.output.recording, hfsim.run.record
-hfsim.output.recording.EVERY, hfsim.run.record.BLOCK = 0.0, 0.01
+import sys, hfsim.output.recording, hfsim.marching.record
+hfsim.output.recording.EVERY, hfsim.marching.record.BLOCK = 0.0, 0.01
 from hfsim.cli import main
 main()
 """

@@ -10,12 +10,12 @@ import pytest
 import yaml
 
 from hfsim.errors import LimitReached
+from hfsim.marching.solution import Channel, Run
 from hfsim.output.disk import History, WriteError, read_history, write_json
 from hfsim.output.extras import Extras
 from hfsim.output.recording import Recording, save_run
 from hfsim.output.runfolder import FolderError, RunLog, Stopwatch, claim, folder_name
 from hfsim.output.writers import Provenance, json_ready, write_table
-from hfsim.run.solution import Channel, Run
 
 RESOLVED = {"name": "case", "solve": {"duration": 1.0}}
 PROVENANCE = Provenance("case.yaml", "0" * 64, ("solve.model=exact",), RESOLVED)

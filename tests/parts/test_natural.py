@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from analytical import along, gauss
 
+from hfsim.marching.integration import run_integration
 from hfsim.maths.shapes import interior
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from hfsim.errors import DeckError
+from hfsim.marching.integration import run_integration
 from hfsim.maths.matrices import is_sparse
 from hfsim.maths.rotations import lever
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate

@@ -7,10 +7,10 @@ import yaml
 from equilibrium import cantilever, equilibrium
 
 from hfsim.errors import DeckError
+from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.models import MODELS
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

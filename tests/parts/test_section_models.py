@@ -12,11 +12,11 @@ from blades import AT_REST, FLAP, GROWTH_LINEAR, LAG, frequencies, off, spectrum
 from equilibrium import displacement, equilibrium
 
 from hfsim.errors import DeckError
+from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.bodies.root_axes import SectionFrameChart
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

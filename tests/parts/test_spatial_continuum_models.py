@@ -6,10 +6,10 @@ import yaml
 from analytical import jacobian
 from equilibrium import cantilever, displacement, equilibrium
 
+from hfsim.marching.integration import run_integration
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.elements.forces import KelvinVoigtForce
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

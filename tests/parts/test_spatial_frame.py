@@ -5,8 +5,8 @@ import pytest
 
 from hfsim.integrators import Trajectory
 from hfsim.integrators._trajectory import RECENT, Segment
+from hfsim.marching.integration import run_integration
 from hfsim.parts.bodies.spatial_frame import EDGE, SpatialFrameChart
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

@@ -14,8 +14,8 @@ from hfsim.integrators import Limits, integrate
 from hfsim.integrators._tableau import gauss, radau
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.integrators.gear import Gear
+from hfsim.marching.integration import problem_of
 from hfsim.maths.rotations import rotation
-from hfsim.run.integration import problem_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

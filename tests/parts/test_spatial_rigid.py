@@ -8,8 +8,8 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import ellipj
 
+from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 

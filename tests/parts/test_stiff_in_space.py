@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from hfsim.integrators import Limits, Stepping, choose
+from hfsim.marching.integration import problem_of, run_integration
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics.strained import Strains
-from hfsim.run.integration import problem_of, run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 

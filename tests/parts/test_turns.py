@@ -7,8 +7,8 @@ import pytest
 
 from hfsim.errors import LimitReached, SolverFailure
 from hfsim.integrators import METHODS, Limits, Stepping, choose
+from hfsim.marching.integration import problem_of, run_integration
 from hfsim.mechanics.turns import TurnCount, Turning
-from hfsim.run.integration import problem_of, run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from hfsim.errors import DeckError, SolverFailure
+from hfsim.marching.plan import plan_of
+from hfsim.marching.runaway import RedundantWatch
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics import spatial_markers
-from hfsim.run.plan import plan_of
-from hfsim.run.runaway import RedundantWatch
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

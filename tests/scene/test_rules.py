@@ -13,13 +13,13 @@ from hfsim.commands.decks import CASES
 from hfsim.deck.fields import Between
 from hfsim.errors import DeckError
 from hfsim.integrators import Segment, Trajectory, joined
+from hfsim.marching.integration import run_integration
+from hfsim.marching.plan import plan_of
 from hfsim.mechanics.constraints import Along, Shift, Turn
 from hfsim.parts.forces import SPRINGS
 from hfsim.parts.forces.two_point import TwoPointSpring
 from hfsim.parts.joints import JOINTS
 from hfsim.parts.specs import JointSpec, SpringSpec
-from hfsim.run.integration import run_integration
-from hfsim.run.plan import plan_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.rules import RULES

@@ -430,7 +430,7 @@ def test_momentum_of_a_flying_beam(model):
     built = build(
         scene(FREE.replace("loads:", "").replace(FREE.split("loads:\n")[1].split("\n")[0], "")), model
     )
-    from hfsim.run.integration import run_integration
+    from hfsim.marching.integration import run_integration
 
     done = run_integration(built, built.deck.solve)
     assert done.stop is None
@@ -623,7 +623,7 @@ output: {channels: [b.tip.x, b.tip.y, b.tip.vx, b.tip.vy, c.root.x, c.root.y, c.
 def start(text, model="exact"):
     """Return the values of the channels at the start."""
     built = build(scene(text), model)
-    from hfsim.run.sampling import SceneSamples, compute_channels
+    from hfsim.marching.sampling import SceneSamples, compute_channels
 
     turns = {name: np.array([angle]) for name, angle in built.start_angles.items()}
     samples = SceneSamples(built, np.zeros(1), built.q[None], built.v[None], turns)

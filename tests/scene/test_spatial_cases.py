@@ -8,9 +8,9 @@ from equilibrium import displacement, equilibrium
 from scipy.integrate import solve_ivp
 from turning import Turning
 
+from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics.modes import modes_by_differences
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate

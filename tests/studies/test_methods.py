@@ -14,8 +14,8 @@ from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS, collocation
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod
-from hfsim.run.distance import channel_errors
-from hfsim.run.integration import run_integration
+from hfsim.marching.distance import channel_errors
+from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 from hfsim.simulate import simulate

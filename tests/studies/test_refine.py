@@ -12,8 +12,8 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError, Terminated
+from hfsim.marching.distance import channel_errors
 from hfsim.parts.channels import is_judged
-from hfsim.run.distance import channel_errors
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate

@@ -12,11 +12,11 @@ from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.deck.materials import BeamProperties
 from hfsim.errors import DeckError
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import Budget
 from hfsim.parts.elements import ELASTIC_FORMS, ELEMENTS, elastic_form, join_laws
 from hfsim.parts.elements._base import QuadraticMap
 from hfsim.parts.elements.forces import ElasticForce
-from hfsim.run.integration import run_integration
-from hfsim.run.stop import Budget
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.separation.beams import KINDS, STEPS, Beams

@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.run.integration import run_integration
+from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate

@@ -11,11 +11,11 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.errors import SolverFailure, Terminated
+from hfsim.marching.distance import channel_errors
+from hfsim.marching.integration import Leg, run_integration
+from hfsim.marching.record import Record
+from hfsim.marching.stop import Budget
 from hfsim.output.report import errors
-from hfsim.run.distance import channel_errors
-from hfsim.run.integration import Leg, run_integration
-from hfsim.run.record import Record
-from hfsim.run.stop import Budget
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate

@@ -6,14 +6,14 @@ from typing import ClassVar, Literal
 import numpy as np
 import pytest
 
+from hfsim.marching.balance import step_samples
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import Budget
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.forces import LOADS
 from hfsim.parts.specs import LoadSpec
-from hfsim.run.balance import step_samples
-from hfsim.run.integration import run_integration
-from hfsim.run.stop import Budget
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hfsim.marching.solution import Channel, Run
 from hfsim.output.plots.style import (
     BLUE,
     COLOURS,
@@ -27,7 +28,6 @@ from hfsim.output.plots.style import (
     slug,
     with_unit,
 )
-from hfsim.run.solution import Channel, Run
 from hfsim.studies.compare import Comparison, ending, percent
 
 _MODEL_COLOURS = {

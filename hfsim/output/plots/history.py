@@ -8,6 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hfsim.marching.alike import jumps
+from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.output.plots.style import (
     SIZE,
@@ -21,8 +23,6 @@ from hfsim.output.plots.style import (
     with_unit,
 )
 from hfsim.parts.channels import CHANNELS, kind_of
-from hfsim.run.alike import jumps
-from hfsim.run.solution import Channel, Run
 
 
 def time_figures(run: Run) -> dict[str, Figure]:

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from PIL import Image
 
+from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.output.plots.space import SHADOW, Floor, oblique, oblique_axes
 from hfsim.output.plots.style import COLOURS, as_they_are, colour, dress, finished, headline
 from hfsim.output.plots.tracks import equal_axes, tracks_of
-from hfsim.run.solution import Run
 
 _FRAMES, _PIXELS, _RATE = 150, 720, 20
 """Frames at most, longest side of them at most, and frames a second."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
+from hfsim.marching.solution import Run
 from hfsim.output.plots.style import dress, finished, headline
 from hfsim.output.plots.tracks import (
     draw_shapes,
@@ -14,7 +15,6 @@ from hfsim.output.plots.tracks import (
     track_words,
     tracks_of,
 )
-from hfsim.run.solution import Run
 
 
 def planar_path(run: Run) -> Figure | None:

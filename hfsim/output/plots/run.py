@@ -6,12 +6,12 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
+from hfsim.marching.solution import Run
+from hfsim.marching.stop import Budget
 from hfsim.output.plots.history import time_figures
 from hfsim.output.plots.plane import planar_path, planar_shapes
 from hfsim.output.plots.space import oblique_shapes, spatial_path, spatial_shapes
 from hfsim.output.plots.style import save
-from hfsim.run.solution import Run
-from hfsim.run.stop import Budget
 
 
 def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:

@@ -11,6 +11,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array
 from hfsim.output.plots.style import dress, finished, headline, new_figure
 from hfsim.output.plots.tracks import (
@@ -22,7 +23,6 @@ from hfsim.output.plots.tracks import (
     track_words,
     tracks_of,
 )
-from hfsim.run.solution import Run
 
 _VIEWS = {(0, 0): (0, 1), (1, 0): (0, 2), (1, 1): (1, 2)}
 """Row and column of each view, and the axes it shows: from above, below it from the front, then the right."""

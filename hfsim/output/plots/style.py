@@ -22,8 +22,8 @@ from matplotlib.patches import Patch
 from matplotlib.text import Text
 from matplotlib.ticker import NullFormatter
 
-from hfsim.run.solution import Run
-from hfsim.run.stop import Budget
+from hfsim.marching.solution import Run
+from hfsim.marching.stop import Budget
 from hfsim.studies.compare.words import ending
 
 _DPI = 110

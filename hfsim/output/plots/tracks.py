@@ -9,9 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
+from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array
 from hfsim.output.plots.style import TIME_COLOURS, colour, new_figure
-from hfsim.run.solution import Run
 
 _SHAPES, _SOLIDS = 20, 9
 """Number of shapes in a stroboscopic picture: of lines, and where some body has edges that meet inside."""

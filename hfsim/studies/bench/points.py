@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from hfsim.marching.distance import GROUPS, ChannelScale, gap, group_of
 from hfsim.maths.arrays import Array
-from hfsim.run.distance import GROUPS, ChannelScale, gap, group_of
 
 
 def tidy(number: float) -> str:

@@ -9,12 +9,12 @@ from itertools import pairwise
 import numpy as np
 
 from hfsim.errors import HfsimError
+from hfsim.marching.alike import alike
+from hfsim.marching.distance import ChannelScale, gap, group_of, reference_scales
+from hfsim.marching.sampling import compute_channels, sample
+from hfsim.marching.solution import Channel
+from hfsim.marching.stop import Budget, Progress, TimeUp
 from hfsim.parts.bodies import BeamSpec
-from hfsim.run.alike import alike
-from hfsim.run.distance import ChannelScale, gap, group_of, reference_scales
-from hfsim.run.sampling import compute_channels, sample
-from hfsim.run.solution import Channel
-from hfsim.run.stop import Budget, Progress, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec

@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from hfsim.run.balance import balance, step_samples
-from hfsim.run.distance import group_of
-from hfsim.run.integration import Integration
-from hfsim.run.sampling import compute_channels, sample
-from hfsim.run.solution import Channel
-from hfsim.run.stop import Budget, TimeUp
+from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.distance import group_of
+from hfsim.marching.integration import Integration
+from hfsim.marching.sampling import compute_channels, sample
+from hfsim.marching.solution import Channel
+from hfsim.marching.stop import Budget, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec

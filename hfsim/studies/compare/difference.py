@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.run.distance import ChannelScale, gap
-from hfsim.run.solution import Run
+from hfsim.marching.distance import ChannelScale, gap
+from hfsim.marching.solution import Run
 
 
 @dataclass(frozen=True)

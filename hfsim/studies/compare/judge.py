@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from hfsim.marching.alike import alike
+from hfsim.marching.distance import ChannelScale, channel_scales, decisive
+from hfsim.marching.solution import Run
 from hfsim.parts.bodies.models import MODELS
-from hfsim.run.alike import alike
-from hfsim.run.distance import ChannelScale, channel_scales, decisive
-from hfsim.run.solution import Run
 from hfsim.studies.compare.difference import Difference, difference
 from hfsim.studies.compare.measurements import Measured
 from hfsim.studies.compare.result import Comparison, ModelResult

@@ -7,10 +7,10 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from hfsim.integrators import steps_in_absolute_coordinates
+from hfsim.marching.distance import channel_errors
+from hfsim.marching.solution import Run
+from hfsim.marching.stop import Progress
 from hfsim.parts.bodies.models import MODELS
-from hfsim.run.distance import channel_errors
-from hfsim.run.solution import Run
-from hfsim.run.stop import Progress
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck, SolveSpec
 from hfsim.simulate import simulate

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from hfsim.run.distance import ChannelScale
+from hfsim.marching.distance import ChannelScale
 from hfsim.studies.compare.difference import Difference
 from hfsim.studies.compare.words import how_it_ended, percent
 

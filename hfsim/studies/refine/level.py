@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from hfsim.integrators import METHODS
-from hfsim.run.clock import PhaseClock
-from hfsim.run.integration import Integration
-from hfsim.run.sampling import compute_channels, sample
-from hfsim.run.solution import Channel
+from hfsim.marching.clock import PhaseClock
+from hfsim.marching.integration import Integration
+from hfsim.marching.sampling import compute_channels, sample
+from hfsim.marching.solution import Channel
 from hfsim.scene.build import Scene
 from hfsim.studies.methods import Entry
 from hfsim.studies.refine.setting import Setting

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 from hfsim.integrators import steps_in_absolute_coordinates
-from hfsim.run.clock import PhaseClock
-from hfsim.run.integration import Integration
-from hfsim.run.stop import Progress
+from hfsim.marching.clock import PhaseClock
+from hfsim.marching.integration import Integration
+from hfsim.marching.stop import Progress
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.methods import MARGIN, Contest, Entry, Probe, Turn, candidates

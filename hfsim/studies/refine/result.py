@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hfsim.errors import LimitReached, interruption_code
-from hfsim.run.distance import channel_errors
-from hfsim.run.integration import Leg
-from hfsim.run.record import Record
-from hfsim.run.solution import Run
+from hfsim.marching.distance import channel_errors
+from hfsim.marching.integration import Leg
+from hfsim.marching.record import Record
+from hfsim.marching.solution import Run
 from hfsim.simulate import assess
 from hfsim.studies.bench.points import tidy
 from hfsim.studies.refine.level import Level

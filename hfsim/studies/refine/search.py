@@ -9,11 +9,11 @@ from dataclasses import replace
 
 from hfsim.errors import DeckError
 from hfsim.integrators import steps_in_absolute_coordinates
+from hfsim.marching.distance import channel_errors, farthest
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import Budget, Halted, Progress, TimeUp
 from hfsim.maths.memory import available, in_bytes, resident
 from hfsim.parts.channels import is_judged
-from hfsim.run.distance import channel_errors, farthest
-from hfsim.run.integration import run_integration
-from hfsim.run.stop import Budget, Halted, Progress, TimeUp
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.methods import MARGIN

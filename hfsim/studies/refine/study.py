@@ -6,8 +6,8 @@ import time
 from dataclasses import replace
 
 from hfsim.errors import interruption_words
-from hfsim.run.solution import Run
-from hfsim.run.stop import Budget, Halted, Progress
+from hfsim.marching.solution import Run
+from hfsim.marching.stop import Budget, Halted, Progress
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.bench.points import tidy
 from hfsim.studies.refine.part import Part

@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.marching.integration import Integration, run_integration
+from hfsim.marching.stop import Budget
 from hfsim.maths.arrays import Array
 from hfsim.parts.elements import ELASTIC_FORMS, elastic_form
-from hfsim.run.integration import Integration, run_integration
-from hfsim.run.stop import Budget
 from hfsim.scene.build import Scene
 from hfsim.studies.separation._base import StiffnessForm
 from hfsim.studies.separation.beams import STEPS, Beams

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import DeckError, SolverFailure
-from hfsim.run.balance import balance, step_samples
-from hfsim.run.distance import reference_scales
-from hfsim.run.integration import Integration, run_integration
-from hfsim.run.sampling import SceneSamples, compute_channels, sample
-from hfsim.run.stop import Budget, TimeUp
+from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.distance import reference_scales
+from hfsim.marching.integration import Integration, run_integration
+from hfsim.marching.sampling import SceneSamples, compute_channels, sample
+from hfsim.marching.stop import Budget, TimeUp
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import parse_deck
 from hfsim.scene.schema import SolveSpec

@@ -3,7 +3,7 @@
 Two errors are told apart.  The *time error* is the distance to the same model solved by Gauss
 collocation at a tight tolerance: what the method and its step do.  The *model error* is the distance of
 that solution to the one of `exact`: what the model leaves out.  Both are the largest over time in the
-worst channel, relative to the channel's scale (`hfsim.run.distance`).
+worst channel, relative to the channel's scale (`hfsim.marching.distance`).
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from hfsim.marching.alike import alike
+from hfsim.marching.distance import ChannelScale, farthest, gap
+from hfsim.marching.solution import Channel
 from hfsim.maths.arrays import Array
-from hfsim.run.alike import alike
-from hfsim.run.distance import ChannelScale, farthest, gap
-from hfsim.run.solution import Channel
 
 CLASSES = {
     "accurate": "completed; errors and energy drift within the bounds",

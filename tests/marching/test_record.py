@@ -6,11 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import hfsim.run.record
+import hfsim.marching.record
 from hfsim.errors import LimitReached
 from hfsim.integrators import Segment, Trajectory
+from hfsim.marching.integration import run_integration
 from hfsim.parts.channels import CHANNELS
-from hfsim.run.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
@@ -85,7 +85,7 @@ SCENES = {
 
 @pytest.fixture
 def short_blocks(monkeypatch):
-    monkeypatch.setattr(hfsim.run.record, "BLOCK", 0.01)
+    monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.01)
 
 
 @pytest.mark.parametrize("deck, overrides", [(d, o) for d, *o in SCENES.values()], ids=SCENES)
@@ -117,7 +117,7 @@ def test_rows_come_while_the_run_goes_on_and_do_not_depend_on_blocks(short_block
     loaded = load_deck(CASES / "pendulum.yaml")
     many, one = Notes(), Notes()
     run(loaded, many)
-    monkeypatch.setattr(hfsim.run.record, "BLOCK", np.inf)
+    monkeypatch.setattr(hfsim.marching.record, "BLOCK", np.inf)
     run(loaded, one)
     assert len(many.tables) > 3 and len(one.tables) == 1
     assert many.told == [loaded.deck.channels, "done"]
@@ -152,8 +152,8 @@ def test_long_runs_keep_less_of_their_steps_but_lose_no_rows(short_blocks, monke
     loaded = load_deck(CASES / "pendulum.yaml", ["solve.duration=4", "solve.tolerance=1e-6"])
     whole = Notes()
     run(loaded, whole)
-    monkeypatch.setattr(hfsim.run.record, "MOST_STEPS", 2e4)
-    monkeypatch.setattr(hfsim.run.record, "MOST_STATES", 1e4)
+    monkeypatch.setattr(hfsim.marching.record, "MOST_STEPS", 2e4)
+    monkeypatch.setattr(hfsim.marching.record, "MOST_STATES", 1e4)
     monkeypatch.setattr("hfsim.integrators._trajectory.RECENT", 4)
     notes = Notes()
     short = simulate(loaded, error_estimate=False, diagnosis=True, sink=notes)
@@ -199,7 +199,7 @@ def test_what_is_not_known_of_the_beginning_is_not_judged(deck, short_blocks):
     notes = Notes(most=2)
     run(loaded, notes)
     scene = build(loaded)
-    record = hfsim.run.record.Record(memory=notes.put_down())
+    record = hfsim.marching.record.Record(memory=notes.put_down())
     done = run_integration(scene, scene.deck.solve, record=record)
     assert done.trajectory.t_start > 0.0
     assert disturbed_growth(scene, done, scene.deck.solve, lambda share: None) is None

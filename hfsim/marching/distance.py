@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from hfsim.marching.alike import alike
+from hfsim.marching.solution import Channel
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import Samples, is_judged
-from hfsim.run.alike import alike
-from hfsim.run.solution import Channel
 
 SMALL = 1e-3
 """Range of a channel, relative to the size of its unit, below which it is too small to be judged by."""

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from hfsim.integrators import Segment, Trajectory
-from hfsim.run.balance import balance, step_samples
-from hfsim.run.integration import run_integration
+from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate

@@ -22,8 +22,8 @@ from hfsim.integrators import (
     packed,
     part_of,
 )
+from hfsim.marching.runaway import Watches
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.run.runaway import Watches
 
 Stop: TypeAlias = HfsimError | KeyboardInterrupt | None
 """What ended steps before their time."""

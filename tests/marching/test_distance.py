@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from hfsim.marching.distance import channel_errors, channel_scales, gap
+from hfsim.marching.solution import Channel
 from hfsim.parts.channels import is_judged
-from hfsim.run.distance import channel_errors, channel_scales, gap
-from hfsim.run.solution import Channel
 
 T = np.linspace(0.0, 1.0, 101)
 

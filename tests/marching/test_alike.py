@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from hfsim.marching.alike import alike, jumps
+from hfsim.marching.distance import channel_errors
+from hfsim.marching.solution import Channel
 from hfsim.maths.rotations import quaternion, rotation, rotation_vector
-from hfsim.run.alike import alike, jumps
-from hfsim.run.distance import channel_errors
-from hfsim.run.solution import Channel
 
 T = np.linspace(0.0, 10.0, 2001)
 AXIS = np.array([0.3, 0.9, -0.3]) / np.linalg.norm([0.3, 0.9, -0.3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from hfsim.run.integration import Leg
+from hfsim.marching.integration import Leg
 
 _SUMS = (
     *("steps", "rejected", "newton_iterations", "evaluations", "evaluation_calls", "factorisations"),

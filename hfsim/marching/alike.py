@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from hfsim.marching.solution import Channel
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.parts.channels import kind_of
-from hfsim.run.solution import Channel
 
 
 def alike(channels: Sequence[Channel], truth: Sequence[Channel]) -> tuple[Channel, ...]:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from hfsim.run.integration import run_integration
-from hfsim.run.stop import SHIELD, Budget, TimeUp
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import SHIELD, Budget, TimeUp
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 

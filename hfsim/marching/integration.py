@@ -10,14 +10,14 @@ import numpy as np
 
 from hfsim.errors import LimitReached, SolverFailure
 from hfsim.integrators import Limits, Method, PlainIncrements, Problem, Trajectory, choose
+from hfsim.marching.record import LegRecord, Record
+from hfsim.marching.runaway import RateWatch, Watch, Watches
+from hfsim.marching.steps import State, Steps, Stop, Strand, Together
+from hfsim.marching.stop import SHIELD, Progress, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
-from hfsim.run.record import LegRecord, Record
-from hfsim.run.runaway import RateWatch, Watch, Watches
-from hfsim.run.steps import State, Steps, Stop, Strand, Together
-from hfsim.run.stop import SHIELD, Progress, TimeUp
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 
@@ -206,6 +206,6 @@ def _recharted(system: System, q: Array, v: Array) -> tuple[Array, Array] | None
 
 
 def _culprit(scene: Scene, t: float, q: Array, v: Array) -> SolverFailure | None:
-    from hfsim.run.culprit import non_finite
+    from hfsim.marching.culprit import non_finite
 
     return non_finite(scene, t, q, v)

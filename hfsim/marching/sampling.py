@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.integrators import Trajectory
+from hfsim.marching.solution import Channel
+from hfsim.marching.turns import count_turns
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.parts.channels import Samples, force_columns, kind_of
-from hfsim.run.solution import Channel
-from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene
 
 SLIVER = 1e-9

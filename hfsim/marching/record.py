@@ -13,12 +13,12 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators import Counts, Memory, Trajectory, packed, part_of
+from hfsim.marching.balance import Balance, step_samples
+from hfsim.marching.sampling import SceneSamples, compute_channels, output_times
+from hfsim.marching.solution import Channel, Run
+from hfsim.marching.turns import count_turns
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import kind_of
-from hfsim.run.balance import Balance, step_samples
-from hfsim.run.sampling import SceneSamples, compute_channels, output_times
-from hfsim.run.solution import Channel, Run
-from hfsim.run.turns import count_turns
 from hfsim.scene.build import Scene
 
 CALL, STATE = 3e-4, 2e-7
