@@ -15,6 +15,10 @@ from hfsim.scene.closing import Linkage
 
 TOLD = 8
 """Angles of bodies that are told in a line."""
+NO_TURN = 1e-10
+"""Angle that is rounding [rad]."""
+DECIMALS = 6
+"""Of an axis that is told."""
 WORTH_A_WARNING = 0.02
 """Part of what may be a guess from which a change is warned of; below, it is only noted."""
 UNITS = {
@@ -127,7 +131,9 @@ def angles_of(closed: Mapping[str, Turn]) -> str:
 def _in_degrees(turn: Turn) -> str:
     """Return an angle in degrees, or a rotation vector as its angle about its axis."""
     if isinstance(turn, float):
-        return f"{np.degrees(turn):.4g} deg"
+        return f"{np.degrees(turn if abs(turn) >= NO_TURN else 0.0):.4g} deg"
     angle = float(np.linalg.norm(turn))
-    axis = ", ".join(f"{part / (angle or 1.0) + 0.0:.4g}" for part in turn)
+    if angle < NO_TURN:
+        return "0 deg"
+    axis = ", ".join(f"{round(part / angle, DECIMALS) + 0.0:.4g}" for part in turn)
     return f"{np.degrees(angle):.4g} deg about [{axis}]"

@@ -49,7 +49,7 @@ class Redundancy(NamedTuple):
     joints : tuple of str
         Joints that take part.
     missing, of : int
-        Number of equations that are superfluous, and of all.
+        Number of equations that are superfluous, and of all joints together.
     left_out : dict of int to list of int
         Constraints of the system, with the rows that are left out.
     """
@@ -88,15 +88,16 @@ def redundancy(
         return Redundancy()
     equations = system.unreduced
     found = dependence(equations.phi.jacobian_at(x[None]), equations.rows, joints)
+    count = sum(system.constraints[k].rows for members in joints.values() for k in members)
     if loaded.deck.dimension == 2 or own.n_rows > MOST_ROWS:
-        raise _refusal(loaded, found.joints, found.missing, equations.n_rows)
+        raise _refusal(loaded, found.joints, found.missing, count)
     motion = _Motion(own, missing)
     if gap := motion.contradiction(x):
         why = f": these agree at the start alone, and miss by {gap:.3g} after a motion of {STEP:g}"
-        raise _refusal(loaded, found.joints, found.missing, equations.n_rows, why)
+        raise _refusal(loaded, found.joints, found.missing, count, why)
     if any(own.constraints[k].driven for k in motion.taking_part):
-        raise _refusal(loaded, found.joints, found.missing, equations.n_rows, ", that of a driver among them")
-    return Redundancy(found.joints, missing, equations.n_rows, _numbered(own, motion.superfluous()))
+        raise _refusal(loaded, found.joints, found.missing, count, ", that of a driver among them")
+    return Redundancy(found.joints, missing, count, _numbered(own, motion.superfluous()))
 
 
 def _refusal(loaded: LoadedDeck, joints: Sequence[str], missing: int, count: int, why: str = "") -> DeckError:

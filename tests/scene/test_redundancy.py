@@ -27,10 +27,7 @@ def test_a_loop_that_is_held_too_often_is_named_and_has_its_one_freedom(name):
     joints = list(built.deck.joints)
     assert built.redundancy.joints == tuple(joints)
     (warning,) = built.warnings
-    assert (
-        f"{LOOPS[name]} of {built.system.residual(np.zeros(1), built.system.absolute(built.q[None])).shape[1]}"
-        in warning
-    )
+    assert f"{LOOPS[name]} of {5 * len(joints)} joint equations" in warning  # a hinge has five
     assert all(f"'{joint}' (line " in warning for joint in joints)
     assert sum(motion.number for motion in built.free_motions) == 1
     assert built.system.n - built.system.n_rows == 1
@@ -86,7 +83,7 @@ def test_a_door_on_two_hinges():
     """Its motion and the sum of both forces are those with a ball and a slide in place of one hinge."""
     door = simulate(parse_deck(HINGED), error_estimate=False)
     (warning,) = door.statistics["warnings"]
-    assert "5 of 13" in warning and "not unique" in warning
+    assert "5 of 10 joint equations" in warning and "not unique" in warning
     single = simulate(
         parse_deck(HINGED.replace("  upper", "  # upper").replace(", upper.force_z, upper.force_x", "")),
         error_estimate=False,
@@ -157,6 +154,6 @@ def test_many_equal_joints_are_told_by_the_first_of_them_and_soon():
     with mock.patch.object(spatial_markers, "rotation", counted), pytest.raises(DeckError) as refusal:
         build(parse_deck(f"{text}joints:\n{joints}solve: {{duration: 1.0}}\n"))
     (problem,) = refusal.value.problems
-    assert "1794 of 1806 joint equations" in problem.message
+    assert "1794 of 1800 joint equations" in problem.message
     assert "'j7' (line 12), and 291 more already block" in problem.message
     assert counted.call_count < 100

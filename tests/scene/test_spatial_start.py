@@ -6,6 +6,7 @@ import pytest
 
 from hfsim.errors import DeckError
 from hfsim.maths.rotations import rotation
+from hfsim.scene.assembly import angles_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -190,3 +191,8 @@ def test_what_floats_stands_level_where_nothing_else_is_stated():
     R = turns(built)
     assert R["hub"] == pytest.approx(np.eye(3), abs=0.0)
     assert R["arm"] == pytest.approx(rotation(np.array([0.0, 0.0, 0.5 * np.pi])), abs=1e-15)
+
+
+def test_turns_that_are_rounding_are_told_as_none():
+    noisy = {"crank": (0.2, 1e-29, -1e-28), "block": (0.0, 1e-29, 3e-28), "rod": -2e-17}
+    assert angles_of(noisy) == "crank 11.46 deg about [1, 0, 0], block 0 deg, rod 0 deg"
