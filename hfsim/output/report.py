@@ -6,11 +6,13 @@ from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hfsim.marching.rounding import LEAST, ROUNDING, sizes_of
 from hfsim.output.talk import Talk, print_error
 from hfsim.output.text import Column, as_table, brief, number, table
+from hfsim.parts.channels import is_judged
 
 if TYPE_CHECKING:
-    from hfsim.marching.solution import Run
+    from hfsim.marching.solution import Channel, Run
 
 
 def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk, told: Container[str] = ()) -> None:
@@ -231,7 +233,15 @@ def _drift(summary: Mapping[str, Any]) -> str:
 def _last_values(run: Run) -> list[str]:
     if not len(run.t):
         return ["  no output time was reached"]
-    rows = [[f"  {channel.name}", f"{channel.values[-1]:.9g}", channel.unit] for channel in run.channels]
+    sizes = sizes_of(run.channels, run.outlines)
+    rows = [[f"  {one.name}", _last(one, sizes.get(one.unit, 0.0)), one.unit] for one in run.channels]
     if not rows:
         return []
     return [f"  at t = {run.end_time:.9g} s", as_table(rows)]
+
+
+def _last(channel: Channel, size: float) -> str:
+    """Return the last value of a channel; zero where it is rounding, but not of a residual."""
+    value = channel.values[-1]
+    rounded = is_judged(channel.name) and abs(value) <= max(ROUNDING * size, LEAST)
+    return "0" if rounded else f"{value:.9g}"

@@ -47,7 +47,7 @@ def test_a_new_channel_goes_from_the_check_to_the_pictures(deck, tmp_path):
     assert height == pytest.approx(y - t, abs=1e-15)
     channels = json.loads((folder / "summary.json").read_text())["channels"]
     assert channels == {"b1.tip.y": "m", "b1.tip.height": "km", "power.supplied": "W"}
-    assert {"height.png", "other_W.png", "position.png"} <= {p.name for p in (folder / "plots").iterdir()}
+    assert {"height.png", "supplied.png", "position.png"} <= {p.name for p in (folder / "plots").iterdir()}
     assert is_judged("b1.tip.height") and not is_judged("power.supplied")
 
 

@@ -1,10 +1,14 @@
 """Pictures of runs in space: what is drawn is what was computed, to one scale in all views."""
 
+from dataclasses import replace
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 
+from hfsim.marching.solution import Channel
 from hfsim.output.plots import draw_run
 from hfsim.output.plots.history import time_figures
 from hfsim.output.plots.space import oblique, oblique_shapes, spatial_path, spatial_shapes
@@ -117,8 +121,43 @@ def test_where_a_turn_has_several_values_its_curve_is_broken(run, name, jump):
 
 def test_vectors_of_several_subjects_have_a_row_for_each_component(run):
     figures = time_figures(run)
-    rows = figures["other_m_per_s"].axes
+    rows = figures["velocity"].axes
     assert [axes.get_ylabel() for axes in rows] == [f"{name} [m/s]" for name in ("vx", "vy", "vz")]
     assert all([line.get_label() for line in axes.lines] == ["whip.tip", "hub"] for axes in rows)
-    (axes,) = figures["other_N"].axes
+    (axes,) = figures["joint_force"].axes
     assert [line.get_label() for line in axes.lines] == [f"ball.force_{one}" for one in "xyz"]
+
+
+def test_labels_of_a_narrow_view_do_not_touch(run):
+    """A point that goes round in a plane."""
+    angle = np.linspace(0.0, 6.0, len(run.t))
+    circle = (0.0 * angle, 0.1 + 0.08 * np.sin(angle), 0.12 + 0.08 * np.cos(angle))
+    channels = tuple(Channel(f"whip.tip.{k}", "m", one) for k, one in zip("xyz", circle, strict=True))
+    figure = spatial_path(replace(run, channels=channels))
+    FigureCanvasAgg(figure).draw()
+    for axes in figure.axes[:3]:
+        boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_text()]
+        assert all(left.x1 < right.x0 for left, right in pairwise(boxes)), axes.get_xlabel()
+
+
+def test_what_is_zero_but_for_rounding_is_drawn_as_zero(run):
+    """Spikes of 1e-29 N are no result, and no small force beside a large one either; residuals are left."""
+    noise = np.sin(np.arange(len(run.t)))
+    channels = (
+        Channel("ball.force_y", "N", 1e-29 * noise),
+        Channel("hub.vx", "m/s", 1e-16 * noise),
+        Channel("hub.vy", "m/s", 2.0 + 1e-15 * noise),
+        Channel("whip.tip.deflection_y", "m", 1e-9 * noise),
+        Channel("hub.x", "m", noise),
+        Channel("constraint.position", "m", 1e-16 * noise),
+    )
+    figures = time_figures(replace(run, channels=channels))
+    (force,) = figures["joint_force"].axes
+    assert not force.lines[0].get_ydata().any() and force.get_ylim() == (-1.0, 1.0)
+    assert "zero" in [text.get_text() for text in force.texts]
+    (axes,) = figures["velocity"].axes
+    across, along = (line.get_ydata() for line in axes.lines)
+    assert not across.any() and np.ptp(along) == 0.0 and along[0] == pytest.approx(2.0)
+    for name, size in (("deflection", 1e-9), ("constraint", 1e-16)):
+        (axes,) = figures[name].axes
+        assert axes.lines[0].get_ydata() == pytest.approx(size * noise) and not axes.texts

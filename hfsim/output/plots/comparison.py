@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hfsim.marching.rounding import levelled
 from hfsim.marching.solution import Channel, Run
 from hfsim.output.plots.style import (
     BLUE,
@@ -23,6 +25,7 @@ from hfsim.output.plots.style import (
     ended,
     finished,
     log_figure,
+    mark_zero,
     new_figure,
     save,
     slug,
@@ -63,6 +66,8 @@ def draw_comparison(runs: Sequence[Run], comparison: Comparison, folder: Path) -
     truth = next(run for run in runs if run.model == comparison.reference)
     if not len(truth.t):
         return []
+    runs = [replace(run, channels=levelled(run.channels, truth.outlines)) for run in runs]
+    truth = next(run for run in runs if run.model == comparison.reference)
     figures = {slug(channel.name): _overlay_figure(runs, truth, channel) for channel in truth.channels}
     cost = _cost_figure(comparison)
     return save(figures | ({"error_against_cost": cost} if cost else {}), folder)
@@ -79,6 +84,7 @@ def _overlay_figure(runs: Sequence[Run], truth: Run, channel: Channel) -> Figure
     label = f"{truth.model} (reference)" + ("" if truth.status == "done" else f" ({ended(truth)})")
     axes.plot(truth.t, channel.values, "--", color="black", linewidth=1.5, label=label, zorder=5)
     axes.set_ylim(low, high)
+    mark_zero(axes)
     dress(axes, "time [s]", with_unit(channel.name, channel.unit))
     note = f"\n(axis cut at {_CLIP:.0f} x the reference's range)" if clipped else ""
     return finished(figure, f"{truth.name}: {channel.name} by model{note}", [axes])
@@ -117,7 +123,7 @@ def overlay_limits(reference: np.ndarray, curves: Sequence[np.ndarray]) -> tuple
     Returns
     -------
     low, high : float
-        At most three ranges of the reference around its middle.
+        At most three ranges of the reference around its middle, unless it is constant.
     clipped : bool
         Whether some curve leaves them.
 
@@ -132,6 +138,8 @@ def overlay_limits(reference: np.ndarray, curves: Sequence[np.ndarray]) -> tuple
     floor, ceiling = middle - 0.5 * _CLIP * span, middle + 0.5 * _CLIP * span
     bottom = min([low, *(float(values.min()) for values in curves)])
     top = max([high, *(float(values.max()) for values in curves)])
+    if low == high and bottom < top:
+        return bottom - 0.05 * (top - bottom), top + 0.05 * (top - bottom), False
     clipped = bottom < floor or top > ceiling
     margin = 0.05 * span
     bottom, top = max(bottom - margin, floor), min(top + margin, ceiling)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from hfsim.marching.alike import jumps
+from hfsim.marching.rounding import levelled
 from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.output.plots.style import (
@@ -17,6 +19,7 @@ from hfsim.output.plots.style import (
     dress,
     finished,
     headline,
+    mark_zero,
     new_figure,
     slug,
     stacked,
@@ -26,18 +29,25 @@ from hfsim.parts.channels import CHANNELS, kind_of
 
 
 def time_figures(run: Run) -> dict[str, Figure]:
-    """Return a picture for each plot that channels name, then one for each unit of the others."""
+    """Return a picture for each plot that channels name, then one for each quantity of the others.
+
+    What is zero or constant but for rounding is drawn so.
+    """
     figures: dict[str, Figure] = {}
+    run = replace(run, channels=levelled(run.channels, run.outlines))
     kinds = [(channel, kind_of(channel.name).plot) for channel in run.channels]
     for stem in dict.fromkeys(kind.plot.stem for kind in CHANNELS.values() if kind.plot.stem):
         chosen = [channel for channel, plot in kinds if plot.stem == stem]
         if chosen:
             figures[stem] = _time_figure(run, chosen)
     rest = [channel for channel, plot in kinds if not plot.stem]
-    for unit in dict.fromkeys(channel.unit for channel in rest):
-        name = slug("other_" + (unit or "number").replace("/", "_per_"))
-        figures[name] = _time_figure(run, [channel for channel in rest if channel.unit == unit])
+    for quantity in dict.fromkeys(_parts(channel)[1] for channel in rest):
+        figures[slug(quantity)] = _time_figure(run, [one for one in rest if _parts(one)[1] == quantity])
     return figures
+
+
+def _words(channels: Sequence[Channel]) -> str:
+    return kind_of(channels[0].name).plot.words or _parts(channels[0])[1]
 
 
 def _time_figure(run: Run, channels: Sequence[Channel]) -> Figure:
@@ -68,14 +78,14 @@ def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Figure:
                 own = colour(subjects.index(subject))
                 axes.plot(*_curve(run, channel, breaks), color=own, label=subject)
         dress(axes, "", with_unit(wanted, channels[0].unit))
-    plot = kind_of(channels[0].name).plot
-    of = f" of {subjects[0]}" if len(subjects) == 1 else " of points" if plot.rows else ""
-    return _over_time(figure, rows, headline(run, plot.words + of))
+    points = " of points" if kind_of(channels[0].name).plot.rows else ""
+    of = f" of {subjects[0]}" if len(subjects) == 1 else points
+    return _over_time(figure, rows, headline(run, _words(channels) + of))
 
 
 def _units_figure(run: Run, channels: Sequence[Channel]) -> Figure:
     """Draw a row for each unit and a colour for each channel."""
-    words = kind_of(channels[0].name).plot.words
+    words = _words(channels)
     units = list(dict.fromkeys(channel.unit for channel in channels))
     figure = new_figure((SIZE[0], 2.2 + 2.4 * len(units)))
     rows = stacked(figure, len(units))
@@ -95,4 +105,6 @@ def _curve(run: Run, channel: Channel, breaks: Mapping[str, IntArray]) -> tuple[
 
 def _over_time(figure: Figure, rows: Sequence[Axes], title: str) -> Figure:
     rows[-1].set_xlabel("time [s]")
+    for axes in rows:
+        mark_zero(axes)
     return finished(figure, title, rows)

@@ -105,8 +105,9 @@ def _three_views(points: Array) -> tuple[Figure, dict[tuple[int, int], Axes]]:
         dress(axes, f"{'xyz'[horizontal]} [m]", f"{'xyz'[vertical]} [m]")
         axes.set_aspect("equal")
         axes.set(xlim=(low[horizontal], high[horizontal]), ylim=(low[vertical], high[vertical]))
-        for axis, length in ((axes.xaxis, (x, y)[place[1]]), (axes.yaxis, (y, z)[place[0]])):
-            axis.set_major_locator(MaxNLocator(max(2, int(1.5 * scale * length)), steps=_STEPS))
+        for axis, length, least in ((axes.xaxis, (x, y)[place[1]], 1), (axes.yaxis, (y, z)[place[0]], 2)):
+            count = max(least, int(1.5 * scale * length))
+            axis.set_major_locator(MaxNLocator(count, steps=_STEPS, min_n_ticks=least))
         views[pair] = axes
     return figure, views
 

@@ -101,6 +101,14 @@ def dress(axes: Axes, x_label: str, y_label: str) -> None:
     axes.ticklabel_format(axis="y", scilimits=(-3, 4))
 
 
+def mark_zero(axes: Axes) -> None:
+    """Say of axes in which all curves are zero that they are, on a scale that shows it."""
+    curves = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]
+    if curves and not any(np.nan_to_num(values).any() for values in curves):
+        axes.set_ylim(-1.0, 1.0)
+        axes.text(0.5, 0.6, "zero", ha="center", va="center", color="0.4", transform=axes.transAxes)
+
+
 def dress_log(axes: Axes, x_label: str, y_label: str) -> None:
     """Give logarithmic axes their labels, grid, and whole decades of x."""
     axes.set(xlabel=x_label, ylabel=y_label)

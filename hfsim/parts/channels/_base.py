@@ -104,14 +104,14 @@ class Plot(NamedTuple):
     Attributes
     ----------
     words : str
-        Title, and label of the axis before the unit.
+        Title, and label of the axis before the unit; without them, the quantity.
     stem : str
-        Name of its file. Without one, all channels of the same unit share a picture ``other_<unit>``.
+        Name of its file. Without one, each quantity has a picture by its own name.
     rows : bool
         Whether each quantity has a row of its own and each subject a colour; else each unit and each channel.
     """
 
-    words: str = "other outputs"
+    words: str = ""
     stem: str = ""
     rows: bool = False
 

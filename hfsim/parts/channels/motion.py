@@ -10,7 +10,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import quaternion, rotation_vector
 from hfsim.parts.channels._base import ChannelKind, Plot, Samples
 
-_POSITION, _VELOCITY = Plot("position", "position", rows=True), Plot("velocity")
+_POSITION, _VELOCITY = Plot("position", "position", rows=True), Plot("velocity", "velocity")
 
 
 def _position(axis: int) -> Callable[[Samples, str], Array]:

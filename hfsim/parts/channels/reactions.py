@@ -24,9 +24,10 @@ def _component(which: int, axis: int) -> Callable[[Samples, str], Array]:
     return lambda samples, joint: _reaction(samples, joint)[which][:, axis]
 
 
-FORCE_X, FORCE_Y = (ChannelKind("N", _component(0, axis), "joint", Plot("force")) for axis in range(2))
-FORCE_Z = ChannelKind("N", _component(0, 2), "joint", Plot("force"), dimensions=(3,))
-MOMENT = ChannelKind("N m", _component(1, 0), "joint", Plot("moment"), dimensions=(2,))
+_FORCE, _MOMENT = Plot("joint force", "joint_force"), Plot("joint moment", "joint_moment")
+FORCE_X, FORCE_Y = (ChannelKind("N", _component(0, axis), "joint", _FORCE) for axis in range(2))
+FORCE_Z = ChannelKind("N", _component(0, 2), "joint", _FORCE, dimensions=(3,))
+MOMENT = ChannelKind("N m", _component(1, 0), "joint", _MOMENT, dimensions=(2,))
 MOMENTS = tuple(
-    ChannelKind("N m", _component(1, axis), "joint", Plot("moment"), dimensions=(3,)) for axis in range(3)
+    ChannelKind("N m", _component(1, axis), "joint", _MOMENT, dimensions=(3,)) for axis in range(3)
 )
