@@ -76,7 +76,7 @@ WORDS = """
     type between length mass inertia points law angle position axis at force stiffness elements
     degree element strain curvature model method step order stages coordinates tolerance duration
     interval channels gravity bodies joints springs loads initial ground times values amplitude
-    frequency rate start end << on 1 b1 root tip t energy
+    frequency rate start end damping friction stops lower upper torque velocity << on 1 b1 root tip t energy
 """.split()  # noqa: SIM905
 CHOICES = """
     beam rigid revolute fixed prismatic driver rotational two_point force moment continuum linear

@@ -57,6 +57,8 @@ UNITS: dict[str, dict[str, str]] = {
         **{f"{unit}/deg": str(Decimal(factor) / Decimal(_DEGREE)) for unit, factor in _MOMENTS.items()},
     },
     "rotational_damping": _per({"N*m*s": "1", "kN*m*s": "1e3"}, "rad"),
+    "dissipation": {"s/m": "1", "s/mm": "1e3"},
+    "rotational_dissipation": {"s/rad": "1", "s/deg": str(1 / Decimal(_DEGREE))},
     "dimensionless": {"%": "0.01"},
 }
 """Factor to SI of each unit, by dimension; powers without a caret, products with an optional ``*``."""
@@ -84,6 +86,8 @@ SI_UNITS: dict[str, str] = {
     "damping": "N s/m",
     "rotational_stiffness": "N m/rad",
     "rotational_damping": "N m s/rad",
+    "dissipation": "s/m",
+    "rotational_dissipation": "s/rad",
     "dimensionless": "-",
 }
 """The SI unit of each dimension, as messages show it."""
@@ -111,6 +115,8 @@ RANGES: dict[str, tuple[float, float]] = {
     "damping": (0.0, 1e24),
     "rotational_stiffness": (0.0, 1e24),
     "rotational_damping": (0.0, 1e24),
+    "dissipation": (0.0, 1e24),
+    "rotational_dissipation": (0.0, 1e24),
     "dimensionless": (0.0, 1e24),
 }
 """Smallest number that counts as greater than zero, and largest magnitude, in SI: far beyond all mechanisms.

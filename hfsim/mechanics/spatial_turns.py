@@ -19,7 +19,7 @@ from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import across, cross, smallest_rotation, wrap
 from hfsim.mechanics.constraints import Constraint
-from hfsim.mechanics.directions import TANGENT, Direction, OfAxes, direction, unit
+from hfsim.mechanics.directions import TANGENT, THIRD, Direction, OfAxes, direction, unit
 from hfsim.mechanics.markers import Marker
 
 if TYPE_CHECKING:
@@ -77,6 +77,11 @@ class About(NamedTuple):
     def fits(self, first: bool, second: bool) -> bool:
         """Tell whether A has the axis, and B a tangent across it."""
         return not first and not (second and abs(self._tangent @ self.axis) > ACROSS)
+
+
+def about(axis: Direction | None, facing: Array) -> About:
+    """Return the angle about the axis of a joint, as a driver has it."""
+    return About.of(axis or THIRD, facing)
 
 
 @dataclass(frozen=True, eq=False)

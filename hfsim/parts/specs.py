@@ -3,7 +3,7 @@
 Checks and rules ask these facts; they know no kind of body, joint, spring or load by name.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hfsim.deck.spec import Spec
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from hfsim.mechanics.constraints import Held
     from hfsim.mechanics.force import ForcePart
     from hfsim.mechanics.markers import Marker
+    from hfsim.mechanics.resistances import Resistance
 
 
 class BodySpec(Spec):
@@ -82,6 +83,10 @@ class JointSpec(Spec):
         that takes vectors in B's frame to A's.
         """
         raise NotImplementedError
+
+    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
+        """Yield what it leaves free but resists: the key that says so, if any, what, and by what forces."""
+        return iter(())
 
     @property
     def carries(self) -> bool:

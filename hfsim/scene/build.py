@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -18,12 +18,13 @@ from hfsim.mechanics.chart import side_by_side
 from hfsim.mechanics.constraints import Constraint, constraints_of
 from hfsim.mechanics.elimination import eliminate
 from hfsim.mechanics.equations import Equations
-from hfsim.mechanics.force import ForcePart, merged
+from hfsim.mechanics.force import merged
 from hfsim.mechanics.markers import GroundMarker, Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.parts.channels import kind_of
+from hfsim.scene.acting import acting
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Frame, Linkage, Sense
 from hfsim.scene.facing import Facings
@@ -362,30 +363,13 @@ def _system(
     moving = {name: body for name, body in bodies.items() if not body.still}
     free = eliminate(moving, constraints if left_out.fires("tree_joints") else (), sparse)
     charts = side_by_side(body.chart() for body in every)
+    at = partial(find_marker, bodies=bodies, deck=deck, held=True)
     once, invertible = left_out.fires("constant_mass"), all(body.invertible_mass for body in every)
     return System(
         charts=tuple(chart.at(free.reduction.free_columns(chart.columns)) for chart in charts),
-        forces=(*merged(needed), *_springs_and_loads(deck, bodies, left_out, x, angles)),
+        forces=(*merged(needed), *acting(deck, at, left_out, x, angles)),
         equations=Equations(mass, variable, constraints, free.reduction, once, invertible),
         natural=free.increments(every),
         keeps_rates=not left_out.fires("rates"),
         keeps_work=not left_out.fires("work"),
     )
-
-
-def _springs_and_loads(
-    deck: Deck, bodies: Mapping[str, Body], left_out: LeftOut, x: Array, angles: Mapping[str, float]
-) -> list[ForcePart]:
-    found: dict[str, ForcePart] = {}
-    for name, spring in deck.springs.items():
-        first, second = (find_marker(point, bodies, deck, held=True) for point in spring.between)
-        found[f"springs.{name}"] = part = spring.build(first, second, x)
-        if part.counter is not None and deck.dimension == 2:
-            a, b = (angles.get(split_point(point)[0], 0.0) for point in spring.between)
-            part.counter.suppose(0.0, b - a)
-        elif part.counter is not None:
-            part.counter.suppose(0.0, float(part.angle(x[None])[0]))
-    for name, load in deck.loads.items():
-        found[f"loads.{name}"] = load.build(find_marker(load.at, bodies, deck, held=True))
-    gone = {*left_out["springs"], *left_out["loads"]}
-    return [replace(part, item=item) for item, part in found.items() if item not in gone]

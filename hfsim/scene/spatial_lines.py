@@ -9,7 +9,7 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.deck.spec import Complaint
 from hfsim.maths.rank import null_space
-from hfsim.parts.specs import LoadSpec
+from hfsim.parts.specs import JointSpec, LoadSpec
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
 from hfsim.scene.facing import Facings
@@ -38,6 +38,7 @@ def refusals(deck: Deck) -> Iterator[Complaint]:
             message = f"needs directions that {own} has not: a line without sections has its tangent alone"
             hint = f"turn its axis along or across the tangent, name the line second, or {SECTIONS}"
             yield Complaint(("joints", name), message, hint)
+        yield from _unmeasured(name, joint, (first, second), facings)
     for name, spring in deck.springs.items():
         on = [end for end in spring.between if split_point(end)[0] in lines]
         if on and not spring.carries:
@@ -46,6 +47,17 @@ def refusals(deck: Deck) -> Iterator[Complaint]:
     for name, load in deck.loads.items():
         if split_point(load.at)[0] in lines and (complaint := _following(load)):
             yield complaint.inside("loads", name)
+
+
+def _unmeasured(
+    name: str, joint: JointSpec, lines: tuple[bool, bool], facings: Facings
+) -> Iterator[Complaint]:
+    """Yield what a joint resists where a line has no direction by which it could be measured."""
+    for key, held, _ in joint.resisted(*facings.of(joint)):
+        if not held.fits(*lines):
+            message = "what resists this turn is measured by the tangent alone: a line has no sections"
+            hint = f"turn its axis across the tangent, name the line second, or {SECTIONS}"
+            yield Complaint(("joints", name, key) if key else ("joints", name), message, hint)
 
 
 def _following(load: LoadSpec) -> Complaint | None:

@@ -145,8 +145,8 @@ def test_rest_length_is_the_first_distance_unless_stated():
     ends = MARKERS["hub"], MARKERS["plate"]
     bare = TwoPointSpec(type="two_point", between=("a", "b"), stiffness=1.0)
     gap = np.subtract(*(end.position(START[None])[0] for end in ends))
-    assert bare.build(*ends, START).rest == pytest.approx(np.linalg.norm(gap))
-    assert SPRINGS["two_point"](*ends, 0.0).rest == 0.4
+    assert bare.build(*ends, START).resistances[0].rest == pytest.approx(np.linalg.norm(gap))
+    assert SPRINGS["two_point"](*ends, 0.0).resistances[0].rest == 0.4
 
 
 def test_rotational_spring_counts_turns_wherever_its_ends_are():

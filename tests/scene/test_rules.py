@@ -16,8 +16,9 @@ from hfsim.integrators import Segment, Trajectory, joined
 from hfsim.marching.integration import run_integration
 from hfsim.marching.plan import plan_of
 from hfsim.mechanics.constraints import Along, Shift, Turn
+from hfsim.mechanics.resistances import LinearSpring
+from hfsim.mechanics.ties import DistanceTie
 from hfsim.parts.forces import SPRINGS
-from hfsim.parts.forces.two_point import TwoPointSpring
 from hfsim.parts.joints import JOINTS
 from hfsim.parts.specs import JointSpec, SpringSpec
 from hfsim.scene.build import build
@@ -293,7 +294,7 @@ class SlackSpec(SpringSpec):
     acts: ClassVar = False
 
     def build(self, first, second, start):
-        return TwoPointSpring(first, second, 0.0, 0.0, 1.0)
+        return DistanceTie(first, second, (LinearSpring(0.0, 0.0, 1.0),))
 
 
 def test_what_entries_of_new_kinds_say_of_themselves_is_enough(monkeypatch):
@@ -358,4 +359,4 @@ def test_forces_keep_their_names_when_others_are_left_out():
         forces = build(load_deck(SPARE, settings)).system.forces
         named = {part.item: part for part in forces if part.item.startswith("springs.")}
         assert list(named) == [f"springs.{name}" for name in left]
-        assert [part.stiffness for part in named.values()] == [30.0, 4.0, 0.0][: len(left)]
+        assert [part.resistances[0].stiffness for part in named.values()] == [30.0, 4.0, 0.0][: len(left)]

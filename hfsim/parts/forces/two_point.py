@@ -1,19 +1,19 @@
 """Spring and damper along the line between two points."""
 
-from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Between, Damping, NonNegativeLength, Stiffness
+from hfsim.deck.fields import Between, NonNegativeLength, Stiffness
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
-from hfsim.parts.forces._base import Spring
-from hfsim.parts.specs import SpringSpec
+from hfsim.mechanics.ties import DistanceTie
+from hfsim.parts.forces._spring import CoordinateSpringSpec
+from hfsim.parts.resistances import SlidingResistanceSpec
 
 
-class TwoPointSpec(SpringSpec):
-    """Linear spring and damper on the distance of two points."""
+class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
+    """Spring and damper on the distance of two points."""
 
     carries = True
 
@@ -23,33 +23,15 @@ class TwoPointSpec(SpringSpec):
     between: Between
     """The two points, [A, B]."""
 
-    stiffness: Stiffness
+    stiffness: Stiffness = 0.0
     """Stiffness [N/m]."""
-
-    damping: Damping = 0.0
-    """Damping [N s/m]."""
 
     rest_length: NonNegativeLength | None = None
     """Distance without force [m]; without it, the distance at the start."""
 
-    def build(self, first: Marker, second: Marker, start: Array) -> "TwoPointSpring":
+    def build(self, first: Marker, second: Marker, start: Array) -> DistanceTie:
         """Return the force between two markers of a scene with coordinates (n,) at the start."""
-        spring = TwoPointSpring(first, second, self.stiffness, self.damping, 0.0)
-        if self.rest_length is not None:
-            return replace(spring, rest=self.rest_length)
-        return replace(spring, rest=float(spring.measured(np.zeros(1), start[None])[0][0]))
-
-
-@dataclass(frozen=True)
-class TwoPointSpring(Spring):
-    """Tension k (distance - rest) + d distance' along the line between two points."""
-
-    def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
-        """Return how much longer the distance is; where the points meet, it has no direction."""
-        gap = self.second.position(x) - self.first.position(x)
-        distance = np.sqrt(np.sum(gap * gap, axis=-1))
-        direction = (gap / np.where(distance == 0.0, 1.0, distance)[:, None])[:, None]
-        rows: list[Array] = [
-            sign * (direction @ marker.position_jacobian(x))[:, 0] for sign, marker in self._ends
-        ]
-        return np.asarray(distance - self.rest), rows
+        rest = self.rest_length
+        if rest is None:
+            rest = float(DistanceTie(first, second, ()).measured(np.zeros(1), start[None])[0][0])
+        return DistanceTie(first, second, self.from_rest(rest))

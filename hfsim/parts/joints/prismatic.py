@@ -8,10 +8,12 @@ from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift, Turn
+from hfsim.mechanics.resistances import Resistance
+from hfsim.parts.resistances import SlidingResistanceSpec
 from hfsim.parts.specs import JointSpec
 
 
-class PrismaticSpec(JointSpec):
+class PrismaticSpec(SlidingResistanceSpec, JointSpec):
     """Point B slides along an axis through A; the frames there keep their relative angle."""
 
     vectors = ("axis",)
@@ -34,7 +36,8 @@ class PrismaticSpec(JointSpec):
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees."""
-        return degrees_as_radians("angle", self.angle)
+        yield from degrees_as_radians("angle", self.angle)
+        yield from super().slips_in(around)
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds: no distance across the axis, no turning."""
@@ -43,3 +46,9 @@ class PrismaticSpec(JointSpec):
         from hfsim.mechanics.directions import THIRD, Facing
 
         return *(Shift(side) for side in across(self.axis or THIRD)), Facing.of(facing)
+
+    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+        """Yield the shift."""
+        if self.resistances:
+            first = (1.0, 0.0) if facing is None else (0.0, 0.0, 1.0)
+            yield "", Shift(self.axis or first), self.resistances

@@ -1,15 +1,21 @@
 """Revolute joint: two points stay together, and in space an axis."""
 
+from collections.abc import Iterator
 from typing import Literal
 
 from hfsim.deck.fields import Axis, Between
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.constraints import Held, Shift
+from hfsim.mechanics.constraints import Held, Shift, Turn
+from hfsim.mechanics.resistances import Resistance
+from hfsim.parts.resistances import TurningResistanceSpec
 from hfsim.parts.specs import JointSpec
 
 
-class RevoluteSpec(JointSpec):
-    """Two points stay together, the bodies may turn; in space about an axis that both share."""
+class RevoluteSpec(TurningResistanceSpec, JointSpec):
+    """Two points stay together, the bodies may turn; in space about an axis that both share.
+
+    What resists the turn knows its angle as a driver of the same points and axis has it.
+    """
 
     vectors = spatial = ("axis",)
     meets = turns = follows_start = True
@@ -30,3 +36,14 @@ class RevoluteSpec(JointSpec):
         from hfsim.mechanics.directions import shared_axis
 
         return Shift(), shared_axis(self.axis, facing)
+
+    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+        """Yield the turn."""
+        if not self.resistances:
+            return
+        if facing is None:
+            yield "", Turn(), self.resistances
+        else:
+            from hfsim.mechanics.spatial_turns import about
+
+            yield "", about(self.axis, facing), self.resistances

@@ -1,0 +1,202 @@
+"""Laws of the forces on one coordinate: what springs, dampers, friction and stops do to it.
+
+The coordinate s is a distance [m] or an angle [rad], w its rate; t, s and w have shape (n_batch,), so have
+forces [N or N m] and energies [J].  A force counts as positive where it drives s back, towards less.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
+
+
+class Resistance:
+    """A force on a coordinate; a kind says what it stores, and what else it does."""
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether it depends on the rate."""
+        return False
+
+    @property
+    def exchanges_power(self) -> bool:
+        """Whether any of it is not the slope of its energy."""
+        return self.uses_rates
+
+    @property
+    def quartic(self) -> bool:
+        """Whether it is the slope of a polynomial of degree four at most."""
+        return False
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Laws of time that it follows."""
+        return ()
+
+    def energy(self, s: Array) -> Array:
+        """Return what it stores."""
+        return np.zeros_like(s)
+
+    def elastic(self, s: Array) -> Array:
+        """Return the slope of that."""
+        return np.zeros_like(s)
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return the whole force; w is not asked for where it does not count."""
+        raise NotImplementedError
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return the derivatives of the force by s and by w."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class LinearSpring(Resistance):
+    """Stiffness and damping: k (s - rest) + d w.
+
+    Attributes
+    ----------
+    stiffness, damping : float
+        k and d, in newtons or newton metres per unit of s, and of its rate.
+    rest : float
+        Where the stiffness gives no force.
+    """
+
+    stiffness: float
+    damping: float = 0.0
+    rest: float = 0.0
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether there is a damper."""
+        return self.damping > 0.0
+
+    @property
+    def quartic(self) -> bool:
+        """Whether there is none."""
+        return not self.damping
+
+    def energy(self, s: Array) -> Array:
+        """Return 1/2 k (s - rest)^2."""
+        return np.asarray(0.5 * self.stiffness * (s - self.rest) ** 2)
+
+    def elastic(self, s: Array) -> Array:
+        """Return k (s - rest)."""
+        return np.asarray(self.stiffness * (s - self.rest))
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return that and d w."""
+        elastic = self.elastic(s)
+        return elastic + self.damping * w if self.damping else elastic
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return k and d."""
+        return np.full_like(s, self.stiffness), np.full_like(s, self.damping)
+
+
+@dataclass(frozen=True)
+class Friction(Resistance):
+    """Coulomb friction, regularised: level tanh(w / velocity).
+
+    At twice the velocity it has 96 % of its level; below, it is a damper, so that what would stick creeps.
+
+    Attributes
+    ----------
+    level : float
+        Force [N] or torque [N m] of sliding.
+    velocity : float
+        In units of w.
+    """
+
+    level: float
+    velocity: float
+
+    @property
+    def uses_rates(self) -> bool:
+        """Return True."""
+        return True
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return level tanh(w / velocity)."""
+        return np.asarray(self.level * np.tanh(w / self.velocity))
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return zero, and level / velocity (1 - tanh^2)."""
+        steep = self.level / self.velocity * (1.0 - np.tanh(w / self.velocity) ** 2)
+        return np.zeros_like(s), np.asarray(steep)
+
+
+@dataclass(frozen=True)
+class Stop(Resistance):
+    """A stiff spring beyond a limit, with damping as Hunt and Crossley (1975) have it; it only ever pushes.
+
+    Its force is f(d) (c d' + sqrt(1 + (c d')^2)) with the depth d: for small rates f (1 + c d'), and never
+    the other way.  The stiffness f' rises from zero to its full size by 3 y^2 - 2 y^3, y = d / transition.
+
+    Attributes
+    ----------
+    limit, side : float
+        Where it begins; 1 where it holds s below, -1 where it holds it above.
+    stiffness, damping : float
+        Full size of f', and c in inverse units of w.
+    transition : float
+        Depth from which the stiffness has its full size.
+    """
+
+    limit: float
+    side: float
+    stiffness: float
+    damping: float
+    transition: float
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether it is damped."""
+        return self.damping > 0.0
+
+    def _depth(self, s: Array) -> tuple[Array, Array]:
+        """Return the depth in transitions, zero before the limit, and the same cut off at one."""
+        deep = np.maximum(self.side * (s - self.limit) / self.transition, 0.0)
+        return deep, np.minimum(deep, 1.0)
+
+    def energy(self, s: Array) -> Array:
+        """Return the integral of f over the depth."""
+        deep, y = self._depth(s)
+        first, rest = y**4 * (0.25 - 0.1 * y), deep - y
+        return np.asarray(self.stiffness * self.transition**2 * (first + 0.5 * rest * (deep + y - 1.0)))
+
+    def _push(self, s: Array) -> Array:
+        """Return f."""
+        deep, y = self._depth(s)
+        return np.asarray(self.stiffness * self.transition * (y**3 * (1.0 - 0.5 * y) + deep - y))
+
+    def elastic(self, s: Array) -> Array:
+        """Return f, by its side."""
+        return self.side * self._push(s)
+
+    def _damped(self, w: Array) -> tuple[Array, Array]:
+        """Return the factor of the damping, and its root."""
+        rate = self.side * self.damping * w
+        root = np.sqrt(1.0 + rate * rate)
+        # the same as rate + root, without cancellation where it is small
+        return np.where(rate < 0.0, 1.0 / (root - np.minimum(rate, 0.0)), root + rate), root
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return f with its damping."""
+        return self.elastic(s) * self._damped(w)[0] if self.damping else self.elastic(s)
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return what stiffness and damping make of it."""
+        y = self._depth(s)[1]
+        stiff = self.stiffness * y * y * (3.0 - 2.0 * y)
+        if not self.damping:
+            return stiff, np.zeros_like(s)
+        factor, root = self._damped(w)
+        return stiff * factor, self._push(s) * self.damping * factor / root

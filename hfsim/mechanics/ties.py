@@ -1,0 +1,210 @@
+"""Forces between two markers on one coordinate: their distance, or an angle or a distance about an axis."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.mechanics.constraints import Constraint, Held
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.markers import Marker, joint_support
+from hfsim.mechanics.resistances import Resistance
+from hfsim.mechanics.turns import TurnCount
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
+
+
+@dataclass(frozen=True)
+class PointPart(ForcePart):
+    """A force that acts on points only."""
+
+    @cached_property
+    def support(self) -> IntArray:
+        """Coordinates of its points."""
+        return joint_support(*self.markers)
+
+
+@dataclass(frozen=True)
+class Tie(PointPart):
+    """What resists one coordinate between two markers; a kind says how that is measured.
+
+    Attributes
+    ----------
+    first, second : Marker
+    resistances : tuple of Resistance
+        Their forces add up.
+    """
+
+    first: Marker
+    second: Marker
+    resistances: tuple[Resistance, ...]
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        """Both points."""
+        return self.first, self.second
+
+    @cached_property
+    def _ends(self) -> tuple[tuple[int, Marker], ...]:
+        """The ends that can move, with their numbers."""
+        return tuple((k, marker) for k, marker in enumerate(self.markers) if not marker.grounded)
+
+    @cached_property
+    def uses_rates(self) -> bool:
+        """Whether any resistance depends on the rate."""
+        return any(one.uses_rates for one in self.resistances)
+
+    @cached_property
+    def exchanges_power(self) -> bool:
+        """Whether any resistance is more than the slope of its energy."""
+        return any(one.exchanges_power for one in self.resistances)
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Those of all resistances."""
+        return tuple(law for one in self.resistances for law in one.laws)
+
+    def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
+        """Return the coordinate, shape (n_batch,), and its derivative by the coordinates of each moving end.
+
+        Derivatives have shape (n_batch or 1, n_columns).
+        """
+        raise NotImplementedError
+
+    def _rate(self, rows: list[Array], u: Array) -> Array:
+        """Return the rate of the coordinate, shape (n_batch,)."""
+        rates = [np.sum(J * u[:, end.columns], axis=-1) for (_, end), J in zip(self._ends, rows, strict=True)]
+        return np.asarray(sum(rates, np.zeros(len(u))))
+
+    def _all(self, t: Array, x: Array, u: Array) -> tuple[Array, Array, list[Array]]:
+        """Return the coordinate, its rate where that counts, and its derivatives."""
+        s, rows = self.measured(t, x)
+        return s, self._rate(rows, u) if self.uses_rates else s, rows
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the forces of all resistances on both ends."""
+        s, w, rows = self._all(t, x, u)
+        force = self._sum(t, s, w)
+        for (_, marker), J in zip(self._ends, rows, strict=True):
+            out[:, marker.columns] -= force[:, None] * J
+
+    def _sum(self, t: Array, s: Array, w: Array) -> Array:
+        first, *others = (one.force(t, s, w) for one in self.resistances)
+        return sum(others, first)
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return what stiffness and curvature make of it in one state; by differences where rates count."""
+        s, w, rows = self._all(t, x, u)
+        curved = None if self.uses_rates else self._curved(x, self._sum(t, s, w))
+        if curved is None:
+            return super().tangent(t, x, u)
+        stiff = self._dyad(rows, sum(one.slopes(t, s, w)[0][0] for one in self.resistances))
+        return Entries(*(np.concatenate(kind) for kind in zip(stiff, curved, strict=True)))
+
+    def _curved(self, x: Array, force: Array) -> Entries | None:
+        """Return the force times the second derivative of the coordinate, if that is known."""
+        return None
+
+    def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return J^T J times the derivative by the rate in one state."""
+        if not self.uses_rates:
+            return NOTHING
+        s, w, rows = self._all(t, x, u)
+        return self._dyad(rows, sum(one.slopes(t, s, w)[1][0] for one in self.resistances))
+
+    def _dyad(self, rows: list[Array], factor: float) -> Entries:
+        row = np.zeros(max((marker.columns.stop for _, marker in self._ends), default=0))
+        for (_, marker), J in zip(self._ends, rows, strict=True):
+            row[marker.columns] += J[0]
+        row = row[self.support]
+        return Entries.of_block(self.support, self.support, factor * np.outer(row, row))
+
+    def potential_energy(self, t: Array, x: Array) -> Array:
+        """Return what all resistances store."""
+        s = self.measured(t, x)[0]
+        return np.asarray(sum((one.energy(s) for one in self.resistances), np.zeros_like(s)))
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the power of what is not the slope of an energy."""
+        s, rows = self.measured(t, x)
+        w = self._rate(rows, u)
+        exchanging = (one for one in self.resistances if one.exchanges_power)
+        others = (one.force(t, s, w) - one.elastic(s) for one in exchanging)
+        return np.asarray(-w * sum(others, np.zeros_like(s)))
+
+
+@dataclass(frozen=True)
+class DistanceTie(Tie):
+    """Resistances on the distance of two points."""
+
+    def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
+        """Return the distance; where the points meet, it has no direction."""
+        gap = self.second.position(x) - self.first.position(x)
+        distance = np.sqrt(np.sum(gap * gap, axis=-1))
+        direction = (gap / np.where(distance == 0.0, 1.0, distance)[:, None])[:, None]
+        ends = ((1.0 if end else -1.0, marker) for end, marker in self._ends)
+        return distance, [sign * (direction @ marker.position_jacobian(x))[:, 0] for sign, marker in ends]
+
+
+@dataclass(frozen=True)
+class GapTie(Tie):
+    """Resistances on what a joint or driver would hold: an angle, or a distance along an axis.
+
+    An angle counts full turns: where vectors of a body give it, along the motion.
+
+    Attributes
+    ----------
+    measure : Constraint
+        Whose gap is the coordinate.
+    counter : TurnCount or None
+        None where nothing turns, and between bodies whose coordinates keep their turns.
+    """
+
+    measure: Constraint
+    counter: TurnCount | None = None
+
+    @classmethod
+    def on(cls, measure: Constraint, resistances: tuple[Resistance, ...]) -> GapTie:
+        """Return it between the markers of a constraint."""
+        first, second = measure.ends
+        known = measure.unit != "rad" or (first.keeps_turns and second.keeps_turns)
+        return cls(first, second, resistances, measure, None if known else TurnCount())
+
+    @property
+    def quartic(self) -> bool:
+        """Whether the coordinate is linear in those of the bodies, and the resistances suit."""
+        angle = self.measure.holds_turn and self.first.linear_turn and self.second.linear_turn
+        return angle and all(one.quartic for one in self.resistances)
+
+    def angle(self, x: Array) -> Array:
+        """Return how far the second frame has turned against the first."""
+        return np.asarray(self.measure.gap(x)[:, 0])
+
+    def spin(self, x: Array, u: Array) -> Array:
+        """Return the rate of that."""
+        return self._rate(self._rows(x), u)
+
+    def _rows(self, x: Array) -> list[Array]:
+        return [self.measure.jacobian(end, x)[:, 0] for end, _ in self._ends]
+
+    def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
+        """Return the gap, with all its turns."""
+        gap = self.angle(x)
+        if self.counter is not None:
+            gap = self.counter.counted(t, gap)
+        return gap, self._rows(x)
+
+    def _curved(self, x: Array, force: Array) -> Entries:
+        return self.measure.stiffness(x, force[:, None])
+
+
+def tie_on(held: Held, first: Marker, second: Marker, resistances: tuple[Resistance, ...]) -> GapTie:
+    """Return what resists, between two markers, one thing that a joint could hold."""
+    (measure,) = held.between(first, second)
+    return GapTie.on(measure, resistances)

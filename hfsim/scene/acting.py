@@ -1,0 +1,65 @@
+"""The forces that springs, loads and the free motions of joints exert in a scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+
+from hfsim.deck.fields import split_point
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.ties import tie_on
+from hfsim.scene.facing import Facings
+from hfsim.scene.rules import LeftOut
+from hfsim.scene.schema import Deck
+
+
+def acting(
+    deck: Deck, marker: Callable[[str], Marker], left_out: LeftOut, x: Array, angles: Mapping[str, float]
+) -> list[ForcePart]:
+    """Return the forces that a deck states, but for those that the rules leave out.
+
+    Parameters
+    ----------
+    deck : Deck
+    marker : callable
+        From the name of a point to what holds it.
+    left_out : LeftOut
+    x : ndarray, shape (n,)
+        Coordinates at the start.
+    angles : mapping of str to float
+        Angles of the bodies there, with the turns that the deck states [rad].
+    """
+    gone = {*left_out["springs"], *left_out["loads"]}
+    found = []
+    for item, ends, part in (*_ties(deck, marker, x), *_loads(deck, marker)):
+        if part.counter is not None and deck.dimension == 2:
+            a, b = (angles.get(split_point(point)[0], 0.0) for point in ends)
+            part.counter.suppose(0.0, b - a)
+        elif part.counter is not None:
+            part.counter.suppose(0.0, float(part.angle(x[None])[0]))
+        if item not in gone:
+            found.append(replace(part, item=item))
+    return found
+
+
+def _ties(
+    deck: Deck, marker: Callable[[str], Marker], x: Array
+) -> Iterator[tuple[str, tuple[str, ...], ForcePart]]:
+    """Yield, with its item and points, what acts between two bodies."""
+    for name, spring in deck.springs.items():
+        first, second = map(marker, spring.between)
+        yield f"springs.{name}", spring.between, spring.build(first, second, x)
+    facings = Facings(deck)
+    for name, joint in deck.joints.items():
+        for key, held, resistances in joint.resisted(*facings.of(joint)):
+            item = f"joints.{name}.{key}" if key else f"joints.{name}"
+            first, second = map(marker, joint.between)
+            yield item, joint.between, tie_on(held, first, second, resistances)
+
+
+def _loads(deck: Deck, marker: Callable[[str], Marker]) -> Iterator[tuple[str, tuple[str, ...], ForcePart]]:
+    """Yield, with its item and point, what acts from outside."""
+    for name, load in deck.loads.items():
+        yield f"loads.{name}", (load.at,), load.build(marker(load.at))

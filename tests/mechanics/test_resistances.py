@@ -1,0 +1,153 @@
+# ruff: noqa: E501
+"""Springs, dampers, friction and stops: force from energy, slopes, power; on every kind of marker and coordinate."""
+
+import numpy as np
+import pytest
+import zoo
+from analytical import jacobian
+from spatial_zoo import MARKERS as SPATIAL
+from spatial_zoo import N as N_SPATIAL
+from spatial_zoo import random_state as spatial_state
+from spatial_zoo import rigid_motion
+
+from hfsim.maths.matrices import assemble
+from hfsim.mechanics.constraints import Shift, Turn
+from hfsim.mechanics.resistances import Friction, LinearSpring, Stop
+from hfsim.mechanics.spatial_turns import about
+from hfsim.mechanics.ties import DistanceTie, GapTie, tie_on
+
+RESISTANCES = {
+    "spring": LinearSpring(30.0, 0.0, 0.2),
+    "damped": LinearSpring(30.0, 2.0, 0.2),
+    "friction": Friction(4.0, 0.3),
+    "stop above": Stop(0.4, 1.0, 200.0, 0.0, 0.3),
+    "stop below": Stop(-0.4, -1.0, 200.0, 0.0, 0.3),
+    "damped stop above": Stop(0.4, 1.0, 200.0, 0.7, 0.3),
+    "damped stop below": Stop(-0.4, -1.0, 200.0, 0.7, 0.3),
+}
+S = np.linspace(-1.2, 1.2, 97)
+W = np.array([-40.0, -2.0, -0.3, 0.1, 3.0, 50.0])
+H = 1e-6
+
+
+@pytest.fixture(params=RESISTANCES)
+def one(request):
+    return RESISTANCES[request.param]
+
+
+@pytest.fixture
+def grid():
+    s, w = (part.ravel() for part in np.meshgrid(S, W))
+    return np.full_like(s, 0.7), s, w
+
+
+def test_the_elastic_part_is_the_slope_of_the_energy(one):
+    slope = (one.energy(S + H) - one.energy(S - H)) / (2 * H)
+    assert one.elastic(S) == pytest.approx(slope, abs=1e-6)
+    t = np.zeros_like(S)
+    assert one.force(t, S, np.zeros_like(S)) == pytest.approx(one.elastic(S), abs=1e-12)
+
+
+def test_slopes_are_those_of_the_force(one, grid):
+    t, s, w = grid
+    by_s, by_w = one.slopes(t, s, w)
+    step = H * np.maximum(1.0, np.abs(w))
+    assert by_s == pytest.approx((one.force(t, s + H, w) - one.force(t, s - H, w)) / (2 * H), abs=2e-3, rel=1e-6)
+    found = (one.force(t, s, w + step) - one.force(t, s, w - step)) / (2 * step)
+    assert by_w == pytest.approx(found, abs=1e-6, rel=1e-6)
+
+
+def test_what_is_not_elastic_takes_power_and_never_gives_it(one, grid):
+    t, s, w = grid
+    lost = (one.force(t, s, w) - one.elastic(s)) * w
+    assert (lost >= 0.0).all()
+    assert (lost.max() > 0.0) == one.uses_rates == one.exchanges_power
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("damping", [0.0, 0.7, 1e3])
+def test_a_stop_pushes_only_and_only_beyond_its_limit(side, damping, grid):
+    t, s, w = grid
+    force = side * Stop(side * 0.4, side, 200.0, damping, 0.3).force(t, s, w)
+    beyond = side * s > 0.4
+    assert (force[~beyond] == 0.0).all()
+    assert (force[beyond] > 0.0).all()
+
+
+def test_a_stop_is_as_stiff_as_it_says_and_damped_as_hunt_and_crossley():
+    stop, t = Stop(0.4, 1.0, 200.0, 0.7, 0.1), np.zeros(1)
+    deep = np.array([0.9])
+    assert stop.slopes(t, deep, np.zeros(1))[0] == pytest.approx(200.0)
+    assert stop.elastic(deep) == pytest.approx(200.0 * (0.5 - 0.05))
+    small = np.array([1e-4])
+    assert stop.force(t, deep, small) / stop.elastic(deep) - 1.0 == pytest.approx(0.7 * small, rel=1e-3)
+
+
+def test_friction_has_its_level():
+    friction, w = Friction(4.0, 0.3), np.array([-3.0, 0.3, 0.6, 3.0])
+    assert friction.force(w, w, w) / 4.0 == pytest.approx([-1.0, np.tanh(1.0), np.tanh(2.0), 1.0], abs=1e-8)
+
+
+# ---------------------------------------------------------------- between markers
+
+PAIRS = [("ground", "hub"), ("hub", "plate"), ("plate", "rope_inside"), ("rope_tip", "block"), ("slat", "plate")]
+PLANAR = {"distance": None, "angle": Turn(), "shift": Shift((3.0, 4.0))}
+IN_SPACE = {"distance": None, "angle": about((0.3, -1.0, 0.4), np.eye(3)), "shift": Shift((0.3, -1.0, 0.4))}
+ALL = (LinearSpring(30.0, 2.0, 0.1), Friction(4.0, 0.3), Stop(0.2, 1.0, 200.0, 0.4, 0.8))
+STILL = (LinearSpring(30.0, 0.0, 0.1), Stop(0.2, 1.0, 200.0, 0.0, 0.8), Stop(-0.2, -1.0, 100.0, 0.0, 0.5))
+
+
+def ties():
+    for pair in PAIRS:
+        for kind, held in PLANAR.items():
+            yield pytest.param([zoo.MARKERS[name] for name in pair], held, False, id="-".join((*pair, kind)))
+    for pair in (("ground", "body"), ("body", "other")):
+        for kind, held in IN_SPACE.items():
+            yield pytest.param([SPATIAL[name] for name in pair], held, True, id="-".join((*pair, kind)))
+
+
+@pytest.fixture(params=[ALL, STILL], ids=["all", "elastic"])
+def resistances(request):
+    return request.param
+
+
+@pytest.mark.parametrize(("ends", "held", "spatial"), list(ties()))
+def test_a_tie_on_any_coordinate(ends, held, spatial, resistances):
+    """Force from energy, power, tangents; nothing resists a common rigid motion."""
+    part = DistanceTie(*ends, resistances) if held is None else tie_on(held, *ends, resistances)
+    rng, n = np.random.default_rng(8), N_SPATIAL if spatial else zoo.N
+    x, u = (spatial_state if spatial else zoo.random_state)(rng), rng.normal(size=n)
+
+    def forces(x, u):
+        x, u = np.broadcast_arrays(x, u)
+        out = np.zeros(x.shape)
+        part.add_force(np.zeros(len(x)), x, u, out)
+        return out
+
+    t, still = np.zeros(1), np.zeros((1, n))
+    elastic, force = forces(x[None], still)[0], forces(x[None], u[None])[0]
+    slope = jacobian(lambda s: part.potential_energy(np.zeros(len(s)), s), x)
+    scale = np.abs(slope).max()
+    assert scale > 1.0
+    assert elastic == pytest.approx(-slope, abs=1e-6 * scale)
+    power = part.power(t, x[None], u[None])[0]
+    assert (force - elastic) @ u == pytest.approx(power, rel=1e-9, abs=1e-9)
+    assert power < 0.0 if part.uses_rates else power == 0.0
+    by_x = assemble([part.tangent(t, x[None], u[None])], (n, n), False)
+    slope = jacobian(lambda s: forces(s, u[None]), x)
+    assert by_x == pytest.approx(-slope, abs=2e-5 * np.abs(slope).max())
+    by_u = assemble([part.rate_tangent(t, x[None], u[None])], (n, n), False)
+    assert by_u == pytest.approx(-jacobian(lambda s: forces(x[None], s), u), abs=1e-5 * (1.0 + np.abs(by_u).max()))
+    if not ends[0].grounded:
+        moves = [rigid_motion(x, one[:3], one[3:]) for one in np.eye(6)] if spatial else zoo.rigid_motions(x)
+        for motion in moves:
+            assert force @ motion == pytest.approx(0.0, abs=1e-9 * np.abs(force).max())
+
+
+def test_distances_along_an_axis_need_no_count_of_turns():
+    hub, rope = zoo.MARKERS["hub"], zoo.MARKERS["rope_tip"]
+    assert tie_on(Shift((1.0, 0.0)), hub, rope, STILL).counter is None
+    assert tie_on(Turn(), hub, rope, STILL).counter is not None
+    assert isinstance(tie_on(Turn(), hub, zoo.MARKERS["plate"], STILL), GapTie)
+    assert tie_on(Turn(), hub, zoo.MARKERS["plate"], (LinearSpring(1.0),)).quartic
+    assert not tie_on(Turn(), hub, zoo.MARKERS["plate"], STILL).quartic
