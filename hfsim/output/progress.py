@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from types import TracebackType
 from typing import TextIO
@@ -13,6 +14,8 @@ _REDRAW = 0.1
 """Shortest time between two drawings on a terminal [s]."""
 _HEARTBEAT = 10.0
 """Shortest time between two lines elsewhere [s]."""
+_FIRST, _LEAST = 2.0, 0.02
+"""Time [s] and fraction from which the rest is forecast: starts are slower than what follows."""
 
 
 class Progress:
@@ -46,13 +49,28 @@ class Progress:
         self._start = clock()
         self._next = self._start + self._pause
         self._drawn = 0
+        self._seen = deque([(self._start, 0.0)])
 
     def __call__(self, fraction: float) -> None:
         """Report that `fraction` (0..1) of the job is done."""
-        if self._quiet or (now := self._clock()) < self._next:
+        if self._quiet:
+            return
+        now = self._clock()
+        if now - self._seen[-1][0] >= _REDRAW:
+            self._seen.append((now, fraction))
+        if now < self._next:
             return
         self._next = now + self._pause
-        self._write(describe(self._label, fraction, now - self._start))
+        self._write(describe(self._label, fraction, now - self._start, self._to_go(now, fraction)))
+
+    def _to_go(self, now: float, fraction: float) -> float | None:
+        """Return the time left at the pace of the latter half of the time so far; None before there is one."""
+        while len(self._seen) > 1 and self._seen[1][0] <= 0.5 * (self._start + now):
+            self._seen.popleft()
+        since, before = self._seen[0]
+        if now - self._start < _FIRST or fraction < _LEAST or fraction <= before:
+            return None
+        return (now - since) * (1.0 - fraction) / (fraction - before)
 
     def __enter__(self) -> Progress:
         return self
@@ -83,18 +101,16 @@ class Progress:
             self._quiet = True
 
 
-def describe(label: str, fraction: float, elapsed: float) -> str:
-    """Return the progress line after `elapsed` seconds.
+def describe(label: str, fraction: float, elapsed: float, to_go: float | None = None) -> str:
+    """Return the progress line after `elapsed` seconds, with the time left where it is known.
 
     Examples
     --------
-    >>> describe("two_beams, exact", 0.25, 3.0)
+    >>> describe("two_beams, exact", 0.25, 3.0, 9.0)
     'two_beams, exact:  25 %, 3 s, about 9 s to go'
     """
     line = f"{label}: {100 * fraction:3.0f} %, {_duration(elapsed)}"
-    if 0.0 < fraction < 1.0:
-        line += f", about {_duration(elapsed * (1 - fraction) / fraction)} to go"
-    return line
+    return line if to_go is None else f"{line}, about {_duration(to_go)} to go"
 
 
 def _duration(seconds: float) -> str:

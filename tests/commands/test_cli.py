@@ -471,6 +471,20 @@ def test_progress_redraws_one_line_on_a_terminal_and_wipes_it():
     assert "case:  46 %, 16 s, about 19 s to go" in stream.text
 
 
+def test_progress_forecasts_from_the_pace_it_has_come_to():
+    """The first tenth takes as long as the rest of the job; before there is a pace, nothing is forecast."""
+    clock, stream = [0.0], Stream(True)
+    progress = Progress("case", stream, clock=lambda: clock[0])
+    told = []
+    for tick in range(1, 400):
+        clock[0] = 0.1 * tick
+        progress(0.1 * clock[0] / 20.0 if clock[0] < 20.0 else 0.1 + 0.9 * (clock[0] - 20.0) / 20.0)
+        told.append(stream.text.rpartition("\r")[2])
+    assert not any("to go" in line for line in told[:20]) and "  0 %, 1 s" in told[9]
+    seconds = {k: float(told[k].partition("about ")[2].split()[0]) for k in (299, 349, 389)}
+    assert seconds == pytest.approx({299: 10.0, 349: 5.0, 389: 1.0}, rel=0.5)
+
+
 TERMINATED = """
 import os, signal
 import hfsim.marching.runaway
