@@ -13,7 +13,7 @@ from hfsim.commands.decks import CASES
 from hfsim.commands.options import jobs_option, refuse_unknown, talk_options, time_option
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
-from hfsim.output.text import Column, brief, hanging, plural, table
+from hfsim.output.text import Column, brief, plural, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.studies.extreme import Case, Extreme
@@ -130,7 +130,7 @@ def as_facts(result: Extreme) -> dict[str, Any]:
 
 def as_text(result: Extreme) -> str:
     """Return the table of all decks and what is not as expected."""
-    misses = [hanging(f"{case.name}: {miss}") for case in result.cases for miss in case.misses]
+    misses = [wrapped(f"{case.name}: {miss}") for case in result.cases for miss in case.misses]
     completed, sound = result.sound
     last = (
         f"{result.held} of {plural(len(result.cases), 'deck')} as expected; {completed} of {sound} "

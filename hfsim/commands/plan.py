@@ -12,12 +12,16 @@ from hfsim.commands.check import free_motions
 from hfsim.commands.decks import CASES, load_numbered, shipped_cases
 from hfsim.commands.options import repeats_option, setting_options, talk_options
 from hfsim.output.talk import Talk
-from hfsim.output.text import Column, table
+from hfsim.output.text import Column, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.plan import RuleCost
 
+_TOLD = ("coordinates", "unknowns", "multipliers", "elements", "joint equations", "driven equations")
+"""Counts that say something to all; kernels and terms are told to those who ask for more."""
+_SHOWN = 8
+"""Names in a list that are told to all."""
 _PROOF_SHARE = 0.1
 """Part of the duration for which single rules are timed in the proof."""
 
@@ -67,47 +71,71 @@ def _tell(loaded: LoadedDeck, measured: bool, repeats: int, talk: Talk) -> None:
         if measured:
             facts["measured"] = [cost.facts() for cost in costs]
         talk.facts({"name": loaded.deck.name, **facts})
-        talk.result(as_text(loaded.deck.name, facts))
+        talk.result(as_text(loaded.deck.name, facts, talk.verbose))
         talk.warn(loaded.deck.name, scene.warnings)
         if costs:
             talk.result(f"\nmeasured, CPU, medians of {repeats}:\n{table(_COSTS, costs)}")
 
 
-def as_text(name: str, facts: Mapping[str, Any]) -> str:
-    """Return a plan as people read it."""
+def as_text(name: str, facts: Mapping[str, Any], verbose: bool = False) -> str:
+    """Return a plan as people read it; verbose with each output column and the rules that do not fit."""
     sizes, every = facts["sizes"], facts["keep_all"]["sizes"]
+    columns = [entry for entry in facts["kept"] if "columns" in entry]
     lines = [
         f"{name}: model {facts['model']}, {sizes['unknowns']} unknowns, {sizes['multipliers']} multipliers "
         f"(with --keep-all: {every['unknowns']}, {every['multipliers']})",
+        "  unknowns: coordinates that steps solve for; multipliers: unknown forces and moments in joints",
         "\n" + "\n".join(free_motions(facts)),
-        "\nkept",
-        *(_kept_line(entry) for entry in facts["kept"]),
-        "\nleft out",
-        *(line for entry in facts["left_out"] for line in _left_lines(entry)),
-        "\nnothing to leave out",
-        *(f"  {entry['rule']}: {entry['leaves_out']}: {entry['reason']}" for entry in facts["not_left_out"]),
-        f"\nalgebra: {facts['algebra']}",
+        "\ncomputed in every step",
+        *(_kept_line(entry, verbose) for entry in facts["kept"] if entry not in columns),
+        "\noutput columns: asked for, and what each needs",
+        *(_column_lines(columns, verbose)),
+        "\nleft out: results are the same without",
+        *(line for entry in facts["left_out"] for line in _left_lines(entry, verbose)),
+        *([] if facts["left_out"] else ["  nothing"]),
+        *_rules_that_do_not_fit(facts["not_left_out"], verbose),
+        "\n" + wrapped(f"algebra: {facts['algebra']}", ""),
     ]
     return "\n".join(lines)
 
 
-def _kept_line(entry: Mapping[str, Any]) -> str:
-    counts = _counts({k: v for k, v in entry.items() if k not in ("item", "what", "reason")})
-    return f"  {entry['item']}: {entry['what']}{counts}: {entry['reason']}"
+def _kept_line(entry: Mapping[str, Any], verbose: bool) -> str:
+    counts = _counts({k: v for k, v in entry.items() if k not in ("item", "what", "reason")}, verbose)
+    return wrapped(f"{entry['item']}: {entry['what']}{counts}: {entry['reason']}")
 
 
-def _left_lines(entry: Mapping[str, Any]) -> Iterable[str]:
-    yield f"  {entry['rule']}: {entry['leaves_out']}{_counts(entry['saves'])}: {entry['reason']}"
-    yield f"    {', '.join(entry['items'])}"
+def _column_lines(columns: Sequence[Mapping[str, Any]], verbose: bool) -> Iterable[str]:
+    needs: dict[str, list[str]] = {}
+    for entry in columns:
+        needs.setdefault(entry["reason"].removeprefix("asked for; "), []).append(entry["item"])
+    for need, items in needs.items():
+        shown = items if verbose else items[:_SHOWN]
+        more = f" and {len(items) - len(shown)} more" if len(shown) < len(items) else ""
+        yield wrapped(f"{need}: {', '.join(shown)}{more}")
 
 
-def _counts(counts: Mapping[str, Any]) -> str:
-    parts = [
-        f"{key.replace('_', ' ')} {value}"
-        for key, value in counts.items()
-        if isinstance(value, int) and value
-    ]
-    parts += [str(value) for value in counts.values() if isinstance(value, str)]
+def _left_lines(entry: Mapping[str, Any], verbose: bool) -> Iterable[str]:
+    counts = _counts(entry["saves"], verbose)
+    yield wrapped(f"{entry['rule']}: {entry['leaves_out']}{counts}: {entry['reason']}")
+    shown = entry["items"] if verbose else entry["items"][:_SHOWN]
+    more = f" and {len(entry['items']) - len(shown)} more" if len(shown) < len(entry["items"]) else ""
+    yield wrapped(f"{', '.join(shown)}{more}", "    ")
+
+
+def _rules_that_do_not_fit(rules: Sequence[Mapping[str, Any]], verbose: bool) -> Iterable[str]:
+    if not verbose:
+        kept = [one["rule"] for one in rules if not one["reason"].startswith("only when")]
+        return [wrapped(f"kept by wish: {', '.join(kept)}")] if kept else []
+    lines = (wrapped(f"{one['rule']}: {one['leaves_out']}: {one['reason']}") for one in rules)
+    return ["\nnot left out: the scene needs them", *lines]
+
+
+def _counts(counts: Mapping[str, Any], verbose: bool) -> str:
+    """Return what is counted in words: unknowns and equations, and all else if verbose."""
+    named = {key.replace("_", " "): value for key, value in counts.items()}
+    numbers = {key: n for key, n in named.items() if isinstance(n, int) and n and (verbose or key in _TOLD)}
+    parts = [f"{n} {key.removesuffix('s') if n == 1 and key in _TOLD else key}" for key, n in numbers.items()]
+    parts += [value for value in named.values() if isinstance(value, str) and verbose]
     return f" [{', '.join(parts)}]" if parts else ""
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from hfsim.maths.matrices import dense_up_to, is_sparse
 from hfsim.mechanics.force import ForcePart
+from hfsim.parts.channels import kind_of
 from hfsim.scene.build import Scene
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.rules import RULES
@@ -89,11 +90,10 @@ def _kept(scene: Scene) -> Iterator[dict[str, Any]]:
     yield from _kept_bodies(scene)
     yield from _kept_joints(scene)
     for part in scene.system.forces:
-        what = (type(part).__doc__ or "").strip().partition("\n")[0].rstrip(".")
         reason = WISHED if _idle(scene, part) else part.why
         yield {
             "item": part.item or "all bodies",
-            "what": what,
+            "what": part.told,
             "reason": reason,
             "terms_of_Q": 1,
         } | part.counts
@@ -124,17 +124,25 @@ def _kept_joints(scene: Scene) -> Iterator[dict[str, Any]]:
     for name, members in scene.joints.items():
         left = [scene.system.constraints[k] for k in members if k not in gone]
         if left:
+            solve = scene.deck.solve
             reasons = [one.why_kept for one in left]
-            if not scene.left_out["tree_joints"]:
-                reasons = [RULES["tree_joints"].kept_because(scene.deck.solve)]
+            if solve.keep_all or "tree_joints" in solve.keep:
+                reasons = [RULES["tree_joints"].kept_because(solve)]
             if name in scene.redundancy.joints:
                 reasons.append("redundant equations of its loop have none")
             yield {
                 "item": f"joints.{name}",
-                "what": "multipliers",
+                "what": "equations, each with an unknown force or moment",
                 "reason": "; ".join(dict.fromkeys(reasons)),
                 "multipliers": sum(one.rows for one in left),
             }
+    if rows := sum(one.rows for one in scene.system.constraints if not one.item.startswith("joints.")):
+        yield {
+            "item": "axes of bodies and sections",
+            "what": "equations that keep them square and of their length",
+            "reason": "in space they are coordinates",
+            "multipliers": rows,
+        }
 
 
 def _idle(scene: Scene, part: ForcePart) -> bool:
@@ -145,13 +153,15 @@ def _idle(scene: Scene, part: ForcePart) -> bool:
 
 
 def _needs(channel: str) -> str:
-    quantity = channel.rpartition(".")[2]
-    if quantity in ("force_x", "force_y", "moment"):
+    kind = kind_of(channel)
+    if kind.subject == "joint":
         return "asked for; needs all multipliers at output times"
-    if quantity in ("angle", "deflection", "elongation"):
+    if kind.of_strains:
+        return "asked for; needs the strains of the beam at output times"
+    if kind.in_frame:
         return "asked for; needs the full turns of the body frame"
-    if channel.startswith("energy."):
-        return "asked for; needs the energies at output times"
+    if kind.of_scene:
+        return "asked for; needs sums over the scene at output times"
     return "asked for; read at output times"
 
 

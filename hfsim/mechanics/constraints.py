@@ -119,7 +119,7 @@ class Constraint:
     holds_place: ClassVar[bool] = False
     holds_turn: ClassVar[bool] = False
     unit: ClassVar[str] = "m"
-    why_kept: ClassVar[str] = "not linear in the coordinates"
+    why_kept: ClassVar[str] = "its equations are not linear: they change as bodies move"
 
     @property
     def ends(self) -> tuple[Marker, Marker]:
@@ -256,7 +256,7 @@ class Coincide(_Difference):
     """Both points stay in the same place."""
 
     holds_place: ClassVar[bool] = True
-    why_kept: ClassVar[str] = "not at nodes or centres of mass, or it closes a loop"
+    why_kept: ClassVar[str] = "its points are no nodes or centres of mass, or it closes a loop"
 
     @property
     def rows(self) -> int:
@@ -288,7 +288,7 @@ class RelativeAngle(_Difference):
 
     holds_turn: ClassVar[bool] = True
     unit: ClassVar[str] = "rad"
-    why_kept: ClassVar[str] = "an angle between moving bodies is not linear in the coordinates"
+    why_kept: ClassVar[str] = "it holds the angle between moving bodies"
 
     def _of(self, marker: Marker) -> _Quantity:
         return _Quantity(marker.linear_turn, marker.spin_jacobian, marker.spin_bias, marker.spin_stiffness)
@@ -311,7 +311,7 @@ class Along(Constraint):
     """The distance along a direction fixed to the first body, a unit vector in its frame."""
 
     direction: tuple[float, ...]
-    why_kept: ClassVar[str] = "the direction turns: not linear in the coordinates"
+    why_kept: ClassVar[str] = "its axis turns with a body"
 
     @property
     def products(self) -> tuple[Product, ...]:

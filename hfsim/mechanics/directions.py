@@ -209,7 +209,7 @@ class OfAxes(Constraint):
     """A gap that depends on axes only."""
 
     unit: ClassVar[str] = "rad"
-    why_kept: ClassVar[str] = "directions turn: not linear in the coordinates"
+    why_kept: ClassVar[str] = "its axes turn with the bodies"
 
 
 @dataclass(frozen=True, eq=False)

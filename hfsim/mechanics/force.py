@@ -62,7 +62,9 @@ class ForcePart:
     item: str = field(default="", kw_only=True)
     rule: ClassVar[str] = ""
     """The rule that may leave it out where it is `idle`."""
-    why: ClassVar[str] = "not zero"
+    told: ClassVar[str] = "force"
+    """What it is, in the words of plans."""
+    why: ClassVar[str] = "it acts"
     """Why it is there where it is not idle, in the words of plans."""
 
     @property
@@ -216,7 +218,8 @@ class ConstantForce(ForcePart):
     values: Array
     energy: float = 0.0
     rule: ClassVar[str] = "weight"
-    why: ClassVar[str] = "gravity"
+    told: ClassVar[str] = "weight, the same force in every state"
+    why: ClassVar[str] = "gravity acts"
 
     @cached_property
     def force(self) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -143,6 +143,8 @@ class Tie(PointPart):
 class DistanceTie(Tie):
     """Resistances on the distance of two points."""
 
+    told: ClassVar[str] = "what resists the distance of two points"
+
     def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return the distance; where the points meet, it has no direction."""
         gap = self.second.position(x) - self.first.position(x)
@@ -166,6 +168,7 @@ class GapTie(Tie):
         None where nothing turns, and between bodies whose coordinates keep their turns.
     """
 
+    told: ClassVar[str] = "what resists an angle, or a distance along an axis"
     measure: Constraint
     counter: TurnCount | None = None
 

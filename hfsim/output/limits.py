@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hfsim.output.text import Column, hanging, table
+from hfsim.output.text import Column, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.studies.limits import Limit, Limits
@@ -40,7 +40,7 @@ def _one_model(result: Limits) -> str:
         f"{first.slowest:.4g} rad/s at the start",
         _growing(result),
         "T: fastest period\n" + table(_TEXT, result.limits),
-        *map(hanging, said + lost),
+        *map(wrapped, said + lost),
     ]
     return "\n".join(blocks)
 

@@ -64,7 +64,7 @@ class Progress:
         self._write(describe(self._label, fraction, now - self._start, self._to_go(now, fraction)))
 
     def _to_go(self, now: float, fraction: float) -> float | None:
-        """Return the time left at the pace of the latter half of the time so far; None before there is one."""
+        """Return the time left at the pace of the latter half of the time so far; None without one."""
         while len(self._seen) > 1 and self._seen[1][0] <= 0.5 * (self._start + now):
             self._seen.popleft()
         since, before = self._seen[0]

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfsim.output.text import Column, as_table, brief, hanging, table
+from hfsim.output.text import Column, as_table, brief, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.studies.stability.results import MapPoint, StabilityMap
@@ -124,4 +124,4 @@ def _reasons(result: StabilityMap, verbose: bool) -> Iterable[str]:
             continue
         told.add(key)
         at = [f"{name} {_word(value)}" for (name, _, _), value in zip(result.axes, p.values, strict=True)]
-        yield hanging(f"{', '.join([p.model, p.method, *at])}: {p.outcome}: {p.verdict.reason}")
+        yield wrapped(f"{', '.join([p.model, p.method, *at])}: {p.outcome}: {p.verdict.reason}")

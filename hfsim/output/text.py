@@ -104,9 +104,12 @@ def brief(value: float | None) -> str:
     return "-" if value is None else f"{value:.1e}"
 
 
-def hanging(text: str) -> str:
-    """Return a remark broken into lines, all but the first further indented."""
-    return textwrap.fill(text, 110, initial_indent="  ", subsequent_indent="    ")
+def wrapped(text: str, indent: str = "  ") -> str:
+    """Return a remark broken into lines, all but the first further indented; no name is broken."""
+    return textwrap.fill(
+        text, 110, initial_indent=indent, subsequent_indent=indent + "  ",
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
 
 
 def number(value: object) -> str:

@@ -259,9 +259,8 @@ def welds(deck: Deck, bodies: Iterable[str]) -> frozenset[str]:
 
 @_rule(
     "multipliers and dependent coordinates of open chains",
-    "a joint is linear in nodal coordinates (at nodes or centres of mass) and closes no loop",
-    "what is left fulfils the joint for all values: a pinned or clamped root has no place of its own, a "
-    "clamp keeps only the stretch of its slope",
+    "a joint holds points at nodes or centres of mass and closes no loop",
+    "what is left fulfils the joint for all values: a pinned root has no place of its own",
     _settled_joints,
 )
 def _tree_joints(deck: Deck, models: Models) -> Items:
@@ -285,7 +284,7 @@ def _is_linear(deck: Deck, models: Models, point: str) -> bool:
 
 @_rule(
     "the factorisation of the mass matrix in every state",
-    "no beam is of the model lowOrder: all mass matrices are constant in nodal coordinates",
+    "no beam is of the model lowOrder: mass matrices do not change",
     "one factorisation serves for all states",
     factorisations_a_state=1,
 )
@@ -295,8 +294,8 @@ def _constant_mass(deck: Deck, models: Models) -> Items:
 
 
 @_rule(
-    "rates of absolute coordinates in accelerations",
-    "no force depends on rates and all joints that need multipliers are linear",
+    "velocities of points in every state",
+    "no force depends on them, nor does a joint that turns",
     "nothing would read them",
     _unless("uses_rates", "maps of rates"),
 )

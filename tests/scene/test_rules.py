@@ -1,6 +1,7 @@
 """What rules leave out changes no result, and they leave out nothing that a scene needs."""
 
 import json
+import re
 from itertools import pairwise
 from typing import ClassVar, Literal
 
@@ -276,7 +277,7 @@ def test_a_new_kind_of_constraint_runs_and_is_planned(monkeypatch):
     run = simulate(parse_deck(TOWER.replace("revolute", "on_line")), error_estimate=False)
     assert run.status == "done"
     kept = {entry["item"]: entry for entry in run.statistics["plan"]["kept"]}
-    assert kept["joints.hinge"]["multipliers"] == 1 and "not linear" in kept["joints.hinge"]["reason"]
+    assert kept["joints.hinge"]["multipliers"] == 1 and "axis turns" in kept["joints.hinge"]["reason"]
 
 
 class GlueSpec(JointSpec):
@@ -314,7 +315,7 @@ def call(*arguments):
 
 
 def test_plan_tells_people_and_programs():
-    done = call("plan", SPARE)
+    done = call("plan", SPARE, "-v")
     assert done.exit_code == 0
     for name in RULES:
         assert f"  {name}: " in done.output
@@ -322,6 +323,17 @@ def test_plan_tells_people_and_programs():
     assert facts["sizes"]["unknowns"] == 65 and facts["keep_all"]["sizes"]["unknowns"] == 76
     kept = json.loads(call("plan", SPARE, "--json", "-q", "--keep-all").stdout)
     assert kept["left_out"] == [] and kept["sizes"]["unknowns"] == 76
+
+
+def test_a_plan_counts_all_multipliers_and_speaks_to_users():
+    """Every equation has its place; kernels and terms are for those who ask for more, in lines that fit."""
+    for case in ("governor", "right_angle", "hub_beams", "joints"):
+        facts = json.loads(call("plan", case, "--json", "-q").stdout)
+        told = sum(entry.get("multipliers", 0) for entry in facts["kept"])
+        assert told == facts["sizes"]["multipliers"], case
+        text, more = (call("plan", case, *option).stdout for option in ((), ("-v",)))
+        assert not re.search("kernel|terms of|eq\\.|The same", text) and "terms of Q" in more
+        assert max(map(len, (text + more).split("\n"))) <= 110
 
 
 def test_plan_measures():

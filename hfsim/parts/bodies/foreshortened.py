@@ -42,7 +42,8 @@ class ForeshortenedBeam(ForcePart):
     gravity: tuple[float, ...]
     whole: bool
     model: ClassVar[str] = "lowOrder"
-    why: ClassVar[str] = "flexible"
+    told: ClassVar[str] = "its inertia and weight, with the shortening by deflection"
+    why: ClassVar[str] = "beams deform"
 
     @property
     def truncated(self) -> bool:

@@ -92,7 +92,8 @@ class LinearElasticForce(ForcePart):
     damping: Array
     undeformed: Array
     positions: Array
-    why: ClassVar[str] = "flexible"
+    told: ClassVar[str] = "elastic force, proportional to the deflections in its own axes"
+    why: ClassVar[str] = "beams deform"
 
     @property
     def uses_rates(self) -> bool:

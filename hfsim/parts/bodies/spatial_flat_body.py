@@ -49,7 +49,7 @@ class FlatRigidBody(SpatialRigidBody):
     @property
     def described(self) -> tuple[str, str]:
         """What its coordinates are."""
-        return "place and the two axes of its plane", "rigid: no elastic coordinates"
+        return "place and the two axes of its plane", "rigid"
 
     @property
     def undeformed(self) -> Array:

@@ -78,7 +78,7 @@ class SpatialRigidBody(VectorBody):
     @property
     def described(self) -> tuple[str, str]:
         """What its coordinates are."""
-        return "place and axes", "rigid: no elastic coordinates"
+        return "place and axes", "rigid"
 
     @property
     def undeformed(self) -> Array:

@@ -58,7 +58,7 @@ class SpatialRigidBeam(VectorBody):
     @property
     def described(self) -> tuple[str, str]:
         """What its coordinates are."""
-        return "positions of root and tip", "rigid: no elastic coordinates"
+        return "positions of root and tip", "rigid"
 
     @property
     def undeformed(self) -> Array:

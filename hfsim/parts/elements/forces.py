@@ -34,7 +34,8 @@ class ElasticForce(ForcePart):
 
     elements: Connectivity
     law: ElasticLaw
-    why: ClassVar[str] = "flexible"
+    told: ClassVar[str] = "elastic forces, of all elements in one go"
+    why: ClassVar[str] = "beams deform"
 
     @property
     def counts(self) -> dict[str, int | str]:
@@ -158,7 +159,8 @@ class MaterialDamping(ForcePart):
     """Base of forces that resist the rates of strains."""
 
     rule: ClassVar[str] = "damping"
-    why: ClassVar[str] = "damped material"
+    told: ClassVar[str] = "damping of the material"
+    why: ClassVar[str] = "materials have retardation times"
 
     @property
     def idle(self) -> bool:

@@ -1,7 +1,7 @@
 """Force on a point."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -47,6 +47,8 @@ class ForceSpec(LoadSpec):
 @dataclass(frozen=True)
 class PointForce(Load):
     """A force on a point, fixed in direction or turning with the frame there; its work is power put in."""
+
+    told: ClassVar[str] = "force on a point"
 
     force: tuple[float, ...]
     follower: bool

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -57,6 +57,8 @@ class MomentSpec(LoadSpec):
 @dataclass(frozen=True)
 class PointMoment(Load):
     """A moment on the frame of a marker, fixed in direction or turning with it; its work is power put in."""
+
+    told: ClassVar[str] = "moment on a point"
 
     moment: tuple[float, ...]
     follower: bool = False
