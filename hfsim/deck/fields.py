@@ -91,6 +91,7 @@ Length = Annotated[float, measures("length")]
 Angle = Annotated[float, measures("angle")]
 Time = Annotated[float, measures("time")]
 Force = Annotated[float, measures("force")]
+Moment = Annotated[float, measures("moment")]
 Velocity = Annotated[float, measures("velocity")]
 Acceleration = Annotated[float, measures("acceleration")]
 

@@ -1,4 +1,4 @@
-"""Laws of the forces on one coordinate: what springs, dampers, friction and stops do to it.
+"""Laws of the forces on one coordinate: of springs, dampers, friction, stops, motors and servos.
 
 The coordinate s is a distance [m] or an angle [rad], w its rate; t, s and w have shape (n_batch,), so have
 forces [N or N m] and energies [J].  A force counts as positive where it drives s back, towards less.
@@ -200,3 +200,90 @@ class Stop(Resistance):
             return stiff, np.zeros_like(s)
         factor, root = self._damped(w)
         return stiff * factor, self._push(s) * self.damping * factor / root
+
+
+@dataclass(frozen=True)
+class Push(Resistance):
+    """What a motor does: a force or torque towards more, scaled over time.
+
+    Attributes
+    ----------
+    size : float
+        [N or N m]
+    law : Law, or None
+        Factor over time; 1 without it.
+    """
+
+    size: float
+    law: Law | None = None
+
+    @property
+    def exchanges_power(self) -> bool:
+        """Return True: a motor does work."""
+        return True
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Its factor over time."""
+        return () if self.law is None else (self.law,)
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return minus its size."""
+        return -self.size * (np.ones_like(s) if self.law is None else self.law.value(t))
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return zeros."""
+        return np.zeros_like(s), np.zeros_like(s)
+
+
+@dataclass(frozen=True)
+class Control(Resistance):
+    """What a servo does: it drives s back to a law of time, by k (s - law) + d (w - law').
+
+    All of it is power exchanged: what it stored would depend on the time.
+
+    Attributes
+    ----------
+    law : Law
+    stiffness, damping : float
+        k and d.
+    limit : float, or None
+        The force F becomes limit tanh(F / limit).
+    """
+
+    law: Law
+    stiffness: float
+    damping: float
+    limit: float | None
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether it is damped."""
+        return self.damping > 0.0
+
+    @property
+    def exchanges_power(self) -> bool:
+        """Return True: a servo does work."""
+        return True
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The law."""
+        return (self.law,)
+
+    def _asked(self, t: Array, s: Array, w: Array) -> Array:
+        """Return what the gains ask for."""
+        asked = self.stiffness * (s - self.law.value(t))
+        return np.asarray(asked + self.damping * (w - self.law.rate(t)) if self.damping else asked)
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return that, or what the limit leaves of it."""
+        asked = self._asked(t, s, w)
+        return asked if self.limit is None else self.limit * np.tanh(asked / self.limit)
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return what is left of stiffness and damping."""
+        left = np.ones_like(s)
+        if self.limit is not None:
+            left -= np.tanh(self._asked(t, s, w) / self.limit) ** 2
+        return self.stiffness * left, self.damping * left

@@ -203,6 +203,11 @@ class GapTie(Tie):
             gap = self.counter.counted(t, gap)
         return gap, self._rows(x)
 
+    def reaction(self, t: Array, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return the force [N], (n_batch, n_dim), and moment [N m], (n_batch, n_spin), on the second body."""
+        s, w, _ = self._all(t, x, u)
+        return self.measure.reaction(x, self._sum(t, s, w)[:, None])
+
     def _curved(self, x: Array, force: Array) -> Entries:
         return self.measure.stiffness(x, force[:, None])
 

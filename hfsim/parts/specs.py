@@ -73,6 +73,9 @@ class JointSpec(Spec):
     turns: ClassVar[bool] = False
     """Whether, in space, it leaves a turn about one axis that both bodies share, and no other."""
 
+    holds: ClassVar[bool] = True
+    """Whether it holds anything; else it only exerts a force on what it leaves free."""
+
     follows_start: ClassVar[bool] = False
     """Whether, in space, its axis on the second body is where both bodies' stated orientations have it."""
 

@@ -45,7 +45,8 @@ class Facings:
 
     def _floating(self, known: Collection[str]) -> Iterator[str]:
         """Yield the first body of each group that joints hold together, if none of it is known."""
-        pairs = [{split_point(end)[0] for end in joint.between} for joint in self._deck.joints.values()]
+        holding = (joint for joint in self._deck.joints.values() if joint.holds)
+        pairs = [{split_point(end)[0] for end in joint.between} for joint in holding]
         reached = _connected(set(known), pairs)
         for name in self._deck.bodies:
             if name not in reached:
@@ -65,9 +66,10 @@ class Facings:
 
     def _by_driver(self, joint: JointSpec, known: Array, back: bool) -> Array | None:
         """Return where a hinge that is driven holds the other body."""
-        if not joint.follows_start or getattr(joint, "angle", None) is None:
+        if not (joint.follows_start and joint.holds) or getattr(joint, "angle", None) is None:
             return None
-        hinges = (one for one in self._deck.joints.values() if one is not joint and one.follows_start)
+        others = (one for one in self._deck.joints.values() if one is not joint and one.holds)
+        hinges = (one for one in others if one.follows_start)
         pair = {split_point(end)[0] for end in joint.between}
         if not any(pair == {split_point(end)[0] for end in one.between} for one in hinges):
             return None

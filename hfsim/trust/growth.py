@@ -60,6 +60,8 @@ def loaded_items(scene: Scene) -> list[str]:
     """Return the deck paths of loads and of joints driven by laws, those with a periodic law first."""
     loads = [f"loads.{name}" for name in scene.deck.loads]
     driven = dict.fromkeys(row.item for row in scene.system.constraints if row.driven)
+    acting = (part.item for part in scene.system.forces if part.laws)
+    driven |= dict.fromkeys(item for item in acting if item.startswith("joints."))
     return sorted([*loads, *driven], key=lambda item: amplitude_of(scene, item) is None)
 
 

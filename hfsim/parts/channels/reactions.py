@@ -7,15 +7,19 @@ from collections.abc import Callable
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.ties import GapTie
 from hfsim.parts.channels._base import ChannelKind, Plot, Samples
 
 
 def _reaction(samples: Samples, joint: str) -> tuple[Array, Array]:
-    """Return force, (n_times, n_dim), and moment, (n_times, n_spin), of all equations of a joint."""
+    """Return force, (n_times, n_dim), and moment, (n_times, n_spin), of all that a joint exerts."""
     system, parts = samples.scene.system, []
     for k in samples.scene.joints[joint]:
         multipliers = samples.multipliers[:, system.unreduced.rows[k]]
         parts.append(system.constraints[k].reaction(samples.x, multipliers))
+    for part in system.forces:
+        if isinstance(part, GapTie) and part.item.split(".")[:2] == ["joints", joint]:
+            parts.append(part.reaction(samples.t, samples.x, samples.u))
     force, moment = (np.asarray(sum(kind)) for kind in zip(*parts, strict=True))
     return force, moment
 

@@ -8,12 +8,14 @@ if TYPE_CHECKING:
     from hfsim.parts.joints.cylindrical import CylindricalSpec
     from hfsim.parts.joints.driver import DriverSpec
     from hfsim.parts.joints.fixed import FixedSpec
+    from hfsim.parts.joints.motor import MotorSpec
     from hfsim.parts.joints.prismatic import PrismaticSpec
     from hfsim.parts.joints.revolute import RevoluteSpec
+    from hfsim.parts.joints.servo import ServoSpec
     from hfsim.parts.joints.spherical import SphericalSpec
     from hfsim.parts.joints.universal import UniversalSpec
 
-    AnyPlanar = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec
+    AnyPlanar = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec | MotorSpec | ServoSpec
     AnyJoint = AnyPlanar | SphericalSpec | UniversalSpec | CylindricalSpec
 
 JOINTS = {
@@ -24,6 +26,8 @@ JOINTS = {
     "universal": "hfsim.parts.joints.universal.UniversalSpec",
     "cylindrical": "hfsim.parts.joints.cylindrical.CylindricalSpec",
     "driver": "hfsim.parts.joints.driver.DriverSpec",
+    "motor": "hfsim.parts.joints.motor.MotorSpec",
+    "servo": "hfsim.parts.joints.servo.ServoSpec",
 }
 
 if not TYPE_CHECKING:

@@ -1,0 +1,60 @@
+"""Motor: a torque or a force between two bodies, constant or scaled over time."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+from hfsim.deck.fields import Axis, Between, Force, Moment
+from hfsim.deck.law_specs import ScaleLaw
+from hfsim.deck.spec import Complaint
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.constraints import Held
+from hfsim.mechanics.resistances import Push, Resistance
+from hfsim.parts.joints._actuator import coordinate
+from hfsim.parts.specs import JointSpec
+
+
+class MotorSpec(JointSpec):
+    """Turns B against A by a torque about an axis, or pushes it along one by a force; it holds nothing."""
+
+    vectors = ("axis",)
+    follows_start = True
+    holds = False
+
+    type: Literal["motor"]
+    """Kind of joint."""
+
+    between: Between
+    """The two points, [A, B]."""
+
+    torque: Moment | None = None
+    """Torque on B about the axis, its opposite on A [N m]; or give the force."""
+
+    force: Force | None = None
+    """Force on B along the axis, its opposite on A [N]; or give the torque."""
+
+    axis: Axis | None = None
+    """Axis in A's frame [-]: of a force, without it the first axis, in space [0, 0, 1]; of a torque in space,
+    without it [0, 0, 1]."""
+
+    law: ScaleLaw | None = None
+    """Factor over time [-]; 1 without it."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a motor of nothing or of two things."""
+        if (self.torque is None) == (self.force is None):
+            yield Complaint((), "a motor needs a torque or a force, one of the two")
+
+    @property
+    def carries(self) -> bool:
+        """Whether it is a force."""
+        return self.force is not None
+
+    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
+        """Return nothing."""
+        return ()
+
+    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+        """Yield what it acts on."""
+        law = self.law.build() if self.law else None
+        push = Push((self.torque or 0.0) if self.force is None else self.force, law)
+        yield "", coordinate(self.axis, self.force is None, facing), (push,)
