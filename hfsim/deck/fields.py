@@ -13,8 +13,9 @@ from functools import partial
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BeforeValidator
+from pydantic_core import PydanticCustomError
 
-from hfsim.deck.spec import Complaint, ReadBy, entry_of, refusal, shown
+from hfsim.deck.spec import Complaint, ReadBy, entry_of, refusal, refused, shown
 from hfsim.deck.units import RANGES, SI_UNITS, UnitError, describe, parse_quantity
 
 _BOUNDS: dict[str, tuple[Callable[[float, float], bool], str]] = {
@@ -159,6 +160,33 @@ def _one_or_list(count: int, dimension: str, bounds: Mapping[str, float], value:
 def one_or_list(count: int, dimension: str, **bounds: float) -> ReadBy:
     """Return what reads a number of a dimension, or a list of so many, as `measures` does."""
     return ReadBy(partial(_one_or_list, count, dimension, bounds))
+
+
+def _read_table(dimensions: tuple[str, str], value: object) -> tuple[tuple[float, ...], ...]:
+    """Return rows of two numbers each, of which the first increases."""
+    if not isinstance(value, list | tuple) or len(value) < _FEWEST_ROWS:
+        raise refusal("must be a list of rows of two numbers, two rows or more", "[[-0.1, -50.0], [0.1, 80.0]]")
+    rows: list[tuple[float, ...]] = []
+    for index, row in enumerate(value):
+        try:
+            pair = entries(row, (2,), "numbers")
+            read = zip(dimensions, pair, strict=True)  # type: ignore[call-overload]
+            rows.append(tuple(_read_number(dimension, {}, one) for dimension, one in read))
+        except PydanticCustomError as error:
+            context = error.context or {}
+            raise refused([Complaint((index,), str(context["message"]), str(context["hint"]))]) from None
+        if index and rows[-1][0] <= rows[-2][0]:
+            message = f"the first numbers must increase, {rows[-1][0]:g} follows {rows[-2][0]:g}"
+            raise refused([Complaint((index,), message)])
+    return tuple(rows)
+
+
+_FEWEST_ROWS = 2
+
+
+def table_of(argument: str, value: str) -> ReadBy:
+    """Return what reads a table of numbers of two dimensions, by increasing first ones."""
+    return ReadBy(partial(_read_table, (argument, value)))
 
 
 def _read_inertia(value: object) -> object:

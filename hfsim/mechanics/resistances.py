@@ -6,8 +6,9 @@ forces [N or N m] and energies [J].  A force counts as positive where it drives 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -59,7 +60,7 @@ class Resistance:
 
 @dataclass(frozen=True)
 class LinearSpring(Resistance):
-    """Stiffness and damping: k (s - rest) + d w.
+    """Stiffness, damping and preload: p + k (s - rest) + d w.
 
     Attributes
     ----------
@@ -67,11 +68,14 @@ class LinearSpring(Resistance):
         k and d, in newtons or newton metres per unit of s, and of its rate.
     rest : float
         Where the stiffness gives no force.
+    preload : float
+        p, the force there [N or N m].
     """
 
     stiffness: float
     damping: float = 0.0
     rest: float = 0.0
+    preload: float = 0.0
 
     @property
     def uses_rates(self) -> bool:
@@ -84,12 +88,13 @@ class LinearSpring(Resistance):
         return not self.damping
 
     def energy(self, s: Array) -> Array:
-        """Return 1/2 k (s - rest)^2."""
-        return np.asarray(0.5 * self.stiffness * (s - self.rest) ** 2)
+        """Return (p + 1/2 k (s - rest)) (s - rest)."""
+        stretch = s - self.rest
+        return np.asarray((self.preload + 0.5 * self.stiffness * stretch) * stretch)
 
     def elastic(self, s: Array) -> Array:
-        """Return k (s - rest)."""
-        return np.asarray(self.stiffness * (s - self.rest))
+        """Return p + k (s - rest)."""
+        return np.asarray(self.preload + self.stiffness * (s - self.rest))
 
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return that and d w."""
@@ -99,6 +104,65 @@ class LinearSpring(Resistance):
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return k and d."""
         return np.full_like(s, self.stiffness), np.full_like(s, self.damping)
+
+
+@dataclass(frozen=True)
+class TableSpring(Resistance):
+    """A force by the stretch from a rest: a piecewise cubic through points, and straight on beyond the last ones.
+
+    Attributes
+    ----------
+    curve, slope, integral : callable
+        The cubics, their derivatives and integrals, called as SciPy's PPoly is.
+    ends : tuple of float
+        First and last stretch of the points.
+    rest : float
+        Where the stretch is zero.
+    """
+
+    curve: Any
+    slope: Any
+    integral: Any
+    ends: tuple[float, float]
+    rest: float
+
+    @classmethod
+    def through(cls, table: Sequence[Sequence[float]], rest: float) -> TableSpring:
+        """Return it through rows (stretch, force), monotone where these are (PCHIP, Fritsch and Butland)."""
+        from scipy.interpolate import PchipInterpolator
+
+        stretches, forces = np.array(table).T
+        curve = PchipInterpolator(stretches, forces)
+        ends = float(stretches[0]), float(stretches[-1])
+        return cls(curve, curve.derivative(), curve.antiderivative(), ends, rest)
+
+    def _places(self, s: Array) -> tuple[Array, Array]:
+        """Return the stretch kept within the points, and how far it is beyond."""
+        stretch = s - self.rest
+        inside = np.clip(stretch, *self.ends)
+        return inside, stretch - inside
+
+    def _stored(self, s: Array) -> Array:
+        inside, beyond = self._places(s)
+        straight = (self.curve(inside) + 0.5 * self.slope(inside) * beyond) * beyond
+        return np.asarray(self.integral(inside) + straight)
+
+    def energy(self, s: Array) -> Array:
+        """Return the integral of the force from the rest."""
+        return self._stored(s) - self._stored(np.array([self.rest]))
+
+    def elastic(self, s: Array) -> Array:
+        """Return the force."""
+        inside, beyond = self._places(s)
+        return np.asarray(self.curve(inside) + self.slope(inside) * beyond)
+
+    def force(self, t: Array, s: Array, w: Array) -> Array:
+        """Return that."""
+        return self.elastic(s)
+
+    def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
+        """Return the derivative of the curve."""
+        return np.asarray(self.slope(self._places(s)[0])), np.zeros_like(s)
 
 
 @dataclass(frozen=True)

@@ -12,13 +12,15 @@ from spatial_zoo import rigid_motion
 
 from hfsim.maths.matrices import assemble
 from hfsim.mechanics.constraints import Shift, Turn
-from hfsim.mechanics.resistances import Friction, LinearSpring, Stop
+from hfsim.mechanics.resistances import Friction, LinearSpring, Stop, TableSpring
 from hfsim.mechanics.spatial_turns import about
 from hfsim.mechanics.ties import DistanceTie, GapTie, tie_on
 
 RESISTANCES = {
     "spring": LinearSpring(30.0, 0.0, 0.2),
     "damped": LinearSpring(30.0, 2.0, 0.2),
+    "preloaded": LinearSpring(30.0, 2.0, 0.2, -7.0),
+    "table": TableSpring.through([(-0.8, -50.0), (-0.1, -4.0), (0.1, 4.0), (0.5, 5.0), (0.7, 60.0)], 0.1),
     "friction": Friction(4.0, 0.3),
     "stop above": Stop(0.4, 1.0, 200.0, 0.0, 0.3),
     "stop below": Stop(-0.4, -1.0, 200.0, 0.0, 0.3),
@@ -83,6 +85,16 @@ def test_a_stop_is_as_stiff_as_it_says_and_damped_as_hunt_and_crossley():
     assert stop.force(t, deep, small) / stop.elastic(deep) - 1.0 == pytest.approx(0.7 * small, rel=1e-3)
 
 
+def test_a_table_is_met_is_monotone_and_goes_straight_on():
+    rows = np.array([(-0.8, -50.0), (-0.1, -4.0), (0.1, 4.0), (0.5, 5.0), (0.7, 60.0)])
+    table = TableSpring.through(rows, 0.3)
+    assert table.elastic(rows[:, 0] + 0.3) == pytest.approx(rows[:, 1], abs=1e-12)
+    assert (np.diff(table.elastic(np.linspace(-1.0, 1.2, 400))) > 0.0).all()
+    beyond = np.array([1.1, 1.2, 1.3])
+    assert np.diff(table.elastic(beyond), 2) == pytest.approx(0.0, abs=1e-10)
+    assert table.energy(np.array([0.3])) == 0.0
+
+
 def test_friction_has_its_level():
     friction, w = Friction(4.0, 0.3), np.array([-3.0, 0.3, 0.6, 3.0])
     assert friction.force(w, w, w) / 4.0 == pytest.approx([-1.0, np.tanh(1.0), np.tanh(2.0), 1.0], abs=1e-8)
@@ -94,7 +106,7 @@ PAIRS = [("ground", "hub"), ("hub", "plate"), ("plate", "rope_inside"), ("rope_t
 PLANAR = {"distance": None, "angle": Turn(), "shift": Shift((3.0, 4.0))}
 IN_SPACE = {"distance": None, "angle": about((0.3, -1.0, 0.4), np.eye(3)), "shift": Shift((0.3, -1.0, 0.4))}
 ALL = (LinearSpring(30.0, 2.0, 0.1), Friction(4.0, 0.3), Stop(0.2, 1.0, 200.0, 0.4, 0.8))
-STILL = (LinearSpring(30.0, 0.0, 0.1), Stop(0.2, 1.0, 200.0, 0.0, 0.8), Stop(-0.2, -1.0, 100.0, 0.0, 0.5))
+STILL = (LinearSpring(30.0, 0.0, 0.1, 3.0), TableSpring.through([(-0.5, -9.0), (0.0, 1.0), (0.5, 2.0)], 0.1), Stop(0.2, 1.0, 200.0, 0.0, 0.8), Stop(-0.2, -1.0, 100.0, 0.0, 0.5))
 
 
 def ties():

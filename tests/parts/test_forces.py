@@ -263,3 +263,45 @@ output: {channels: [energy.total]}
     cable, continuum = (run.channels[0].values[-1] for run in runs)
     assert continuum == pytest.approx(cable, rel=0.2)
     assert continuum < -1e-3
+
+
+SWING = """
+hfsim: 1
+bodies: {bob: {type: rigid, mass: 2.0, inertia: 0.5}}
+initial: {bob: {position: [1.3, 0.0]}}
+solve: {duration: 1.5, tolerance: 1e-10}
+output: {plots: false, interval: 0.05, channels: [bob.x, bob.angle, energy.total]}
+springs:
+"""
+
+
+@pytest.mark.parametrize(
+    "force",
+    [
+        "stiffness: 50.0, preload: 5.0",
+        "table: [[-2.0, -95.0], [-0.1, 0.0], [1.0, 55.0]]",
+        "table: [[-0.05, 2.5], [0.05, 7.5]]",
+    ],
+)
+def test_a_preloaded_spring_swings_about_where_it_has_no_force(force):
+    """50 N/m with 5 N at 1 m: about 0.9 m, as preload, as a table, and straight on beyond a short one."""
+    deck = SWING + f"  coil: {{type: two_point, between: [ground, bob], rest_length: 1.0, {force}}}"
+    result = simulate(parse_deck(deck), error_estimate=False)
+    expected = 0.9 + 0.4 * np.cos(5.0 * result.t)
+    assert result.channels[0].values == pytest.approx(expected, abs=1e-8)
+    assert result.statistics["energy_drift"] < 1e-9
+
+
+def test_a_preloaded_coil_turns_back():
+    coil = "type: rotational, between: [ground, bob], stiffness: 8.0, preload: 2.0, rest_angle: 0.1"
+    result = simulate(parse_deck(SWING + f"  coil: {{{coil}}}"), error_estimate=False)
+    expected = -0.15 * (1.0 - np.cos(4.0 * result.t))
+    assert result.channels[1].values == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_table_of_a_softening_spring_keeps_its_energy():
+    rows = "[[-0.5, -60.0], [-0.2, -10.0], [0.0, 0.0], [0.1, 20.0], [0.2, 22.0], [0.6, 23.0]]"
+    coil = f"type: two_point, between: [ground, bob], rest_length: 1.0, table: {rows}, damping: 1.0"
+    result = simulate(parse_deck(SWING + f"  coil: {{{coil}}}"), error_estimate=False)
+    assert result.statistics["energy_drift"] < 1e-7
+    assert np.ptp(result.channels[0].values) > 0.4

@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from typing import Any
 
 from hfsim.deck.spec import Complaint
-from hfsim.mechanics.resistances import LinearSpring, Resistance
+from hfsim.mechanics.resistances import LinearSpring, Resistance, TableSpring
 from hfsim.parts.specs import SpringSpec
+
+_FORCES = ("stiffness", "damping", "friction", "stops", "preload")
+"""Keys that give a force where they are not zero."""
 
 
 class CoordinateSpringSpec(SpringSpec):
@@ -17,17 +20,26 @@ class CoordinateSpringSpec(SpringSpec):
     damping: Any
     friction: Any
     stops: Any
+    preload: Any
+    table: Any
 
     def complaints(self) -> Iterator[Complaint]:
-        """Yield a spring that says nothing of its force."""
-        if not {"stiffness", "damping", "friction", "stops"} & self.model_fields_set:
-            yield Complaint(("stiffness",), "missing key", "or give damping, friction or stops", True)
+        """Yield a spring that says nothing of its force, or says it twice."""
+        if not {*_FORCES, "table"} & self.model_fields_set:
+            hint = "or give a table, damping, friction, stops or a preload"
+            yield Complaint(("stiffness",), "missing key", hint, True)
+        for key in ("stiffness", "preload"):
+            if self.table is not None and key in self.model_fields_set:
+                yield Complaint((key,), "the table says this already", "leave one of them out", True)
 
     @property
     def acts(self) -> bool:
         """Whether it ever exerts a force."""
-        return bool(self.stiffness or self.damping or self.friction or self.stops)
+        return self.table is not None or any(getattr(self, key) for key in _FORCES)
 
     def from_rest(self, rest: float) -> tuple[Resistance, ...]:
         """Return all that resists a coordinate that is without force at a value."""
-        return (LinearSpring(self.stiffness, self.damping, rest), *self.contacts)  # type: ignore[attr-defined]
+        linear = LinearSpring(self.stiffness, self.damping, rest, self.preload)
+        springs = (linear,) if self.table is None else (TableSpring.through(self.table, rest),)
+        damper = (linear,) if self.table is not None and self.damping else ()
+        return (*springs, *damper, *self.contacts)  # type: ignore[attr-defined]

@@ -1,11 +1,20 @@
 """Rotational spring and damper between two frames, in space about an axis."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Angle, Axis, Between, Orientation, RotationalStiffness, degrees_as_radians
+from hfsim.deck.fields import (
+    Angle,
+    Axis,
+    Between,
+    Moment,
+    Orientation,
+    RotationalStiffness,
+    degrees_as_radians,
+    table_of,
+)
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Turn
@@ -31,7 +40,14 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
     """Stiffness [N m/rad]."""
 
     rest_angle: Angle = 0.0
-    """Angle of B relative to A without moment [rad]."""
+    """Angle of B relative to A without moment, but for the preload [rad]."""
+
+    preload: Moment = 0.0
+    """Moment at the rest angle that turns B back against A [N m]."""
+
+    table: Annotated[tuple[tuple[float, float], ...], table_of("angle", "moment")] | None = None
+    """Instead of the stiffness: rows [angle from the rest angle, moment that turns back], between them
+    monotone cubics, beyond them straight lines [rad, N m]."""
 
     axis: Axis | None = None
     """Axis in A's frame, in space [-]; [0, 0, 1] without it."""

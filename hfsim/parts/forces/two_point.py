@@ -1,10 +1,10 @@
 """Spring and damper along the line between two points."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Between, NonNegativeLength, Stiffness
+from hfsim.deck.fields import Between, Force, NonNegativeLength, Stiffness, table_of
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import DistanceTie
@@ -27,7 +27,14 @@ class TwoPointSpec(SlidingResistanceSpec, CoordinateSpringSpec):
     """Stiffness [N/m]."""
 
     rest_length: NonNegativeLength | None = None
-    """Distance without force [m]; without it, the distance at the start."""
+    """Distance without force, but for the preload [m]; without it, the distance at the start."""
+
+    preload: Force = 0.0
+    """Tension at the rest length [N]."""
+
+    table: Annotated[tuple[tuple[float, float], ...], table_of("length", "force")] | None = None
+    """Instead of the stiffness: rows [stretch from the rest length, tension], between them monotone cubics,
+    beyond them straight lines [m, N]."""
 
     def build(self, first: Marker, second: Marker, start: Array) -> DistanceTie:
         """Return the force between two markers of a scene with coordinates (n,) at the start."""
