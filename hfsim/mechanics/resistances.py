@@ -108,7 +108,7 @@ class LinearSpring(Resistance):
 
 @dataclass(frozen=True)
 class TableSpring(Resistance):
-    """A force by the stretch from a rest: a piecewise cubic through points, and straight on beyond the last ones.
+    """A force by the stretch from a rest: cubics through points, and straight on beyond the last ones.
 
     Attributes
     ----------
