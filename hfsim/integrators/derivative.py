@@ -182,7 +182,7 @@ class SparseDerivative(Derivative):
     at: Linearized
 
     def __post_init__(self) -> None:
-        scale = 1.0 / np.sqrt(self.at.mass.diagonal())
+        scale = 1.0 / np.sqrt(self.at.metric.diagonal())
         # Gershgorin's bound with the mass on the diagonal alone
         rows = scale * (abs(self.at.stiffness) @ scale)
         self.fastest = float(np.sqrt(rows.max(initial=0.0)))

@@ -229,10 +229,9 @@ class Body:
         """Yield the equations between its own coordinates."""
         yield from ()
 
-    @property
-    def invertible_mass(self) -> bool:
-        """Whether its constant mass matrix can be inverted without its own constraints."""
-        return True
+    def ballast(self) -> Entries:
+        """Return what its constant mass matrix lacks of one with an inverse, on axes that it keeps itself."""
+        return NOTHING
 
     def tables(self, n: int) -> float:
         """Return the memory of its forces, in a scene of n coordinates, that grows faster than n [byte]."""

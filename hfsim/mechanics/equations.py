@@ -20,6 +20,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix, SaddlePoints, dense, factorised, is_sparse, saddle_point
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.joint_rows import JointRows
+from hfsim.mechanics.linearized import rows_of
 from hfsim.mechanics.reduction import Reduction
 
 if TYPE_CHECKING:
@@ -74,8 +75,9 @@ class Equations:
         Which of them it eliminates is left out here.
     once : bool
         Factorise matrices that never change once; otherwise in every state, as if they did.
-    invertible : bool
-        Whether the constant mass matrix can be inverted without the constraints.
+    ballast : Matrix, shape (n_x, n_x), or None
+        What flat and slender bodies lack of a constant mass matrix with an inverse, on the diagonal of axes
+        that they keep orthonormal.
     """
 
     constant_mass: Matrix
@@ -83,7 +85,7 @@ class Equations:
     all_constraints: tuple[Constraint, ...]
     reduction: Reduction
     once: bool = True
-    invertible: bool = True
+    ballast: Matrix | None = None
 
     @cached_property
     def n(self) -> int:
@@ -119,18 +121,46 @@ class Equations:
         return self.reduction.reduced(self.constant_mass)
 
     @cached_property
+    def _weighted_mass(self) -> Matrix:
+        """The same with ballast."""
+        ballast = self.ballast
+        return self.free_mass if ballast is None else self.free_mass + self.reduction.reduced(ballast)
+
+    @cached_property
     def _inverse_mass(self) -> Array:
-        """Inverse of the constant mass blocks; zero in the rows of variable bodies."""
-        M = self.free_mass
+        """Inverse of the constant mass blocks with ballast; zero in the rows of variable bodies."""
+        M = self._weighted_mass
         constant = M.any(axis=1)
         inverse = np.zeros_like(M)
         inverse[np.ix_(constant, constant)] = np.linalg.inv(M[np.ix_(constant, constant)])
         return np.asarray(inverse)
 
+    def metric(self, jacobian: Matrix | None) -> tuple[Matrix, Array | None]:
+        """Return a matrix with an inverse that is the constant mass matrix on all that joints allow.
+
+        Then motions of the free coordinates as rows, orthonormal in it; None if it is sparse.  ``jacobian``
+        is Phi_z (n_rows, n) in some state: where mass is lacking, rows that keep axes stand in.
+        """
+        if self.ballast is None or jacobian is None:
+            return self.free_mass, None if is_sparse(self.free_mass) else self._root
+        metric = self.free_mass + (jacobian.T * self._stand_ins) @ jacobian
+        return metric, None if is_sparse(metric) else rows_of(metric)
+
     @cached_property
-    def inverse_root(self) -> Array:
-        """Motions of the free coordinates as rows, orthonormal in the metric of the constant mass matrix."""
-        return np.linalg.inv(np.linalg.cholesky(self.free_mass))
+    def _stand_ins(self) -> Array:
+        """Mass that each row of Phi stands in for, shape (n_rows,)."""
+        from hfsim.mechanics.orthonormal import Orthonormal
+
+        assert self.ballast is not None
+        found, lacking = np.zeros(self.n_rows), self.ballast.diagonal()
+        for c, rows in zip(self.constraints, self.rows, strict=True):
+            if isinstance(c, Orthonormal):
+                found[rows] = lacking[c.axis_columns[0]]
+        return found
+
+    @cached_property
+    def _root(self) -> Array:
+        return rows_of(self.free_mass)
 
     def mass(self, x: Array) -> Array:
         """Return the mass matrix M_g of eq. (38), dense, shape (n_batch, n_x, n_x)."""
@@ -156,7 +186,7 @@ class Equations:
     @property
     def _changes(self) -> bool:
         """Whether the mass matrix is treated as one that depends on the state."""
-        return bool(self.variable_mass) or not self.once or not self.invertible
+        return bool(self.variable_mass) or not self.once
 
     @cached_property
     def solution(self) -> Array | None:
@@ -246,7 +276,8 @@ class Equations:
             return None
         from hfsim.mechanics.node_solution import NodeSolution
 
-        found = NodeSolution.of(self.phi, self.constant_mass, self.reduction, self._unconstrained)
+        masses = self.constant_mass, self.ballast
+        found = NodeSolution.of(self.phi, *masses, self.reduction, self._unconstrained)
         if found is not None and is_sparse(self.constant_mass) and len(found.joints.support) > FEW:
             return None
         return found
@@ -257,12 +288,12 @@ class Equations:
         return self.once and len(self.phi.support) <= FEW
 
     def _unconstrained(self, f: Array) -> Array:
-        """Return M^-1 f for forces (n_batch, n)."""
+        """Return M^-1 f for forces (n_batch, n), with ballast."""
         return self._mass_factor(f) if is_sparse(self.constant_mass) else np.asarray(f @ self._inverse_mass)
 
     @cached_property
     def _mass_factor(self) -> Callable[[Array], Array]:
-        return factorised(self.free_mass)
+        return factorised(self._weighted_mass)
 
     @cached_property
     def _at_joints(self) -> tuple[Array, Array, Array]:

@@ -36,8 +36,10 @@ class Linearized:
     jacobian : Matrix, shape (n_rows, n), or None
         None without constraints.
     inverse_root : ndarray, shape (n, n), or None
-        Rows are orthonormal in the metric of the mass.  None if matrices are sparse, and where the equations
-        are solved for the accelerations already: the mass is one then, and the stiffness any matrix.
+        Rows are orthonormal in the metric.  None if matrices are sparse, and where the equations are solved
+        for the accelerations already: the mass is one then, and the stiffness any matrix.
+    metric : Matrix, shape (n, n)
+        The mass or, where that has no inverse, one that is the same on all motions that constraints allow.
     """
 
     mass: Matrix
@@ -45,6 +47,7 @@ class Linearized:
     damping: Matrix | None
     jacobian: Matrix | None
     inverse_root: Array | None
+    metric: Matrix
 
     @property
     def sparse(self) -> bool:
@@ -62,8 +65,8 @@ class Linearized:
             return self
         parts = (self.mass, self.stiffness, self.damping, self.jacobian)
         mass, stiffness, damping, jacobian = (None if one is None else dense(one) for one in parts)
-        root = np.linalg.inv(np.linalg.cholesky(dense(self.mass)))
-        return Linearized(mass, stiffness, damping, jacobian, root)
+        metric = dense(self.metric)
+        return Linearized(mass, stiffness, damping, jacobian, rows_of(metric), metric)
 
     @cached_property
     def allowed(self) -> Array:
@@ -84,7 +87,7 @@ class Linearized:
         """Return the smallest accelerations, measured by the mass, that close unit gaps, (n_rows, n)."""
         if self.jacobian is None:
             return np.zeros((0, len(self.mass)))
-        W = np.linalg.solve(self.mass, self.jacobian.T)
+        W = np.linalg.solve(self.metric, self.jacobian.T)
         return np.ascontiguousarray(np.linalg.solve((self.jacobian @ W).T, W.T))
 
     def slopes(self) -> tuple[Array, Array | None]:
@@ -124,6 +127,11 @@ class Linearized:
         return motions
 
 
+def rows_of(metric: Array) -> Array:
+    """Return motions as rows that are orthonormal in a metric, (n, n)."""
+    return np.linalg.inv(np.linalg.cholesky(metric))
+
+
 def by_differences(
     acceleration: Callable[[Array, Array, Array], Array], t: float, q: Array, v: Array, dissipates: bool
 ) -> Linearized:
@@ -146,4 +154,4 @@ def by_differences(
     a = acceleration(np.full(len(moved), t), Q, V)
     slopes = ((a[:-1] - a[-1]) / steps[:, None]).T
     damping = -slopes[:, n:] if dissipates else None
-    return Linearized(np.eye(n), -slopes[:, :n], damping, None, None)
+    return Linearized(np.eye(n), -slopes[:, :n], damping, None, None, np.eye(n))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +20,24 @@ from hfsim.mechanics.reduction import Reduction
 Solve = Callable[[Array], Array]
 
 
+class _Answers(NamedTuple):
+    """What unit multipliers of joints cause in a batch of states.
+
+    Attributes
+    ----------
+    moved : ndarray, shape (n_batch, n_joint_rows, n_moved)
+        Accelerations.
+    mobility : ndarray, shape (n_batch, n_joint_rows, n_joint_rows)
+        The same at the joints.
+    by_nodes : list of ndarray
+        Multipliers of the nodes of each kind that joints touch.
+    """
+
+    moved: Array
+    mobility: Array
+    by_nodes: list[Array]
+
+
 @dataclass(frozen=True, eq=False)
 class NodeSolution:
     """Accelerations and multipliers where axes of nodes are kept orthonormal.
@@ -31,35 +50,42 @@ class NodeSolution:
     rows : ndarray of int, shape (n_joint_rows,)
         Theirs in Phi.
     reduction : Reduction
+    mass : Matrix, shape (n, n)
+        Of the free coordinates.
     unconstrained : callable
-        Forces on the free coordinates (..., n) -> accelerations without any of the equations.
+        Forces on the free coordinates (..., n) -> accelerations without any of the equations, with ballast.
     """
 
     nodes: tuple[AxesRows, ...]
     joints: JointRows
     rows: IntArray
     reduction: Reduction
+    mass: Matrix
     unconstrained: Solve
 
     @classmethod
     def of(
-        cls, phi: JointRows, mass: Matrix, reduction: Reduction, unconstrained: Solve
+        cls, phi: JointRows, mass: Matrix, ballast: Matrix | None, reduction: Reduction, unconstrained: Solve
     ) -> NodeSolution | None:
-        """Return the solution for equations phi and a constant mass matrix of x; None without such axes."""
+        """Return the solution for equations phi and a constant mass matrix of x; None without such axes.
+
+        ``unconstrained`` is that of the mass matrix with ``ballast``.
+        """
         known = set(reduction.rows.tolist())
-        kinds: dict[int, list[tuple[Orthonormal, int]]] = {}
+        lacking = np.zeros(len(reduction.offset)) if ballast is None else ballast.diagonal()
+        kinds: dict[tuple[int, bool], list[tuple[Orthonormal, int]]] = {}
         others: list[tuple[Constraint, slice]] = []
         for c, rows in zip(phi.constraints, phi.rows, strict=True):
             if isinstance(c, Orthonormal) and known.issuperset(c.axis_columns.tolist()):
-                kinds.setdefault(c.rows, []).append((c, rows.start))
+                kinds.setdefault((c.rows, lacking[c.axis_columns[0]] > 0.0), []).append((c, rows.start))
             else:
                 others.append((c, rows))
         if not kinds:
             return None
-        nodes = tuple(AxesRows.of(own, reduction, mass) for own in kinds.values())
+        nodes = tuple(AxesRows.of(own, reduction, mass, lacking) for own in kinds.values())
         joints = JointRows(tuple(c for c, _ in others), phi.n_x, phi.sparse)
         left = np.array([k for _, rows in others for k in range(rows.start, rows.stop)], dtype=np.intp)
-        return cls(nodes, joints, left, reduction, unconstrained)
+        return cls(nodes, joints, left, reduction, reduction.reduced(mass), unconstrained)
 
     @cached_property
     def _spreading(self) -> tuple[Array, IntArray]:
@@ -79,6 +105,11 @@ class NodeSolution:
         return [np.flatnonzero(np.isin(kind.columns, self.joints.support).any(axis=1)) for kind in self.nodes]
 
     @cached_property
+    def _slender(self) -> bool:
+        """Whether nodes turn so easily about an axis that rounding spoils what joints make of it."""
+        return any(kind.slender for kind in self.nodes)
+
+    @cached_property
     def _reading(self) -> Array:
         """From the free coordinates that move to those at the joints, (n_moved, k)."""
         return np.ascontiguousarray(dense(self.reduction.basis[self.joints.support][:, self._spreading[1]]).T)
@@ -91,40 +122,66 @@ class NodeSolution:
 
     def solve(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         """Return accelerations (n_batch, n) and multipliers (n_batch, n_rows) for forces f (n_batch, n)."""
-        return self._solved(x, [kind.at(x) for kind in self.nodes], self.joints.at_joints(x), f, gamma)
+        return self._solved([kind.at(x) for kind in self.nodes], self.joints.at_joints(x), f, gamma)
 
     def missing(self, x: Array, f: Array, gamma: Array, a: Array) -> tuple[Array, Array]:
         """Return what accelerations a (n_batch, n) miss of the solution, and what the rows miss."""
         at, J = [kind.at(x) for kind in self.nodes], self.joints.at_joints(x)
-        missing = self._solved(x, at, J, f, gamma)[0] - a
-        gaps = np.empty_like(gamma)
-        for kind, own in zip(self.nodes, at, strict=True):
-            gaps[:, kind.rows] = (own.jacobian @ missing[:, kind.free][..., None])[..., 0]
-        at_joints = missing[:, self._spreading[1]] @ self._reading
-        gaps[:, self.rows] = (J @ at_joints[..., None])[..., 0]
-        return missing, gaps
+        missing = self._solved(at, J, f, gamma)[0] - a
+        return missing, self._opening(at, J, missing)
 
-    def _solved(
-        self, x: Array, at: Sequence[AxesAt], J: Array, f: Array, gamma: Array
-    ) -> tuple[Array, Array]:
-        a, multipliers = np.array(self.unconstrained(f)), np.empty_like(gamma)
+    def _opening(self, at: Sequence[AxesAt], J: Array, a: Array) -> Array:
+        """Return Phi_z a, shape (n_batch, n_rows)."""
+        opening = np.empty((len(a), len(self.rows) + sum(kind.rows.size for kind in self.nodes)))
         for kind, own in zip(self.nodes, at, strict=True):
-            held, found = own.held(a[:, kind.free][..., None], gamma[:, kind.rows][..., None])
-            a[:, kind.free], multipliers[:, kind.rows] = held[..., 0], found[..., 0]
-        if not len(self.rows):
-            return a, multipliers
-        spreading, columns = self._spreading
-        moved, answers = np.repeat(J @ spreading, len(x) // len(J), axis=0), list[Array]()
+            opening[:, kind.rows] = (own.jacobian @ a[:, kind.free][..., None])[..., 0]
+        at_joints = a[:, self._spreading[1]] @ self._reading
+        opening[:, self.rows] = (J @ at_joints[..., None])[..., 0]
+        return opening
+
+    def _pull(self, at: Sequence[AxesAt], J: Array, multipliers: Array) -> Array:
+        """Return Phi_z^T lambda, shape (n_batch, n)."""
+        pull, columns = np.zeros((len(multipliers), self.mass.shape[0])), self._spreading[1]
+        pull[:, columns] = (multipliers[:, None, self.rows] @ J)[:, 0] @ self._reading.T
+        for kind, own in zip(self.nodes, at, strict=True):
+            pull[:, kind.free] += (multipliers[:, kind.rows][..., None, :] @ own.jacobian)[..., 0, :]
+        return pull
+
+    def _solved(self, at: Sequence[AxesAt], J: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
+        """Return accelerations and multipliers; with slender bodies also of what rounding leaves."""
+        answers = self._answers(at, J, len(f)) if len(self.rows) else None
+        a, multipliers = self._solved_once(at, J, answers, f, gamma)
+        if self._slender:
+            left = f - a @ self.mass - self._pull(at, J, multipliers)
+            rest = self._solved_once(at, J, answers, left, gamma - self._opening(at, J, a))
+            a, multipliers = a + rest[0], multipliers + rest[1]
+        return a, multipliers
+
+    def _answers(self, at: Sequence[AxesAt], J: Array, count: int) -> _Answers:
+        spreading, _ = self._spreading
+        moved, answers = np.repeat(J @ spreading, count // len(J), axis=0), list[Array]()
         for own, touched, places in zip(at, self._touched, self._places, strict=True):
             sides = moved[:, :, places].transpose(0, 2, 3, 1)
             nothing = np.zeros((1, 1, own.inverse.shape[-1], 1))
             held, found = own.of(touched).held(sides, nothing)
             moved[:, :, places] = held.transpose(0, 3, 1, 2)
             answers.append(found)
+        return _Answers(moved, J @ (moved @ self._reading).swapaxes(1, 2), answers)
+
+    def _solved_once(
+        self, at: Sequence[AxesAt], J: Array, answers: _Answers | None, f: Array, gamma: Array
+    ) -> tuple[Array, Array]:
+        a, multipliers = np.array(self.unconstrained(f)), np.empty_like(gamma)
+        for kind, own in zip(self.nodes, at, strict=True):
+            held, found = own.held(a[:, kind.free][..., None], gamma[:, kind.rows][..., None])
+            a[:, kind.free], multipliers[:, kind.rows] = held[..., 0], found[..., 0]
+        if answers is None:
+            return a, multipliers
+        (moved, mobility, by_nodes), columns = answers, self._spreading[1]
         gap = (J @ (a[:, columns] @ self._reading)[..., None])[..., 0] - gamma[:, self.rows]
-        at_joints = np.linalg.solve(J @ (moved @ self._reading).swapaxes(1, 2), gap[..., None])
+        at_joints = np.linalg.solve(mobility, gap[..., None])
         a[:, columns] -= (at_joints.swapaxes(1, 2) @ moved)[:, 0]
         multipliers[:, self.rows] = at_joints[..., 0]
-        for kind, touched, found in zip(self.nodes, self._touched, answers, strict=True):
+        for kind, touched, found in zip(self.nodes, self._touched, by_nodes, strict=True):
             multipliers[:, kind.rows[touched]] -= (found @ at_joints[:, None])[..., 0]
         return a, multipliers

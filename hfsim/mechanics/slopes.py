@@ -112,7 +112,8 @@ class Slopes:
     def linearized(self, t: float, q: Array, v: Array) -> Linearized:
         """Return the equations, solved for the accelerations, linearised at a state (n,)."""
         _, by_q, by_v = self(np.array([t]), q[None], v[None])
-        return Linearized(np.eye(len(q)), -by_q[0], -by_v[0], None, None)
+        unit = np.eye(len(q))
+        return Linearized(unit, -by_q[0], -by_v[0], None, None, unit)
 
     def _stiffness(self, t: Array, x: Array, u: Array, of: Callable[[ForcePart], _Tangent]) -> Array:
         """Return what forces lose with the free coordinates or their rates, (n_batch or 1, n, n)."""

@@ -275,7 +275,7 @@ class System:
     @property
     def linearizes(self) -> bool:
         """Whether `linearized` is at hand: the state are coordinates with a constant mass matrix."""
-        return not self.charts and not self.variable_mass and self.equations.invertible
+        return not self.charts and not self.variable_mass
 
     @property
     def quartic(self) -> bool:
@@ -295,8 +295,8 @@ class System:
         if self.dissipates:
             damping = self._free_matrix([part.rate_tangent(time, x, u) for part in self.forces])
         jacobian = equations.phi.jacobian_at(x) @ reduction.basis if equations.constraints else None
-        root = None if is_sparse(equations.free_mass) else equations.inverse_root
-        return Linearized(equations.free_mass, self._free_matrix(stiff), damping, jacobian, root)
+        metric, root = equations.metric(jacobian)
+        return Linearized(equations.free_mass, self._free_matrix(stiff), damping, jacobian, root, metric)
 
     def _free_matrix(self, parts: list[Entries]) -> Matrix:
         whole = assemble(parts, (self.n_x, self.n_x), is_sparse(self.equations.constant_mass))

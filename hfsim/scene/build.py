@@ -364,11 +364,13 @@ def _system(
     free = eliminate(moving, constraints if left_out.fires("tree_joints") else (), sparse)
     charts = side_by_side(body.chart() for body in every)
     at = partial(find_marker, bodies=bodies, deck=deck, held=True)
-    once, invertible = left_out.fires("constant_mass"), all(body.invertible_mass for body in every)
+    lacking = [body.ballast() for body in every]
+    ballast = assemble(lacking, (n, n), sparse) if any(one.values.size for one in lacking) else None
+    once = left_out.fires("constant_mass")
     return System(
         charts=tuple(chart.at(free.reduction.free_columns(chart.columns)) for chart in charts),
         forces=(*merged(needed), *acting(deck, at, left_out, x, angles)),
-        equations=Equations(mass, variable, constraints, free.reduction, once, invertible),
+        equations=Equations(mass, variable, constraints, free.reduction, once, ballast),
         natural=free.increments(every),
         keeps_rates=not left_out.fires("rates"),
         keeps_work=not left_out.fires("work"),

@@ -1,9 +1,10 @@
 """Time and memory of a step against the size of the scene.
 
-    python tests/benchmarks/scaling.py [--space]
+    python tests/benchmarks/scaling.py [--space | --thin]
 
 Two families: the pendulum of one beam with 16 to 4096 elements, and a chain of 2 to 256 hinged beams of
-two elements each; in space beams of both elements and a chain of rigid bodies on ball joints.  Model `exact`,
+two elements each; in space beams of both elements and a chain of rigid bodies on ball joints, or of slender
+ones, and of flat ones with joints off their plane.  Model `exact`,
 methods gauss and gear at equal fixed steps.  Each step is scaled to the element length, so that the same
 number of them asks the same of Newton's method.  CPU time, median of repeats; memory by tracemalloc in a run
 of its own.
@@ -81,13 +82,20 @@ def space(count: int, method: str, element: str) -> str:
     return SPACE.format(count=count, method=method, step=step, duration=STEPS * step, element=element)
 
 
-def chain(count: int, method: str, deck: str = CHAIN, joint: str = "revolute") -> str:
+def chain(
+    count: int,
+    method: str,
+    deck: str = CHAIN,
+    joint: str = "revolute",
+    inertia: str = "[0.01, 0.02, 0.02]",
+    beside: float = 0.0,
+) -> str:
     """Return the deck of a chain of `count` beams, 0.3 m each, or of rigid bodies, joined end to end."""
     names = [f"b{k}" for k in range(count)]
     one = "{{type: beam, material: soft, section: strip, length: 0.3, elements: 2}}"
     if deck is LINKS:
-        points = "{{root: [-0.1, 0, 0], tip: [0.1, 0, 0]}}"
-        one = f"{{{{type: rigid, mass: 1.0, inertia: [0.01, 0.02, 0.02], points: {points}}}}}"
+        points = f"{{{{root: [-0.1, 0, {beside}], tip: [0.1, 0, {beside}]}}}}"
+        one = f"{{{{type: rigid, mass: 1.0, inertia: {inertia}, points: {points}}}}}"
     ends = ["ground", *(f"{name}.tip" for name in names)]
     joints = [
         f"  j{k}: {{type: {joint}, between: [{ends[k]}, {name}.root]}}" for k, name in enumerate(names)
@@ -126,6 +134,8 @@ FAMILIES: dict[str, Callable[[int, str], str]] = {
     "cosserat": partial(space, element="cosserat"),
     "cable": partial(space, element="cable"),
     "links": partial(chain, deck=LINKS, joint="spherical"),
+    "slender": partial(chain, deck=LINKS, joint="spherical", inertia="[2.0e-11, 0.02, 0.02]"),
+    "flat": partial(chain, deck=LINKS, joint="spherical", inertia="[0.01, 0.01, 0.02]", beside=0.01),
 }
 """Decks by number and method."""
 
@@ -155,11 +165,14 @@ def main() -> None:
     parser.add_argument("--methods", default="gauss,gear")
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--space", action="store_true", help="beams and bodies in space, 64 to 1024")
+    parser.add_argument("--thin", action="store_true", help="slender and flat bodies beside others")
     given = parser.parse_args()
     for method in given.methods.split(","):
         for family in ("cosserat", "cable", "links") if given.space else ():
             table(family, [64, 256, 1024], method, given.repeats, 64)
-        if given.space:
+        for family in ("links", "slender", "flat") if given.thin else ():
+            table(family, [20, 64], method, given.repeats, 20)
+        if given.space or given.thin:
             continue
         table("elements", [int(n) for n in given.elements.split(",")], method, given.repeats, 64)
         table("bodies", [int(n) for n in given.bodies.split(",")], method, given.repeats, 16)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from hfsim.marching.integration import run_integration
 from hfsim.maths.matrices import dense
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -38,6 +39,21 @@ joints:
   j2: {type: spherical, between: [one.b, two.a]}
 solve: {duration: 1.0}
 """
+THIN = CHAIN.replace("[0.02, 0.09, 0.1]", "SLENDER", 1).replace("[0.02, 0.09, 0.1]", "FLAT").replace(
+    "b: [0.5, 0, 0]", "b: [0.5, 0.1, 0.05]"
+)
+"""Points off the axis of one body, off the plane of the other."""
+INERTIAS = ("SLENDER", "[1.0e-9, 0.1, 0.1]"), ("FLAT", "[0.02, 0.09, 0.11]")
+
+
+def thin(*inertias, joint="spherical"):
+    """The deck of two bodies of which one is slender and one flat, or with these moments."""
+    text = HEAD + THIN
+    for name, inertia in inertias or INERTIAS:
+        text = text.replace(name, inertia)
+    return text.replace("j2: {type: spherical", f"j2: {{type: {joint}")
+
+
 PLANAR = """
 hfsim: 1
 gravity: [0.0, -9.81]
@@ -57,6 +73,8 @@ SCENES = {
     "large": HEAD + MIXED.replace("COUNT", "12"),
     "chain": HEAD + CHAIN,
     "plane": PLANAR,
+    "thin": thin(),
+    "thin, welded": thin(joint="fixed"),
 }
 
 
@@ -112,6 +130,41 @@ def test_what_accelerations_miss(scene, rng):
     right = np.linalg.solve(matrix, np.concatenate([free, gamma], axis=1)[..., None])[:, : equations.n, 0]
     assert missing == pytest.approx(right - az, abs=1e-9 * np.abs(right).max())
     assert gaps == pytest.approx(gamma - (Phi @ az[..., None])[..., 0], abs=1e-9 * np.abs(right).max())
+
+
+@pytest.mark.parametrize("joint", ["spherical", "fixed"])
+def test_motions_of_slender_and_flat_bodies_are_orthonormal_in_their_mass(joint, rng):
+    scene = build(parse_deck(thin(joint=joint)))
+    system, q = scene.system, scene.q
+    at = system.linearized(0.0, q, np.zeros(system.n))
+    Z, J = at.allowed, at.jacobian
+    assert len(Z) == system.n - system.n_rows
+    assert np.abs(J @ Z.T).max() < 1e-9 * np.abs(Z).max()
+    # the lightest motion is 3e4 times as large as others
+    assert pytest.approx(np.eye(len(Z)), abs=1e-6) == Z @ at.mass @ Z.T
+    gaps = rng.normal(size=system.n_rows)
+    closed, forces = gaps @ at.closing(), rng.normal(size=system.n)
+    assert J @ closed == pytest.approx(gaps, abs=1e-8 * np.abs(gaps).max())
+    x = system.absolute(q[None])
+    moved, _ = system.equations.constrained(x, forces[None], np.zeros((1, system.n_rows)))
+    assert at.mobility @ forces == pytest.approx(moved[0], abs=1e-6 * np.abs(moved).max())
+
+
+def test_slender_and_flat_bodies_cost_no_more_steps_than_others():
+    """And no differences: the mass matrix lacks its inverse, not their derivative."""
+
+    def counts(*inertias):
+        text = thin(*inertias).replace("duration: 1.0", "duration: 0.5, tolerance: 1.0e-8")
+        scene = build(parse_deck(text))
+        found = run_integration(scene, scene.deck.solve)
+        assert found.stop is None
+        return found.problem.counts, scene.system.absolute(found.trajectory.q[None])[0]
+
+    usual, _ = counts(("SLENDER", "[0.01, 0.1, 0.1]"), ("FLAT", "[0.02, 0.09, 0.105]"))
+    own, x = counts()
+    assert own.evaluations < 1.5 * usual.evaluations
+    _, near = counts(("SLENDER", "[2.0e-9, 0.1, 0.1]"), ("FLAT", "[0.02, 0.09, 0.109999999]"))
+    assert x == pytest.approx(near, abs=1e-6)
 
 
 def test_joints_with_many_coordinates_are_solved_with_sparse_matrices():

@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import Entries
+from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import cross
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.carried import Carried
@@ -61,10 +61,9 @@ class FlatRigidBody(SpatialRigidBody):
         """One for the origin."""
         return np.array([1.0, 0.0, 0.0])
 
-    @property
-    def invertible_mass(self) -> bool:
-        """Whether both axes have mass: True."""
-        return True
+    def ballast(self) -> Entries:
+        """Return nothing: both axes have mass."""
+        return NOTHING
 
     def marker(self, place: Place) -> SectionMarker:
         """Return the marker of a point of the plane."""

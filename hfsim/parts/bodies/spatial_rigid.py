@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import Entries
+from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.body import Place, VectorBody
 from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.constraints import Constraint
@@ -25,7 +25,7 @@ _TOUCHING = 1e-9
 _SYMMETRIC = 1e-9
 """The same for what products of inertia differ by."""
 
-FLAT = 1e-6
+FLAT = 1e-4
 """Smallest part of Euler's tensor, over the largest, that is worth an inverse."""
 
 
@@ -104,11 +104,13 @@ class SpatialRigidBody(VectorBody):
         """Euler's tensor [kg m^2]."""
         return np.asarray(0.5 * np.trace(self.inertia) * np.eye(3) - self.inertia)
 
-    @property
-    def invertible_mass(self) -> bool:
-        """Whether it is neither flat nor slender."""
+    def ballast(self) -> Entries:
+        """Return as much on each axis as all have together, where it is flat or slender."""
         sizes = np.linalg.eigvalsh(self.euler)
-        return bool(sizes[0] > FLAT * sizes[-1])
+        if sizes[0] > FLAT * sizes[-1]:
+            return NOTHING
+        columns = np.arange(self.columns.start + 3, self.columns.stop)
+        return Entries(columns, columns, np.full(len(columns), sizes.sum()))
 
     def mass_entries(self) -> Entries:
         """Return the mass of the origin and Euler's tensor on the axes."""
