@@ -96,7 +96,7 @@ class Budget:
             used = self.used
             self.report(min(1.0, used / self.seconds) if self.seconds > 0.0 else 1.0)
             if used > end:
-                raise TimeUp(f"cut off at {100 * share:.2g} % of the duration", share)
+                raise TimeUp(f"cut off at {_done(share)} of the duration", share)
 
         return check
 
@@ -107,6 +107,17 @@ class Budget:
             report(share)
             if self.left < 0.0:
                 used = f"the budget of {self.seconds:g} s was used up"
-                raise TimeUp(f"{used} at {100 * share:.2g} % of the duration", share)
+                raise TimeUp(f"{used} at {_done(share)} of the duration", share)
 
         return check
+
+
+def _done(share: float) -> str:
+    """Return a share that is less than all in per cent.
+
+    Examples
+    --------
+    >>> _done(0.00513), _done(0.25), _done(0.9999)
+    ('0.51 %', '25 %', '99.9 %')
+    """
+    return f"{min(100.0 * share, 99.9):.{3 if share > 0.99 else 2}g} %"

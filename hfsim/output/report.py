@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.marching.rounding import LEAST, ROUNDING, sizes_of
 from hfsim.output.talk import Talk, print_error
-from hfsim.output.text import Column, as_table, brief, number, table
+from hfsim.output.text import Column, as_table, brief, number, table, wrapped
 from hfsim.parts.channels import is_judged
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def headline(run: Run) -> str:
     """Return the status in a few words."""
     if run.status == "done":
         return f"done, {run.end_time:.6g} s simulated"
-    return f"{run.status} at t = {run.stop_time:.6g} s: {run.reason}"
+    return f"{run.status} at t = {run.stop_time:.6g} s"
 
 
 def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
@@ -73,7 +73,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
         "results": f"{folder}/",
     }
     width = max(map(len, facts))
-    lines = [f"  {name.ljust(width)}  {text}" for name, text in facts.items()]
+    lines = [wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items()]
     levels = level_table(summary["refinement"]) if summary.get("refinement") else []
     return "\n".join([*lines, *levels, *_last_values(run)])
 
@@ -122,7 +122,7 @@ def level_table(found: Mapping[str, Any]) -> list[str]:
         table([level, *_LEVELS], found["levels"], "    "),
         "    mesh: elements x degree; change: of the level refined, relative to the channel's range",
         f"    * {chosen['why']}",
-        *method_lines(found),
+        *(one if "  " in one.lstrip() else wrapped(one.lstrip(), "    ") for one in method_lines(found)),
         *_fixed_meshes(found["fixed_meshes"]),
     ]
 

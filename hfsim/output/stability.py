@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfsim.output.text import Column, as_table, brief, table, wrapped
+from hfsim.output.text import Column, as_table, brief, plural, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.studies.stability.results import MapPoint, StabilityMap
 
+_LEFT = "not computed"
 _FACTS = ("time_error", "model_error", "energy_drift", "growth", "channel", "cause", "item", "reason")
 _POINT = (
     Column("model"),
@@ -88,7 +90,8 @@ def map_text(result: StabilityMap, folder: Path, verbose: bool = False, ending: 
 def _tables(result: StabilityMap) -> list[str]:
     if len(result.axes) == 2:
         return [_grid(result, model, method) for model, method in result.rows()]
-    return [table([*_POINT[:2], *_axis_columns(result), *_LIST], result.points)]
+    reached = [p for p in result.points if p.outcome != _LEFT]
+    return [table([*_POINT[:2], *_axis_columns(result), *_LIST], reached)] if reached else []
 
 
 def _word(value: Any) -> str:
@@ -118,9 +121,11 @@ def _boundaries(result: StabilityMap, ending: str) -> str:
 def _reasons(result: StabilityMap, verbose: bool) -> Iterable[str]:
     """Yield why points are not accurate: of each class the first one of every model and method, or all."""
     told = set()
+    for reason, count in Counter(p.verdict.reason for p in result.points if p.outcome == _LEFT).items():
+        yield wrapped(f"{plural(count, 'point')} {_LEFT}: {reason}")
     for p in result.points:
         key = (p.model, p.method, p.outcome)
-        if p.outcome == "accurate" or (key in told and not verbose):
+        if p.outcome in ("accurate", _LEFT) or (key in told and not verbose):
             continue
         told.add(key)
         at = [f"{name} {_word(value)}" for (name, _, _), value in zip(result.axes, p.values, strict=True)]

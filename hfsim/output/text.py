@@ -7,6 +7,9 @@ import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+WIDTH = 110
+"""Characters of a line of text."""
+
 
 class Column(NamedTuple):
     """One column of a table, in a file or as text.
@@ -104,10 +107,10 @@ def brief(value: float | None) -> str:
     return "-" if value is None else f"{value:.1e}"
 
 
-def wrapped(text: str, indent: str = "  ") -> str:
-    """Return a remark broken into lines, all but the first further indented; no name is broken."""
+def wrapped(text: str, head: str = "  ", indent: str = "") -> str:
+    """Return a remark after a head broken into lines, all but the first indented; no name is broken."""
     return textwrap.fill(
-        text, 110, initial_indent=indent, subsequent_indent=indent + "  ",
+        text, WIDTH, initial_indent=head, subsequent_indent=indent or head + "  ",
         break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip
 

@@ -522,3 +522,15 @@ def test_studies_leave_out_models_that_a_scene_has_not(tmp_path, capsys):
     thick.write_text(text.replace("type: beam,", "type: beam, element: continuum,"))
     models, notes = told(thick)
     assert models == ("linear", "exact") and "not with lowOrder: the model lowOrder has no continuum" in notes
+
+
+def test_the_table_of_a_run_fits_and_tells_an_end_once(tmp_path, monkeypatch):
+    """A run that a limit of steps ends; two streams make one screen."""
+    monkeypatch.chdir(tmp_path)
+    ended = CliRunner().invoke(app, ["run", "pendulum", "--no-plots", "--set", "solve.max_steps=3"])
+    assert ended.exit_code == 5
+    screen = ended.stderr + ended.stdout
+    assert screen.count("3 steps were made") == 1
+    done = CliRunner().invoke(app, ["run", "blade", "--no-plots", "--set", "solve.duration=0.02", "--force"])
+    assert done.exit_code == 0
+    assert max(map(len, (ended.stdout + done.stdout).split("\n"))) <= 110

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from zoo import DEAD_CENTRE
 from hfsim.cli import app
 from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError
+from hfsim.output.stability import map_text
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary
 from hfsim.studies.farm import Farm, Task
@@ -310,6 +312,8 @@ def test_what_the_budget_does_not_reach_is_told():
     assert result.status == "over budget"
     assert {p.outcome for p in result.points} == {"not computed"}
     assert len(result.points) == 6
+    told = [line for line in map_text(result, Path("out")).split("\n") if "not computed" in line]
+    assert len(told) == 2 and "6 points not computed: the budget" in told[1]
 
 
 def test_an_unstable_scene_is_told_from_an_unstable_method():
