@@ -234,8 +234,9 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
     for beam, one in models.items():
         if lacks := loaded.deck.bodies[beam].lacking(one, loaded.deck.dimension):
             raise loaded.problem(f"bodies.{beam}", *lacks)
+    elements = {beam: loaded.deck.bodies[beam].element for beam in models}
     return {
-        beam: MODELS[one].stepping_in(_coordinates(loaded, one), loaded.deck.bodies[beam].element)
+        beam: MODELS[one].stepping_in(_coordinates(loaded, one, elements[beam]), elements[beam])
         for beam, one in models.items()
     }
 
@@ -286,7 +287,7 @@ def _moving_columns(bodies: dict[str, Body], still: tuple[str, ...]) -> IntArray
     return np.concatenate([np.arange(columns.start, columns.stop) for columns in moving])
 
 
-def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "absolute"]:
+def _coordinates(loaded: LoadedDeck, model: str, element: str | None) -> Literal["auto", "frame", "absolute"]:
     """Return the coordinates to make steps in: those with a constant mass matrix where a method needs it.
 
     Raises
@@ -297,7 +298,7 @@ def _coordinates(loaded: LoadedDeck, model: str) -> Literal["auto", "frame", "ab
     solve = loaded.deck.solve
     if not steps_in_absolute_coordinates(solve.method):
         return solve.coordinates
-    if MODELS[model].strain == "low_order":
+    if MODELS[model].stepping_in("absolute", element).varying_mass:
         why = f"{solve.method} needs a constant mass matrix, and that of {model} changes with the motion"
         raise loaded.problem("solve.method", why, "take gauss, or another model")
     return "absolute"

@@ -284,12 +284,12 @@ def _is_linear(deck: Deck, models: Models, point: str) -> bool:
 
 @_rule(
     "the factorisation of the mass matrix in every state",
-    "no beam is of the model lowOrder: mass matrices do not change",
+    "no beam without sections is of the model lowOrder: mass matrices do not change",
     "one factorisation serves for all states",
     factorisations_a_state=1,
 )
 def _constant_mass(deck: Deck, models: Models) -> Items:
-    varying = any(model.strain == "low_order" for model in models.values())
+    varying = any(model.varying_mass for model in models.values())
     return () if varying else ("factors of the mass matrix",)
 
 

@@ -167,7 +167,7 @@ class SolveSpec(Spec):
 
     coordinates: Literal["auto", "frame", "absolute"] = "auto"
     """Coordinates the steps are made in: the model's own with a body frame, or absolute nodal ones that are
-    mapped to the frame for output; lowOrder has only its own."""
+    mapped to the frame for output; lowOrder of a cable has only its own."""
 
     elastic_form: Annotated[str, named_in("hfsim.parts.elements.ELASTIC_FORMS")] = "gram"
     """How exact and ancf compute the elastic force: all give the same to round-off, gram is the fastest."""

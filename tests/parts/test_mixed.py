@@ -177,7 +177,7 @@ def test_the_command_line_and_compare_replace_only_what_solve_says(tmp_path):
 
 def test_a_body_whose_own_model_cannot_be_is_refused():
     continuum = CHAIN.replace("model: {one}", "model: {one}, element: continuum")
-    with pytest.raises(DeckError, match="lowOrder has no continuum"):
+    with pytest.raises(DeckError, match="a continuum element has no model lowOrder in the plane"):
         loaded(continuum, "lowOrder", "exact")
     loaded(continuum, "exact", "exact", "7e8", "solve.model=lowOrder")
 

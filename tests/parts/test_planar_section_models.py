@@ -115,7 +115,7 @@ def test_rigid_beams_have_the_inertia_of_their_sections(curve):
     assert places[0] == pytest.approx(places[1], abs=1e-14)
 
 
-@pytest.mark.parametrize("model", ["rigid", "linear"])
+@pytest.mark.parametrize("model", ["rigid", "linear", "lowOrder"])
 def test_posed_in_space_it_is_the_same(model):
     data = rotor("arc", model)
     data["initial"] = {"hub": {"angle": 0.2, "angular_velocity": 5.0}, "b1": {"angle": 0.5}}

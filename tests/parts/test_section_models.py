@@ -11,7 +11,6 @@ from analytical import jacobian
 from blades import AT_REST, FLAP, GROWTH_LINEAR, LAG, frequencies, off, spectrum
 from equilibrium import displacement, equilibrium
 
-from hfsim.errors import DeckError
 from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics.pose import Pose, Twist
@@ -86,11 +85,12 @@ solve: {model: linear, duration: 0.1}
 """
 
 
+@pytest.mark.parametrize("model", ["linear", "lowOrder"])
 @pytest.mark.parametrize("curve", [*CURVES, "plane"])
-def test_linear_force_is_the_derivative_of_its_energy(rng, curve):
-    scene, body, x = moved_scene(rng, "straight" if curve == "plane" else curve, damping=0.01)
+def test_force_is_the_derivative_of_its_energy(rng, curve, model):
+    scene, body, x = moved_scene(rng, "straight" if curve == "plane" else curve, model=model, damping=0.01)
     if curve == "plane":
-        scene = build(parse_deck(PLANAR))
+        scene = build(parse_deck(PLANAR), model)
         body, x = scene.bodies["b1"], scene.system.absolute(scene.q[None])[0]
         x = x + 0.05 * rng.normal(size=x.shape)
     force, out, still = body.elastic, np.zeros((1, len(x))), np.zeros((1, len(x)))
@@ -106,9 +106,10 @@ def test_linear_force_is_the_derivative_of_its_energy(rng, curve):
     assert force.power(np.zeros(1), x[None], u)[0] < 0.0
 
 
+@pytest.mark.parametrize("model", ["linear", "lowOrder"])
 @pytest.mark.parametrize("curve", CURVES)
-def test_no_rigid_motion_is_resisted_nor_caused(rng, curve):
-    scene, body, _ = moved_scene(rng, curve, damping=0.01)
+def test_no_rigid_motion_is_resisted_nor_caused(rng, curve, model):
+    scene, body, _ = moved_scene(rng, curve, model=model, damping=0.01)
     x = scene.system.absolute(scene.q[None])[0]
     motions = np.zeros((6, len(x)))
     motions[:, body.columns] = body.freedoms(x, Pose.level(np.zeros(3)))
@@ -118,7 +119,7 @@ def test_no_rigid_motion_is_resisted_nor_caused(rng, curve):
     assert np.abs(motions @ force[6]).max() < 1e-9 * np.abs(force[6]).max()
 
 
-@pytest.mark.parametrize("model", ["exact", "linear"])
+@pytest.mark.parametrize("model", ["exact", "linear", "lowOrder"])
 @pytest.mark.parametrize("curve", CURVES)
 def test_steps_in_the_frame_of_the_root_give_those_in_nodal_vectors(model, curve):
     frame, absolute = (solved(rotor(curve, model=model, coordinates=one))[0] for one in ("frame", "absolute"))
@@ -140,7 +141,7 @@ def test_chart_of_the_root_against_differences(rng, n_dim):
 
 
 def test_planar_steps_in_the_frame_give_those_in_nodal_vectors():
-    for model in ("exact", "linear"):
+    for model in ("exact", "linear", "lowOrder"):
         ends = []
         for coordinates in ("frame", "absolute"):
             data = yaml.safe_load(PLANAR)
@@ -150,9 +151,11 @@ def test_planar_steps_in_the_frame_give_those_in_nodal_vectors():
         assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
 
-def test_turning_and_shifting_a_scene_changes_nothing():
+@pytest.mark.parametrize("model", ["linear", "lowOrder"])
+def test_turning_and_shifting_a_scene_changes_nothing(model):
     R, shift = rotation(np.array([0.7, -1.1, 0.4])), np.array([0.4, -2.0, 1.3])
-    own, turned = (solved(data)[0][:, :3] for data in (rotor("arc"), posed.moved(rotor("arc"), R, shift)))
+    here = rotor("arc", model=model)
+    own, turned = (solved(data)[0][:, :3] for data in (here, posed.moved(here, R, shift)))
     assert turned == pytest.approx(own @ R.T + shift, abs=1e-9)
 
 
@@ -285,11 +288,6 @@ def test_what_takes_over_goes_on_in_the_same_place_with_the_same_forces(curve):
         assert np.linalg.norm(moved) == pytest.approx(size, rel=0.05)
         energy = new.system.kinetic_energy(y, new.system.absolute_velocity(new.q[None], new.v[None]))[0]
         assert abs(gained) < 2e-3 * energy
-
-
-def test_low_order_is_refused_by_its_name():
-    with pytest.raises(DeckError, match=r"a cosserat element has no model lowOrder in space \(take rigid, linear, exact, ancf\)"):
-        parsed(rotor(model="lowOrder"))
 
 
 def test_internal_forces_of_linear_are_those_of_its_strains():

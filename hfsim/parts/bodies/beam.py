@@ -225,7 +225,7 @@ class BeamSpec(BodySpec):
         yield from beam._section_complaints(around.sections.get(self.section))
         model = self.model or around.model or ""
         for key, value, words, instead in MODELS[model].lacks if model in MODELS else ():
-            if getattr(beam, key) == value:
+            if getattr(beam, key) == value and beam.element != "cosserat":
                 yield Complaint((key,), f"the model {model} has no {words}", f"{instead}, or another model")
         if lacks := beam.lacking(model, around.n_dim or 2):
             yield Complaint(("model",), *lacks)

@@ -35,7 +35,11 @@ class Model(NamedTuple):
     alone : bool
         Whether it is worth that only for the one flexible beam of a scene.
     lacks : tuple of (key, value, words, what to say instead)
-        Options of beams that it does not know.
+        Options of beams without sections that it does not know.
+    without : tuple of str
+        Elements that it does not know.
+    varying_mass : bool
+        Whether the mass matrix of its bodies changes with the motion, but of those with sections.
     """
 
     body: str
@@ -49,6 +53,8 @@ class Model(NamedTuple):
     gradients: str = ""
     sections: str = ""
     flat: str = ""
+    without: tuple[str, ...] = ()
+    varying_mass: bool = False
 
     @property
     def flexible(self) -> bool:
@@ -62,6 +68,8 @@ class Model(NamedTuple):
 
     def where(self, element: str, n_dim: int) -> str:
         """Return where the class of its bodies of an element stands; empty if it has none."""
+        if element in self.without:
+            return ""
         if element == "cosserat":
             return self.flat if n_dim == 2 else self.sections
         return self.body if n_dim == 2 else {"continuum": self.gradients}.get(element, self.spatial)
@@ -75,15 +83,16 @@ class Model(NamedTuple):
         """Return the model with its state in the coordinates asked for, where it has them.
 
         A body frame is a change of variables of absolute nodal coordinates, so that steps can be made
-        in either; the axial variable of ``low_order`` is not.  ``auto`` takes those in which the
-        stiffness changes least: nodal ones for ``exact``, the body frame for ``linear``.  Nodes with
-        section vectors have equations of their own, which the frame would couple to those of the root:
-        there it takes nodal ones, too.
+        in either; the axial variable that ``low_order`` has without sections is not.  ``auto`` takes
+        those in which the stiffness changes least: nodal ones for ``exact``, the body frame for ``linear``.
+        Nodes with section vectors have equations of their own, which the frame would couple to those of
+        the root: there it takes nodal ones, too.
         """
-        if self.strain in ("none", "low_order") or coordinates == "frame":
-            return self
-        constant = self.strain == "linear" and element != "cosserat"
-        return self._replace(frame=coordinates == "auto" and constant)
+        sections = element == "cosserat"
+        model = self._replace(varying_mass=self.varying_mass and not sections)
+        if model.strain == "none" or model.varying_mass or coordinates == "frame":
+            return model
+        return model._replace(frame=coordinates == "auto" and self.strain == "linear" and not sections)
 
 
 MODELS: dict[str, Model] = {
@@ -115,11 +124,12 @@ MODELS: dict[str, Model] = {
         frame=True,
         strain="low_order",
         leaves_out=("curvature",),
-        lacks=(
-            ("element", "continuum", "continuum element", "element: cable"),
-            ("rotary_inertia", True, "rotary inertia", "false"),
-        ),
+        lacks=(("rotary_inertia", True, "rotary inertia", "false"),),
         spatial="spatial_low_order_body:SpatialLowOrderBody",
+        sections="section_low_order:LowOrderSectionBeam",
+        flat="section_low_order:LowOrderSectionBeam",
+        without=("continuum",),
+        varying_mass=True,
     ),
     "exact": Model(
         "nodal:NodalBeam",
@@ -155,4 +165,5 @@ def missing(model: str, element: str, n_dim: int) -> tuple[str, str] | None:
     if set(needed) <= set(there) or (model not in MODELS and model != "auto"):
         return None
     space = "space" if n_dim == 3 else "the plane"
-    return f"a {element} element has no model {model} in {space}", f"take {', '.join(there)}"
+    instead = f"take {', '.join(there)}, or another element"
+    return f"a {element} element has no model {model} in {space}", instead

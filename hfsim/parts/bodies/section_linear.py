@@ -29,26 +29,38 @@ class LinearSectionBeam(CosseratBeam):
     @cached_property
     def elastic(self) -> LinearSectionForce:
         """Elastic force and damping."""
-        mesh, slopes = self.mesh, small_strains(self.mesh)
+        axes = self.mesh.point(self.origin)[2]
+        return LinearSectionForce(*self.linearised(slice(None)), axes=axes, item=self.item)
+
+    def linearised(self, some: slice) -> tuple[str, slice, Array, Array, Array, Array]:
+        """Return what a `LinearElasticForce` of some of the strains is made of."""
+        mesh, slopes = self.mesh, small_strains(self.mesh)[:, some]
         K, damping = (
-            np.einsum("psa,sp,psb->ab", slopes, mesh.at_points(numbers), slopes, optimize=True)
+            np.einsum("psa,sp,psb->ab", slopes, mesh.at_points(numbers)[some], slopes, optimize=True)
             for numbers in (mesh.properties.stiffness, mesh.properties.damping)
         )
-        still, axes = (self.undeformed, self.positions), mesh.point(self.origin)[2]
-        return LinearSectionForce(self.name, self.columns, K, damping, *still, axes=axes, item=self.item)
+        return self.name, self.columns, K, damping, self.undeformed, self.positions
+
+    def strains(self, x: Array, u: Array) -> Array:
+        """Return strains and their rates at Gauss points, shape (2, n_strains, n_batch, n_points)."""
+        changes = np.stack([self.elastic.displacements(x), self.elastic.rates(x, u)])
+        return np.asarray(np.einsum("psa,kba->ksbp", small_strains(self.mesh), changes))
+
+    def stressed(self, x: Array, strains: Array) -> tuple[Array, Array]:
+        """Return nodal vectors, (n_batch, n_vectors, n_dim), and which section forces balance there."""
+        which, properties = list(self.mesh.strains.which), self.mesh.properties
+        each = np.array([properties.stiffness, properties.damping])[:, which, None, None]
+        still = np.broadcast_to(self.undeformed, (len(x), *self.undeformed.shape))
+        return still, np.sum(each * strains, axis=0)
 
     def section_forces(self, x: Array, u: Array, places: Array) -> Array:
-        """Return those of the linear law, in the axes of the undeformed sections."""
+        """Return those of the law, in the axes of the sections where these forces balance."""
         from hfsim.parts.bodies.frame_forces import balanced_forces, section_axes
         from hfsim.parts.bodies.line_forces import in_axes
 
-        mesh, which, force = self.mesh, list(self.mesh.strains.which), self.elastic
-        each = np.array([mesh.properties.stiffness, mesh.properties.damping])[:, which, None, None]
-        changes = np.stack([force.displacements(x), force.rates(x, u)])
-        S = np.sum(each * np.einsum("psa,kba->ksbp", small_strains(mesh), changes), axis=0)
-        still = np.broadcast_to(self.undeformed, (len(x), *self.undeformed.shape))
-        parts = balanced_forces(mesh, still, S, places)
-        return in_axes(section_axes(mesh, still, places), *parts)
+        vectors, S = self.stressed(x, self.strains(x, u))
+        parts = balanced_forces(self.mesh, vectors, S, places)
+        return in_axes(section_axes(self.mesh, vectors, places), *parts)
 
 
 def small_strains(mesh: SectionMesh) -> Array:
@@ -112,13 +124,18 @@ class LinearSectionForce(LinearElasticForce):
         turning = triad_rate(d, U[:, 1 : U.shape[2]]) @ self.axes.T
         return np.asarray(((U - self.positions[:, None] * U[:, :1]) @ A + y @ turning).reshape(len(x), -1))
 
+    def local(self, p: Array, rates: Array | None) -> Array:
+        """Return the force in the body frame of changes of its vectors and their rates, (n_batch, n) each."""
+        force = p @ -self.stiffness
+        if rates is not None:
+            force -= rates @ self.damping
+        return np.asarray(force)
+
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus the derivative of the energy by X, and what resists the rates likewise."""
         y, A, d = self._relative(x)
-        local = (y @ A - self.undeformed).reshape(len(x), -1) @ -self.stiffness
-        if self.uses_rates:
-            local -= self.rates(x, u) @ self.damping
-        local = local.reshape(y.shape)
+        p = (y @ A - self.undeformed).reshape(len(x), -1)
+        local = self.local(p, self.rates(x, u) if self.uses_rates else None).reshape(y.shape)
         force = local @ A.swapaxes(1, 2)
         force[:, 0] -= np.einsum("bki,k->bi", force, self.positions)
         force[:, 1 : y.shape[2]] += onto_sections(d, y.swapaxes(1, 2) @ local @ self.axes)
