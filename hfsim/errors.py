@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,6 +43,8 @@ class DeckProblem:
         Position in the file, counted from 1; 0 where the problem has no place in the file.
     width : int
         Length of the marked text.
+    file : str
+        The file it stands in; empty where that is the deck's own.
     """
 
     path: str
@@ -51,9 +53,11 @@ class DeckProblem:
     line: int = 0
     column: int = 0
     width: int = 1
+    file: str = ""
 
     def headline(self, file: str, kind: str = "error") -> str:
         """Return place, kind, what is wrong and what would be right, in one line."""
+        file = self.file or file
         place = f"{file}:{self.line}:{self.column}" if self.line else file
         what = f"{clipped(self.path)}: {clipped(self.message)}" if self.path else clipped(self.message)
         line = f"{place}: {kind}: {what}" + (f" ({clipped(self.hint)})" if self.hint else "")
@@ -61,20 +65,34 @@ class DeckProblem:
 
 
 class DeckError(HfsimError):
-    """A deck (or an override of it) that cannot be run; carries every problem found."""
+    """A deck (or an override of it) that cannot be run; carries every problem found.
+
+    Attributes
+    ----------
+    file, text : str
+        The deck.
+    problems : list of DeckProblem
+    others : mapping of str to str
+        Texts of other files that problems stand in.
+    """
 
     exit_code = 2
 
-    def __init__(self, file: str, problems: list[DeckProblem], text: str = "") -> None:
+    def __init__(
+        self, file: str, problems: list[DeckProblem], text: str = "", others: Mapping[str, str] | None = None
+    ) -> None:
         self.file = file
         self.problems = problems
         self.text = text
+        self.others = others or {}
         super().__init__(self.render())
 
     def render(self) -> str:
         """Return all problems as ``file:line:column``, the line with a caret, and the remedy."""
-        lines = self.text.splitlines()
-        blocks = [self._render_problem(problem, lines) for problem in self.problems[:_SHOWN]]
+        shown = self.problems[:_SHOWN]
+        lines = {one.file: self.others.get(one.file, "").splitlines() for one in shown}
+        lines[""] = self.text.splitlines()
+        blocks = [self._render_problem(problem, lines[problem.file]) for problem in shown]
         count = len(self.problems)
         if count > _SHOWN:
             blocks.append(f"... and {'at least ' if count > MOST_PROBLEMS else ''}{count - _SHOWN} more")

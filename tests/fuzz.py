@@ -71,12 +71,16 @@ EDGES: tuple[Any, ...] = (
     "a/b", "-rf", "$x_$", "%s{}", "\x1b[31mred", "\x00", "a\nb", "\x7f", "\x9b1m", "\u202eabc", "😀",
     [], [0], [1, 2, 3], [1e200, 1], [[1, 2], [3, 4]], ["a", None], Map(),
     Map([["type", "beam"]]), Map([["x", 1]]),
+    "${2 * pi}", "${a}", "${a / (b - b)} mm", "${9**9**9}", "${", "${__import__('os')}", "${1", "${a} ${b}",
+    Map([["expression", "a * sin(3 * t)"]]), Map([["expression", "1 / t"]]), Map([["expression", "${a}"]]),
+    Map([["expression", "exp(exp(9 * t))"], ["start", 0.001]]), Map([["expression", "abs(t - 1) ** 0.5"]]),
 )
 WORDS = """
     type between length mass inertia points law angle position axis at force stiffness elements
     degree element strain curvature model method step order stages coordinates tolerance duration
     interval channels gravity bodies joints springs loads initial ground times values amplitude
     frequency rate start end damping friction stops lower upper torque velocity << on 1 b1 root tip t energy
+    parameters expression delay
 """.split()  # noqa: SIM905
 CHOICES = """
     beam rigid revolute fixed prismatic driver rotational two_point force moment continuum linear
@@ -253,6 +257,34 @@ def option(rng: random.Random, tree: Map) -> None:
         here[:] = [*(pair for pair in here if pair[0] != key), [key, rng.choice(OPTIONS[key])]]
 
 
+FORMS = ("{} * a / a", "{} + b", "a + {}", "sqrt({})", "{} ** b", "{} * c", "{}) + (1", "-{}")
+"""Expressions that a number may stand in."""
+
+
+def express(rng: random.Random, tree: Map) -> None:
+    """Put expressions in place of some numbers, of parameters that may be wrong."""
+    for _ in range(rng.choice((1, 3, 10))):
+        holder, at = _leaf(rng, tree, (int, float))
+        if isinstance(holder[at], int | float) and not isinstance(holder[at], bool):
+            form = rng.choice(FORMS).format(repr(holder[at]))
+            holder[at] = "${" + form + "}" + rng.choice(("", "", "", " mm", " deg"))
+    first = rng.choice((2, "3 cm", _edge(rng)))
+    tree.append(["parameters", Map([["a", first], ["b", "${a * 0}"], ["c", "${a}"]])])
+
+
+PIECES = ("t", "2", "sin(9 * t)", "exp(-t)", "abs(t - 0.001)", "1 / (t + 0.1)", "max(0, t)", "log(t)", "t**3")
+"""Of laws of time."""
+
+
+def law(rng: random.Random, tree: Map) -> None:
+    """Put a law of time in place of another, of a driver's maybe, or of some entry."""
+    laws = [(here, 1) for one in _maps(tree) for here in one if here[0] in ("law", "angle", "position")]
+    holder, at = rng.choice(laws or [_leaf(rng, tree)])
+    text = rng.choice((" + ", " * ", " / ", " ** ", " - ")).join(rng.choices(PIECES, k=rng.choice((1, 2, 4))))
+    start = [["start", rng.choice((0, 1e-3, 5, -1))]] if rng.random() < 0.5 else []
+    holder[at] = Map([["expression", text], *start])
+
+
 def word(rng: random.Random, tree: Map) -> None:
     holder, at = _leaf(rng, tree, str)
     holder[at] = rng.choice(rng.choice((WORDS, CHOICES)))
@@ -295,9 +327,9 @@ def many(rng: random.Random, tree: Map) -> None:
 
 TREES: tuple[Callable[[random.Random, Map], None], ...] = (
     *(edge, edge, edge, scale, scale, scale, rename, replace, word, swap, transplant, alias, add, delete) * 2,
-    *(duplicate, word, swap, many),
+    *(duplicate, word, swap, many, express, express, law),
 )
-VALUES = (*(shift, option) * 4, edge, word, swap, delete, add, transplant)
+VALUES = (*(shift, option) * 4, edge, word, swap, delete, add, transplant, express, law)
 """Those that leave a deck that may run."""
 
 

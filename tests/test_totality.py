@@ -98,6 +98,7 @@ EXAMPLES = {
         "smooth_step": {"from": 0.0, "to": 0.1, "start": 0.0, "end": 0.005},
         "spin_up": {"rate": 1.0, "time": 0.005},
         "sine": {"amplitude": 0.1, "frequency": 5.0},
+        "expression": {"expression": "0.1 * t * exp(-t)"},
     },
     "element": {"cable": {"degree": 4, "strain": "engineering", "curvature": "exact"}, "continuum": {}},
     "integrator": {

@@ -7,41 +7,22 @@ and "120 rpm", a `PositionLaw` "9 mm" and "1 m/s".
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 from annotated_types import MinLen
 from pydantic import BeforeValidator, Field
 
-from hfsim.deck.fields import Angle, Number, PositiveFrequency, PositiveTime, Time
+from hfsim.deck.fields import Angle, NonNegativeTime, Number, PositiveFrequency, PositiveTime, Time, read_text
+from hfsim.deck.law_spec import LawSpec
 from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, SplineLaw, StepLaw
 from hfsim.deck.reader import Path
-from hfsim.deck.spec import Around, Complaint, OneOf, Spec, refuse_all
+from hfsim.deck.spec import Around, Complaint, OneOf, ReadBy, refuse_all
 from hfsim.deck.units import UnitError, parse_quantity
 
-
-class LawSpec(Spec):
-    """Base of all laws a deck may state."""
-
-    value_keys: ClassVar[tuple[str, ...]] = ()
-    """Keys that measure what the law drives."""
-
-    rate_keys: ClassVar[tuple[str, ...]] = ()
-    """Keys that measure its rate."""
-
-    @property
-    def constant(self) -> float | None:
-        """Its value where that never changes."""
-        return None
-
-    @property
-    def smooth(self) -> bool:
-        """Whether its rate never jumps, so that it can drive a body."""
-        return True
-
-    def build(self) -> Law:
-        """Return the law."""
-        raise NotImplementedError
+if TYPE_CHECKING:
+    from hfsim.deck.expression_law import ExpressionLaw
+    from hfsim.deck.expressions import Node
 
 
 class ConstantSpec(LawSpec):
@@ -55,12 +36,21 @@ class ConstantSpec(LawSpec):
     value: Number
     """Value [SI of what the law drives]."""
 
+    start: NonNegativeTime | None = None
+    """Not for this law: it is the same before and after."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield a start, which would change nothing."""
+        if self.start is not None:
+            why = "a constant is the same before and after"
+            yield Complaint(("start",), why, "smooth_step or table can begin later", True)
+
     @property
     def constant(self) -> float:
         """The value."""
         return self.value
 
-    def build(self) -> Law:
+    def unshifted(self) -> Law:
         """Return the law."""
         return LinearLaw(self.value)
 
@@ -70,6 +60,7 @@ class ConstantRateSpec(LawSpec):
 
     value_keys = ("start",)
     rate_keys = ("rate",)
+    begin_key = "delay"
 
     type: Literal["constant_rate"]
     """Kind of law."""
@@ -80,13 +71,21 @@ class ConstantRateSpec(LawSpec):
     start: Number = 0.0
     """Value at t = 0 [SI of what the law drives]."""
 
+    delay: NonNegativeTime | None = None
+    """Time at which it begins [s]; before, it is `start`."""
+
     @property
     def constant(self) -> float | None:
         """The start, if the rate is zero."""
         return None if self.rate else self.start
 
-    def build(self) -> Law:
-        """Return the law."""
+    @property
+    def begin(self) -> float:
+        """Time at which it begins [s]."""
+        return self.delay or 0.0
+
+    def unshifted(self) -> Law:
+        """Return the law as if it began at 0."""
         return LinearLaw(self.start, self.rate)
 
 
@@ -113,10 +112,25 @@ class TableSpec(LawSpec):
     interpolation: Literal["cubic", "linear"] = "cubic"
     """Between the points; linear for loads only."""
 
+    table: Annotated[str, ReadBy(read_text)] | None = None
+    """CSV file in the deck's folder, with a header, that has the points instead."""
+
+    column: Annotated[str, ReadBy(read_text)] | None = None
+    """Column of its values; the second one without it."""
+
+    time_column: Annotated[str, ReadBy(read_text)] | None = None
+    """Column of its times [s]; the first one without it."""
+
+    unit: Annotated[str, ReadBy(read_text)] | None = None
+    """Unit of values that have none of their own; SI without it."""
+
+    start: NonNegativeTime | None = None
+    """Time at which it begins [s]: before, it holds its value at 0; its own times count from there."""
+
     @property
-    def smooth(self) -> bool:
-        """Whether it is a spline."""
-        return self.interpolation == "cubic"
+    def kink(self) -> str:
+        """Where its rate jumps: from point to point, unless it is a spline."""
+        return super().kink if self.interpolation == "cubic" else " at the points of its table"
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield points that make no curve."""
@@ -130,17 +144,19 @@ class TableSpec(LawSpec):
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield a table that does not cover the run."""
         first, last = self.times[0], self.times[-1]
-        if around.duration is not None and (first > 0 or last < around.duration):
+        if around.duration is not None and (first > 0 or last < around.duration - self.begin):
             run = f"the run goes from 0 to {around.duration:g} s"
+            run += f", the law begins at {self.begin:g} s" if self.begin else ""
             yield Complaint(("times",), f"covers {first:g} s to {last:g} s, {run}")
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield points so unevenly apart that the spline swings far beyond them."""
-        if any(self.complaints()) or not self.smooth:
+        yield from super().slips_in(around)
+        if any(self.complaints()) or self.interpolation != "cubic":
             return
         times, values = np.array(self.times), np.array(self.values)
         inside = times[:-1, None] + np.diff(times)[:, None] * np.linspace(0.0, 1.0, _INSIDE)
-        found = np.asarray(self.build().value(inside.ravel()))
+        found = np.asarray(self.unshifted().value(inside.ravel()))
         beyond = np.abs(found - 0.5 * (values.max() + values.min()))
         worst = int(beyond.argmax())
         if beyond[worst] > _FAR * np.ptp(values) > 0.0:
@@ -148,11 +164,11 @@ class TableSpec(LawSpec):
             message = f"the spline through the points reaches {found[worst]:.3g} at {at:.4g} s"
             yield Complaint(("values",), message, "add points in long stretches, or take smooth_step")
 
-    def build(self) -> Law:
-        """Return the law."""
+    def unshifted(self) -> Law:
+        """Return the law as if it began at 0."""
         from scipy.interpolate import CubicSpline, PPoly
 
-        if self.smooth:
+        if self.interpolation == "cubic":
             return SplineLaw(CubicSpline(self.times, self.values))
         slopes = np.diff(self.values) / np.diff(self.times)
         return SplineLaw(PPoly(np.stack([slopes, self.values[:-1]]), np.array(self.times)))
@@ -183,11 +199,10 @@ class SmoothStepSpec(LawSpec):
         if self.end <= self.start:
             yield Complaint(("end",), f"must be later than the start, {self.start:g} s")
 
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield a step that begins when the run is over."""
-        if around.duration is not None and self.start >= around.duration:
-            message = f"begins at {self.start:g} s, when the run of {around.duration:g} s is over"
-            yield Complaint(("start",), message, f"'{self.start:g} ms'?")
+    @property
+    def kink(self) -> str:
+        """Nothing: its rate never jumps."""
+        return ""
 
     def build(self) -> Law:
         """Return the law."""
@@ -208,8 +223,11 @@ class SpinUpSpec(LawSpec):
     time: PositiveTime
     """Time in which it is reached [s]."""
 
-    def build(self) -> Law:
-        """Return the law."""
+    start: NonNegativeTime | None = None
+    """Time at which it begins [s]: before, it holds its value at 0; its own times count from there."""
+
+    def unshifted(self) -> Law:
+        """Return the law as if it began at 0."""
         return SpinUpLaw(self.rate, self.time)
 
 
@@ -233,13 +251,76 @@ class SineSpec(LawSpec):
     offset: Number = 0.0
     """Mean value [SI of what the law drives]."""
 
-    def build(self) -> Law:
-        """Return the law."""
+    start: NonNegativeTime | None = None
+    """Time at which it begins [s]: before, it holds its value at 0; its own times count from there."""
+
+    def unshifted(self) -> Law:
+        """Return the law as if it began at 0."""
         w = 2 * math.pi * self.frequency
         return SineLaw(self.amplitude, w, self.phase, self.offset)
 
 
-AnyLaw = ConstantSpec | ConstantRateSpec | TableSpec | SmoothStepSpec | SpinUpSpec | SineSpec
+class ExpressionSpec(LawSpec):
+    """An expression of t [s] in SI: numbers with units, parameters, + - * / ** and functions of `math`."""
+
+    type: Literal["expression"] = "expression"
+    """Kind of law."""
+
+    expression: Annotated[str, ReadBy(read_text)]
+    """The expression; its value is in SI of what the law drives."""
+
+    start: NonNegativeTime | None = None
+    """Time at which it begins [s]: before, it holds its value at 0; its own times count from there."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield what is wrong with the text."""
+        from hfsim.deck.expressions import ExpressionError
+
+        try:
+            self._tree()
+        except ExpressionError as error:
+            yield Complaint(("expression",), error.message, error.hint)
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an expression that has no value at some time of the run."""
+        if around.duration is not None and (why := self._trouble(around.duration, (0,))):
+            yield Complaint(("expression",), why)
+
+    def trouble(self, duration: float) -> str:
+        """Return where its rate or acceleration is not finite."""
+        return self._trouble(duration, (0, 1, 2))
+
+    def _trouble(self, duration: float, orders: tuple[int, ...]) -> str:
+        found = self.unshifted().trouble(max(duration - self.begin, 0.0), orders)
+        return f"{found[1]} at t = {found[0]:.4g} s" if found else ""
+
+    def _tree(self) -> "Node":
+        from hfsim.deck.expression_law import checked
+        from hfsim.deck.expressions import parsed
+
+        return checked(parsed(self.expression, grown=True))
+
+    @property
+    def constant(self) -> float | None:
+        """Its value where t is not in it."""
+        tree = self._tree()
+        return tree.value if tree.kind == "number" else None
+
+    @property
+    def kink(self) -> str:
+        """Where its rate jumps."""
+        from hfsim.deck.expression_law import kinked_by
+
+        return f" in {name}" if (name := kinked_by(self._tree())) else super().kink
+
+    def unshifted(self) -> "ExpressionLaw":
+        """Return the law as if it began at 0."""
+        from hfsim.deck.expression_law import ExpressionLaw
+
+        return ExpressionLaw(self._tree())
+
+
+AnyLaw = ConstantSpec | ConstantRateSpec | TableSpec | SmoothStepSpec | SpinUpSpec | SineSpec | ExpressionSpec
 LAWS: dict[str, type[LawSpec]] = {
     get_args(spec.model_fields["type"].annotation)[0]: spec for spec in get_args(AnyLaw)
 }
@@ -249,25 +330,41 @@ def _read_law(data: object, value: str, rate: str) -> object:
     """Turn a bare number into a constant, and text with units into SI numbers of what the law drives."""
     if isinstance(data, int | float | str) and not isinstance(data, bool):
         data = {"type": "constant", "value": data}
+    if isinstance(data, dict) and "type" not in data and "expression" in data:
+        data = {"type": "expression", **data}
     if not isinstance(data, dict) or str(data.get("type")) not in LAWS:
         return data
     spec = LAWS[str(data["type"])]
     dimensions = dict.fromkeys(spec.value_keys, value) | dict.fromkeys(spec.rate_keys, rate)
     refused: list[Complaint] = []
+    factor, data = _unit_of(data, value, refused)
     read = {
-        key: _in_si(item, dimensions[key], (key,), refused) if key in dimensions else item
+        key: _in_si(item, dimensions[key], factor, (key,), refused) if key in dimensions else item
         for key, item in data.items()
     }
     refuse_all(refused)
     return read
 
 
-def _in_si(item: object, dimension: str, path: Path, refused: list[Complaint]) -> object:
-    """Convert text with a unit; anything else is left to the field's own type."""
+def _unit_of(data: dict[str, Any], dimension: str, refused: list[Complaint]) -> tuple[float, dict[str, Any]]:
+    """Return the size in SI of the unit that a table states, and the table without it."""
+    unit = data.get("unit")
+    if data["type"] != "table" or not isinstance(unit, str):
+        return 1.0, data
+    data = {key: item for key, item in data.items() if key != "unit"}
+    try:
+        return parse_quantity(f"1 {unit}", dimension), data
+    except UnitError as error:
+        refused.append(Complaint(("unit",), str(error), error.hint))
+        return 1.0, data
+
+
+def _in_si(item: object, dimension: str, factor: float, path: Path, refused: list[Complaint]) -> object:
+    """Convert numbers and text with a unit; anything else is left to the field's own type."""
     if isinstance(item, list):
-        return [_in_si(entry, dimension, (*path, index), refused) for index, entry in enumerate(item)]
+        return [_in_si(entry, dimension, factor, (*path, index), refused) for index, entry in enumerate(item)]
     if not isinstance(item, str):
-        return item
+        return item if factor == 1.0 or not isinstance(item, int | float) else factor * item
     try:
         return parse_quantity(item, dimension)
     except UnitError as error:

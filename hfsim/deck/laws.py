@@ -14,7 +14,7 @@ from hfsim.maths.arrays import Array
 class Law(ABC):
     """A function of time with its first two derivatives; times of any shape give results of that shape.
 
-    All laws are twice continuously differentiable.
+    Between their breaks, all laws are twice continuously differentiable.
     """
 
     @property
@@ -22,7 +22,7 @@ class Law(ABC):
         """Time after which it repeats itself [s]; infinite where it never does."""
         return math.inf
 
-    def breaks(self, order: int) -> Array:
+    def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return the times [s] at which integrators have to end a step, lest they miss a part of the law.
 
         Between two of them it is smooth, and its derivative of this order monotone: if it is the same at both
@@ -32,6 +32,8 @@ class Law(ABC):
         ----------
         order : int
             0 where the law acts by its value, as a load does, or 2 where it does by its accelerations.
+        t_end : float
+            End of the run [s]: what comes later need not be looked for.
         """
         return np.zeros(0)
 
@@ -71,7 +73,7 @@ class SplineLaw(Law):
 
     spline: Any
 
-    def breaks(self, order: int) -> Array:
+    def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return the points and, between them, where the value turns round."""
         points = np.asarray(self.spline.x)
         if order:
@@ -92,7 +94,7 @@ class StepLaw(Law):
     start: float
     end: float
 
-    def breaks(self, order: int) -> Array:
+    def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return start and end and, between them, where the acceleration turns round."""
         turn = math.sqrt(3.0) / 6.0
         shares = np.array([0.0, 0.5 - turn, 0.5 + turn, 1.0] if order else [0.0, 1.0])
@@ -116,7 +118,7 @@ class SpinUpLaw(Law):
     final_rate: float
     time: float
 
-    def breaks(self, order: int) -> Array:
+    def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return the end and, before it, where the acceleration turns round."""
         return np.array([0.5 * self.time, self.time] if order else [self.time])
 
@@ -152,3 +154,25 @@ class SineLaw(Law):
         # Each derivative turns the phase by a quarter and brings one factor w.
         oscillation = self.amplitude * self.w**order * np.sin(self.w * t + self.phase + order * math.pi / 2)
         return np.asarray(oscillation + (self.offset if order == 0 else 0.0))
+
+
+@dataclass(frozen=True)
+class ShiftedLaw(Law):
+    """Another law from a time on; before, what that is at 0."""
+
+    law: Law
+    start: float
+
+    @property
+    def period(self) -> float:
+        """Time after which the other repeats itself [s]."""
+        return self.law.period
+
+    def breaks(self, order: int, t_end: float = math.inf) -> Array:
+        """Return the start and the breaks of the other."""
+        later = self.law.breaks(order, t_end - self.start)
+        return np.concatenate([[self.start], self.start + later[later > 0.0]])
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        begun = self.law._derivative(np.maximum(t - self.start, 0.0), order)
+        return begun if order == 0 else np.where(t < self.start, 0.0, begun)

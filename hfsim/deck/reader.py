@@ -48,11 +48,12 @@ for _name, _pattern in _SCALARS.items():
 
 
 class Mark(NamedTuple):
-    """Where a piece of text stands: line and column from 1, and its width."""
+    """Where a piece of text stands: line and column from 1, width, and the file, empty for the deck's own."""
 
     line: int
     column: int
     width: int
+    file: str = ""
 
 
 def dotted(path: Iterable[str | int]) -> str:

@@ -1,4 +1,4 @@
-"""A deck as it was written: its data with overrides applied, and where every entry stands in the file."""
+"""A deck as it was written: its data, overrides of it, and where every entry stands in the file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from hfsim.deck.reader import LARGEST, Mark, Path, dotted, parse
-from hfsim.errors import DeckError, DeckProblem
+from hfsim.errors import MOST_PROBLEMS, DeckError, DeckProblem
 
 COMPARED = 200
 """Known names that a misspelt one is compared with."""
@@ -72,6 +72,10 @@ class DeckSource:
         The overrides as given, ``KEY=VALUE``.
     problems : list of DeckProblem
         Repeated keys, keys that are no text, overrides that lead nowhere.
+    failed : set of tuple
+        Paths of entries that could not be worked out, and of lists of such: nothing else is said of them.
+    others : dict of str to str
+        Texts of other files that belong to the deck, by their names as messages show them.
     """
 
     file: str
@@ -82,6 +86,8 @@ class DeckSource:
     key_marks: dict[Path, Mark] = field(default_factory=dict, repr=False)
     value_marks: dict[Path, Mark] = field(default_factory=dict, repr=False)
     overridden: set[Path] = field(default_factory=set)
+    failed: set[Path] = field(default_factory=set)
+    others: dict[str, str] = field(default_factory=dict, repr=False)
 
     def path_of(self, name: str) -> Path:
         """Return the path that a dotted name stands for; digits count list entries."""
@@ -120,23 +126,29 @@ class DeckSource:
         mark = self.mark(path, on_key)
         if self.is_overridden(path) or mark is None:
             return OverrideProblem(dotted(path), message, hint)
-        return DeckProblem(dotted(path), message, hint, mark.line, mark.column, mark.width)
+        return DeckProblem(dotted(path), message, hint, *mark)
+
+    def fail(self, path: Path, problem: DeckProblem | None = None) -> None:
+        """Note that an entry could not be worked out, and why if that has not been said."""
+        if problem is not None and len(self.problems) <= MOST_PROBLEMS:
+            self.problems.append(problem)
+        self.failed.add(path)
+        while path and isinstance(path[-1], int):
+            path = path[:-1]
+            self.failed.add(path)
+
+    def has_failed(self, path: Path) -> bool:
+        """Tell whether an entry, or one around it, could not be worked out."""
+        return any(path[:depth] in self.failed for depth in range(1, len(path) + 1))
 
     def error(self, problems: Iterable[DeckProblem]) -> DeckError:
         """Return the exception that shows these problems in the order of the file."""
-        ordered = sorted(problems, key=lambda one: (one.line == 0, one.line, one.column))
-        return DeckError(self.file, ordered, self.text)
+        ordered = sorted(problems, key=lambda one: (one.line == 0, one.file, one.line, one.column))
+        return DeckError(self.file, ordered, self.text, self.others)
 
 
-def read_source(path: str | FilePath, overrides: Sequence[str] = ()) -> DeckSource:
-    """Read a deck file and apply overrides to it.
-
-    Parameters
-    ----------
-    path : str or pathlib.Path
-        The YAML file.
-    overrides : sequence of str
-        ``KEY=VALUE`` each, KEY dotted, VALUE in YAML.
+def read_source(path: str | FilePath) -> DeckSource:
+    """Read a deck file.
 
     Raises
     ------
@@ -152,7 +164,7 @@ def read_source(path: str | FilePath, overrides: Sequence[str] = ()) -> DeckSour
         raise DeckError(file, [_not_text(data, error.start)]) from error
     except OSError as error:
         raise DeckError(file, [DeckProblem("", f"cannot be read: {error.strerror}")]) from error
-    return parse_source(text, file, overrides)
+    return parse_source(text, file)
 
 
 def _not_text(data: bytes, start: int) -> DeckProblem:
@@ -161,8 +173,8 @@ def _not_text(data: bytes, start: int) -> DeckProblem:
     return DeckProblem("", "is not UTF-8 text", f"byte {start}", data.count(b"\n", 0, start) + 1, column)
 
 
-def parse_source(text: str, file: str = "deck", overrides: Sequence[str] = ()) -> DeckSource:
-    """Read a deck's text and apply overrides to it; see `read_source`."""
+def parse_source(text: str, file: str = "deck") -> DeckSource:
+    """Read a deck's text; see `read_source`."""
     reader = parse(text)
     if isinstance(reader, DeckProblem):
         raise DeckError(file, [reader], text)
@@ -171,12 +183,21 @@ def parse_source(text: str, file: str = "deck", overrides: Sequence[str] = ()) -
     if not isinstance(reader.data, dict):
         problem = DeckProblem("", "a deck is a map of keys", "a deck starts with 'hfsim: 1'", 1, 1)
         raise DeckError(file, [problem], text)
-    source = DeckSource(
-        file, text, reader.data, tuple(overrides), reader.problems, reader.keys, reader.values
-    )
-    wrong = [_set_entry(source, override) for override in overrides]
+    return DeckSource(file, text, reader.data, (), reader.problems, reader.keys, reader.values)
+
+
+def override(source: DeckSource, overrides: Sequence[str]) -> None:
+    """Set entries of a deck; what cannot be set is among its problems.
+
+    Parameters
+    ----------
+    source : DeckSource
+    overrides : sequence of str
+        ``KEY=VALUE`` each, KEY dotted, VALUE in YAML.
+    """
+    source.overrides += tuple(overrides)
+    wrong = [_set_entry(source, one) for one in overrides]
     source.problems.extend(one for one in wrong if one is not None)
-    return source
 
 
 def _child(data: Any, step: str | int) -> Any:

@@ -6,7 +6,9 @@ Inside hfsim everything is SI; this table is the edge where it is converted.
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from decimal import Decimal
+from functools import cache
 
 _PI = "3.14159265358979323846264338328"
 _DEGREE = str(Decimal(_PI) / 180)
@@ -188,6 +190,21 @@ def parse_quantity(text: str, dimension: str) -> float:
         return float(Decimal(number) * Decimal(factor))
     except (ArithmeticError, OverflowError) as error:
         raise UnitError(f"{expected}, '{text}' is out of range", "") from error
+
+
+@cache
+def words_of_units() -> dict[str, float]:
+    """Return the units that are one word, of whatever dimension, with their size in SI."""
+    units = (pair for known in UNITS.values() for pair in known.items())
+    return {unit: float(factor) for unit, factor in units if unit.isalnum() and unit.isascii()}
+
+
+def quantity_of_any_kind(text: str) -> float | None:
+    """Return a quantity with a unit in SI, whatever it measures; None where it is none."""
+    for dimension in UNITS:
+        with suppress(UnitError):
+            return parse_quantity(text, dimension)
+    return None
 
 
 def _plain(unit: str) -> str:

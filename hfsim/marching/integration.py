@@ -179,7 +179,7 @@ def problem_of(scene: Scene) -> Problem:
         strains=Strains.of(system),
         constant_mass=not system.charts and not system.variable_mass,
         quartic=system.quartic,
-        breaks=system.breaks,
+        breaks=system.breaks(scene.deck.solve.duration),
         period=system.period,
         turns=Turns(system),
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,

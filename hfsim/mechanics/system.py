@@ -172,10 +172,9 @@ class System:
         yield from ((law, 0) for part in self.forces for law in part.laws)
         yield from ((c.law, 2) for c in self.constraints if c.law is not None)
 
-    @property
-    def breaks(self) -> Array:
-        """Times at which steps have to end [s], sorted: those of the laws of all loads and drivers."""
-        return np.sort(np.concatenate([np.zeros(0), *(law.breaks(order) for law, order in self._laws)]))
+    def breaks(self, t_end: float) -> Array:
+        """Return the times until the end at which steps have to end [s], sorted: those of all laws."""
+        return np.sort(np.concatenate([np.zeros(0), *(law.breaks(k, t_end) for law, k in self._laws)]))
 
     @property
     def period(self) -> float:

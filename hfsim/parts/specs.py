@@ -10,7 +10,7 @@ from hfsim.deck.spec import Spec
 from hfsim.maths.arrays import Array
 
 if TYPE_CHECKING:
-    from hfsim.deck.law_specs import LawSpec
+    from hfsim.deck.law_spec import LawSpec
     from hfsim.mechanics.body import Body
     from hfsim.mechanics.constraints import Held
     from hfsim.mechanics.force import ForcePart

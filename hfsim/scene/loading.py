@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from hfsim.deck.source import DeckSource, parse_source, read_source
+from hfsim.deck.source import DeckSource, override, parse_source, read_source
 from hfsim.deck.spec import explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
@@ -25,6 +25,9 @@ from hfsim.scene.schema import Deck
 
 DEFAULT_TARGET = 1e-2
 """Target error of decks that leave elements to `run` and state no target [-]."""
+
+_WORKED_OUT = ("parameters",)
+"""Keys that nothing is left of when a deck has been read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +76,12 @@ class LoadedDeck:
         return replace(self, deck=self.deck.model_copy(update={"solve": solve}))
 
     def line_of(self, path: str) -> int:
-        """Return the line of an entry such as ``bodies.b1``, or of the entry around it; 0 if overridden."""
+        """Return the line of an entry such as ``bodies.b1``, or of the entry around it.
+
+        It is 0 if the entry is overridden or stands in another file.
+        """
         mark = self.source.mark(self.source.path_of(path), on_key=True)
-        return mark.line if mark else 0
+        return mark.line if mark and not mark.file else 0
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
@@ -104,16 +110,35 @@ def load_deck(path: str | FilePath, overrides: Sequence[str] = ()) -> LoadedDeck
     DeckError
         With every problem found.
     """
-    return _load(read_source(path, overrides), FilePath(path).stem)
+    return _load(_worked_out(read_source(path), overrides), FilePath(path).stem)
 
 
 def parse_deck(text: str, file: str = "deck", overrides: Sequence[str] = ()) -> LoadedDeck:
     """Check a deck given as text; see `load_deck`."""
-    return _load(parse_source(text, file, overrides), FilePath(file).stem)
+    return _load(_worked_out(parse_source(text, file), overrides), FilePath(file).stem)
+
+
+def _worked_out(source: DeckSource, overrides: Sequence[str]) -> DeckSource:
+    """Return a deck with overrides applied and numbers in place of expressions."""
+    override(source, overrides)
+    if "parameters" in source.data or _has_expressions(source.data):
+        from hfsim.deck.parameters import work_out
+
+        work_out(source)
+    return source
+
+
+def _has_expressions(data: Any) -> bool:
+    if isinstance(data, dict):
+        return "expression" in data or any(map(_has_expressions, data.values()))
+    if isinstance(data, list):
+        return any(map(_has_expressions, data))
+    return isinstance(data, str) and "${" in data
 
 
 def _load(source: DeckSource, stem: str) -> LoadedDeck:
-    data = {"name": stem, **{key: value for key, value in source.data.items() if value is not None}}
+    stated = ((key, value) for key, value in source.data.items() if key not in _WORKED_OUT)
+    data = {"name": stem, **{key: value for key, value in stated if value is not None}}
     auto = _auto_elements(data)
     solve = data.get("solve")
     if auto and isinstance(solve, dict) and solve.get("target_error") is None:
@@ -130,10 +155,12 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         from hfsim.scene.spatial_lines import refusals
 
         complaints = list(refusals(deck))
-    problems = source.problems + [source.problem(*complaint) for complaint in complaints]
+    left = (complaint for complaint in complaints if not source.has_failed(complaint.path))
+    problems = source.problems + [source.problem(*complaint) for complaint in left]
     if problems or deck is None:
         # What follows from a problem at the very same place is left out.
-        raise source.error({(one.path, one.line, one.column): one for one in reversed(problems)}.values())
+        distinct = {(one.path, one.file, one.line, one.column): one for one in reversed(problems)}
+        raise source.error(distinct.values())
     return LoadedDeck(deck, source, auto)
 
 

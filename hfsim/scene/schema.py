@@ -257,6 +257,10 @@ class Deck(Spec):
     name: Annotated[str, ReadBy(_read_deck_name)] = "deck"
     """Name of the scene; the file's name without it."""
 
+    parameters: Annotated[dict[str, Any], EmptyAllowed] = Field(default_factory=dict, exclude=True)
+    """Numbers by name: numbers, text with a unit, or expressions of others such as "${length / 2}", which may
+    stand wherever a number does."""
+
     gravity: AccelerationVector = (0.0, 0.0)
     """Acceleration of gravity [m/s^2]; two numbers: planar scene, three: spatial."""
 

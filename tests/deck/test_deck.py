@@ -236,6 +236,7 @@ EXAMPLES = {
     "smooth_step": {"from": 1.0, "to": 3.0, "start": 0.3, "end": 1.2},
     "spin_up": {"rate": 6.0, "time": 1.1},
     "sine": {"amplitude": 2.0, "frequency": 0.7, "phase": 0.3, "offset": 1.0},
+    "expression": {"expression": "2 * sin(3 * t) * exp(-t / 2) + atan(t) ** 3 / (1 + t)"},
 }
 
 

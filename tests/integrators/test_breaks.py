@@ -22,6 +22,7 @@ SPECS = {
     "smooth_step": {"from": 1.0, "to": -1.0, "start": 0.5, "end": 3.0},
     "spin_up": {"rate": 2.0, "time": 4.0},
     "sine": {"amplitude": 1.0, "frequency": 2.0},
+    "expression": {"expression": "2 * sin(3 * t) * exp(-t / 2) + atan(4 * t - 9)"},
 }
 
 
@@ -37,9 +38,9 @@ def test_laws_are_monotone_between_breaks_or_repeat_themselves(kind, order):
     t = np.linspace(0.0, 5.0, 5001)
     if np.isfinite(law.period):
         assert derivative(t + law.period) == pytest.approx(derivative(t), abs=1e-9)
-        assert not len(law.breaks(order))
+        assert not len(law.breaks(order, 5.0))
         return
-    edges = np.unique(np.clip(np.concatenate([[0.0, 5.0], law.breaks(order)]), 0.0, 5.0))
+    edges = np.unique(np.clip(np.concatenate([[0.0, 5.0], law.breaks(order, 5.0)]), 0.0, 5.0))
     for a, b in pairwise(edges):
         change = np.diff(derivative(np.linspace(a, b, 200)))
         assert (change >= -1e-12).all() or (change <= 1e-12).all()

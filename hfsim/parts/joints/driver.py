@@ -5,7 +5,7 @@ from typing import Literal
 
 from hfsim.deck.fields import Axis, Between, Orientation
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
-from hfsim.deck.spec import Complaint
+from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.specs import JointSpec
@@ -47,9 +47,17 @@ class DriverSpec(JointSpec):
             yield Complaint(("orientation",), why, "remove this key", True)
         for key in ("angle", "position"):
             law = getattr(self, key)
-            if law is not None and not law.smooth:
+            if law is not None and (where := law.kink):
                 hint = "interpolation: cubic, or smooth_step"
-                yield Complaint((key,), "its rate jumps, and no body's can", hint)
+                yield Complaint((key,), f"its rate jumps{where}, and no body's can", hint)
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a law whose rate or acceleration is not finite somewhere."""
+        yield from super().complaints_in(around)
+        for key in ("angle", "position"):
+            law = getattr(self, key)
+            if law is not None and around.duration is not None and (why := law.trouble(around.duration)):
+                yield Complaint((key,), why)
 
     @property
     def stands(self) -> bool:

@@ -1,0 +1,288 @@
+"""A law of time that is stated as an expression of t, with its exact derivatives."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial, reduce
+from itertools import islice
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from hfsim.deck.expressions import Node, evaluated, names_in
+from hfsim.deck.functions_of_time import JUMPS, KINKED, OF_TIME, RULES, Rule, exponential, logarithm, power_of
+from hfsim.deck.laws import Law
+from hfsim.maths.arrays import Array
+
+TIME = "t"
+"""The name of time in an expression."""
+SAMPLES = 4000
+"""Equal parts of a run at whose ends a law is looked at: what lasts less may be missed."""
+MOST_TURNS = 200
+"""Turning points at which steps end; a law with more of them oscillates, and steps end at some."""
+_SMALLEST = 1e-12
+"""Change between samples, over the range of all, that counts as none."""
+_BISECTIONS = 60
+
+Jet: TypeAlias = "list[Array] | float"
+"""Value and derivatives by time up to some order; a plain number where it does not depend on time."""
+
+
+# Jets ------------------------------------------------------------------------------------------------
+
+
+def _composed(rule: Rule, u: Sequence[Array]) -> list[Array]:
+    g = list(islice(rule(u[0]), len(u)))
+    found = [g[0]]
+    if len(u) > 1:
+        found.append(g[1] * u[1])
+    if len(u) > 2:
+        found.append(g[2] * u[1] ** 2 + g[1] * u[2])
+    return found
+
+
+def _number(a: Jet) -> float:
+    assert not isinstance(a, list)
+    return a
+
+
+def _steady(a: float, like: Jet) -> list[Array]:
+    """Return the jet of a number, with as many derivatives as another has."""
+    assert isinstance(like, list)
+    return [np.full_like(like[0], 0.0 if order else a) for order in range(len(like))]
+
+
+def _plus(a: Jet, b: Jet, sign: float = 1.0) -> Jet:
+    if isinstance(a, list) and isinstance(b, list):
+        return [x + sign * y for x, y in zip(a, b, strict=True)]
+    if isinstance(a, list):
+        return [a[0] + sign * _number(b), *a[1:]]
+    if isinstance(b, list):
+        return [a + sign * b[0], *(sign * y for y in b[1:])]
+    return a + sign * b
+
+
+def _times(a: Jet, b: Jet) -> Jet:
+    if isinstance(a, list) and isinstance(b, list):
+        return [
+            sum((math.comb(n, k) * a[k] * b[n - k] for k in range(1, n + 1)), a[0] * b[n])
+            for n in range(len(a))
+        ]
+    if isinstance(a, list):
+        return [x * _number(b) for x in a]
+    return [a * y for y in b] if isinstance(b, list) else a * b
+
+
+def _over(a: Jet, b: Jet) -> Jet:
+    if isinstance(b, list):
+        return _times(a, _composed(power_of(-1.0), b))
+    return [x / b for x in a] if isinstance(a, list) else a / b
+
+
+def _to_the(a: Jet, b: Jet) -> Jet:
+    if not isinstance(b, list):
+        return _composed(power_of(b), a) if isinstance(a, list) else a**b
+    exponent = _times(b, _logarithm(a))
+    assert isinstance(exponent, list)
+    return _composed(exponential, exponent)
+
+
+def _chosen(choose: Callable[[Any, Any], Any]) -> Callable[[Jet, Jet], Jet]:
+    """Return what takes of two jets the one whose value is chosen."""
+
+    def pick(a: Jet, b: Jet) -> Jet:
+        if not isinstance(a, list) and not isinstance(b, list):
+            return a if choose(a, b) else b
+        first = a if isinstance(a, list) else _steady(a, b)
+        second = b if isinstance(b, list) else _steady(b, a)
+        taken = choose(first[0], second[0])
+        return [np.where(taken, x, y) for x, y in zip(first, second, strict=True)]
+
+    return pick
+
+
+def _logarithm(a: Jet) -> Jet:
+    return _composed(logarithm, a) if isinstance(a, list) else float(np.log(a))
+
+
+def _length(*sides: Jet) -> Jet:
+    return _to_the(reduce(_plus, (_times(one, one) for one in sides)), 0.5)
+
+
+_OPERATIONS: dict[str, Callable[[Jet, Jet], Jet]] = {
+    "+": _plus,
+    "-": lambda a, b: _plus(a, b, -1.0),
+    "*": _times,
+    "/": _over,
+}
+_CALLS: dict[str, Callable[..., Jet]] = {
+    "max": lambda *args: reduce(_chosen(np.greater_equal), args),
+    "min": lambda *args: reduce(_chosen(np.less_equal), args),
+    "hypot": _length,
+    "pow": _to_the,
+    "log": lambda a, base: _over(_logarithm(a), _logarithm(base)),
+}
+"""Calls with several arguments."""
+
+
+def of_time(node: Node) -> bool:
+    """Tell whether an expression depends on t."""
+    return any(name.head == TIME for name in names_in(node))
+
+
+def folded(node: Node) -> Node:
+    """Return the same expression with numbers in place of all that does not depend on t.
+
+    Raises
+    ------
+    ExpressionError
+        Where that has no value.
+    """
+    if not of_time(node):
+        return Node("number", "", (), evaluated(node, {}), node.start, node.end)
+    return node._replace(args=tuple(folded(one) for one in node.args))
+
+
+def checked(node: Node) -> Node:
+    """Return a folded expression that is a law.
+
+    Raises
+    ------
+    ExpressionError
+        Where a name is not t, a function cannot be taken of it, or a piece has no value.
+    """
+    for name in names_in(node):
+        if name.head != TIME:
+            raise name.wrong(f"there is no '{name.head}'", "declare it under parameters, or use t")
+    for one in _calls(node):
+        if one.head not in OF_TIME and of_time(one):
+            kind = "jumps" if one.head in JUMPS else "cannot be taken"
+            raise one.wrong(f"{one.head} of t {kind}, and no law may do so", f"of t: {', '.join(OF_TIME)}")
+    return folded(node)
+
+
+def _calls(node: Node) -> Iterator[Node]:
+    if node.kind == "call":
+        yield node
+    for one in node.args:
+        yield from _calls(one)
+
+
+def kinked_by(node: Node) -> str:
+    """Return a function of t in an expression whose rate jumps; empty where there is none."""
+    return next((one.head for one in _calls(node) if one.head in KINKED and of_time(one)), "")
+
+
+def _jet(node: Node, t: list[Array]) -> Jet:
+    """Return a folded expression of t with as many derivatives as t is given with."""
+    if node.kind == "name":
+        return t
+    if node.kind == "number":
+        return node.value
+    args = [_jet(one, t) for one in node.args]
+    if node.kind == "chain":
+        value = args[0]
+        for sign, one in zip(node.head, args[1:], strict=True):
+            value = _OPERATIONS[sign](value, one)
+        return value
+    if node.kind == "negative":
+        return _times(-1.0, args[0])
+    if node.kind == "power":
+        return _to_the(*args)
+    if len(args) == 1 and isinstance(args[0], list) and node.head in RULES:
+        return _composed(RULES[node.head], args[0])
+    return _CALLS[node.head](*args)
+
+
+@dataclass(frozen=True)
+class ExpressionLaw(Law):
+    """An expression of t; `tree` is folded and has no other name in it."""
+
+    tree: Node
+
+    def breaks(self, order: int, t_end: float = math.inf) -> Array:
+        """Return kinks and, up to the end, where the derivative of this order turns round."""
+        if not math.isfinite(t_end):
+            return np.zeros(0)
+        t = np.linspace(0.0, t_end, SAMPLES + 1)
+        with np.errstate(all="ignore"):
+            turns = _turning_points(t, self._derivative(t, order))
+            found = [_zeros(one, t) for one in _switches(self.tree)]
+        every = -(-len(turns) // MOST_TURNS) or 1
+        return np.concatenate([turns[::every], *(zeros[:MOST_TURNS] for zeros in found)])
+
+    def trouble(self, t_end: float, orders: Sequence[int]) -> tuple[float, str] | None:
+        """Return when, until the end, it or one of its derivatives is not finite, and what that is."""
+        t = np.linspace(0.0, t_end, SAMPLES + 1)
+        with np.errstate(all="ignore"):
+            poles = [_zeros(one, t) for one in _divisors(self.tree)]
+            for found in poles:
+                if len(found):
+                    return float(found.min()), "it divides by zero"
+            for order, what in zip(orders, ("it", "its rate", "its acceleration"), strict=False):
+                wrong = np.flatnonzero(~np.isfinite(self._derivative(t, order)))
+                if len(wrong):
+                    return float(t[wrong[0]]), f"{what} is not finite"
+        return None
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        jet = _jet(self.tree, [t, np.ones_like(t), np.zeros_like(t)][: order + 1])
+        if not isinstance(jet, list):
+            return np.full_like(t, 0.0 if order else jet)
+        return np.asarray(jet[order] + np.zeros_like(t))
+
+
+def _turning_points(t: Array, y: Array) -> Array:
+    """Return where samples turn from growing to falling or back, at the vertex of the parabola there."""
+    change = np.diff(y)
+    wide = np.abs(change) > _SMALLEST * np.ptp(y)
+    kept = np.flatnonzero(wide)
+    turned = np.flatnonzero(np.diff(np.sign(change[kept])))
+    before, behind = kept[turned], kept[turned + 1]
+    vertex = 0.5 * (change[before] + change[behind]) / (change[before] - change[behind])
+    level = behind > before + 1
+    inner = np.where(level, 0.0, vertex)
+    return np.concatenate([t[before + 1] + inner * (t[1] - t[0]), t[behind[level]]])
+
+
+def _switches(node: Node) -> Iterator[Callable[[Array], Array]]:
+    """Yield the functions of time at whose zeros the rate of an expression jumps."""
+    if node.kind == "call" and node.head in KINKED and of_time(node):
+        for a, b in [(node.args[0], None)] if len(node.args) == 1 else _pairs(node.args):
+            yield lambda t, a=a, b=b: _value(a, t) - (0.0 if b is None else _value(b, t))  # type: ignore[misc]
+    for one in node.args:
+        yield from _switches(one)
+
+
+def _divisors(node: Node) -> Iterator[Callable[[Array], Array]]:
+    """Yield the functions of time at whose zeros an expression has a pole."""
+    if node.kind == "chain":
+        divisors = [one for sign, one in zip(node.head, node.args[1:], strict=True) if sign == "/"]
+        yield from (partial(_value, one) for one in divisors if of_time(one))
+    elif node.kind == "call" and node.head == "tan" and of_time(node):
+        yield lambda t: np.cos(_value(node.args[0], t))
+    for one in node.args:
+        yield from _divisors(one)
+
+
+def _pairs(nodes: Sequence[Node]) -> Iterator[tuple[Node, Node]]:
+    return ((a, b) for k, a in enumerate(nodes) for b in nodes[:k])
+
+
+def _value(node: Node, t: Array) -> Array:
+    jet = _jet(node, [t])
+    return jet[0] if isinstance(jet, list) else np.full_like(t, jet)
+
+
+def _zeros(function: Callable[[Array], Array], t: Array) -> Array:
+    """Return where a function changes its sign between samples, by bisection."""
+    sign = np.sign(function(t))
+    changes = np.flatnonzero(sign[:-1] * sign[1:] < 0)
+    low, high, below = t[changes], t[changes + 1], sign[changes]
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        same = np.sign(function(middle)) == below
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return np.concatenate([high, t[1:-1][sign[1:-1] == 0]])

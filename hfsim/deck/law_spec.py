@@ -1,0 +1,60 @@
+"""What all laws of time that decks may state have in common."""
+
+from collections.abc import Iterator
+from typing import ClassVar
+
+from hfsim.deck.laws import Law, ShiftedLaw
+from hfsim.deck.spec import Around, Complaint, Spec
+
+_STILL = 1e-9
+"""Rate, over one more than the acceleration, that counts as none."""
+
+
+class LawSpec(Spec):
+    """Base of all laws a deck may state."""
+
+    value_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that measure what the law drives."""
+
+    rate_keys: ClassVar[tuple[str, ...]] = ()
+    """Keys that measure its rate."""
+
+    begin_key: ClassVar[str] = "start"
+    """Key that says when it begins."""
+
+    @property
+    def constant(self) -> float | None:
+        """Its value where that never changes."""
+        return None
+
+    @property
+    def kink(self) -> str:
+        """Where its rate jumps, so that it cannot drive a body; empty where it never does."""
+        if not self.begin:
+            return ""
+        law = self.unshifted()
+        least = _STILL * (1.0 + abs(float(law.acceleration(0.0))))
+        return f" at {self.begin:g} s, where the law begins" if abs(float(law.rate(0.0))) > least else ""
+
+    @property
+    def begin(self) -> float:
+        """Time at which it begins [s]: before, it holds its value at 0."""
+        return getattr(self, "start", None) or 0.0
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield a law that begins when the run is over."""
+        if around.duration is not None and self.begin >= around.duration:
+            message = f"begins at {self.begin:g} s, when the run of {around.duration:g} s is over"
+            yield Complaint((self.begin_key,), message, f"'{self.begin:g} ms'?")
+
+    def trouble(self, duration: float) -> str:
+        """Return why it cannot drive a body for so long, though its rate does not jump."""
+        return ""
+
+    def build(self) -> Law:
+        """Return the law."""
+        return ShiftedLaw(self.unshifted(), self.begin) if self.begin else self.unshifted()
+
+    def unshifted(self) -> Law:
+        """Return the law as if it began at 0."""
+        raise NotImplementedError
