@@ -26,8 +26,6 @@ THIRD = (0.0, 0.0, 1.0)
 """Axis of a joint that states none."""
 ALONG = 1e-9
 """Part of a unit vector that counts as none."""
-_SECTION = ((0.0, 1.0, 0.0), THIRD)
-"""The axes in a section."""
 _OBLIQUE = ((0, 2), (1, 2), (0, 1))
 """Axes at right angles, the second of a section whose vectors are oblique: the first is never of these."""
 
@@ -55,9 +53,9 @@ class Parallel(NamedTuple):
         elif on_lines[1] and not tangents[1]:
             sides = [(self.first, side) for side in _sides(self.second)]
         elif _flat(second, self.second):
-            second, sides = second.oblique, [(self.first, side) for side in _SECTION]
+            second, sides = second.oblique, [(self.first, _section(second, k)) for k in (1, 2)]
         elif _flat(first, self.first):
-            first, sides = first.oblique, [(side, self.second) for side in _SECTION]
+            first, sides = first.oblique, [(_section(first, k), self.second) for k in (1, 2)]
         elif on_lines[0] or _upright(first, self.first) or _unlike_vectors(second, self.second):
             sides = [(self.first, side) for side in across(self.second)]
         else:
@@ -120,10 +118,12 @@ class Facing(NamedTuple):
         if first.n_axes == 1:
             return Parallel(TANGENT, direction(R.T @ TANGENT)).between(first, second)
         if _oblique(second):
-            pairs = [(direction(R @ own[j]), direction(own[k])) for j, k in _OBLIQUE]
+            axes = second.section.T
+            pairs = [(direction(R @ axes[j]), direction(axes[k])) for j, k in _OBLIQUE]
             return tuple(Perpendicular(first, second.oblique, *pair) for pair in pairs)
         if _oblique(first):
-            pairs = [(direction(own[k]), direction(R.T @ own[j])) for j, k in _OBLIQUE]
+            axes = first.section.T
+            pairs = [(direction(axes[k]), direction(R.T @ axes[j])) for j, k in _OBLIQUE]
             return tuple(Perpendicular(first.oblique, second, *pair) for pair in pairs)
         # the last two axes of B, or of A: where one axis of a body is no vector of the state, it is the first
         units = [(own[j], own[k]) for j, k in ((0, 1), (0, 2), (1, 2))]
@@ -182,20 +182,25 @@ def _oblique(marker: Marker) -> bool:
     return marker.oblique is not marker
 
 
+def _section(marker: Marker, k: int) -> Direction:
+    """Return one of the axes of a point's section, in the point's frame."""
+    return direction(marker.section[:, k])
+
+
 def _flat(marker: Marker, axis: Direction) -> bool:
     """Tell whether an axis of such a point is across its section: at right angles to both vectors."""
-    return _oblique(marker) and along(axis, TANGENT)
+    return _oblique(marker) and along(axis, _section(marker, 0))
 
 
 def _upright(marker: Marker, axis: Direction) -> bool:
     """Tell whether an axis of such a point is a vector of the state."""
-    return _oblique(marker) and along(axis, THIRD)
+    return _oblique(marker) and along(axis, _section(marker, 2))
 
 
 def _unlike_vectors(marker: Marker, axis: Direction) -> bool:
     """Tell whether an axis of a section, or of a flat body, is no vector of the state."""
     if _oblique(marker):
-        return not along(axis, THIRD)
+        return not along(axis, _section(marker, 2))
     return marker.nodal and marker.n_axes > 1 and marker.linear_axis(np.array(axis)) is None
 
 

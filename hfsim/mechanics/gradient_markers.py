@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -40,9 +41,12 @@ class GradientMarker(VectorMarker):
     ----------
     order : ndarray, shape (3, 3)
         `TANGENTIAL` or `SECTIONAL`.
+    own : ndarray, shape (3, 3)
+        Axes of the undeformed section in the marker's own frame, as columns.
     """
 
     order: Array
+    own: Array = field(default_factory=lambda: np.eye(3))
 
     @property
     def n_axes(self) -> int:  # type: ignore[override]
@@ -50,9 +54,24 @@ class GradientMarker(VectorMarker):
         return 3
 
     @property
+    def section(self) -> Array:
+        """Its own."""
+        return self.own
+
+    @cached_property
+    def _from_vectors(self) -> Array:
+        """From t1, t2, t3 to the marker's axes, as rows."""
+        return np.asarray(self.own @ self.order)
+
+    @property
     def oblique(self) -> VectorMarker:
         """The same point with both vectors themselves for axes, and none across them."""
-        return VectorMarker(self.columns, self.place_row, self.order[:, :2] @ self.axis_rows)
+        return VectorMarker(self.columns, self.place_row, self._from_vectors[:, :2] @ self.axis_rows)
+
+    def level_in(self, vectors: Array) -> GradientMarker:
+        """Return the marker whose frame is the ground's where its body has nodal vectors (n, 3)."""
+        alone = replace(self, columns=slice(0, vectors.size), own=np.eye(3))
+        return replace(self, own=alone.frame(vectors.reshape(1, -1))[0])
 
     def _gradients(self, x: Array) -> _Gradients:
         g = self._combined(x, self.axis_rows)
@@ -66,7 +85,7 @@ class GradientMarker(VectorMarker):
 
     def axes(self, x: Array) -> Array:
         """Return its axes, of unit length and at right angles, shape (n_batch, 3, 3)."""
-        return np.asarray(self.order @ np.stack(self._gradients(x).axes, axis=1))
+        return np.asarray(self._from_vectors @ np.stack(self._gradients(x).axes, axis=1))
 
     def frame(self, x: Array) -> Array:
         """Return the same as columns, shape (n_batch, 3, 3)."""
@@ -74,7 +93,7 @@ class GradientMarker(VectorMarker):
 
     def _slope(self, a: Array) -> Array | None:
         """Return the row of the first vector times its part of a direction along t1; None of any other."""
-        c = np.asarray(a) @ self.order
+        c = np.asarray(a) @ self._from_vectors
         return c[0] * self.axis_rows[0] if np.abs(c[1:]).max() <= ROUNDING else None
 
     def axis(self, x: Array, a: Array) -> Array:

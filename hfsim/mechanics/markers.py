@@ -124,10 +124,16 @@ class Marker:
         return None
 
     @property
+    def section(self) -> Array:
+        """Axes of its section, undeformed, in its own frame, as columns, in space."""
+        return np.eye(3)
+
+    @property
     def oblique(self) -> Marker:
         """The same point with axes, of any length and angle, that are linear in the coordinates.
 
-        The third is along its own third axis, the second in the plane of its own last two; a first may lack.
+        The third is along the third axis of its section, the second in the plane of the last two; a first may
+        lack.
         """
         return self
 

@@ -56,6 +56,13 @@ MARKERS = {
         np.array([[0.0, 0.1, 0.0, 1.0], [0.0, 0.0, 1.0, 0.3]]),
         SECTIONAL,
     ),
+    "turned": GradientMarker(
+        BLOCK,
+        np.array([1.0, 0.2, 0.1, -0.3]),
+        np.array([[0.0, 0.1, 0.0, 1.0], [0.0, 0.0, 1.0, 0.3]]),
+        SECTIONAL,
+        rotation(np.array([0.4, -0.2, 0.7])),
+    ),
     "tangential": GradientMarker(BLOCK, np.eye(4)[0], np.eye(4)[1:3], TANGENTIAL),
     "frame": FrameMarker(FRAME, (0.2, 0.1, -0.3), rotation(np.array([0.1, 0.9, -0.4]))),
 }
@@ -77,6 +84,7 @@ PAIRS = [
     *(("ground", "body"), ("body", "other"), ("other", "ground")),
     *(("section", "body"), ("ground", "section")),
     *(("gradient", "body"), ("ground", "gradient"), ("section", "gradient")),
+    *(("turned", "body"), ("ground", "turned"), ("section", "turned")),
 ]
 FACING = rotation(np.array([0.2, -0.5, 0.3]))
 

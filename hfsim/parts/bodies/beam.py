@@ -1,6 +1,7 @@
 """Beams: slender flexible bodies."""
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, ValidationError
@@ -43,7 +44,7 @@ _STRAINS = (
     ("strain", "green", "has strains of its own", ""),
     ("curvature", "linear", "has no curvature of its own", ""),
 )
-_NO_AXES, _LEVEL = "has no section axes", "has its section along y and z"
+_NO_AXES = "has no section axes"
 _OWN = {
     "cable": (("section_degree", 1, "has no section vectors", ""),),
     "continuum": _STRAINS,
@@ -56,10 +57,16 @@ _OWN = {
 """Options that elements do not know, with their usual values."""
 
 _STRAIGHT = {
-    "cable": (("axis", "is straight"), ("section_angle", _NO_AXES), ("twist", _NO_AXES)),
-    "continuum": (("axis", "is straight"), ("section_angle", _LEVEL), ("twist", _LEVEL)),
+    ("cable", 2): (("axis", "is straight"),),
+    ("cable", 3): (("axis", "is straight"), ("section_angle", _NO_AXES), ("twist", _NO_AXES)),
+    ("continuum", 2): (("axis", "is straight in the plane"),),
 }
-"""Options of curved and turned sections that elements in space do not know, and why."""
+"""Options of curved and turned sections that elements in plane or space do not know, and why."""
+
+
+def _sides(section: "ShapedSection") -> tuple[float, float]:
+    """Return height and width of the rectangle with a section's second moments [m]."""
+    return section.height, equivalent_side(section.bending[0], section.area)
 
 
 def _read_elements(value: object) -> object:
@@ -79,7 +86,7 @@ class QuadratureSpec(Spec):
 
 
 class BeamSpec(BodySpec):
-    """Straight beam with a constant section; its frame is at the root, first axis along the root tangent."""
+    """Beam with a constant section; its frame is at the root, first axis along the root tangent."""
 
     own_points = END_POINTS
     noun = "beam"
@@ -185,6 +192,15 @@ class BeamSpec(BodySpec):
         return self.model_copy(update={"element": self.element or USUAL_ELEMENTS[n_dim], "length": length})
 
     @property
+    def fewest_elements(self) -> int:
+        """Elements that its curved or twisted line needs, in space."""
+        if self.element != "continuum" or not (self.axis or self.twist):
+            return 1
+        from hfsim.parts.bodies.beam_axis import Axis
+
+        return Axis.of(self).fewest_elements
+
+    @property
     def takes_degrees(self) -> bool:
         """Whether its degree may be chosen."""
         return self.element != "continuum" and self.quadrature is None
@@ -221,7 +237,7 @@ class BeamSpec(BodySpec):
         """Yield what does not fit the section, the model and the form of the elastic force."""
         beam = self.in_space(around.n_dim or 2)
         yield from super().complaints_in(around)
-        yield from beam._element_complaints()
+        yield from beam._element_complaints(around.n_dim or 2)
         yield from beam._section_complaints(around.sections.get(self.section))
         model = self.model or around.model or ""
         for key, value, words, instead in MODELS[model].lacks if model in MODELS else ():
@@ -231,6 +247,8 @@ class BeamSpec(BodySpec):
             yield Complaint(("model",), *lacks)
         if around.n_dim == 3:
             yield from beam._spatial_complaints(around.sections.get(self.section))
+            if beam.element == "continuum" and (self.axis or self.twist):
+                yield from beam._axis_complaints(around.sections.get(self.section))
         if around.elastic_form not in (None, "gram") and (self.strain, self.curvature) != ("green", "linear"):
             key = "strain" if self.strain != "green" else "curvature"
             message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
@@ -258,6 +276,20 @@ class BeamSpec(BodySpec):
             message = f"a cable element has no section axes, but {first:.4g} about y and {second:.4g} about z"
             yield Complaint(("section",), message, "equal second moments, or element: cosserat")
 
+    def _axis_complaints(self, section: "AnySection | None") -> Iterator[Complaint]:
+        """Yield a line that is bent more than its sections or its elements allow."""
+        from hfsim.parts.bodies.beam_axis import Axis
+
+        axis, needed = Axis.of(self), self.fewest_elements
+        if section is not None and not section.stiff:
+            steepness = axis.steepness(*_sides(section))
+            if steepness >= 1.0:
+                message = f"sections cut one another: they reach {steepness:.3g} radii of the line from it"
+                yield Complaint(("axis",), message, "a larger radius, or a thinner section")
+        if self.elements < needed:
+            message = f"{self.elements} elements do not follow the axis: a quarter turn each at most"
+            yield Complaint(("elements",), message, f"{needed} or more", True)
+
     def _section_complaints(self, section: "AnySection | None") -> Iterator[Complaint]:
         if section is None:
             return
@@ -282,22 +314,31 @@ class BeamSpec(BodySpec):
             instead = f"state section_degree: {self.degree - 1} too, or take element: cable"
             yield Complaint(("degree",), message, instead)
 
+    def _turned(self, place: Sequence[float]) -> Sequence[float]:
+        """Return a point with its distances from the line along the axes of the section."""
+        if not (self.section_angle or self.twist):
+            return place
+        angle = (self.section_angle or 0.0) + (self.twist or 0.0) * place[0] / self.length
+        c, s = math.cos(angle), math.sin(angle)
+        return place[0], c * place[1] + s * place[2], c * place[2] - s * place[1]
+
     def _outside(self, section: "ShapedSection") -> Iterator[Complaint]:
         """Yield points outside the section's rectangle."""
-        sides = (section.height, "high"), (equivalent_side(section.bending[0], section.area), "wide")
+        sides = tuple(zip(_sides(section), ("high", "wide"), strict=True))
         for name, place in self.points.items():
-            for axis, at, (side, word) in zip("yz", place[1:], sides, strict=False):
+            for axis, at, (side, word) in zip("yz", self._turned(place)[1:], sides, strict=False):
                 if abs(at) > side / 2:
-                    message = f"{axis} = {at:g} m is outside the section, {side:.3g} m {word}"
+                    own = " in its own axes" if self._turned(place) is not place else ""
+                    message = f"{axis} = {at:.6g} m{own} is outside the section, {side:.3g} m {word}"
                     yield Complaint(("points", name), message)
 
-    def _element_complaints(self) -> Iterator[Complaint]:
+    def _element_complaints(self, n_dim: int) -> Iterator[Complaint]:
         if self.element == "continuum":
             yield from self._degree_complaints()
         for key, usual, why, instead in _OWN.get(self.element or "", ()):
             if getattr(self, key) != usual:
                 yield Complaint((key,), f"a {self.element} element {why}", f"remove this key{instead}")
-        for key, why in _STRAIGHT.get(self.element or "", ()):
+        for key, why in _STRAIGHT.get((self.element or "", n_dim), ()):
             if getattr(self, key) is not None:
                 message = f"a {self.element} element {why}"
                 yield Complaint((key,), message, "remove this key, or element: cosserat", True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -18,6 +18,11 @@ from hfsim.maths.shapes import gauss_legendre
 
 PIECES = 64
 """Pieces of a curve between two of its points, on which its length and its frames are found."""
+SAMPLES = 2048
+"""Pieces of an axis in which its turns are found."""
+MOST_TURN = 0.5 * np.pi
+"""Angle by which an element may be curved and twisted [rad]: polynomials follow it no further."""
+ROUNDING = 1e-6
 FIRST = np.eye(3)[0]
 
 
@@ -137,6 +142,17 @@ class Axis:
     twist: float = 0.0
     n_dim: int = 3
 
+    @classmethod
+    def of(cls, spec: Any, n_dim: int = 3) -> Self:
+        """Return that of a beam of a deck, a `BeamSpec` with its length."""
+        shape = Line() if spec.axis is None else spec.axis.shape
+        return cls(shape, spec.length, spec.section_angle or 0.0, spec.twist or 0.0, n_dim)
+
+    @property
+    def straight(self) -> bool:
+        """Whether the line is."""
+        return isinstance(self.shape, Line)
+
     def at(self, places: Array) -> tuple[Array, Array]:
         """Return points (n, n_dim) of the line and frames (n, n_dim, n_dim), tangent first, as columns."""
         points, frames = self.shape.at(places)
@@ -152,3 +168,33 @@ class Axis:
             return points, frames
         angles = self.section_angle + self.twist * places / self.length
         return points, np.asarray(frames @ rotation(angles[:, None] * FIRST))
+
+    @cached_property
+    def _turns(self) -> tuple[Array, Array]:
+        """Places, and between them the section's turn by length in its own axes, (n, 3) [rad/m]."""
+        places = np.linspace(0.0, self.length, SAMPLES + 1)
+        axes = self.sections(places)[1]
+        turn = axes[:-1].swapaxes(1, 2) @ axes[1:]
+        about = 0.5 * np.stack([turn[:, k - 1, k - 2] - turn[:, k - 2, k - 1] for k in range(3)], axis=-1)
+        return places, about * SAMPLES / self.length
+
+    def steepness(self, height: float, width: float) -> float:
+        """Return the largest distance in a section from its line over the line's radius there, in space [-].
+
+        Beyond one, sections of this height and width [m] cut one another.
+        """
+        _, turns = self._turns
+        return float((0.5 * np.abs(turns) @ np.array([0.0, width, height])).max())
+
+    @property
+    def fewest_elements(self) -> int:
+        """Elements of which none turns by more than `MOST_TURN` along its length, in space."""
+        places, turns = self._turns
+        angles = np.concatenate([[0.0], np.cumsum(np.linalg.norm(turns, axis=1))]) * self.length / SAMPLES
+        count = max(1, int(np.ceil(angles[-1] / MOST_TURN - ROUNDING)))
+        while count < SAMPLES:
+            ends = np.interp(np.linspace(0.0, self.length, count + 1), places, angles)
+            if np.diff(ends).max() <= MOST_TURN * (1.0 + ROUNDING):
+                break
+            count += 1
+        return count

@@ -12,7 +12,7 @@ from hfsim.mechanics.body import Place, places
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.elements import ELEMENTS, ElasticLaw, Measures, elastic_law
+from hfsim.parts.elements import ELEMENTS, Continuum, ElasticLaw, Measures
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
 
 if TYPE_CHECKING:
@@ -60,10 +60,16 @@ class Blueprint(NamedTuple):
         )
         axial, bending = (spec.quadrature.axial, spec.quadrature.bending) if spec.quadrature else (None, None)
         beside = (0.0,) * (deck.dimension - 1)
+        mesh = BeamMesh(element, spec.elements, properties)
+        if isinstance(element, Continuum) and any((spec.axis, spec.section_angle, spec.twist)):
+            from hfsim.parts.bodies.beam_axis import Axis
+            from hfsim.parts.bodies.spatial_axis_mesh import AxisMesh
+
+            mesh = AxisMesh(element, spec.elements, properties, Axis.of(spec))
         return cls(
             name=name,
             start=start,
-            mesh=BeamMesh(element, spec.elements, properties),
+            mesh=mesh,
             measures=Measures(spec.strain, spec.curvature, axial, bending, deck.dimension),
             gravity=np.array(deck.gravity),
             points={**places(spec.points), "root": (0.0, *beside), "tip": (spec.length, *beside)},
@@ -107,14 +113,28 @@ class Blueprint(NamedTuple):
             torsion_stiffness=shear * (about_y + about_z),
             bending_stiffness=(own.axial_stiffness * about_y, own.axial_stiffness * about_z),
         )
-        axis = Axis(Line(), mesh.length, n_dim=self.n_dim)
+        axis = mesh.line or Axis(Line(), mesh.length)
         return SectionMesh(axis, mesh.count, mesh.element.degree, properties)
+
+    @property
+    def inertia(self) -> tuple[float, Array, Array]:
+        """Mass [kg], its centre [m], and Euler's tensor about that, (n_dim, n_dim) [kg m^2], undeformed."""
+        mesh = self.mesh
+        mass = float(mesh.vector_masses @ mesh.positions)
+        centre = mesh.vector_masses @ self.undeformed / mass
+        arms = self.undeformed - np.outer(mesh.positions, centre)
+        own = (arms[own].T @ block @ arms[own] for own, block in mesh.masses_of_elements())
+        return mass, centre, np.sum(list(own), axis=0)
 
     @property
     def undeformed(self) -> Array:
         """Nodal vectors in the body frame, shape (n_vectors, n_dim)."""
         plane = self.mesh.undeformed
         return np.pad(plane, ((0, 0), (0, self.n_dim - plane.shape[1])))
+
+    def reference(self, place: Place) -> Place:
+        """Return where a point is in the undeformed body frame: places count along the line."""
+        return self.mesh.reference(place)
 
     def columns(self, count: int) -> slice:
         """Return the run of so many coordinates."""
@@ -146,12 +166,11 @@ class Blueprint(NamedTuple):
 
     def law(self, properties: BeamProperties, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""
-        return self.mesh.element.law(properties, self.mesh.count, measures)
+        return self.mesh.law(properties, measures)
 
     def elastic_force(self, n: int) -> ElasticForce:
         """Return the elastic force on its nodal vectors in the form asked for."""
-        mesh = self.mesh
-        law, vectors = elastic_law(self.form, mesh.element, self.properties, mesh.count, self.measures)
+        law, vectors = self.mesh.elastic_law(self.form, self.measures)
         return ElasticForce(self.connectivity(n, vectors), law, item=self.item)
 
     def kelvin_voigt(self, n: int) -> KelvinVoigtForce:

@@ -135,7 +135,8 @@ class LinearElasticForce(ForcePart):
     def runaway(self, t: float, x: Array) -> SolverFailure | None:
         """Return the failure of a beam that deflects by more than `LIMIT_LENGTHS` times its length."""
         moved = np.abs(self.displacements(x).reshape(len(x), *self.undeformed.shape))
-        lengths = float((moved * self.positions[:, None]).max() / self.undeformed[:, 0].max())
+        size = np.linalg.norm(self.undeformed * self.positions[:, None], axis=1).max()
+        lengths = float((moved * self.positions[:, None]).max() / size)
         if not lengths > LIMIT_LENGTHS:
             return None
         return SolverFailure(

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre
-from hfsim.parts.elements import Element
+from hfsim.mechanics.body import Place
+from hfsim.parts.elements import ElasticLaw, Element, Measures, elastic_form
+
+if TYPE_CHECKING:
+    from hfsim.parts.bodies.beam_axis import Axis
 
 
 class AxisRows(NamedTuple):
@@ -47,11 +52,14 @@ class BeamMesh:
         Number of elements.
     properties : BeamProperties
         Mass per length and the like.
+    line : Axis or None
+        Undeformed, where it is curved or has its sections turned.
     """
 
     element: Element
     count: int
     properties: BeamProperties
+    line: Axis | None = None
 
     @property
     def length(self) -> float:
@@ -104,13 +112,23 @@ class BeamMesh:
         return AxisRows(places, weights, slope, curvature, self.shape(self.length))
 
     @cached_property
+    def element_masses(self) -> Array:
+        """Mass matrix of one component of each element, or of all, shape (n_elements or 1, n, n) [kg]."""
+        return self.element.mass(self.properties)[None]
+
+    @cached_property
     def mass(self) -> Array:
         """Mass matrix of one vector component, int rho N^T N dV of eq. (12), shape (n_vectors, n_vectors)."""
         M = np.zeros((self.n_vectors, self.n_vectors))
-        block = self.element.mass(self.properties)
-        for e in range(self.count):
-            M[self._span(e), self._span(e)] += block
+        for own, block in self.masses_of_elements():
+            M[own, own] += block
         return M
+
+    def masses_of_elements(self) -> Iterator[tuple[slice, Array]]:
+        """Yield which vectors each element has, and its mass matrix of one component."""
+        masses = self.element_masses
+        for e, block in enumerate(np.broadcast_to(masses, (self.count, *masses.shape[1:]))):
+            yield self._span(e), block
 
     @cached_property
     def vector_masses(self) -> Array:
@@ -118,9 +136,10 @@ class BeamMesh:
         element = self.element
         places = np.zeros(element.stride + element.per_node)
         places[:: element.stride] = 1.0
-        own = element.mass(self.properties) @ places
-        vectors = element.stride * np.arange(self.count)[:, None] + np.arange(len(own))
-        masses = np.bincount(vectors.ravel(), weights=np.tile(own, self.count), minlength=self.n_vectors)
+        own = self.element_masses @ places
+        vectors = element.stride * np.arange(self.count)[:, None] + np.arange(len(places))
+        weights = np.broadcast_to(own, vectors.shape).ravel()
+        masses = np.bincount(vectors.ravel(), weights=weights, minlength=self.n_vectors)
         return np.asarray(masses, dtype=float)
 
     @cached_property
@@ -132,6 +151,25 @@ class BeamMesh:
         for e in range(self.count):
             D[e * n : (e + 1) * n, self._span(e)] = local
         return D
+
+    def law(self, properties: BeamProperties, measures: Measures) -> ElasticLaw:
+        """Return the elastic law of its elements on their difference vectors."""
+        return self.element.law(properties, self.count, measures)
+
+    def elastic_law(self, form: str, measures: Measures) -> tuple[ElasticLaw, Array]:
+        """Return the law in one of the forms, and the matrix to its vectors from nodal ones."""
+        if form == "gram":
+            return self.law(self.properties, measures), self.element.differences()
+        law = elastic_form(form).law_of(self.element, self.properties, self.count, measures)
+        return law, np.eye(self.element.stride + self.element.per_node)
+
+    def beside(self, place: Place) -> Place:
+        """Return a point with its distances from the line along the axes of the section there."""
+        return place
+
+    def reference(self, place: Place) -> Place:
+        """Return where a point is in the undeformed body frame: places count along the line."""
+        return place
 
     def shape(
         self, x: float, y: float = 0.0, derivative: tuple[int, ...] = (0, 0), z: float = 0.0

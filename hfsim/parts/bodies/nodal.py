@@ -169,7 +169,7 @@ class NodalBeam(VectorBody):
 
     def _at_nodes(self, seen: Deformation, values: Array) -> Array:
         """Return at the nodes what is known at the places of a deformation, (n_points, k)."""
-        nodes = self.mesh.undeformed[:: self.mesh.element.stride, 0]
+        nodes = self.mesh.element.length * np.arange(self.mesh.count + 1)
         return np.stack([np.interp(nodes, seen.places, one) for one in values.T], axis=-1)
 
     def _stretch(self, seen: Deformation) -> Array:
@@ -189,9 +189,9 @@ class NodalBeam(VectorBody):
 
     def mass_entries(self) -> Entries:
         """Return those of its elements."""
-        block = np.kron(self.mesh.element.mass(self.mesh.properties), np.eye(self.n_dim))
+        blocks = np.kron(self.mesh.element_masses, np.eye(self.n_dim)[None])
         columns = self.beam.element_columns
-        return Entries.of_block(columns, columns, np.broadcast_to(block, (len(columns), *block.shape)))
+        return Entries.of_block(columns, columns, np.broadcast_to(blocks, (len(columns), *blocks.shape[1:])))
 
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield weight, elastic force and damping."""

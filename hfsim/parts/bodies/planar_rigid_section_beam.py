@@ -30,7 +30,7 @@ class PlanarRigidSectionBeam(RigidSectionBeam, RigidBody):
     @classmethod
     def _with(cls, beam: SectionBlueprint | Blueprint, mass: float, centre: Array, euler: Array) -> Self:
         own = (beam.name, beam.columns(freedoms(2)), beam.points, mass, float(np.trace(euler)), beam.gravity)
-        return cls(*own, mesh=beam.sections, centre=centre)
+        return cls(*own, beam=beam, centre=centre)
 
     def marker(self, place: Place) -> PlanarPlaceMarker:
         """Return the marker of a material point; its axes are those of the body frame."""

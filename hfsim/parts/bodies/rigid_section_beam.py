@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -49,7 +50,7 @@ class RigidSectionBeam(Body):
         [kg].
     gravity : ndarray, shape (n_dim,)
         [m/s^2].
-    mesh : SectionMesh
+    beam : SectionBlueprint or Blueprint
         Of which it has the mass and the inertia.
     centre : ndarray, shape (n_dim,)
         Of mass, in the body frame [m].
@@ -57,17 +58,18 @@ class RigidSectionBeam(Body):
 
     mass: float
     gravity: Array
-    mesh: SectionMesh = field(kw_only=True)
+    beam: SectionBlueprint | Blueprint = field(kw_only=True)
     centre: Array = field(kw_only=True)
+
+    @cached_property
+    def mesh(self) -> SectionMesh:
+        """Its line and its sections."""
+        return self.beam.sections
 
     @classmethod
     def of(cls, beam: SectionBlueprint | Blueprint, framed: bool) -> Self:
         """Return the rigid body with the mass and the inertia that the nodes have in rigid motion."""
-        mesh = beam.sections
-        own = mesh.masses * mesh.positions
-        centre = own @ mesh.undeformed / own.sum()
-        arms = mesh.undeformed - np.outer(mesh.positions, centre)
-        return cls._with(beam, float(own.sum()), centre, (arms.T * mesh.masses) @ arms)
+        return cls._with(beam, *beam.inertia)
 
     @classmethod
     def _with(cls, beam: SectionBlueprint | Blueprint, mass: float, centre: Array, euler: Array) -> Self:
@@ -89,8 +91,7 @@ class RigidSectionBeam(Body):
 
     def reference(self, place: Place) -> Place:
         """Return where a point is in the body frame: places count along the line."""
-        row, _, _ = self.mesh.point(place)
-        return tuple(map(float, row @ self.mesh.undeformed))
+        return self.beam.reference(place)
 
     def outline(self, x: Array) -> Array:
         """Return points of the line."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Place, places
-from hfsim.parts.bodies.beam_axis import Axis, Line
+from hfsim.parts.bodies.beam_axis import Axis
 from hfsim.parts.bodies.section_mesh import SectionMesh
 
 
@@ -37,9 +37,8 @@ class SectionBlueprint(NamedTuple):
     @classmethod
     def of(cls, spec: Any, name: str, start: int, deck: Any) -> SectionBlueprint:
         """Return what a beam of a deck, a `BeamSpec`, is made of; its coordinates begin at a column."""
-        shape = Line() if spec.axis is None else spec.axis.shape
-        axis = Axis(shape, spec.length, spec.section_angle or 0.0, spec.twist or 0.0, deck.dimension)
-        mesh = SectionMesh(axis, spec.elements, spec.degree, deck.section_properties(name))
+        axis, properties = Axis.of(spec, deck.dimension), deck.section_properties(name)
+        mesh = SectionMesh(axis, spec.elements, spec.degree, properties)
         beside = (0.0,) * (deck.dimension - 1)
         ends = {"root": (0.0, *beside), "tip": (spec.length, *beside)}
         return cls(name, start, mesh, np.array(deck.gravity), places(spec.points) | ends)
@@ -53,6 +52,20 @@ class SectionBlueprint(NamedTuple):
     def sections(self) -> SectionMesh:
         """Its mesh: the line has sections."""
         return self.mesh
+
+    @property
+    def inertia(self) -> tuple[float, Array, Array]:
+        """Mass [kg], its centre [m], and Euler's tensor about that, (n_dim, n_dim) [kg m^2], undeformed."""
+        mesh = self.mesh
+        own = mesh.masses * mesh.positions
+        centre = own @ mesh.undeformed / own.sum()
+        arms = mesh.undeformed - np.outer(mesh.positions, centre)
+        return float(own.sum()), centre, (arms.T * mesh.masses) @ arms
+
+    def reference(self, place: Place) -> Place:
+        """Return where a point is in the undeformed body frame: places count along the line."""
+        row, _, _ = self.mesh.point(place)
+        return tuple(map(float, row @ self.mesh.undeformed))
 
     def columns(self, count: int) -> slice:
         """Return the run of so many coordinates."""

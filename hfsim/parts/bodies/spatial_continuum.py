@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,7 +26,10 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         return f"positions and gradients of {self.mesh.count} elements", "flexible"
 
     def marker(self, place: Place) -> GradientMarker:
-        """Return the marker of a point: r_x along its first axis, r_y in the plane of the first two."""
+        """Return the marker of a point: undeformed, its axes are those of the body frame.
+
+        Of a straight beam r_x is along its first axis, r_y in the plane of the first two.
+        """
         return self._marker(place, ((1, 0, 0), (0, 1, 0)), TANGENTIAL)
 
     def grip(self, place: Place) -> GradientMarker:
@@ -37,6 +40,26 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         """
         return self._marker(place, ((0, 0, 1), (0, 1, 0)), SECTIONAL)
 
+    def reference(self, place: Place) -> Place:
+        """Return where a point is in the undeformed body frame: places count along the line."""
+        return self.beam.reference(place)
+
+    def deformation(self, x: Array, u: Array) -> Deformation:
+        """Return how its line changes, in the frame at the root and the undeformed sections' axes."""
+        line = self.mesh.line
+        if line is None:
+            return super().deformation(x, u)
+        axis, root, vectors = self.mesh.axis, self.marker(self.origin), self.vectors(x)
+        p = (vectors - self.positions[:, None] * vectors[:, :1]) @ root.turned(x, np.eye(3)) - self.undeformed
+        axes = line.sections(np.append(axis.places, self.mesh.length))[1]
+        slope, bent = ((rows @ p)[..., None, :] @ axes[:-1] for rows in (axis.slope, axis.curvature))
+        across = (axis.tip @ p @ axes[-1])[:, 1:]
+        slope, bent = slope[..., 0, :], bent[..., 0, :]
+        spin = root.spin(x, u)
+        return Deformation(
+            axis.places, axis.weights, slope[..., 0], slope[..., 1:], bent[..., 1:], across, spin
+        )
+
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the beam whose line moves and whose sections turn as seen.
 
@@ -45,15 +68,22 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         if seen.sections is None:
             return super().deformed(pose, twist, seen)
         moved, turns = np.split(seen.sections[0], 2, axis=1)
-        gradients = rotation(turns).swapaxes(1, 2)
+        axes = self._undeformed_axes(seen.places)
+        gradients = axes.swapaxes(1, 2) @ rotation(turns).swapaxes(1, 2)
         strains = np.column_stack([seen.axial[0], seen.slope[0]])
-        gradients[:, 0] += strains - cross(turns, np.eye(3)[0])
+        gradients[:, 0] += (axes @ strains[..., None])[..., 0] - cross(turns, axes[..., 0])
         bent, stride = self.beam.undeformed.copy(), self.mesh.element.stride
         bent[::stride] += self._at_nodes(seen, moved)
         for k in range(3):
             bent[k + 1 :: stride] = self._at_nodes(seen, gradients[:, k])
         self._fit_interior(bent, seen.places, gradients)
         return self.taken_along(pose, twist, bent)
+
+    def _undeformed_axes(self, places: Array) -> Array:
+        """Return the axes of undeformed sections in the body frame, as columns, (n_places, 3, 3)."""
+        if self.mesh.line is None:
+            return np.broadcast_to(np.eye(3), (len(places), 3, 3))
+        return self.mesh.line.sections(places)[1]
 
     def _fit_interior(self, vectors: Array, places: Array, gradients: Array) -> None:
         """Set the interior vectors so that gradients (n_places, 3, 3), as rows, are met best, in place."""
@@ -65,10 +95,11 @@ class SpatialContinuumBeam(SpatialNodalBeam):
             vectors[interior] = np.linalg.lstsq(rows[:, interior], missed, rcond=None)[0]
 
     def _marker(self, place: Place, gradients: Iterable[tuple[int, ...]], order: Array) -> GradientMarker:
-        x, y, z = place
+        x, y, z = self.mesh.beside(place)
         rows = np.stack([self.mesh.shape(x, y, by, z) for by in gradients])
-        return GradientMarker(self.columns, self.mesh.shape(x, y, (0, 0, 0), z), rows, order)
+        marker = GradientMarker(self.columns, self.mesh.shape(x, y, (0, 0, 0), z), rows, order)
+        return marker if self.mesh.line is None else marker.level_in(self.undeformed)
 
     def _section_axes(self, x: Array, places: Array) -> Array:
-        markers = (self.marker((float(a), 0.0, 0.0)) for a in places)
+        markers = (replace(self.marker((float(a), 0.0, 0.0)), own=np.eye(3)) for a in places)
         return np.stack([marker.frame(x) for marker in markers], axis=1)

@@ -18,6 +18,12 @@ from hfsim.parts.bodies.spatial_continuum import SpatialContinuumBeam
 class LinearContinuumBeam(LinearBeam, SpatialContinuumBeam):
     """A fully parameterised beam whose elastic force is linearised about the undeformed state."""
 
+    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
+        """Return those of the linear law, in the axes of the undeformed sections."""
+        found = super().section_forces(x, u, places)
+        parts = found.reshape(*found.shape[:2], 2, 3) @ self._undeformed_axes(places)
+        return np.asarray(parts.reshape(found.shape))
+
     @property
     def _kind(self) -> type[LinearElasticForce]:
         return LinearContinuumForce
@@ -30,7 +36,8 @@ class LinearContinuumForce(LinearElasticForce):
     @cached_property
     def _root(self) -> GradientMarker:
         own = np.eye(len(self.positions))
-        return GradientMarker(self.columns, own[0], own[1:3], TANGENTIAL)
+        root = GradientMarker(self.columns, own[0], own[1:3], TANGENTIAL)
+        return root.level_in(self.undeformed)
 
     def _from_root(self, vectors: Array) -> Array:
         return np.asarray(vectors - self.positions[:, None] * vectors[:, :1])

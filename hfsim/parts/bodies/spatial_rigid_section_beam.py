@@ -30,7 +30,7 @@ class SpatialRigidSectionBeam(RigidSectionBeam, SpatialRigidBody):
     def _with(cls, beam: SectionBlueprint | Blueprint, mass: float, centre: Array, euler: Array) -> Self:
         inertia = np.trace(euler) * np.eye(3) - euler
         own = (beam.name, beam.columns(cls.SIZE), beam.points, mass, inertia, beam.gravity)
-        return cls(*own, mesh=beam.sections, centre=centre)
+        return cls(*own, beam=beam, centre=centre)
 
     @property
     def undeformed(self) -> Array:

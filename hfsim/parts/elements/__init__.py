@@ -4,10 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
-from hfsim.deck.materials import BeamProperties
-from hfsim.maths.arrays import Array
 from hfsim.parts.elements._base import ElasticLaw, Element, Measures, join_laws
 from hfsim.parts.elements.cable import Cable
 from hfsim.parts.elements.continuum import Continuum
@@ -34,16 +30,6 @@ def elastic_form(name: str) -> Any:
     return resolve_name(form) if isinstance(form, str) else form
 
 
-def elastic_law(
-    form: str, element: Element, properties: BeamProperties, count: int, measures: Measures
-) -> tuple[ElasticLaw, Array]:
-    """Return the law of equal elements in one of the forms, and the matrix to its vectors from nodal ones."""
-    if form == "gram":
-        return element.law(properties, count, measures), element.differences()
-    law: ElasticLaw = elastic_form(form).law_of(element, properties, count, measures)
-    return law, np.eye(element.differences().shape[1])
-
-
 __all__ = [
     "ELASTIC_FORMS",
     "ELEMENTS",
@@ -53,6 +39,5 @@ __all__ = [
     "Element",
     "Measures",
     "elastic_form",
-    "elastic_law",
     "join_laws",
 ]

@@ -225,11 +225,13 @@ class GramLaw(RowLaw):
 
     def joined(self, other: GramLaw) -> GramLaw:
         """Return the law of this one's elements followed by the other's."""
-        return replace(
-            self,
-            linear=np.concatenate([self.linear, other.linear]),
-            scale=np.concatenate([self.scale, other.scale]),
-        )
+        return self.in_turn(other, 1)
+
+    def in_turn(self, other: GramLaw, points: int) -> GramLaw:
+        """Return the law of elements of so many points each and of others, point by point."""
+        pairs = (self.linear, other.linear), (self.scale, other.scale)
+        linear, scale = (in_turn(*pair, points) for pair in pairs)
+        return replace(self, linear=linear, scale=scale)
 
     @cached_property
     def linear_at_zero(self) -> Array:
@@ -344,6 +346,12 @@ class GramLaw(RowLaw):
         """Return d2U/dV2 [J], shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
         flat = V.reshape(*V.shape[:-2], -1)
         return self.second_derivative(flat).reshape(*flat.shape, flat.shape[-1])
+
+
+def in_turn(first: Array, second: Array, points: int) -> Array:
+    """Return what goes with the first points of elements of two beams, then with their second points, ..."""
+    both = [one.reshape(points, -1, *one.shape[1:]) for one in (first, second)]
+    return np.concatenate(both, axis=1).reshape(-1, *first.shape[1:])
 
 
 def join_laws(laws: list[Any]) -> ElasticLaw:

@@ -162,17 +162,23 @@ class Continuum:
             return self.gram_law(properties, count)
         return self.point_law(properties, count)
 
-    def gram_law(self, properties: BeamProperties, count: int, n_dim: int = 2) -> GramLaw:
-        """Return the energy (21)-(23) of ``count`` equal elements as a form in products of vectors."""
-        weights, rows = self.strain_table(properties)
-        scale = properties.axial_stiffness * self.length
-        to_nodes = np.linalg.pinv(self.differences())
+    @property
+    def _straight(self) -> Array:
+        """Difference vectors of the undeformed element, shape (n_differences, n_dim)."""
         undeformed = np.zeros((self._n_vectors - 1, self.n_dim))
         undeformed[[0, 1, self.degree - 1], 0] = 1.0
         for k in range(self.n_dim - 1):
             first = self.degree + k * (self.section_degree + 1)
             undeformed[[first, first + self.section_degree], k + 1] = 1.0
-        return green_lagrange(rows @ to_nodes, weights / scale, undeformed, properties, np.full(count, scale))
+        return undeformed
+
+    def gram_law(self, properties: BeamProperties, count: int, n_dim: int = 2) -> GramLaw:
+        """Return the energy (21)-(23) of ``count`` equal elements as a form in products of vectors."""
+        weights, rows = self.strain_table(properties)
+        scale = properties.axial_stiffness * self.length
+        to_nodes = np.linalg.pinv(self.differences())
+        scales = np.full(count, scale)
+        return green_lagrange(rows @ to_nodes, weights / scale, self._straight, properties, scales)
 
     def point_law(self, properties: BeamProperties, count: int) -> PointLaw:
         """Return the same energy summed over Gauss points of the axis.
@@ -182,7 +188,23 @@ class Continuum:
         """
         from hfsim.parts.elements.points import PointLaw
 
-        x, wx = self.axial_rule
+        rows, volumes = self.point_rows(properties)
+        undeformed = np.eye(rows.shape[2], self.n_dim)
+        scale = properties.axial_stiffness * self.length
+        scales = np.repeat(scale * self.axial_rule[1], count)
+        at_points = green_lagrange(rows, volumes / scale, undeformed, properties, scales)
+        return PointLaw(at_points, self.to_points())
+
+    def point_rows(self, properties: BeamProperties) -> tuple[Array, Array]:
+        """Return, for the Gauss points of a section, rows from the vectors of a point of the axis.
+
+        Returns
+        -------
+        rows : ndarray, shape (n_dim, n_across, 2 n_dim - 1)
+            From r', r_y[, r_z] and their derivatives by x / le to the gradients r_x, r_y[, r_z].
+        volumes : ndarray, shape (n_across,)
+            Of each point, for all of the length [m^3].
+        """
         y, z, across = section_points(properties, self.n_dim, ACROSS)
         sides, n = (y, z)[: self.n_dim - 1], 2 * self.n_dim - 1
         rows = np.zeros((self.n_dim, len(across), n))
@@ -190,18 +212,21 @@ class Continuum:
         for k, side in enumerate(sides):
             rows[k + 1, :, k + 1] = 1.0
             rows[0, :, self.n_dim + k] = side / self.length
-        undeformed = np.eye(n, self.n_dim)
-        scale = properties.axial_stiffness * self.length
-        volumes = across * self.length * properties.height * properties.width / scale
-        scales = np.repeat(scale * wx, count)
-        at_points = green_lagrange(rows, volumes, undeformed, properties, scales)
-        to_points = np.zeros((n, len(x), self._n_vectors))
+        return rows, across * self.length * properties.height * properties.width
+
+    def to_points(self) -> Array:
+        """Return the rows from difference vectors to those of `point_rows` at each point of the axis.
+
+        Shape (2 n_dim - 1, n_points, n_differences).
+        """
+        x, _ = self.axial_rule
+        to_points = np.zeros((2 * self.n_dim - 1, len(x), self._n_vectors))
         for p, xi in enumerate(map(float, x)):
             to_points[0, p, self._line] = self._line_row(xi, 1)
             for k, vectors in enumerate(self._sections):
                 to_points[k + 1, p, vectors] = self._section_row(xi, 0)
                 to_points[self.n_dim + k, p, vectors] = self._section_row(xi, 1) * self.length
-        return PointLaw(at_points, to_points @ np.linalg.pinv(self.differences()))
+        return np.asarray(to_points @ np.linalg.pinv(self.differences()))
 
 
 def section_points(properties: BeamProperties, n_dim: int, points: int) -> tuple[Array, Array, Array]:

@@ -5,26 +5,34 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Protocol, Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.parts.elements._base import GramLaw, RowLaw
+from hfsim.parts.elements._base import ElasticLaw, RowLaw
+
+
+class ProductLaw(ElasticLaw, Protocol):
+    """A law in products of vectors, alike or not at all points."""
+
+    def in_turn(self, other: Self, points: int) -> Self:
+        """Return the law of elements of so many points each and of others, point by point."""
 
 
 @dataclass(frozen=True, eq=False)
 class PointLaw(RowLaw):
-    """The sum of one `GramLaw` over the Gauss points of elements.
+    """The sum of one law in products over the Gauss points of elements.
 
     Attributes
     ----------
-    law : GramLaw
+    law : ProductLaw
         Of all points: of the first point of all elements, then of the second, and so on.
     rows : ndarray, shape (n_at_point, n_points, n_vectors)
         From an element's difference vectors to those at its points.
     """
 
-    law: GramLaw
+    law: ProductLaw
     rows: Array
 
     @property
@@ -44,14 +52,7 @@ class PointLaw(RowLaw):
 
     def joined(self, other: PointLaw) -> PointLaw:
         """Return the law of this one's elements followed by the other's."""
-        points = self.rows.shape[1]
-
-        def both(name: str) -> Array:
-            parts = [getattr(one.law, name) for one in (self, other)]
-            return np.concatenate([p.reshape(points, -1, *p.shape[1:]) for p in parts], axis=1)
-
-        scale, linear = both("scale").ravel(), both("linear")
-        return replace(self, law=replace(self.law, scale=scale, linear=linear.reshape(len(scale), -1)))
+        return replace(self, law=self.law.in_turn(other.law, self.rows.shape[1]))
 
     @cached_property
     def _matrices(self) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ K p, the derivative of the strain energy (eq. 24), and tangent its derivative by
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, Self, cast
@@ -26,6 +26,7 @@ from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.elements import ElasticLaw, Element, join_laws
 from hfsim.parts.elements._base import USUAL, Measures, RowLaw
 from hfsim.parts.elements.continuum import Continuum, elasticity, strain_pairs
+from hfsim.studies.separation.unlike import UnlikeLaw
 
 
 class StiffnessForm:
@@ -43,6 +44,13 @@ class StiffnessForm:
         """Return the elastic law of ``count`` equal elements over their nodal vectors."""
         form = _made_once(cast(Any, cls), cast(Any, element), properties, measures.n_dim)
         return NodalLaw(form, element.law(properties, count, measures), element.differences())
+
+    @classmethod
+    def law_of_each(
+        cls, elements: Iterable[Element], properties: BeamProperties, measures: Measures
+    ) -> UnlikeLaw:
+        """Return that of elements that are not equal."""
+        return UnlikeLaw(tuple(cls.law_of(one, properties, 1, measures) for one in elements))
 
     def stiffness(self, p: Array) -> Array:
         """Return K, shape (n_columns, n, n)."""
