@@ -1,3 +1,38 @@
-"""hfsim: flexible multibody dynamics with four models of one scene."""
+"""hfsim: flexible multibody dynamics with four models of one scene.
+
+>>> import hfsim
+>>> run = hfsim.run("pendulum", {"solve.duration": 0.1, "output.interval": 0.05})
+>>> run.t.tolist(), run.status
+([0.0, 0.05, 0.1], 'done')
+
+What it has is imported on first use.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from hfsim.api import Deck, check, load, run
+    from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
+    from hfsim.marching.solution import Run
 
 __version__ = "0.1.0"
+
+_PLACES = {
+    **dict.fromkeys(("Deck", "check", "load", "run"), "hfsim.api"),
+    **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
+    "Run": "hfsim.marching.solution",
+}
+"""Where each public name stands."""
+
+__all__ = ["Deck", "DeckError", "HfsimError", "Run", "UnfinishedRunError", "check", "load", "run"]
+
+
+def __getattr__(name: str) -> Any:
+    """Import a public name."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'hfsim' has no attribute '{name}'")
+    from importlib import import_module
+
+    return getattr(import_module(_PLACES[name]), name)

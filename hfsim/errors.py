@@ -27,6 +27,14 @@ class HfsimError(Exception):
     exit_code = 1
 
 
+class UnfinishedRunError(HfsimError):
+    """A run from Python that failed, missed its target or met a limit; ``run`` has what was computed."""
+
+    def __init__(self, run: Any) -> None:
+        self.run, self.exit_code = run, run.exit_code
+        super().__init__(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
+
+
 @dataclass(frozen=True)
 class DeckProblem:
     """One thing that is wrong with a deck.

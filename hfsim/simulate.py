@@ -137,13 +137,14 @@ def assess(
     budget = Budget(wish.allowed(clock.cpu["solve"]), process_time, report=report)
     found = Aftermath(Compared(legs, run.channels), wish, clock, budget)
     found.find(run.statistics)
-    told = {"statistics": {**run.statistics, **found.facts}, **_outcome(scene, found.stop)}
+    samples = [leg.record.samples for leg in legs]
+    told = {"statistics": {**run.statistics, **found.facts}, **_outcome(scene, found.stop), "states": samples}
     if found.interruption is not None:
         told["exit_code"] = interruption_code(found.interruption)
         told["reason"] = run.reason or AFTER_ITS_END
     if scene.left_out.fires("plots") if outlines is None else not outlines:
         return replace(run, **told)
-    seen = outlines_of([leg.record.samples for leg in legs])
+    seen = outlines_of(samples)
     run = replace(run, outline_t=seen.t, outlines=seen.points, outline_forces=seen.forces)
     return replace(run, **told)
 

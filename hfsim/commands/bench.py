@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands import bench_separation
-from hfsim.commands.decks import assemble, load_numbered, provenance_of, without_blind_channels
+from hfsim.commands.decks import assemble, load_numbered, without_blind_channels
 from hfsim.commands.options import (
     names,
     output_options,
@@ -127,10 +127,11 @@ def bench(
     overrides = (*overrides, *without_blind_channels(deck, overrides, models, talk))
     loaded = load_numbered(deck, overrides, talk)
     assemble(loaded)
+    from hfsim.output.writers import Provenance
     from hfsim.studies.bench import Sweep
 
     sweep = complete(Sweep(methods, models, tolerances, steps, elements, degrees, repeats), loaded)
-    about = provenance_of(loaded, deck, overrides).facts()
+    about = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("bench", to, loaded.deck.name, talk, about)
     raise click.exceptions.Exit(do_bench(loaded, sweep, budget, started, study))
 

@@ -18,7 +18,6 @@ from hfsim.commands.decks import (
     command_line,
     find_deck,
     load_decks,
-    provenance_of,
     usual_models,
     with_numbers,
     without_blind_channels,
@@ -291,12 +290,13 @@ def run_model(plan: Plan, model: str, first: bool) -> Run:
     from hfsim.output.progress import Progress
     from hfsim.output.recording import save_run
     from hfsim.output.runfolder import RunLog, Stopwatch
+    from hfsim.output.writers import Provenance
     from hfsim.simulate import simulate
     from hfsim.trust.validity import validity_warnings
 
     deck = plan.decks[model]
     watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
-    provenance = provenance_of(deck, plan.argument, plan.overrides[model])
+    provenance = Provenance.of(deck, plan.argument, plan.overrides[model])
     log = RunLog(plan.study.talk.detail)
     log.add(command_line())
     with Progress(f"{deck.deck.name}, {model}", sys.stderr, plan.study.talk.quiet) as progress:

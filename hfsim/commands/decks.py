@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
-import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -18,63 +16,22 @@ from hfsim.errors import DeckError, HfsimError
 from hfsim.output.talk import Talk
 
 if TYPE_CHECKING:
-    from hfsim.output.writers import Provenance
     from hfsim.scene.loading import LoadedDeck
 
-CASES = Path(__file__).resolve().parent.parent / "scene" / "cases"
-"""Decks shipped with hfsim."""
-
-
-class DeckNotFoundError(HfsimError):
-    """The deck named on the command line is neither a file nor a shipped case."""
-
-    exit_code = 2
-
-
-def shipped_cases() -> dict[str, Path]:
-    """Return the decks shipped with hfsim by name."""
-    return {path.stem: path for path in sorted(CASES.glob("*.yaml"))}
-
-
 def find_deck(argument: str, talk: Talk) -> Path:
-    """Return the deck a command-line argument means.
-
-    Parameters
-    ----------
-    argument : str
-        A file, or the bare name of a shipped case.
-    talk : Talk
-        Is told when a shipped case is taken.
-
-    Returns
-    -------
-    Path
-        An existing file.
+    """Return the deck a command-line argument means, and tell where it is a shipped case.
 
     Raises
     ------
     DeckNotFoundError
-        If there is neither; the message names what comes near.
+        If it is neither a file nor a shipped case.
     """
-    path = Path(argument)
-    if os.path.isfile(path):  # False too where a name is too long for the system
-        return path
-    cases = shipped_cases()
-    if argument in cases:
-        talk.note(f"{argument}: using the shipped case {cases[argument]}")
-        return cases[argument]
-    if os.path.isdir(path):
-        raise DeckNotFoundError(f"{argument} is a folder; name a deck, e.g. {path / 'case.yaml'}")
-    raise DeckNotFoundError(f"there is no deck {argument}{_near(path, list(cases))}. Nothing was run.")
+    from hfsim.scene import shipped
 
-
-def _near(path: Path, cases: list[str]) -> str:
-    if path.stem in cases:
-        return f" (a shipped case has that name: use '{path.stem}')"
-    folder = path.parent if os.path.isdir(path.parent) else Path()
-    files = [file.name for file in folder.glob("*.y*ml")]
-    near = difflib.get_close_matches(path.name, files, 1) or difflib.get_close_matches(path.stem, cases, 1)
-    return f" (did you mean '{near[0]}'?)" if near else ""
+    path = shipped.find_deck(argument)
+    if path.is_relative_to(shipped.CASES) and str(path) != argument:
+        talk.note(f"{argument}: using the shipped case {path}")
+    return path
 
 
 def load_decks(
@@ -214,19 +171,6 @@ def load_numbered(argument: str, overrides: Sequence[str], talk: Talk) -> Loaded
     loaded = load_deck(find_deck(argument, talk), tuple(overrides))
     _warn(loaded, talk)
     return with_numbers(loaded, talk)
-
-
-def provenance_of(loaded: LoadedDeck, argument: str, overrides: Sequence[str]) -> Provenance:
-    """Return where a run of this deck comes from."""
-    from hfsim.output.writers import Provenance
-
-    return Provenance(
-        source=argument,
-        deck_sha256=loaded.deck_sha256,
-        overrides=tuple(overrides),
-        resolved=loaded.deck.resolved(),
-        warnings=loaded.warnings,
-    )
 
 
 def command_line() -> str:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands.decks import CASES
 from hfsim.commands.options import jobs_option, refuse_unknown, talk_options, time_option
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 from hfsim.output.text import Column, brief, plural, table, wrapped
+from hfsim.scene.shipped import CASES
 
 if TYPE_CHECKING:
     from hfsim.studies.extreme import Case, Extreme

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hfsim.commands.check import free_motions
-from hfsim.commands.decks import CASES, load_numbered, shipped_cases
+from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import repeats_option, setting_options, talk_options
 from hfsim.output.talk import Talk
 from hfsim.output.text import Column, table, wrapped
@@ -47,6 +47,8 @@ def plan(
     if not decks and not proof:
         raise click.UsageError("name a deck, or --proof for all shipped cases")
     if proof:
+        from hfsim.scene.shipped import CASES, shipped_cases
+
         names = decks or (*shipped_cases(), *(str(path) for path in sorted((CASES / "rules").glob("*.yaml"))))
         _prove([load_numbered(name, overrides, talk) for name in names], repeats, talk)
         return

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hfsim.commands import STARTED, import_libraries, report_error, worst
-from hfsim.commands.decks import assemble, command_line, load_decks, provenance_of
+from hfsim.commands.decks import assemble, command_line, load_decks
 from hfsim.commands.options import (
     names,
     output_options,
@@ -25,11 +25,8 @@ from hfsim.output.report import method_lines, tell
 from hfsim.output.talk import Destination, Talk
 
 if TYPE_CHECKING:
-    from hfsim.marching.solution import Run
     from hfsim.output.checkpoint import Checkpoint
     from hfsim.output.extras import Extras
-    from hfsim.output.progress import Progress
-    from hfsim.output.recording import Recording
     from hfsim.output.runfolder import RunFolder
     from hfsim.scene.loading import LoadedDeck
 
@@ -152,15 +149,10 @@ def _target(error: str | None, channels: str | None, budget: float | None) -> It
 
 def _refuse_blind(jobs: Sequence[Job], settings: Settings) -> None:
     for job in jobs:
-        if not settings.error_estimate and has_target(job.loaded):
+        if not settings.error_estimate and job.loaded.has_target:
             raise click.UsageError(
                 f"{job.argument}: a target error, or elements: auto, cannot go with --no-error-estimate"
             )
-
-
-def has_target(loaded: LoadedDeck) -> bool:
-    """Return whether a deck states the error that its run is to reach."""
-    return "target_error" in loaded.deck.resolved()["solve"]
 
 
 def plan_jobs(decks: Sequence[str], settings: Settings, to: Destination) -> list[Job]:
@@ -190,9 +182,10 @@ def _job(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, forc
     checkpoint = None
     if status:
         from hfsim.output.checkpoint import CheckpointError, take_up
+        from hfsim.output.writers import Provenance
 
         try:
-            checkpoint = take_up(path, provenance_of(loaded, argument, settings.overrides))
+            checkpoint = take_up(path, Provenance.of(loaded, argument, settings.overrides))
         except CheckpointError as error:
             raise FolderError(f"{error}\nuse --force without --resume to begin anew") from error
     folder = claim(path, force or settings.resume)
@@ -239,15 +232,17 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     HfsimError
         If the deck cannot be assembled or the disk refuses.
     """
+    from hfsim.api import carry_out
     from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
     from hfsim.output.recording import Recording
     from hfsim.output.runfolder import RunLog, Stopwatch
+    from hfsim.output.writers import Provenance
 
     # the first deck also pays for starting the program
     watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
     loaded, deck = job.loaded, job.loaded.deck
-    provenance = provenance_of(loaded, job.argument, settings.overrides)
+    provenance = Provenance.of(loaded, job.argument, settings.overrides)
     log = RunLog(settings.talk.detail)
     log.add(command_line())
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
@@ -255,8 +250,16 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     wanted = settings.wanted._replace(pictures=settings.wanted.pictures and deck.output.plots)
     with Progress(deck.name, sys.stderr, settings.talk.quiet) as progress:
         try:
-            work = _refined if has_target(loaded) else _simulated
-            result = work(job, settings, recording, progress, wanted.any)
+            result = carry_out(
+                loaded,
+                progress,
+                error_estimate=settings.error_estimate,
+                diagnosis=settings.diagnosis,
+                after=settings.after,
+                outlines=wanted.any,
+                recording=recording,
+                memory=job.checkpoint.memory if job.checkpoint else None,
+            )
         except BaseException as error:
             recording.abandon(error)
             raise
@@ -266,31 +269,3 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
         result, summary = recording.finish(result, Extras() if result.exit_code in (130, 143) else wanted)
     tell(result, summary, job.folder.path, settings.talk, job.loaded.warnings)
     return result.exit_code
-
-
-def _simulated(job: Job, settings: Settings, recording: Recording, progress: Progress, shown: bool) -> Run:
-    from hfsim.marching.stop import Budget
-    from hfsim.simulate import simulate
-
-    budget = job.loaded.deck.solve.budget
-    return simulate(
-        job.loaded,
-        progress=progress if budget is None else Budget(budget).limiting(progress),
-        error_estimate=settings.error_estimate,
-        diagnosis=settings.diagnosis,
-        outlines=shown,
-        mesh_estimate=settings.error_estimate,
-        after=settings.after,
-        sink=recording,
-        memory=job.checkpoint.memory if job.checkpoint else None,
-    )
-
-
-def _refined(job: Job, settings: Settings, recording: Recording, progress: Progress, shown: bool) -> Run:
-    from hfsim.studies.refine import refine
-
-    assemble(job.loaded)
-    recording.begin(job.loaded.deck.channels)
-    result, chosen = refine(job.loaded, progress=progress, diagnosis=settings.diagnosis, after=settings.after)
-    recording.take(result, recording.provenance._replace(resolved=chosen.deck.resolved()))
-    return result

@@ -13,7 +13,6 @@ import click
 from hfsim.commands.decks import (
     find_deck,
     load_decks,
-    provenance_of,
     usual_models,
     with_numbers,
     without_blind_channels,
@@ -132,7 +131,9 @@ def stability(
     refuse_bisection(bisect, axes)
     if measure and axes:
         raise click.UsageError("--limits takes no axis; change the deck with --set")
-    about = provenance_of(loaded, deck, overrides).facts()
+    from hfsim.output.writers import Provenance
+
+    about = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("stability", to, loaded.deck.name, talk, about)
     if measure:
         raise click.exceptions.Exit(do_limits(loaded, plan, study, names(models)))

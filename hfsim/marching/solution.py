@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
+
+from hfsim.deck.source import did_you_mean
 
 if TYPE_CHECKING:
     from numpy import ndarray
+
+    from hfsim.parts.channels import Samples
 
 
 class Channel(NamedTuple):
@@ -30,7 +35,7 @@ class Channel(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """What one simulated model of one scene gives.
+    """What one simulated model of one scene gives; ``run["b1.tip.x"]`` are the values of a channel.
 
     Attributes
     ----------
@@ -57,6 +62,9 @@ class Run:
         that any body has, those of each body, shape (n_numbers, n_points).
     statistics : dict
         JSON-ready facts: ``cpu_s`` and ``wall_s`` (by phase), ``steps``, ``energy_drift``, ``warnings``...
+    states : sequence of Samples
+        States at the output times, in long runs at some of them: ``t``, coordinates and rates that steps are
+        made in ``q`` and ``v``, absolute ones ``x`` and ``u``, a row a time; one for each choice of models.
     failure : dict or None
         JSON-ready facts about a failure (``time``, ``item``, ``kind``...), or None.
     exit_code : int
@@ -76,6 +84,48 @@ class Run:
     outline_t: ndarray | None = None
     outlines: Mapping[str, ndarray] = field(default_factory=dict)
     outline_forces: Callable[[ndarray], dict[str, dict[str, ndarray]]] | None = None
+    states: Sequence[Samples] = ()
+
+    def __getitem__(self, name: str) -> ndarray:
+        """Return the values of a channel at the output times, shape (n_times,), in its SI unit.
+
+        Raises
+        ------
+        KeyError
+            If the deck's output has no such channel.
+        """
+        for channel in self.channels:
+            if channel.name == name:
+                return channel.values
+        raise KeyError(f"no channel '{name}': {did_you_mean(name, [one.name for one in self.channels])}")
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit of each channel; empty for pure numbers."""
+        return {channel.name: channel.unit for channel in self.channels}
+
+    @property
+    def final(self) -> dict[str, float]:
+        """Last value of each channel; empty if no output time was reached."""
+        return {one.name: float(one.values[-1]) for one in self.channels if len(self.t)}
+
+    @property
+    def extremes(self) -> dict[str, list[float]]:
+        """Smallest and largest value of each channel; empty if no output time was reached."""
+        found = ((one.name, one.values) for one in self.channels if len(self.t))
+        return {name: [float(values.min()), float(values.max())] for name, values in found}
+
+    def to_dataframe(self) -> Any:
+        """Return the channels as a pandas DataFrame over the time ``t``.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed: hfsim does not need it.
+        """
+        pandas: Any = import_module("pandas")
+        columns = {channel.name: channel.values for channel in self.channels}
+        return pandas.DataFrame(columns, index=pandas.Index(self.t, name="t"))
 
     @property
     def table(self) -> ndarray:

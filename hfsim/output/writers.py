@@ -1,7 +1,7 @@
 """Runs to files: CSV, JSON and YAML, none of which ever gets a NaN or an infinity.
 
-The rows of a run end before the first that is not finite (`hfsim.marching.record`); `json_ready` turns non-finite
-numbers into null and says which they were.
+The rows of a run end before the first that is not finite (`hfsim.marching.record`); `json_ready` turns
+non-finite numbers into null and says which they were.
 """
 
 from __future__ import annotations
@@ -13,14 +13,17 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from hfsim import __version__
-from hfsim.marching.solution import Channel, Run
+from hfsim.marching.solution import Run
 from hfsim.output.disk import write_text
 from hfsim.output.text import Column, printable
+
+if TYPE_CHECKING:
+    from hfsim.scene.loading import LoadedDeck
 
 _SUMMARY_KEYS = (
     "steps",
@@ -65,6 +68,12 @@ class Provenance(NamedTuple):
     overrides: tuple[str, ...]
     resolved: dict[str, Any]
     warnings: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, loaded: LoadedDeck, source: str, overrides: Sequence[str]) -> Provenance:
+        """Return where a run of a deck comes from."""
+        resolved = loaded.deck.resolved()
+        return cls(source, loaded.deck_sha256, tuple(overrides), resolved, loaded.warnings)
 
     def facts(self) -> dict[str, Any]:
         """Return what files of results say of it."""
@@ -154,8 +163,9 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
         "wall_s": {},
         **dict.fromkeys(_SUMMARY_KEYS),
         **run.statistics,
-        "channels": {channel.name: channel.unit for channel in run.channels},
-        **_ends_of(run.channels if len(run.t) else ()),
+        "channels": run.units,
+        "final": run.final,
+        "extremes": run.extremes,
         "failure": run.failure,
         **provenance.facts(),
         "versions": versions(),
@@ -185,13 +195,6 @@ def running_summary(name: str, model: str, provenance: Provenance) -> dict[str, 
         "files": ["history.csv", "resolved.yaml", "run.log", "summary.json", "checkpoint.npz"],
     }
 
-
-def _ends_of(channels: Iterable[Channel]) -> dict[str, Any]:
-    """Return the last value of each channel, and the smallest and the largest."""
-    return {
-        "final": {one.name: one.values[-1] for one in channels},
-        "extremes": {one.name: [one.values.min(), one.values.max()] for one in channels},
-    }
 
 
 def versions() -> dict[str, str]:

@@ -63,7 +63,21 @@ class LoadedDeck:
         numbers = [f"bodies.{name}.elements={DEFAULT_ELEMENTS}" for name in self.auto_elements]
         stated = self.source.data["solve"]
         none = [f"solve.{key}=null" for key in ("target_error", "target_channels", "budget") if key in stated]
-        return parse_deck(self.source.text, self.source.file, (*self.overrides, *numbers, *none))
+        return self.changed((*numbers, *none))
+
+    def changed(self, overrides: Sequence[str]) -> "LoadedDeck":
+        """Return the deck with further overrides, ``KEY=VALUE`` each.
+
+        Raises
+        ------
+        DeckError
+        """
+        return parse_deck(self.source.text, self.source.file, (*self.overrides, *overrides))
+
+    @property
+    def has_target(self) -> bool:
+        """Whether the deck states the error that its run is to reach."""
+        return self.deck.solve.target_error is not None
 
     @property
     def overrides(self) -> tuple[str, ...]:

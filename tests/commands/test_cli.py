@@ -12,18 +12,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import hfsim.commands.decks
+import hfsim.api
 
 # what commands import later needs the real deck module, for which the tests put in another
 import hfsim.output.plots
 import hfsim.studies.compare.measurements
 import hfsim.trust.validity
 from hfsim.cli import COMMANDS, app
-from hfsim.commands.decks import CASES, usual_models
+from hfsim.commands.decks import usual_models
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.marching.solution import Channel, Run
 from hfsim.output.progress import Progress
 from hfsim.output.talk import Talk
+from hfsim.scene.shipped import CASES
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -61,7 +62,9 @@ class FakeScene:
         deck = FakeDeck(path, overrides)
         if deck.name == "bad" or deck.settings.get("solve.model") == "nonsense":
             raise DeckError(str(path), [DeckProblem("bodies", "is missing")])
-        loaded = types.SimpleNamespace(deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=())
+        loaded = types.SimpleNamespace(
+            deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=(), has_target=False
+        )
         loaded.with_solve = lambda change: loaded
         return loaded
 
@@ -114,6 +117,7 @@ def scene(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "hfsim.scene.loading", types.SimpleNamespace(load_deck=fake.load_deck))
     module = types.SimpleNamespace(simulate=fake.simulate, check=fake.check)
     monkeypatch.setitem(sys.modules, "hfsim.simulate", module)
+    monkeypatch.setattr(hfsim.api, "pipeline", module)
     monkeypatch.setattr(hfsim.studies.compare.measurements, "simulate", fake.simulate)
     monkeypatch.chdir(tmp_path)
     for name in ("case", "other", "bad"):
@@ -245,7 +249,7 @@ def test_two_decks_cannot_share_a_folder(scene):
 def test_a_shipped_case_is_found_by_its_name_and_hinted_at(scene, monkeypatch, tmp_path):
     (tmp_path / "shipped").mkdir()
     (tmp_path / "shipped/pendulum.yaml").write_text("pendulum")
-    monkeypatch.setattr(hfsim.commands.decks, "CASES", tmp_path / "shipped")
+    monkeypatch.setattr(hfsim.scene.shipped, "CASES", tmp_path / "shipped")
     result = call("run", "pendulum", "--no-plots")
     assert result.exit_code == 0
     assert "using the shipped case" in result.stderr
@@ -331,7 +335,7 @@ def test_compare_protects_its_folder_and_refuses_bad_models(scene):
 def test_compare_takes_the_shipped_scene_where_no_case_is(scene, monkeypatch, tmp_path):
     (tmp_path / "shipped").mkdir()
     (tmp_path / "shipped/two_beams.yaml").write_text("two_beams")
-    monkeypatch.setattr(hfsim.commands.decks, "CASES", tmp_path / "shipped")
+    monkeypatch.setattr(hfsim.scene.shipped, "CASES", tmp_path / "shipped")
     Path("case.yaml").unlink()
     result = call("compare", "linear", "--no-plots", "--json")
     assert json.loads(result.stdout)["name"] == "two_beams"

@@ -8,8 +8,8 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.parts.channels import CHANNELS, ChannelKind, Plot, is_judged
+from hfsim.scene.shipped import CASES
 
 
 def _height(samples, point):

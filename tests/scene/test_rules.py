@@ -10,7 +10,6 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.deck.fields import Between
 from hfsim.errors import DeckError
 from hfsim.integrators import Segment, Trajectory, joined
@@ -25,6 +24,7 @@ from hfsim.parts.specs import JointSpec, SpringSpec
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.rules import RULES
+from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
 from hfsim.studies.plan import ALL, firing, largest_difference, measure
 

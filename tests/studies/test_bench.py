@@ -10,12 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.commands.options import parse_budget
 from hfsim.marching.distance import ChannelScale, channel_errors
 from hfsim.marching.stop import Budget
 from hfsim.output.bench import COLUMNS, as_rows
 from hfsim.scene.loading import load_deck
+from hfsim.scene.shipped import CASES
 from hfsim.studies.bench import (
     Bench,
     Cell,

@@ -10,12 +10,12 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.marching.distance import channel_errors
 from hfsim.marching.solution import Channel, Run
 from hfsim.output.comparison import COLUMNS, as_rows, as_text
 from hfsim.output.plots import draw_comparison, overlay_limits
 from hfsim.scene.loading import load_deck
+from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
 from hfsim.studies.compare import Measured, as_facts, compare, measure
 from hfsim.studies.compare.measurements import looser, time_error

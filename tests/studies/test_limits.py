@@ -8,12 +8,12 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.integrators import integrator
 from hfsim.marching.integration import run_integration
 from hfsim.mechanics.modes import LargeModes, modes_by_differences
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.scene.shipped import CASES
 from hfsim.studies.limits import (
     LimitJob,
     limits,

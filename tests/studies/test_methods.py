@@ -9,7 +9,6 @@ import yaml
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS, collocation
 from hfsim.integrators._tableau import gauss
@@ -18,6 +17,7 @@ from hfsim.marching.distance import channel_errors
 from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
+from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
 from hfsim.studies import methods, timing
 from hfsim.studies.methods import Contest, Entry, Turn, candidates

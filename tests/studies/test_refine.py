@@ -10,12 +10,12 @@ import yaml
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError, Terminated
 from hfsim.marching.distance import channel_errors
 from hfsim.parts.channels import is_judged
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
 from hfsim.studies.refine import refine
 from hfsim.studies.refine.part import Part

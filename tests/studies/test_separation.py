@@ -9,7 +9,6 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.deck.materials import BeamProperties
 from hfsim.errors import DeckError
 from hfsim.marching.integration import run_integration
@@ -19,6 +18,7 @@ from hfsim.parts.elements._base import QuadraticMap
 from hfsim.parts.elements.forces import ElasticForce
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.scene.shipped import CASES
 from hfsim.studies.separation.beams import KINDS, STEPS, Beams
 from hfsim.studies.separation.measure import held_bytes, measure
 from hfsim.studies.separation.results import CSV_COLUMNS, as_facts, as_rows

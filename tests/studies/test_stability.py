@@ -15,10 +15,10 @@ from click.testing import CliRunner
 from zoo import DEAD_CENTRE
 
 from hfsim.cli import app
-from hfsim.commands.decks import CASES
 from hfsim.errors import DeckError
 from hfsim.output.stability import map_text
 from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.scene.shipped import CASES
 from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary
 from hfsim.studies.farm import Farm, Task
 from hfsim.studies.stability.maps import stability_map

@@ -1,0 +1,216 @@
+"""hfsim from Python: decks, runs and comparisons as objects. Nothing is printed; the manual has a page on it.
+
+All of it stands in ``hfsim`` itself, from where it is imported on first use.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import yaml
+
+from hfsim import simulate as pipeline
+from hfsim.errors import UnfinishedRunError
+from hfsim.marching.solution import Run
+from hfsim.marching.stop import Budget, Progress
+from hfsim.scene.loading import LoadedDeck, load_deck, parse_deck
+from hfsim.scene.shipped import find_deck
+
+if TYPE_CHECKING:
+    from hfsim.integrators import Memory
+    from hfsim.output.recording import Recording
+
+Deck = LoadedDeck
+"""A checked deck: ``deck`` has its entries, ``resolved()`` of it plain data, `changed` gives another one."""
+
+AnyDeck: TypeAlias = "LoadedDeck | Mapping[str, Any] | str | os.PathLike[str]"
+"""A file, the name of a shipped case, a deck's data, or a deck that is loaded."""
+
+
+def load(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> LoadedDeck:
+    """Read and check a deck.
+
+    Parameters
+    ----------
+    deck : path, str, mapping or Deck
+        A file, the name of a shipped case, or the data of a deck as YAML would give it.
+    changes : mapping, optional
+        Values by dotted paths, e.g. ``{"bodies.b1.length": 2.0}``; None takes an entry out.
+
+    Raises
+    ------
+    DeckError
+        With every problem found, each with its place.
+    DeckNotFoundError
+        If there is no such file.
+    """
+    overrides = [f"{path}={_plain(value)}" for path, value in (changes or {}).items()]
+    if isinstance(deck, LoadedDeck):
+        return deck.changed(overrides) if overrides else deck
+    if isinstance(deck, Mapping):
+        text = yaml.safe_dump(json.loads(_plain(deck)), sort_keys=False, allow_unicode=True)
+        return parse_deck(text, "deck", overrides)
+    return load_deck(find_deck(os.fspath(deck)), overrides)
+
+
+def _plain(value: Any) -> str:
+    """Return JSON, which is YAML too, of plain data and NumPy's numbers and arrays."""
+    return json.dumps(value, default=lambda other: other.tolist())
+
+
+def run(
+    deck: AnyDeck,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    model: str | None = None,
+    output: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    plots: bool = True,
+    error_estimate: bool = True,
+    diagnosis: bool = True,
+    after: float | None = None,
+    progress: Progress | None = None,
+    check: bool = True,
+) -> Run:
+    """Simulate a deck, with a target error if it states one.
+
+    Parameters
+    ----------
+    deck, changes
+        As in `load`.
+    model : str, optional
+        Instead of the deck's.
+    output : path, optional
+        Folder that gets what ``hfsim run`` writes; nothing is written without it.
+    force : bool
+        Whether a finished run there is replaced.
+    plots : bool
+        Whether pictures are among what is written.
+    error_estimate : bool
+        Whether to measure the errors of time and mesh by further runs.
+    diagnosis : bool
+        Whether to find out by short experiments why a run fails or is suspicious.
+    after : float, optional
+        CPU time for estimates and diagnosis [s]; without it as much as the run takes, or two seconds.
+    progress : callable, optional
+        Called with the share of all the work that is done, 0 to 1.
+    check : bool
+        Whether a run that does not reach its end is an error; if not, its ``status`` and ``reason`` tell.
+
+    Returns
+    -------
+    Run
+        ``run["b1.tip.x"]``, ``run.t``, ``run.final``, ``run.statistics`` (all that summary.json has)...
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If the deck is bad.
+    UnfinishedRunError
+        If the run fails or a limit stops it; ``error.run`` has what was computed until then.
+    KeyboardInterrupt
+        If the keyboard or a signal ends it.
+    FolderError, WriteError
+        If the folder must not or cannot be written to.
+    """
+    loaded = load(deck, {**(changes or {}), **({} if model is None else {"solve.model": model})})
+    wish: dict[str, Any] = {"error_estimate": error_estimate, "diagnosis": diagnosis, "after": after}
+    wish["outlines"] = True
+    if output is None:
+        result = carry_out(loaded, progress, **wish)
+    else:
+        result = _written(loaded, progress, Path(output), force, plots, wish)
+    if check and result.status == "interrupted":
+        raise KeyboardInterrupt(result.reason)
+    if check and result.exit_code:
+        raise UnfinishedRunError(result)
+    return result
+
+
+def _written(
+    loaded: LoadedDeck,
+    progress: Progress | None,
+    output: Path,
+    force: bool,
+    plots: bool,
+    wish: Mapping[str, Any],
+) -> Run:
+    from hfsim.output.extras import Extras
+    from hfsim.output.recording import Recording
+    from hfsim.output.runfolder import RunLog, Stopwatch, claim
+    from hfsim.output.writers import Provenance
+
+    deck, log = loaded.deck, RunLog()
+    provenance = Provenance.of(loaded, loaded.source.file, loaded.overrides)
+    watch = Stopwatch(cpu_start=time.process_time())
+    recording = Recording(claim(output, force), deck.name, deck.solve.model, provenance, watch, log)
+    try:
+        result = carry_out(loaded, progress, recording=recording, **wish)
+    except BaseException as error:
+        recording.abandon(error)
+        raise
+    return recording.finish(result, Extras(plots and deck.output.plots, after=wish["after"]))[0]
+
+
+def carry_out(
+    loaded: LoadedDeck,
+    progress: Progress | None,
+    *,
+    error_estimate: bool,
+    diagnosis: bool,
+    after: float | None,
+    outlines: bool,
+    recording: Recording | None = None,
+    memory: Memory | None = None,
+) -> Run:
+    """Simulate a deck within its budget, or refine it to its target error; what `run` and ``hfsim run`` do.
+
+    Parameters
+    ----------
+    outlines : bool
+        Whether to compute the outlines of the bodies.
+    recording : Recording, optional
+        Gets the rows as they come.
+    memory : Memory, optional
+        From where a run that was put down goes on.
+    """
+    if loaded.has_target:
+        from hfsim.studies.refine import refine
+
+        pipeline.check(loaded)
+        if recording is not None:
+            recording.begin(loaded.deck.channels)
+        result, chosen = refine(loaded, progress=progress, diagnosis=diagnosis, after=after)
+        if recording is not None:
+            recording.take(result, recording.provenance._replace(resolved=chosen.deck.resolved()))
+        return result
+    if loaded.deck.solve.budget is not None:
+        budget = Budget(loaded.deck.solve.budget)
+        progress = budget.limiting(progress or (lambda share: None))
+    return pipeline.simulate(
+        loaded,
+        progress=progress,
+        error_estimate=error_estimate,
+        diagnosis=diagnosis,
+        outlines=outlines,
+        mesh_estimate=error_estimate,
+        after=after,
+        sink=recording,
+        memory=memory,
+    )
+
+
+def check(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Assemble a scene without running it; return its sizes, how its joints close, and what looks wrong.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If it cannot be assembled.
+    """
+    return pipeline.check(load(deck, changes).with_numbers())

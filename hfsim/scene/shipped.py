@@ -1,0 +1,51 @@
+"""Decks by file or by the name of a case that is shipped with hfsim."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from pathlib import Path
+
+from hfsim.errors import HfsimError
+
+CASES = Path(__file__).resolve().parent / "cases"
+"""Decks shipped with hfsim."""
+
+
+class DeckNotFoundError(HfsimError):
+    """What names a deck is neither a file nor a shipped case."""
+
+    exit_code = 2
+
+
+def shipped_cases() -> dict[str, Path]:
+    """Return the decks shipped with hfsim by name."""
+    return {path.stem: path for path in sorted(CASES.glob("*.yaml"))}
+
+
+def find_deck(name: str) -> Path:
+    """Return the existing file that a name means: a path, or the bare name of a shipped case.
+
+    Raises
+    ------
+    DeckNotFoundError
+        If there is neither; the message names what comes near.
+    """
+    path = Path(name)
+    if os.path.isfile(path):  # False too where a name is too long for the system
+        return path
+    cases = shipped_cases()
+    if name in cases:
+        return cases[name]
+    if os.path.isdir(path):
+        raise DeckNotFoundError(f"{name} is a folder; name a deck, e.g. {path / 'case.yaml'}")
+    raise DeckNotFoundError(f"there is no deck {name}{_near(path, list(cases))}. Nothing was run.")
+
+
+def _near(path: Path, cases: list[str]) -> str:
+    if path.stem in cases:
+        return f" (a shipped case has that name: use '{path.stem}')"
+    folder = path.parent if os.path.isdir(path.parent) else Path()
+    files = [file.name for file in folder.glob("*.y*ml")]
+    near = difflib.get_close_matches(path.name, files, 1) or difflib.get_close_matches(path.stem, cases, 1)
+    return f" (did you mean '{near[0]}'?)" if near else ""
