@@ -26,6 +26,9 @@ COMMANDS = {
     "extreme": "The decks at the edge of what can be solved, held against what is expected.",
     "plan": "What is built of a scene and what is left out: reasons, savings, cost.",
     "check": "Validate and assemble decks; run nothing, write nothing.",
+    "init": "Write a commented deck to start from.",
+    "schema": "Print the JSON schema of decks, for editors.",
+    "help": "Show the manual, a page at a time.",
 }
 """Sub-command: its line in ``hfsim --help``; a module of `hfsim.commands` has a function of that name."""
 

@@ -79,12 +79,13 @@ def _read_flag(value: object) -> bool:
 
 def measures(dimension: str = "dimensionless", **bounds: float) -> ReadBy:
     """Return what reads a number of a dimension, with its bounds: above, at_least, below, at_most."""
-    return ReadBy(partial(_read_number, dimension, bounds))
+    return ReadBy(partial(_read_number, dimension, bounds), quantity=dimension, **bounds)
 
 
-def whole(at_least: int = 1, at_most: int | None = None) -> ReadBy:
-    """Return what reads a whole number within bounds."""
-    return ReadBy(partial(_read_count, {"at_least": at_least, "at_most": at_most}))
+def whole(at_least: int = 1, at_most: int | None = None, words: tuple[str, ...] = ()) -> ReadBy:
+    """Return what reads a whole number within bounds; words stand for numbers to what reads before it."""
+    bounds = {"at_least": at_least, "at_most": at_most}
+    return ReadBy(partial(_read_count, bounds), whole=words, **bounds)
 
 
 Number = Annotated[float, measures()]
@@ -123,7 +124,7 @@ Dissipation = Annotated[float, measures("dissipation", at_least=0)]
 RotationalDissipation = Annotated[float, measures("rotational_dissipation", at_least=0)]
 
 Count = Annotated[int, whole()]
-Flag = Annotated[bool, ReadBy(_read_flag)]
+Flag = Annotated[bool, ReadBy(_read_flag, type="boolean")]
 
 
 def entries(value: object, counts: tuple[int, ...], what: str) -> object:
@@ -159,7 +160,8 @@ def _one_or_list(count: int, dimension: str, bounds: Mapping[str, float], value:
 
 def one_or_list(count: int, dimension: str, **bounds: float) -> ReadBy:
     """Return what reads a number of a dimension, or a list of so many, as `measures` does."""
-    return ReadBy(partial(_one_or_list, count, dimension, bounds))
+    read = partial(_one_or_list, count, dimension, bounds)
+    return ReadBy(read, quantity=dimension, count=count, **bounds)
 
 
 def _read_table(dimensions: tuple[str, str], value: object) -> tuple[tuple[float, ...], ...]:
@@ -207,7 +209,7 @@ def flat(values: Iterable[object]) -> Iterator[float]:
         yield from value if isinstance(value, tuple) else (float(value),)  # type: ignore[arg-type]
 
 
-Inertia = Annotated[Any, ReadBy(_read_inertia)]
+Inertia = Annotated[Any, ReadBy(_read_inertia, quantity="inertia", count=3, rows=3)]
 """A number, three of them, or three rows of three [kg m^2]."""
 
 Spin = Annotated[float | tuple[float, ...], one_or_list(3, "angular_velocity")]
@@ -252,7 +254,7 @@ def read_text(value: object) -> str:
     return value
 
 
-Name = Annotated[str, ReadBy(_read_name)]
+Name = Annotated[str, ReadBy(_read_name, type="string")]
 
 
 def within(number: float, ends: tuple[float, float]) -> bool:

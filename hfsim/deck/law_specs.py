@@ -376,7 +376,7 @@ def _driving(value: str, rate: str) -> BeforeValidator:
     return BeforeValidator(partial(_read_law, value=value, rate=rate))
 
 
-_by_type = OneOf("type", LAWS)
+_by_type = OneOf("type", LAWS, others=({"type": "number"}, {"type": "string"}))
 
 AngleLaw = Annotated[AnyLaw, _by_type, _driving("angle", "angular_velocity")]
 PositionLaw = Annotated[AnyLaw, _by_type, _driving("length", "velocity")]

@@ -7,9 +7,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cache, partial
+from functools import partial
 from importlib import import_module
-from itertools import pairwise
 from typing import Any, ClassVar, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -190,14 +189,19 @@ class ReadBy:
     ----------
     read : callable
         From the deck's value to the field's.
+    shape : dict
+        What it reads: ``quantity``, the dimension of a number or of text with a unit, with its bounds; with
+        ``count`` and ``rows`` a list of so many too, or rows of these.  ``whole``: a number, or one of such
+        words.  ``names``: of a registry, or ``others``.  ``entries``: classes, or where they stand, or
+        ``others``.  Else a JSON schema as it is.
     """
 
-    def __init__(self, read: Callable[[Any], object]) -> None:
-        self.read = read
+    def __init__(self, read: Callable[[Any], object], **shape: Any) -> None:
+        self.read, self.shape = read, shape
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         """Tell pydantic how the field is validated."""
-        return no_info_plain_validator_function(self.read)
+        return no_info_plain_validator_function(self.read, metadata={"shape": self.shape})
 
 
 class OneOf:
@@ -216,6 +220,8 @@ class OneOf:
         The class of entries without the key.
     told_by : mapping of str to type or str
         Other keys by which an entry without the key is another class.
+    others : sequence of dict
+        JSON schemas of what stands for an entry to what reads before this.
     """
 
     def __init__(
@@ -224,12 +230,16 @@ class OneOf:
         kinds: Mapping[str, type[Spec] | str],
         otherwise: type[Spec] | str | None = None,
         told_by: Mapping[str, type[Spec] | str] | None = None,
+        others: Sequence[Mapping[str, str]] = (),
     ) -> None:
         self.key, self.kinds, self.otherwise, self.told_by = key, kinds, otherwise, told_by or {}
+        self.others = others
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         """Tell pydantic how the field is validated."""
-        return no_info_plain_validator_function(self._read)
+        kinds = (*self.kinds.values(), *self.told_by.values(), self.otherwise)
+        shape = {"entries": [kind for kind in kinds if kind], "others": self.others}
+        return no_info_plain_validator_function(self._read, metadata={"shape": shape})
 
     def _read(self, value: Any) -> Spec:
         if isinstance(value, Spec):
@@ -241,7 +251,7 @@ class OneOf:
         if self.key not in value:
             spec = next((one for key, one in self.told_by.items() if key in value), self.otherwise)
         if isinstance(spec, str):
-            spec = _at(spec)
+            spec = at(spec)
         if spec is not None:
             return spec.model_validate(value)
         if self.key not in value:
@@ -259,11 +269,11 @@ def entry_of(place: str) -> ReadBy:
     place : str
         Where the class stands: ``hfsim.deck.orientation.OrientationSpec``.
     """
-    return ReadBy(partial(_read_as, place))
+    return ReadBy(partial(_read_as, place), entries=[place])
 
 
 def _read_as(place: str, value: Any) -> Spec:
-    spec: type[Spec] = _at(place)
+    spec: type[Spec] = at(place)
     return value if isinstance(value, spec) else spec.model_validate(value)
 
 
@@ -277,18 +287,18 @@ def named_in(registry: str, *others: str) -> ReadBy:
     *others : str
         What may be said besides.
     """
-    return ReadBy(partial(_read_name_in, registry, others))
+    return ReadBy(partial(_read_name_in, registry, others), names=registry, others=others)
 
 
 def _read_name_in(registry: str, others: tuple[str, ...], value: object) -> object:
-    choices = [*_at(registry), *others]
+    choices = [*at(registry), *others]
     if value not in choices:
         wrong = wrong_choice((), value, choices)
         raise refusal(wrong.message, wrong.hint)
     return value
 
 
-def _at(place: str) -> Any:
+def at(place: str) -> Any:
     """Return what stands at ``module.NAME``; the module is imported if need be."""
     module, _, name = place.rpartition(".")
     return getattr(import_module(module), name)
@@ -352,30 +362,11 @@ def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:
     if kind == "extra_forbidden":
         return Complaint(path, "unknown key", did_you_mean(str(path[-1]), spec.keys()), True)
     if kind == "missing":
+        from hfsim.deck.field_texts import field_texts
+
         field = dict(zip(spec.keys(), spec.model_fields, strict=True))[str(path[-1])]
-        return Complaint(path, "missing key", field_docstrings(spec).get(field, "").rstrip("."), True)
+        return Complaint(path, "missing key", field_texts(spec).get(field, "").rstrip("."), True)
     if kind == "literal_error":
         return wrong_choice(path, item["input"], re.findall(r"'([^']*)'", context["expected"]))
     message = _MESSAGES[kind].format(**context) if kind in _MESSAGES else item["msg"]
     return Complaint(path, f"{message}, not {shown(item['input'])}", "", on_key)
-
-
-@cache
-def field_docstrings(spec: type[Spec]) -> dict[str, str]:
-    """Return the text under each field of a class, from its source: pydantic would read it at every start."""
-    import ast
-    import inspect
-    import textwrap
-
-    found: dict[str, str] = {}
-    for one in reversed(spec.__mro__):
-        if not issubclass(one, Spec):
-            continue
-        body = ast.parse(textwrap.dedent(inspect.getsource(one))).body[0]
-        assert isinstance(body, ast.ClassDef)
-        for field, text in pairwise(body.body):
-            if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
-                continue
-            if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
-                found[field.target.id] = " ".join(str(text.value.value).split())
-    return found

@@ -175,7 +175,7 @@ class SolveSpec(Spec):
     max_steps: Count | None = None
     """Steps after which the run stops [-]."""
 
-    keep: tuple[Annotated[str, ReadBy(read_text)], ...] = ()
+    keep: tuple[Annotated[str, ReadBy(read_text, type="string")], ...] = ()
     """Rules that are not to leave anything out; `hfsim plan` names them."""
 
     keep_all: Flag = False
@@ -251,10 +251,10 @@ class OutputSpec(Spec):
 class Deck(Spec):
     """A scene and what is asked of it."""
 
-    hfsim: Annotated[Literal[1], ReadBy(_read_format)]
+    hfsim: Annotated[Literal[1], ReadBy(_read_format, const=1)]
     """Deck format, 1."""
 
-    name: Annotated[str, ReadBy(_read_deck_name)] = "deck"
+    name: Annotated[str, ReadBy(_read_deck_name, type="string")] = "deck"
     """Name of the scene; the file's name without it."""
 
     parameters: Annotated[dict[str, Any], EmptyAllowed] = Field(default_factory=dict, exclude=True)

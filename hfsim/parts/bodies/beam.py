@@ -69,6 +69,9 @@ def _sides(section: "ShapedSection") -> tuple[float, float]:
     return section.height, equivalent_side(section.bending[0], section.area)
 
 
+_ELEMENTS = whole(at_most=100_000, words=("auto",))
+
+
 def _read_elements(value: object) -> object:
     if isinstance(value, str) and value != "auto":
         raise refusal(f"must be a whole number or auto, not {shown(value)}")
@@ -104,7 +107,7 @@ class BeamSpec(BodySpec):
     length: PositiveLength = 0.0
     """Undeformed length [m]; that of its axis, if it states one."""
 
-    elements: Annotated[int, whole(at_most=100_000), BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
+    elements: Annotated[int, _ELEMENTS, BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
     """Number of elements [-]; auto: `run` chooses it and the degree, all else takes 4."""
 
     element: Annotated[str, named_in("hfsim.parts.elements.ELEMENTS", "cosserat")] | None = None

@@ -1,0 +1,32 @@
+"""`hfsim help`: the manual."""
+
+from __future__ import annotations
+
+import sys
+from typing import cast
+
+import click
+
+
+@click.command()
+@click.argument("topic", required=False)
+def help(topic: str | None) -> None:
+    """Show a page of the manual, or what pages there are; of a command, its options."""
+    from hfsim.deck.source import did_you_mean
+    from hfsim.output.manual import for_terminal, title_of, topics
+    from hfsim.output.talk import print_out
+
+    context, pages = click.get_current_context().find_root(), topics()
+    program = cast(click.Group, context.command)
+    commands = program.list_commands(context)
+    if topic is None:
+        width = max(map(len, pages))
+        lines = [f"  {name.ljust(width)}  {title_of(page)}" for name, page in pages.items()]
+        print_out("\n".join(["Topics of the manual (hfsim help TOPIC):", "", *lines]))
+    elif topic in pages:
+        text = for_terminal(pages[topic].read_text(encoding="utf-8"))
+        click.echo_via_pager(text) if sys.stdout.isatty() else print_out(click.unstyle(text))
+    elif command := program.get_command(context, topic):
+        print_out(command.get_help(click.Context(command, context, topic)))
+    else:
+        raise click.UsageError(f"no topic {topic}: {did_you_mean(topic, [*pages, *commands])}")

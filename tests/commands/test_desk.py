@@ -1,0 +1,83 @@
+"""hfsim init, schema and help: what people do before a run."""
+
+import json
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import COMMANDS, app
+from hfsim.commands.init import starters
+from hfsim.output.manual import for_terminal, topics
+from hfsim.scene.loading import parse_deck
+
+
+@pytest.fixture(autouse=True)
+def empty_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, arguments)
+
+
+def test_three_commands_from_an_empty_folder_to_a_picture():
+    assert call("init").exit_code == 0
+    assert "1 beam" in call("check", "swing.yaml").stdout
+    assert call("run", "swing.yaml").exit_code == 0
+    assert list(Path("swing.out/plots").glob("*.png"))
+
+
+@pytest.mark.parametrize("name", starters())
+def test_every_deck_that_init_knows_is_right_and_told(name):
+    assert call("init", name).exit_code == 0
+    text = Path(f"{name}.yaml").read_text()
+    assert parse_deck(text).deck.name == name
+    listed = dict(line.split("  ", 1) for line in call("init", "--list").stdout.splitlines())
+    assert 5 < len(listed[name].strip()) < 100
+    assert text.startswith("# ")
+
+
+def test_a_deck_that_is_there_is_not_replaced():
+    Path("swing.yaml").write_text("mine")
+    refused = call("init", "swing")
+    assert (refused.exit_code, Path("swing.yaml").read_text()) == (2, "mine")
+    assert "--force" in refused.stderr
+    assert call("init", "swing", "-o", "other.yaml").exit_code == 0
+    assert call("init", "swing", "--force").exit_code == 0
+    assert Path("swing.yaml").read_text() == Path("other.yaml").read_text()
+    misspelt = call("init", "swnig")
+    assert misspelt.exit_code == 2
+    assert "did you mean 'swing'" in misspelt.stderr
+
+
+def test_the_schema_is_json():
+    solve = json.loads(call("schema").stdout)["properties"]["solve"]["properties"]
+    assert solve["duration"]["description"].startswith("Time to simulate")
+
+
+def test_help_shows_the_manual_and_what_commands_take():
+    listed = call("help").stdout
+    for topic, page in topics().items():
+        assert topic in listed
+        shown = call("help", topic).stdout
+        words = [word for word in page.read_text().split() if word.isalpha()]
+        assert not [word for word in words if word not in shown]
+    assert "--resume" in call("help", "run").stdout
+    misspelt = call("help", "tutorail")
+    assert misspelt.exit_code == 2
+    assert "did you mean 'tutorial'" in misspelt.stderr
+
+
+@pytest.mark.parametrize("width", [40, 80, 110])
+def test_pages_keep_to_the_width_but_for_code(width):
+    for page in topics().values():
+        for line in click.unstyle(for_terminal(page.read_text(), width)).splitlines():
+            assert len(line) <= width or line.startswith("    "), line
+
+
+def test_all_commands_are_listed():
+    listed = call("--help").stdout
+    for name in COMMANDS:
+        assert f"  {name} " in listed

@@ -1,0 +1,118 @@
+"""hfsim from Python: decks in all their forms, results by name, errors as exceptions, nothing printed."""
+
+import json
+import sys
+import types
+
+import numpy as np
+import pytest
+
+import hfsim
+
+DECK = {
+    "hfsim": 1,
+    "gravity": [0.0, -9.81],
+    "materials": {"rubber": {"density": 1100.0, "youngs_modulus": "5 MPa"}},
+    "sections": {"strip": {"shape": "rectangle", "width": 0.05, "height": 0.01}},
+    "bodies": {"arm": {"type": "beam", "material": "rubber", "section": "strip", "length": np.float64(1.0)}},
+    "joints": {"pin": {"type": "revolute", "between": ["ground", "arm.root"]}},
+    "solve": {"duration": 0.1},
+    "output": {"interval": 0.02, "channels": ["arm.tip.x", "arm.angle", "energy.total"]},
+}
+QUICK = {"error_estimate": False, "diagnosis": False}
+
+
+def test_a_run_gives_arrays_by_name_and_prints_nothing(capfd):
+    run = hfsim.run(DECK, **QUICK)
+    assert run.t == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
+    assert run["arm.tip.x"][0] == 1.0
+    assert run.units == {"arm.tip.x": "m", "arm.angle": "rad", "energy.total": "J"}
+    assert run.final["arm.tip.x"] == run["arm.tip.x"][-1] < 1.0
+    assert run.extremes["arm.tip.x"] == [run["arm.tip.x"].min(), 1.0]
+    with pytest.raises(KeyError, match=r"did you mean 'arm\.tip\.x'"):
+        run["arm.tip.c"]
+    assert capfd.readouterr() == ("", "")
+
+
+def test_shapes_and_states_over_time():
+    run = hfsim.run(DECK, **QUICK)
+    arm = run.outlines["arm"]
+    assert arm.shape[::2] == (6, 2)
+    assert arm[:, -1, 0] == pytest.approx(run["arm.tip.x"], abs=1e-12)
+    (states,) = run.states
+    assert states.q.shape == states.v.shape == (6, run.statistics["unknowns"])
+    assert states.t.tolist() == run.t.tolist()
+
+
+def test_decks_by_name_file_data_and_from_another(tmp_path):
+    file = tmp_path / "case.yaml"
+    file.write_text(json.dumps({**DECK, "bodies": {"arm": {**DECK["bodies"]["arm"], "length": 2}}}))
+    for deck, length in ((DECK, 1.0), (file, 2.0), (str(file), 2.0), ("pendulum", 1.2)):
+        loaded = hfsim.load(deck)
+        assert isinstance(loaded, hfsim.Deck)
+        (body,) = loaded.deck.bodies.values()
+        assert body.length == length
+    changed = hfsim.load(hfsim.load(file, {"solve.tolerance": 1e-3}), {"bodies.arm.length": np.float64(3.0)})
+    assert (changed.deck.solve.tolerance, changed.deck.bodies["arm"].length) == (1e-3, 3.0)
+    assert hfsim.run(changed, **QUICK)["arm.tip.x"][0] == 3.0
+
+
+def test_bad_decks_tell_all_that_is_wrong():
+    with pytest.raises(hfsim.DeckError) as error:
+        hfsim.load(DECK, {"bodies.arm.lenght": 1.0, "solve.model": "exakt"})
+    assert len(error.value.problems) == 2
+    with pytest.raises(hfsim.HfsimError, match="there is no deck nix"):
+        hfsim.run("nix.yaml")
+
+
+def test_a_run_that_fails_is_an_exception_that_keeps_what_there_is():
+    changes = {"solve.max_steps": 1, "solve.step": 0.02}
+    with pytest.raises(hfsim.UnfinishedRunError, match="limit at t = 0") as error:
+        hfsim.run(DECK, changes, **QUICK)
+    assert len(error.value.run["arm.tip.x"]) == 2
+    assert error.value.exit_code == 5
+    assert hfsim.run(DECK, changes, check=False, **QUICK).status == "limit"
+
+
+def test_results_go_to_a_folder_as_from_the_command_line(tmp_path):
+    from click.testing import CliRunner
+
+    from hfsim.cli import app
+
+    run = hfsim.run("pendulum", {"solve.duration": 0.05}, output=tmp_path / "a", plots=False, **QUICK)
+    options = ["--set", "solve.duration=0.05", "--no-plots", "--no-error-estimate", "-q"]
+    CliRunner().invoke(app, ["run", "pendulum", "-o", str(tmp_path / "b"), *options])
+    assert (tmp_path / "a/history.csv").read_bytes() == (tmp_path / "b/history.csv").read_bytes()
+    summary = json.loads((tmp_path / "a/summary.json").read_text())
+    assert summary["final"] == run.final
+    assert summary["deck_sha256"] == json.loads((tmp_path / "b/summary.json").read_text())["deck_sha256"]
+    with pytest.raises(hfsim.HfsimError, match="finished run"):
+        hfsim.run("pendulum", output=tmp_path / "a", **QUICK)
+
+
+def test_a_stated_target_error_is_reached():
+    run = hfsim.run(DECK, {"solve.target_error": 0.05, "bodies.arm.elements": "auto"}, diagnosis=False)
+    assert run.statistics["refinement"]["status"] == "reached"
+
+
+def test_a_dataframe_where_pandas_is_there(monkeypatch):
+    made = types.SimpleNamespace(
+        DataFrame=lambda columns, index: (columns, index), Index=lambda t, name: (name, t)
+    )
+    monkeypatch.setitem(sys.modules, "pandas", made)
+    run = hfsim.run(DECK, **QUICK)
+    columns, index = run.to_dataframe()
+    assert list(columns) == list(run.units)
+    assert index[0] == "t"
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError):
+        run.to_dataframe()
+
+
+def test_check_tells_sizes():
+    assert hfsim.check(DECK)["bodies"] == {"beam": 1}
+
+
+def test_unknown_names_are_no_attributes():
+    with pytest.raises(AttributeError, match="hfsim"):
+        hfsim.nothing  # noqa: B018
