@@ -25,6 +25,9 @@ SMALL = 1e-3
 _TINY = 1e-12
 """Smallest scale of any channel, in its unit: nothing is divided by zero."""
 
+MOMENTS = {"N m": "N"}
+"""Units of which one is a length times the other: a force with an arm is a moment."""
+
 _NATURAL = {"rad": 1.0, "-": 1.0}
 """Units with a size of their own, whatever the scene."""
 
@@ -74,6 +77,22 @@ def unit_sizes(channels: Iterable[Channel], size: Callable[[Array], float]) -> d
     for channel in channels:
         largest[channel.unit] = max(largest.get(channel.unit, 0.0), size(channel.values))
     return largest
+
+
+def related(sizes: Mapping[str, float], length: float, pairs: Mapping[str, str]) -> dict[str, float]:
+    """Return sizes of units of which some are a length times others: none is small where the other is large.
+
+    Examples
+    --------
+    >>> related({"N": 100.0, "N m": 1e-6}, 0.5, MOMENTS)
+    {'N': 100.0, 'N m': 50.0}
+    """
+    found = dict(sizes)
+    for larger, smaller in pairs.items():
+        whole, part = sizes.get(larger, 0.0), sizes.get(smaller, 0.0)
+        found[larger] = max(whole, part * length)
+        found[smaller] = max(part, whole / length) if length > 0.0 else part
+    return found
 
 
 def _length(values: Array) -> float:
@@ -149,13 +168,14 @@ def channel_scales(
     tuple of ChannelScale
         The size of a unit is the largest magnitude in any channel with it; for lengths, the largest
         range of any channel (or a thousandth of its magnitude: what does not change but for round-off)
-        or extent of the bodies, as where the origin lies must not matter; for angles, beside bodies, at
-        least one radian.
+        or extent of the bodies, as where the origin lies must not matter; for moments, at least that of
+        forces times lengths, and the other way round; for angles, beside bodies, at least one radian.
     """
     moving = [c for c in channels if is_judged(c.name, conserved=False)]
     sizes = {**unit_sizes(moving, magnitude), "m": unit_sizes(moving, _length).get("m", 0.0)}
     extents = (float(np.ptp(points[0], axis=0).max()) for points in (outlines or {}).values() if points.size)
     sizes["m"] = max([sizes["m"], *extents])
+    sizes = related(sizes, sizes["m"], MOMENTS)
     natural = {} if outlines is None else _NATURAL
 
     def scale_of(channel: Channel) -> ChannelScale:

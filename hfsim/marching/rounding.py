@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hfsim.marching.distance import magnitude, unit_sizes
+from hfsim.marching.distance import MOMENTS, magnitude, related, unit_sizes
 from hfsim.marching.solution import Channel
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import is_judged
@@ -36,11 +36,7 @@ def sizes_of(channels: Sequence[Channel], outlines: Mapping[str, Array] | None =
     shapes = [points for points in (outlines or {}).values() if points.size]
     length = max([found.get("m", 0.0), *(float(np.ptp(points, axis=(0, 1)).max()) for points in shapes)])
     sizes = {**found, "m": length, "rad": max(found.get("rad", 0.0), 1.0), "-": max(found.get("-", 0.0), 1.0)}
-    for by_length, of in (("N m", "N"), ("m/s", "rad/s")):
-        larger, smaller = found.get(by_length, 0.0), found.get(of, 0.0)
-        sizes[by_length] = max(larger, smaller * length)
-        sizes[of] = max(smaller, larger / length) if length > 0.0 else smaller
-    return sizes
+    return related(sizes, length, {**MOMENTS, "m/s": "rad/s"})
 
 
 def levelled(

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hfsim.marching.distance import group_of
-from hfsim.output.text import Column, as_table, brief, table
+from hfsim.output.text import Column, as_table, brief, table, wrapped
 from hfsim.parts.channels import kind_of
 from hfsim.studies.bench import Bench, Cell, Point, mesh_words, observed_order, pareto, recommend, tidy
 from hfsim.studies.bench.points import ChannelError
@@ -70,7 +70,8 @@ def as_text(result: Bench, folder: Path) -> str:
     blocks = [f"{result.name}: error against CPU time over {result.duration:.6g} s, {result.used:.3g} s used"]
     blocks += [_cell_text(cell, result.points_of(cell)) for cell in result.cells]
     blocks += [_mesh_tables(result)] if any(c.mesh_error is not None for c in result.cells) else []
-    return "\n\n".join([*blocks, "\n".join([f"  results: {folder}/", *result.recommendations])])
+    advice = (wrapped(one, "", "  ") for one in result.recommendations)
+    return "\n\n".join([*blocks, "\n".join([f"  results: {folder}/", *advice])])
 
 
 def _cell_text(cell: Cell, points: Sequence[Point]) -> str:
@@ -93,18 +94,18 @@ def _spread(point: Point) -> str:
 _COST = (
     Column("at"),
     Column("CPU [s]", "cpu", ".3g"),
-    Column("spread", _spread),
+    Column("spread", _spread, spare=2),
     Column("error", lambda point: _error(point)),
 )
 _WITH_MESH = Column("with mesh", "total_error", brief)
 _DETAILS = (
-    Column("rms", lambda point: None if point.below_floor else point.rms_error, brief),
+    Column("rms", lambda point: None if point.below_floor else point.rms_error, brief, 3),
     Column("worst channel", lambda point: point.worst_channel or point.status),
-    Column("drift", "energy_drift", brief),
+    Column("drift", "energy_drift", brief, 1),
     Column("steps"),
-    Column("rejected"),
-    Column("Newton", "newton_iterations"),
-    Column("evaluations"),
+    Column("rejected", spare=5),
+    Column("Newton", "newton_iterations", spare=4),
+    Column("evaluations", spare=6),
 )
 
 
@@ -132,7 +133,7 @@ def _error(point: Point) -> str:
 def _remarks(points: Sequence[Point]) -> list[str]:
     """Return lines on what failed, was cut off or was never run."""
     ended = [p for p in points if p.status in ("failed", "limit", "over budget")]
-    lines = [f"  {p.method}, {p.level}: {p.status}: {p.reason}" for p in ended]
+    lines = [wrapped(f"{p.method}, {p.level}: {p.status}: {p.reason}") for p in ended]
     for method in dict.fromkeys(p.method for p in points):
         left = [p for p in points if p.method == method and p.status == "skipped"]
         if left:

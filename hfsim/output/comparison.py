@@ -73,7 +73,8 @@ def _cost_table(comparison: Comparison) -> str:
         return f"{percent(model.worst.beyond)} {model.worst.channel}"
 
     def time_of(phase: str) -> Column:
-        return Column(phase.replace("_", " "), lambda model: model.cpu_s.get(phase, 0.0), _seconds)
+        spare = 1 + _PHASES.index(phase)
+        return Column(phase.replace("_", " "), lambda model: model.cpu_s.get(phase, 0.0), _seconds, spare)
 
     columns = (
         Column("model"),
@@ -119,7 +120,7 @@ def _difference_table(comparison: Comparison) -> str:
 
 
 def _mark(scale: ChannelScale) -> str:
-    return (" *" if scale.small else "") if scale.judged else " (not judged)"
+    return (" *" if scale.small else "") if scale.judged else " -"
 
 
 def _difference(model: ModelResult, scale: ChannelScale) -> str:
@@ -135,6 +136,8 @@ def _remarks(comparison: Comparison) -> str:
     small = dict.fromkeys(f"{s.scale:.2g} {s.unit}" for s in comparison.scales if s.small and s.judged)
     why = f"relative to {', '.join(small)} instead (1/1000 of the scene's scale)"
     lines = [f"  * range too small to judge by: {why}"] if small else []
+    if any(not scale.judged for scale in comparison.scales):
+        lines.append("  - not judged")
     if any(found.equal for model in comparison.models for found in model.differences):
         lines.append("  = equal within the errors in time of both")
     lines += _blind_spots(comparison)

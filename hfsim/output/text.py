@@ -24,6 +24,8 @@ class Column(NamedTuple):
     form : str or callable
         How text shows a value: a format such as ``.3g``, or a function from the value to text. None is
         a dash unless a function says otherwise. Files take no notice of it.
+    spare : int
+        Text leaves it out where lines would not fit, the highest first; 0 for what always stays.
 
     Examples
     --------
@@ -36,6 +38,7 @@ class Column(NamedTuple):
     name: str
     of: str | Callable[[Any], object] = ""
     form: str | Callable[[Any], str] = ""
+    spare: int = 0
 
     def value(self, row: Any) -> object:
         """Return what a row has in this column."""
@@ -54,9 +57,15 @@ class Column(NamedTuple):
 
 
 def table(columns: Sequence[Column], rows: Iterable[Any], indent: str = "  ") -> str:
-    """Return rows of any kind as lines with aligned columns; see `as_table`."""
-    cells = [[column.text(row) for column in columns] for row in rows]
-    return as_table([[column.name for column in columns], *cells], indent)
+    """Return rows of any kind as lines with aligned columns, of those that fit; see `as_table`."""
+    every = list(rows)
+    cells = {column: [column.name, *(column.text(row) for row in every)] for column in columns}
+    widths = {column: 2 + max(map(len, texts)) for column, texts in cells.items()}
+    for column in sorted((one for one in columns if one.spare), key=lambda one: -one.spare):
+        if len(indent) - 2 + sum(widths[one] for one in cells) <= WIDTH:
+            break
+        del cells[column]
+    return as_table(list(zip(*cells.values(), strict=True)), indent)
 
 
 def plural(count: int, word: str) -> str:

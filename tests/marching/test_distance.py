@@ -31,6 +31,15 @@ def test_a_tiny_range_is_judged_by_the_largest_of_its_unit(others):
     assert found.small and found.scale == pytest.approx(2e-3)
 
 
+@pytest.mark.parametrize(("unit", "other"), [("N m", "N"), ("N", "N m")])
+def test_a_moment_that_is_noise_is_judged_by_forces_and_their_arms_and_back(unit, other):
+    """A joint of a plane of symmetry has no moment across it: what is there is no result."""
+    noise, large, place = channel("j.moment_x", unit, 1e-9), channel("j.moment_y", other, 40.0), channel("x")
+    arm = 2.0 if unit == "N m" else 0.5
+    assert scale_of(noise, large, place).scale == pytest.approx(1e-3 * 40.0 * arm)
+    assert scale_of(large, noise, place).scale == pytest.approx(80.0)
+
+
 def test_angles_are_judged_by_a_radian_at_least():
     assert scale_of(channel("b1.angle", "rad", 1e-6)).scale == pytest.approx(1e-3)
 

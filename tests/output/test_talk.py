@@ -9,7 +9,7 @@ import pytest
 from hfsim.output.progress import Progress
 from hfsim.output.runfolder import RunLog
 from hfsim.output.talk import Talk
-from hfsim.output.text import printable
+from hfsim.output.text import Column, printable, table
 
 RED = "\x1b[31m"
 
@@ -24,6 +24,15 @@ def test_what_moves_the_cursor_is_shown_by_its_number(char):
 
 def test_what_can_be_read_stays():
     assert printable("Träger 30 °, 😀\n") == "Träger 30 °, 😀\n"
+
+
+def test_a_table_leaves_out_what_can_be_spared_where_lines_would_not_fit():
+    names = ("method", "error", "rms", "evaluations", "channel")
+    columns = [Column(name, spare=spare) for name, spare in zip(names, (0, 0, 1, 2, 0), strict=True)]
+    for length, left in ((9, names), (60, names[:3] + names[4:]), (70, ("method", "error", "channel"))):
+        row = {**dict.fromkeys(names, "x" * 12), "channel": "c" * length}
+        head, line = table(columns, [row]).split("\n")
+        assert head.split() == list(left) and len(line) <= 110
 
 
 def test_progress_and_log_show_names_likewise(tmp_path):
