@@ -189,7 +189,7 @@ _FEWEST_ROWS = 2
 
 def table_of(argument: str, value: str) -> ReadBy:
     """Return what reads a table of numbers of two dimensions, by increasing first ones."""
-    return ReadBy(partial(_read_table, (argument, value)))
+    return ReadBy(partial(_read_table, (argument, value)), type="array")
 
 
 def _read_inertia(value: object) -> object:

@@ -112,16 +112,16 @@ class TableSpec(LawSpec):
     interpolation: Literal["cubic", "linear"] = "cubic"
     """Between the points; linear for loads only."""
 
-    table: Annotated[str, ReadBy(read_text)] | None = None
+    table: Annotated[str, ReadBy(read_text, type="string")] | None = None
     """CSV file in the deck's folder, with a header, that has the points instead."""
 
-    column: Annotated[str, ReadBy(read_text)] | None = None
+    column: Annotated[str, ReadBy(read_text, type="string")] | None = None
     """Column of its values; the second one without it."""
 
-    time_column: Annotated[str, ReadBy(read_text)] | None = None
+    time_column: Annotated[str, ReadBy(read_text, type="string")] | None = None
     """Column of its times [s]; the first one without it."""
 
-    unit: Annotated[str, ReadBy(read_text)] | None = None
+    unit: Annotated[str, ReadBy(read_text, type="string")] | None = None
     """Unit of values that have none of their own; SI without it."""
 
     start: NonNegativeTime | None = None
@@ -266,7 +266,7 @@ class ExpressionSpec(LawSpec):
     type: Literal["expression"] = "expression"
     """Kind of law."""
 
-    expression: Annotated[str, ReadBy(read_text)]
+    expression: Annotated[str, ReadBy(read_text, type="string")]
     """The expression; its value is in SI of what the law drives."""
 
     start: NonNegativeTime | None = None

@@ -90,6 +90,11 @@ def test_elements_may_be_left_to_the_run(value):
     assert not list(wrong(value, beam()["elements"]))
 
 
+def open_keys(schema):
+    """The schema of entries under any name, empty where they may be anything or are not."""
+    return schema["additionalProperties"] if isinstance(schema.get("additionalProperties"), dict) else {}
+
+
 def keys(schema=SCHEMA, path="deck"):
     """Yield every key of decks with its schema."""
     for number, one in enumerate(schema.get("anyOf", ())):
@@ -97,7 +102,7 @@ def keys(schema=SCHEMA, path="deck"):
     for key, one in schema.get("properties", {}).items():
         yield f"{path}.{key}", one
         yield from keys(one, f"{path}.{key}")
-        yield from keys(one.get("additionalProperties") or {}, f"{path}.{key}")
+        yield from keys(open_keys(one), f"{path}.{key}")
 
 
 def test_every_key_tells_what_it_is_and_what_it_may_be():
