@@ -43,6 +43,8 @@ def solved(**options):
 
 
 MORE = ("elements: 2", "elements: 8")
+CONTINUUM = ("elements: 2", "elements: 2, element: continuum")
+MANY = ("elements: 2", "elements: 8, element: continuum")
 DAMPED = ("poisson_ratio: 0.3", "poisson_ratio: 0.3, bending_damping: 1.0e-6")
 
 
@@ -93,7 +95,13 @@ def test_carried_increments_of_a_turned_scene_are_the_same(rng):
     assert there[2][:, 3:] == pytest.approx(here[2][:, 3:], abs=1e-12)
 
 
-@pytest.mark.parametrize("changes", [[], [MORE]], ids=["dense", "sparse"])
+@pytest.fixture(params=[[], [CONTINUUM]], ids=["cosserat", "continuum"])
+def either(request):
+    """A scene with a beam of either element that has strains."""
+    return scene_of(*request.param)
+
+
+@pytest.mark.parametrize("changes", [[], [MORE], [CONTINUUM], [MANY]])
 def test_strains_and_their_slopes(changes, rng):
     scene = scene_of(*changes)
     strains, q = Strains.of(scene.system), bent(scene, rng)
@@ -106,8 +114,8 @@ def test_strains_and_their_slopes(changes, rng):
     assert energy == pytest.approx(scene.system.strain_energy(x)[0])
 
 
-def test_forces_of_the_strains_that_are_seen_are_the_forces(rng):
-    scene = scene_of()
+def test_forces_of_the_strains_that_are_seen_are_the_forces(either, rng):
+    scene = either
     system, strains, t = scene.system, Strains.of(scene.system), np.zeros(3)
     q = np.array([bent(scene, rng) for _ in range(3)])
     x = system.absolute(q)
@@ -115,9 +123,9 @@ def test_forces_of_the_strains_that_are_seen_are_the_forces(rng):
     assert same == pytest.approx(system.force(t, x, x), rel=1e-12, abs=1e-6)
 
 
-def test_derivatives_with_expected_strains(rng):
+def test_derivatives_with_expected_strains(either, rng):
     """The stress is that of the expected strains; it changes as the strains of the coordinates do."""
-    scene = scene_of()
+    scene = either
     system, strains, q = scene.system, Strains.of(scene.system), bent(scene, rng)
     given, eps = strains.seen(q[None]) + 0.01 * rng.normal(size=strains.count), 1e-6
     dq = rng.normal(size=system.n)
@@ -136,8 +144,16 @@ def test_derivatives_with_expected_strains(rng):
 
 @pytest.mark.parametrize(
     ("changes", "method"),
-    [([], "auto"), ([MORE], "auto"), ([DAMPED], "auto"), ([], "gauss")],
-    ids=["dense", "sparse", "damped", "gauss"],
+    [
+        ([], "auto"),
+        ([MORE], "auto"),
+        ([DAMPED], "auto"),
+        ([], "gauss"),
+        ([CONTINUUM], "auto"),
+        ([MANY], "auto"),
+        ([CONTINUUM, DAMPED], "auto"),
+    ],
+    ids=["dense", "sparse", "damped", "gauss", "continuum", "more continuum", "damped continuum"],
 )
 def test_steps_of_a_stiff_arm_that_is_spun_up(changes, method):
     """Steps follow the motion, not the stiffness: without strains as variables there are hundreds."""

@@ -13,7 +13,8 @@ from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELEMENTS, Continuum, ElasticLaw, Measures
-from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce
+from hfsim.parts.elements._base import GramLaw
+from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce, StrainForce
 
 if TYPE_CHECKING:
     from hfsim.parts.bodies.section_mesh import SectionMesh
@@ -171,6 +172,10 @@ class Blueprint(NamedTuple):
     def elastic_force(self, n: int) -> ElasticForce:
         """Return the elastic force on its nodal vectors in the form asked for."""
         law, vectors = self.mesh.elastic_law(self.form, self.measures)
+        if self.n_dim == 3 and self.mesh.element.per_node > 2 and isinstance(law, GramLaw):
+            from hfsim.parts.elements.gram_strains import GramStrainLaw
+
+            return StrainForce(self.connectivity(n, vectors), GramStrainLaw.of(law), item=self.item)
         return ElasticForce(self.connectivity(n, vectors), law, item=self.item)
 
     def kelvin_voigt(self, n: int) -> KelvinVoigtForce:

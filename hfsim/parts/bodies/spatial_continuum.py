@@ -10,6 +10,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import cross, rotation
 from hfsim.mechanics.body import Place
+from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.gradient_markers import SECTIONAL, TANGENTIAL, GradientMarker
 from hfsim.mechanics.pose import Pose, Twist
@@ -59,6 +60,15 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         return Deformation(
             axis.places, axis.weights, slope[..., 0], slope[..., 1:], bent[..., 1:], across, spin
         )
+
+    def carried(self) -> Carried | None:
+        """Return the vectors of each node with its section vectors, in the frame of the root none."""
+        if self.framed:
+            return None
+        columns = np.arange(self.columns.start, self.columns.stop).reshape(-1, 3)
+        first = np.arange(0, len(columns), self.mesh.element.stride)
+        vectors = columns[first[:, None] + np.arange(4)]
+        return Carried(vectors, vectors[:, 2:])
 
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the beam whose line moves and whose sections turn as seen.

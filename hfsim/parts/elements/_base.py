@@ -223,11 +223,11 @@ class GramLaw(RowLaw):
         """The form itself; elements differ in linear term and scale only."""
         return self.dimension, self.quadratic.tobytes(), self.reference.tobytes()
 
-    def joined(self, other: GramLaw) -> GramLaw:
+    def joined(self, other: GramLaw) -> Self:
         """Return the law of this one's elements followed by the other's."""
         return self.in_turn(other, 1)
 
-    def in_turn(self, other: GramLaw, points: int) -> GramLaw:
+    def in_turn(self, other: GramLaw, points: int) -> Self:
         """Return the law of elements of so many points each and of others, point by point."""
         pairs = (self.linear, other.linear), (self.scale, other.scale)
         linear, scale = (in_turn(*pair, points) for pair in pairs)
