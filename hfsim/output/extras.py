@@ -13,6 +13,7 @@ from hfsim.errors import interruption_code
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget
 from hfsim.output.runfolder import Stopwatch, folder_name
+from hfsim.output.text import plural
 from hfsim.output.writers import warnings_of
 from hfsim.trust.after import AFTER
 
@@ -79,7 +80,7 @@ def _pictures(run: Run, after: float | None, folder: Path) -> Made:
     budget = None if after is None else Budget(after - _spent_after(run), time.process_time)
     names = put_pictures(partial(_draw, run, budget), folder)
     if budget is not None and budget.left <= 0.0:
-        return names, f"{len(names)} pictures until time was up; allow more with --after"
+        return names, f"{plural(len(names), 'picture')} drawn until time was up; allow more with --after"
     return names, ""
 
 

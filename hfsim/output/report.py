@@ -180,6 +180,8 @@ def _models(summary: Mapping[str, Any]) -> dict[str, str]:
         f"{body} " + ", ".join(f"{model} {share:.0%}" for model, share in shares.items())
         for body, shares in auto["shares"].items()
     ]
+    if auto.get("not_rigid"):
+        spent.append(f"not rigid: {auto['not_rigid']}")
     rows = {"share of time": "; ".join(spent)}
     for n, one in enumerate(auto["switches"], 1):
         rows[f"change {n}"] = (

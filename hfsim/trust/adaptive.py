@@ -90,12 +90,15 @@ class Course:
         Of parts that were gone back over.
     errors : dict of str to float
         Largest estimate that was kept, by body, relative to the range of its tip.
+    not_rigid : str
+        Why the run could not begin with rigid beams, where it could not.
     """
 
     legs: list[Leg] = field(default_factory=list)
     switches: list[Switch] = field(default_factory=list)
     discarded_steps: int = 0
     errors: dict[str, float] = field(default_factory=dict)
+    not_rigid: str = ""
 
     def shares(self) -> dict[str, dict[str, float]]:
         """Return the share of the time simulated that each beam spent in each model."""
@@ -115,6 +118,7 @@ class Course:
             "switches": [switch._asdict() for switch in self.switches],
             "discarded_steps": self.discarded_steps,
             "estimated_errors": self.errors,
+            "not_rigid": self.not_rigid,
         }
 
 
@@ -191,7 +195,8 @@ class _Adaptive:
         """Assemble the scene with rigid beams, or, where these cannot move, with flexible ones."""
         try:
             return build(self.loaded, self.model, self.chosen)
-        except DeckError:
+        except DeckError as refusal:
+            self.course.not_rigid = refusal.problems[0].message
             self.chosen = dict.fromkeys(self.chosen, LADDER[-1])
             return build(self.loaded, self.model, self.chosen)
 

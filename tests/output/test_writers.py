@@ -272,6 +272,6 @@ def test_pictures_get_what_the_work_before_has_left_of_the_time(tmp_path, second
     recording.begin([channel.name for channel in run.channels])
     recording.rows(run.table)
     finished, summary = recording.finish(run, Extras(pictures=True, after=seconds))
-    told = [one for one in finished.statistics.get("warnings", ()) if "pictures until time was up" in one]
+    told = [one for one in finished.statistics.get("warnings", ()) if "drawn until time was up" in one]
     assert bool(told) != some
     assert any(name.endswith(".png") for name in summary["files"]) == some

@@ -167,3 +167,14 @@ def test_the_command_line_tells_shares_and_changes(tmp_path):
     assert "share of time" in done.stdout and "b1 from rigid to " in done.stdout
     summary = json.loads((out / "summary.json").read_text())
     assert summary["auto"]["switches"][-1]["next_model"] == summary["models"]["b1"]
+
+
+def test_where_rigid_beams_have_not_what_is_asked_for_it_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    settings = ("solve.model=auto", "solve.duration=0.02", "output.channels=[b1.tip.x, b1.root.axial_force]")
+    options = [word for one in settings for word in ("--set", one)]
+    done = CliRunner().invoke(app, ["run", "pendulum", "--no-plots", *options])
+    assert done.exit_code == 0, done.output
+    assert "not rigid: b1.root.axial_force: without strains" in " ".join(done.stdout.split())
+    facts = json.loads(next(tmp_path.glob("*.out/summary.json")).read_text())
+    assert facts["auto"]["shares"] == {"b1": {"exact": 1.0}}
