@@ -27,6 +27,8 @@ class Deformation(NamedTuple):
     sections : ndarray, shape (n_batch, n_points, n_dim + n_spin), or None
         Displacements of the line [m] and small turns of sections [rad] in the body frame, where a beam has
         sections and these are all that is known of it.
+    twist : ndarray, shape (n_batch, n_points), or None
+        By how much sections turn about the line [rad], where they can.
     """
 
     places: Array
@@ -37,6 +39,7 @@ class Deformation(NamedTuple):
     tip: Array
     spin: Array
     sections: Array | None = None
+    twist: Array | None = None
 
     @property
     def steepness(self) -> Array:

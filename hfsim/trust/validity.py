@@ -6,7 +6,9 @@ deformation that the model itself computes these terms follow, and from them an 
 the beam's tip, relative to the largest range of a coordinate of the tip over the run:
 
     linear     (s + |N v'^2| / |EI v''^2| |v|) / range      s = 1/2 int v'^2, N = EA u1'
-    lowOrder   `CURVATURE` max v'^2 |v| / range             v deflection of the tip in the body frame
+    lowOrder   (`CURVATURE` max v'^2 + `TWIST` phi (phi + 1 - EI_2 / EI_1)) |v| / range
+                                                            v deflection of the tip in the body frame,
+                                                            phi largest twist, EI_2 about the softer axis
     rigid      2 (|v| (1 + pi/2 n) + |u| (1 + 2 theta)) / range     after n half periods and theta turned
 
 u and v of a rigid beam are those of the same forces at rest (`hfsim.trust.quasistatic`).
@@ -34,6 +36,8 @@ LEFT = 5e-3
 """Estimated relative error at which a model has left its range; see tests/benchmarks/validity.py."""
 CURVATURE = 1.9
 """Relative error of a deflection by `lowOrder` over the largest slope squared, measured on a cantilever."""
+TWIST = 1.0 / 3.0
+"""Relative error of a deflection by `lowOrder` over the twist, measured on cantilevers twisted at the tip."""
 RINGING = 2.0
 """Largest deformation under a load that sets in suddenly over that of the same load at rest."""
 STEEP = 0.3
@@ -61,12 +65,15 @@ class Beam(NamedTuple):
     ----------
     axial, bending : float
         EA [N] and EI [N m^2].
+    uneven : float
+        How much softer it bends about one axis than about the other, 0 to 1 [-]; 0 in the plane.
     frequency : float
         First bending frequency with its ends as the joints hold them [rad/s].
     """
 
     axial: float
     bending: float
+    uneven: float
     frequency: float
 
 
@@ -160,7 +167,8 @@ def _beam(scene: Scene, name: str) -> Beam:
     bending = beam.bending_stiffness[1] if scene.deck.dimension == 2 else min(beam.bending_stiffness)
     wave_number = _WAVE_NUMBERS[_ends(scene, name)] / _length(scene, name)
     frequency = wave_number**2 * np.sqrt(bending / beam.mass_per_length)
-    return Beam(beam.axial_stiffness, bending, float(frequency))
+    uneven = 0.0 if scene.deck.dimension == 2 else 1.0 - bending / max(beam.bending_stiffness)
+    return Beam(beam.axial_stiffness, bending, uneven, float(frequency))
 
 
 def tip_range(scene: Scene, name: str, x: Array) -> float:
@@ -259,6 +267,14 @@ def _third_order(beam: Beam, seen: Deformation, t: Array) -> Array:
     return np.asarray(CURVATURE * seen.steepness.max(axis=1) ** 2 * size(seen.tip))
 
 
+def _turned(beam: Beam, seen: Deformation, t: Array) -> Array:
+    """Return by how much the deflection turns with sections that twist: with unequal axes at first order."""
+    if seen.twist is None:
+        return np.zeros(len(t))
+    phi = np.abs(seen.twist).max(axis=1)
+    return np.asarray(TWIST * phi * (phi + beam.uneven) * size(seen.tip))
+
+
 TERMS = {
     "foreshortening": Term(
         "the foreshortening it leaves out is no longer small", lambda beam, seen, t: seen.shortening
@@ -268,6 +284,7 @@ TERMS = {
     ),
     "bending": Term("the bending it leaves out is no longer small", _bending),
     "stretch": Term("the stretch it leaves out is no longer small", _stretch),
+    "twist": Term("the bending that turns with the twist, which it leaves out, is no longer small", _turned),
     "curvature": Term(
         "the terms of third order in the deflection that it leaves out are no longer small", _third_order
     ),

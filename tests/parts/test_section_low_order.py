@@ -11,6 +11,7 @@ from equilibrium import cantilever, displacement, equilibrium
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
+from hfsim.trust.validity import tip_error
 
 CURVES = {"straight": "length: 1.2", "arc": "axis: {arc: {radius: 1.0, angle: 1.2}}, twist: 0.5"}
 ROTOR = """
@@ -151,6 +152,20 @@ def test_internal_forces_balance_the_load_where_it_is():
     assert across > 0.02
     assert found[:2] == pytest.approx([pull, push], rel=1e-3)
     assert found[5] == pytest.approx(push * (1.0 + along) - pull * across, rel=2e-3)
+
+
+@pytest.mark.parametrize("width", [0.1, 0.2])
+@pytest.mark.parametrize("load", [((0.0, 20.0, 20.0), (1.6e4, 0.0, 0.0)), ((0.0, 2e4, 2e4), (0.0, 0.0, 0.0))])
+def test_its_estimate_of_what_it_leaves_out_is_that_to_exact(width, load):
+    """Of twisted and of bent cantilevers, with equal and unequal stiffness about both axes."""
+    section = f"{{shape: rectangle, width: {width}, height: 0.1}}"
+    material = "youngs_modulus: 7.0e+9, poisson_ratio: 0.3"
+    scene, exact = (cantilever(section, 1.0, *load, material=material, more=f"model: {one}") for one in ("lowOrder", "exact"))
+    x = equilibrium(scene)
+    missed = np.linalg.norm(displacement(scene, x) - displacement(exact, equilibrium(exact)))
+    seen = scene.bodies["b"].deformation(x, np.zeros_like(x))
+    told = sum(tip_error(scene, "b", "lowOrder", seen, np.ones(1)).values())[0]
+    assert 0.5 < told / missed < 5.0
 
 
 @pytest.mark.parametrize("gamma", [1, 3, 5])

@@ -140,7 +140,9 @@ class CosseratBeam(VectorBody):
         slope, bent = ((change[..., None, :] @ axes[:-1])[..., 0, :] for change in changes)
         tip = ((own[:, -self.n_dim] - own[:, 0])[:, None] @ frame)[:, 0] - self.undeformed[-self.n_dim]
         across, spin = (tip @ axes[-1])[:, 1:], root.spin(x, u)
-        return Deformation(at, weights, slope[..., 0], slope[..., 1:], bent[..., 1:], across, spin)
+        twist = _twist(self.mesh, own, frame[:, None] @ axes[:-1]) if self.n_dim == 3 else None
+        found = Deformation(at, weights, slope[..., 0], slope[..., 1:], bent[..., 1:], across, spin)
+        return found._replace(twist=twist)
 
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the beam whose line moves and whose sections turn as seen."""
@@ -197,6 +199,13 @@ def _line(mesh: SectionMesh, vectors: Array) -> tuple[Array, Array]:
     own, rows = mesh.point_vectors
     slope, *sections = np.moveaxis(rows @ vectors[:, own], 2, 0)
     return slope, _turning(np.array(sections))
+
+
+def _twist(mesh: SectionMesh, vectors: Array, axes: Array) -> Array:
+    """Return by how much sections at Gauss points turn about the first of axes (n_batch, n_points, 3, 3)."""
+    own, rows = mesh.point_vectors
+    y, z = np.moveaxis(rows[:, 1:3] @ vectors[:, own], 2, 0)
+    return np.asarray(0.5 * np.sum(y * axes[..., 2] - z * axes[..., 1], axis=-1))
 
 
 def _marker(columns: slice, position: Array, section: Array, axes: Array) -> LinearMarker:

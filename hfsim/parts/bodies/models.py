@@ -123,7 +123,7 @@ MODELS: dict[str, Model] = {
         "planar_low_order_body:LowOrderBody",
         frame=True,
         strain="low_order",
-        leaves_out=("curvature",),
+        leaves_out=("curvature", "twist"),
         lacks=(("rotary_inertia", True, "rotary inertia", "false"),),
         spatial="spatial_low_order_body:SpatialLowOrderBody",
         sections="section_low_order:LowOrderSectionBeam",
