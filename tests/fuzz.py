@@ -79,14 +79,15 @@ WORDS = """
     type between length mass inertia points law angle position axis at force stiffness elements
     degree element strain curvature model method step order stages coordinates tolerance duration
     interval channels gravity bodies joints springs loads initial ground times values amplitude
-    frequency rate start end damping friction stops lower upper torque velocity << on 1 b1 root tip t energy
+    frequency rate start end damping friction stops lower upper torque velocity on shape table
+    preload limit << on 1 b1 root tip t energy
     parameters expression delay
 """.split()  # noqa: SIM905
 CHOICES = """
-    beam rigid revolute fixed prismatic driver rotational two_point force moment continuum linear
-    lowOrder exact ancf auto gauss radau energy gear generalized_alpha explicit frame absolute
-    engineering green none circle tube rectangle constant table sine smooth_step spin_up
-    constant_rate gram separated direct
+    beam rigid revolute fixed prismatic driver rotational two_point force moment distributed motor
+    servo continuum linear lowOrder exact ancf auto gauss radau energy gear generalized_alpha
+    explicit frame absolute engineering green none circle tube rectangle constant table sine
+    smooth_step spin_up constant_rate gram separated direct
 """.split()  # noqa: SIM905
 TOKENS = (
     b"\xef\xbb\xbf", b"\x00", b"\xff", b"\x1b[2J", b"\t", b"\r\n", b"\r", b"---\n", b"...\n", b"&a ", b"*a ",

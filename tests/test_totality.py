@@ -90,6 +90,7 @@ EXAMPLES = {
     "load": {
         "force": AT_TIP | {"force": [0.1, 0.2]},
         "moment": AT_TIP | {"moment": 0.1},
+        "distributed": {"on": "arm", "force": [0.1, 0.2], "shape": [[0.1, 1], [0.2, 2]], "follower": True},
     },
     "law": {
         "constant": {"value": 0.5},

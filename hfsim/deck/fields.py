@@ -144,6 +144,7 @@ LengthVector = Annotated[tuple[Length, ...], _vector]
 VelocityVector = Annotated[tuple[Velocity, ...], _vector]
 AccelerationVector = Annotated[tuple[Acceleration, ...], _vector]
 ForceVector = Annotated[tuple[Force, ...], _vector]
+ForcePerLengthVector = Annotated[tuple[Annotated[float, measures("force_per_length")], ...], _vector]
 
 _triple = BeforeValidator(partial(entries, counts=(3,), what="numbers"))
 

@@ -53,6 +53,7 @@ UNITS: dict[str, dict[str, str]] = {
     "angular_velocity": {"rpm": _RPM, "rev/min": _RPM, **_per(_ANGLES, "s")},
     "frequency": {"Hz": "1", "kHz": "1e3", "1/s": "1"},
     "stiffness": {**_per(_FORCES, "m"), "N/mm": "1e3", "kN/mm": "1e6"},
+    "force_per_length": {**_per(_FORCES, "m"), "N/mm": "1e3", "kN/mm": "1e6"},
     "damping": _per({"N*s": "1", "kN*s": "1e3"}, "m"),
     "rotational_stiffness": {
         **_per(_MOMENTS, "rad"),
@@ -85,6 +86,7 @@ SI_UNITS: dict[str, str] = {
     "angular_velocity": "rad/s",
     "frequency": "Hz",
     "stiffness": "N/m",
+    "force_per_length": "N/m",
     "damping": "N s/m",
     "rotational_stiffness": "N m/rad",
     "rotational_damping": "N m s/rad",
@@ -114,6 +116,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "angular_velocity": (0.0, 1e12),
     "frequency": (1e-15, 1e15),
     "stiffness": (0.0, 1e24),
+    "force_per_length": (0.0, 1e24),
     "damping": (0.0, 1e24),
     "rotational_stiffness": (0.0, 1e24),
     "rotational_damping": (0.0, 1e24),

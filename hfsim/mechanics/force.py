@@ -88,6 +88,11 @@ class ForcePart:
         return ()
 
     @property
+    def pieces(self) -> tuple[ForcePart, ...]:
+        """The forces on points that it consists of: itself, in the base."""
+        return (self,)
+
+    @property
     def counter(self) -> TurnCount | None:
         """What counts the turns of its `angle`, where the coordinates give that modulo a turn only."""
         return None

@@ -3,10 +3,11 @@
 Checks and rules ask these facts; they know no kind of body, joint, spring or load by name.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from hfsim.deck.spec import Spec
+from hfsim.deck.fields import split_point
+from hfsim.deck.spec import Complaint, Spec
 from hfsim.maths.arrays import Array
 
 if TYPE_CHECKING:
@@ -127,12 +128,26 @@ class LoadSpec(Spec):
     """Base of loads."""
 
     if TYPE_CHECKING:
+        at: str
         law: LawSpec | None
 
         follower: bool
 
     carries: ClassVar[bool] = False
     """Whether it is a force, not a moment."""
+
+    @property
+    def owner(self) -> str:
+        """The body it acts on."""
+        return split_point(self.at)[0]
+
+    def beyond(self, length: float) -> Iterable[Complaint]:
+        """Yield what in it is not on a beam of a length."""
+        return ()
+
+    def build_on(self, marker: "Callable[[str], Marker]", body: "Body", spec: Any) -> "ForcePart":
+        """Return the force on a body with its entry; a function gives the markers of points."""
+        return self.build(marker(self.at))
 
     def build(self, marker: "Marker") -> "ForcePart":
         """Return the force on a marker."""

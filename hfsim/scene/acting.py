@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.body import Body
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import tie_on
@@ -16,13 +17,19 @@ from hfsim.scene.schema import Deck
 
 
 def acting(
-    deck: Deck, marker: Callable[[str], Marker], left_out: LeftOut, x: Array, angles: Mapping[str, float]
+    deck: Deck,
+    bodies: Mapping[str, Body],
+    marker: Callable[[str], Marker],
+    left_out: LeftOut,
+    x: Array,
+    angles: Mapping[str, float],
 ) -> list[ForcePart]:
     """Return the forces that a deck states, but for those that the rules leave out.
 
     Parameters
     ----------
     deck : Deck
+    bodies : mapping of str to Body
     marker : callable
         From the name of a point to what holds it.
     left_out : LeftOut
@@ -33,7 +40,7 @@ def acting(
     """
     gone = {*left_out["springs"], *left_out["loads"]}
     found = []
-    for item, ends, part in (*_ties(deck, marker, x), *_loads(deck, marker)):
+    for item, ends, part in (*_ties(deck, marker, x), *_loads(deck, bodies, marker)):
         if part.counter is not None and deck.dimension == 2:
             a, b = (angles.get(split_point(point)[0], 0.0) for point in ends)
             part.counter.suppose(0.0, b - a)
@@ -59,7 +66,10 @@ def _ties(
             yield item, joint.between, tie_on(held, first, second, resistances)
 
 
-def _loads(deck: Deck, marker: Callable[[str], Marker]) -> Iterator[tuple[str, tuple[str, ...], ForcePart]]:
-    """Yield, with its item and point, what acts from outside."""
+def _loads(
+    deck: Deck, bodies: Mapping[str, Body], marker: Callable[[str], Marker]
+) -> Iterator[tuple[str, tuple[str, ...], ForcePart]]:
+    """Yield, with its item and body, what acts from outside."""
     for name, load in deck.loads.items():
-        yield f"loads.{name}", (load.at,), load.build(marker(load.at))
+        own = load.owner
+        yield f"loads.{name}", (own,), load.build_on(marker, bodies[own], deck.bodies[own])

@@ -271,7 +271,7 @@ def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
         "bodies": {name: spec for name, spec in deck.bodies.items() if name in there},
         "joints": tied(deck.joints),
         "springs": tied(deck.springs),
-        "loads": {k: load for k, load in deck.loads.items() if split_point(load.at)[0] in there},
+        "loads": {k: load for k, load in deck.loads.items() if load.owner in there},
         "initial": {name: entry for name, entry in deck.initial.items() if name in there},
     }
     own = {name: model for name, model in scene.models.items() if name in there}
@@ -370,7 +370,7 @@ def _system(
     once = left_out.fires("constant_mass")
     return System(
         charts=tuple(chart.at(free.reduction.free_columns(chart.columns)) for chart in charts),
-        forces=(*merged(needed), *acting(deck, at, left_out, x, angles)),
+        forces=(*merged(needed), *acting(deck, bodies, at, left_out, x, angles)),
         equations=Equations(mass, variable, constraints, free.reduction, once, ballast),
         natural=free.increments(every),
         keeps_rates=not left_out.fires("rates"),

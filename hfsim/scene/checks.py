@@ -108,11 +108,23 @@ def _connections(declared: Declared) -> Iterator[Complaint]:
         for name, entry in declared.maps(kind).items():
             yield from _ends(declared, (kind, name, "between"), entry.get("between"))
     for name, load in declared.maps("loads").items():
+        yield from _beam_under(declared, name, load.get("on"))
         point, path = load.get("at"), ("loads", name, "at")
         if isinstance(point, str) and split_point(point)[0] == "ground":
             yield Complaint(path, "a load on the ground moves nothing", "name a point of a body")
         elif isinstance(point, str):
             yield from declared.point_complaint(path, point)
+
+
+def _beam_under(declared: Declared, load: str, beam: Any) -> Iterator[Complaint]:
+    """Yield a load along what is no beam."""
+    bodies, path = declared.names("bodies"), ("loads", load, "on")
+    if not isinstance(beam, str) or not bodies:
+        return
+    if beam not in bodies:
+        yield Complaint(path, f"there is no body '{beam}'", did_you_mean(beam, bodies))
+    elif declared.map("bodies", beam).get("type", "beam") != "beam":
+        yield Complaint(path, f"'{beam}' has no length along which a load could act", "name a beam")
 
 
 def _ends(declared: Declared, path: Path, ends: Any) -> Iterator[Complaint]:

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.maths.rank import null_space
 from hfsim.maths.rotations import cross, normal
@@ -273,7 +272,7 @@ def _idle_driver(deck: Deck, name: str, groups: Mapping[str, set[str]]) -> Itera
     driver = deck.joints[name]
     for body in owners(driver) - {"ground"}:
         acted = [*(owners(spring) for spring in deck.springs.values())]
-        acted += [{split_point(load.at)[0]} for load in deck.loads.values()]
+        acted += [{load.owner} for load in deck.loads.values()]
         alone = groups[body] == {body} and deck.bodies[body].rigid and not any(body in one for one in acted)
         if alone and len(deck.bodies) > 1 and not driver.stands:
             yield f"joints.{name}", f"moves '{body}' alone: no other joint, spring or load is on it"

@@ -7,7 +7,7 @@ entry hides no bad reference elsewhere, and at options and sizes in the entries 
 import hashlib
 import json
 import typing
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
@@ -17,7 +17,7 @@ from typing import Any
 from pydantic import TypeAdapter, ValidationError
 
 from hfsim.deck.source import DeckSource, override, parse_source, read_source
-from hfsim.deck.spec import explained
+from hfsim.deck.spec import Complaint, explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
 from hfsim.scene.checks import complaints_of, slips_of
@@ -169,6 +169,8 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         from hfsim.scene.spatial_lines import refusals
 
         complaints = list(refusals(deck))
+    if deck is not None and not complaints:
+        complaints = list(_loads_beyond(deck))
     left = (complaint for complaint in complaints if not source.has_failed(complaint.path))
     problems = source.problems + [source.problem(*complaint) for complaint in left]
     if problems or deck is None:
@@ -176,6 +178,13 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         distinct = {(one.path, one.file, one.line, one.column): one for one in reversed(problems)}
         raise source.error(distinct.values())
     return LoadedDeck(deck, source, auto)
+
+
+def _loads_beyond(deck: Deck) -> Iterator[Complaint]:
+    """Yield what loads say of places that are not on their beams."""
+    for name, load in deck.loads.items():
+        length = getattr(deck.bodies[load.owner], "length", 0.0)
+        yield from (one.inside("loads", name) for one in load.beyond(length))
 
 
 def _auto_elements(data: dict[str, Any]) -> tuple[str, ...]:

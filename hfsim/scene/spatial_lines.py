@@ -45,7 +45,7 @@ def refusals(deck: Deck) -> Iterator[Complaint]:
             message = f"'{on[0]}' has no section whose turn could be measured: it is on a line"
             yield Complaint(("springs", name), message, f"{SECTIONS}, or two_point springs beside the axis")
     for name, load in deck.loads.items():
-        if split_point(load.at)[0] in lines and (complaint := _following(load)):
+        if load.owner in lines and (complaint := _following(load)):
             yield complaint.inside("loads", name)
 
 
@@ -119,7 +119,7 @@ def untwisted(assembly: Assembly, held: Linkage, lines: Collection[str]) -> Iter
 def twisting(deck: Deck, assembly: Assembly, lines: Collection[str]) -> Iterator[tuple[str, str]]:
     """Yield the moments that would twist a line at the start."""
     for name, load in deck.loads.items():
-        line = split_point(load.at)[0]
+        line = load.owner
         if load.carries or line not in lines:
             continue
         moment = np.array([0.0] * (3 - len(tuple(load.amount))) + list(load.amount))

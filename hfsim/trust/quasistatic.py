@@ -49,7 +49,7 @@ def _loads(scene: Scene, body: Body, t: Array, x: Array, u: Array) -> Iterator[L
         for marker, J in zip(constraint.ends, constraint.jacobians(x), strict=True):
             if marker.columns == body.columns:
                 yield marker, -(multipliers[:, None, rows] @ J)[:, 0]
-    for part in system.forces:
+    for part in (piece for whole in system.forces for piece in whole.pieces):
         for marker in part.markers:
             if marker.columns == body.columns:
                 whole = np.zeros_like(x)

@@ -11,10 +11,12 @@ from zoo import MARKERS, PAIRS
 from hfsim.deck.laws import LinearLaw, StepLaw
 from hfsim.maths.matrices import assemble
 from hfsim.mechanics.force import ConstantForce
+from hfsim.mechanics.point_loads import PointForce, PointMoment
 from hfsim.parts.forces import LOADS as LOAD_KINDS
 from hfsim.parts.forces import SPRINGS as SPRING_KINDS
-from hfsim.parts.forces.force import ForceSpec, PointForce
-from hfsim.parts.forces.moment import MomentSpec, PointMoment
+from hfsim.parts.forces.distributed import DistributedSpec
+from hfsim.parts.forces.force import ForceSpec
+from hfsim.parts.forces.moment import MomentSpec
 from hfsim.parts.forces.rotational import RotationalSpec
 from hfsim.parts.forces.two_point import TwoPointSpec
 from hfsim.scene.loading import parse_deck
@@ -55,6 +57,7 @@ def spring(request, pair):
 
 def test_every_force_is_covered():
     own = {"force": ForceSpec, "moment": MomentSpec, "rotational": RotationalSpec, "two_point": TwoPointSpec}
+    own["distributed"] = DistributedSpec  # in test_distributed.py
     assert {k: f"{spec.__module__}.{spec.__name__}" for k, spec in own.items()} == SPRING_KINDS | LOAD_KINDS
 
 

@@ -8,8 +8,8 @@ from spatial_zoo import BODY, LINE, MARKERS, OTHER, N, random_state, rigid_motio
 from hfsim.deck.laws import LinearLaw
 from hfsim.maths.matrices import assemble
 from hfsim.maths.rotations import cross, rotation
-from hfsim.parts.forces.force import PointForce
-from hfsim.parts.forces.moment import MomentSpec, PointMoment
+from hfsim.mechanics.point_loads import PointForce, PointMoment
+from hfsim.parts.forces.moment import MomentSpec
 from hfsim.parts.forces.rotational import RotationalSpec
 from hfsim.parts.forces.two_point import TwoPointSpec
 from hfsim.scene.loading import parse_deck

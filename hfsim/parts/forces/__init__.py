@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 from hfsim.deck.spec import OneOf, Spec
 
 if TYPE_CHECKING:
+    from hfsim.parts.forces.distributed import DistributedSpec
     from hfsim.parts.forces.force import ForceSpec
     from hfsim.parts.forces.moment import MomentSpec
     from hfsim.parts.forces.rotational import RotationalSpec
     from hfsim.parts.forces.two_point import TwoPointSpec
 
     AnySpring = RotationalSpec | TwoPointSpec
-    AnyLoad = ForceSpec | MomentSpec
+    AnyLoad = ForceSpec | MomentSpec | DistributedSpec
 
 SPRINGS = {
     "rotational": "hfsim.parts.forces.rotational.RotationalSpec",
@@ -23,6 +24,7 @@ SPRINGS = {
 LOADS = {
     "force": "hfsim.parts.forces.force.ForceSpec",
     "moment": "hfsim.parts.forces.moment.MomentSpec",
+    "distributed": "hfsim.parts.forces.distributed.DistributedSpec",
 }
 
 if not TYPE_CHECKING:

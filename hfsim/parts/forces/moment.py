@@ -1,17 +1,13 @@
 """Moment on the frame of a point."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import ClassVar, Literal
-
-import numpy as np
+from typing import Literal
 
 from hfsim.deck.fields import Flag, Torque
 from hfsim.deck.law_specs import ScaleLaw
 from hfsim.deck.spec import Around, Complaint
-from hfsim.maths.arrays import Array
 from hfsim.mechanics.markers import Marker
-from hfsim.parts.forces._base import Load
+from hfsim.mechanics.point_loads import PointMoment
 from hfsim.parts.specs import LoadSpec
 
 
@@ -48,23 +44,7 @@ class MomentSpec(LoadSpec):
         """The moment."""
         return self.moment if isinstance(self.moment, tuple) else (self.moment,)
 
-    def build(self, marker: Marker) -> "PointMoment":
+    def build(self, marker: Marker) -> PointMoment:
         """Return the moment at a marker."""
         moment = (0.0,) * (marker.n_spin - len(self.amount)) + self.amount
         return PointMoment(marker, self.law.build() if self.law else None, moment, self.follower)
-
-
-@dataclass(frozen=True)
-class PointMoment(Load):
-    """A moment on the frame of a marker, fixed in direction or turning with it; its work is power put in."""
-
-    told: ClassVar[str] = "moment on a point"
-
-    moment: tuple[float, ...]
-    follower: bool = False
-
-    def unscaled(self, x: Array) -> tuple[Array, Array]:
-        """Return the moment and the turn's Jacobian."""
-        moment = np.array(self.moment)
-        turned = self.marker.turned(x, moment) if self.follower else moment[None]
-        return turned, self.marker.spin_jacobian(x)

@@ -1,9 +1,9 @@
-"""What loads have in common."""
+"""Loads on one point: forces and moments."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -61,3 +61,35 @@ class Load(PointPart):
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the generalised force times the rates."""
         return np.asarray(np.sum(self._generalised(t, x) * u[:, self.marker.columns], axis=-1))
+
+
+@dataclass(frozen=True)
+class PointForce(Load):
+    """A force on a point, fixed in direction or turning with the frame there; its work is power put in."""
+
+    told: ClassVar[str] = "force on a point"
+
+    force: tuple[float, ...]
+    follower: bool
+
+    def unscaled(self, x: Array) -> tuple[Array, Array]:
+        """Return the force and the position's Jacobian."""
+        force = np.array(self.force)
+        turned = self.marker.turned(x, force) if self.follower else force[None]
+        return turned, self.marker.position_jacobian(x)
+
+
+@dataclass(frozen=True)
+class PointMoment(Load):
+    """A moment on the frame of a marker, fixed in direction or turning with it; its work is power put in."""
+
+    told: ClassVar[str] = "moment on a point"
+
+    moment: tuple[float, ...]
+    follower: bool = False
+
+    def unscaled(self, x: Array) -> tuple[Array, Array]:
+        """Return the moment and the turn's Jacobian."""
+        moment = np.array(self.moment)
+        turned = self.marker.turned(x, moment) if self.follower else moment[None]
+        return turned, self.marker.spin_jacobian(x)

@@ -1,0 +1,105 @@
+"""A force along a body, by what it does at places there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.markers import LinearMarker, Marker, joint_support
+from hfsim.mechanics.point_loads import PointForce
+
+if TYPE_CHECKING:
+    from hfsim.deck.laws import Law
+
+
+@dataclass(frozen=True, eq=False)
+class LineForce(ForcePart):
+    """Forces at places of one body, fixed in direction or turning with it; their work is power put in.
+
+    Attributes
+    ----------
+    places : tuple of Marker
+    forces : ndarray, shape (n_places, n_dim)
+        [N]
+    follower : bool
+    law : Law, or None
+        Factor over time; 1 without it.
+    """
+
+    places: tuple[Marker, ...]
+    forces: Array
+    follower: bool
+    law: Law | None
+    told: ClassVar[str] = "force along a beam"
+
+    @property
+    def pieces(self) -> tuple[ForcePart, ...]:
+        """Those at each place."""
+        pairs = zip(self.places, self.forces.tolist(), strict=True)
+        return tuple(PointForce(marker, self.law, tuple(force), self.follower) for marker, force in pairs)
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """Its factor over time."""
+        return () if self.law is None else (self.law,)
+
+    @property
+    def exchanges_power(self) -> bool:
+        """Return True: a load does work."""
+        return True
+
+    @cached_property
+    def support(self) -> IntArray:
+        """Coordinates that any place depends on."""
+        return joint_support(*self.places)
+
+    @cached_property
+    def _columns(self) -> slice:
+        return self.places[0].columns
+
+    @cached_property
+    def _rows(self) -> Array | None:
+        """Shape rows of all places, (n_places, n_vectors), where these are linear in the coordinates."""
+        if not all(isinstance(marker, LinearMarker) for marker in self.places):
+            return None
+        return np.array([marker.place_row for marker in self.places])  # type: ignore[attr-defined]
+
+    @cached_property
+    def _constant(self) -> Array | None:
+        """The generalised force at a factor of 1, (1, n_columns), where no state changes it."""
+        if self.follower or self._rows is None:
+            return None
+        return (self._rows.T @ self.forces).reshape(1, -1)
+
+    def _generalised(self, t: Array, x: Array) -> Array:
+        whole = self._unscaled(x) if self._constant is None else self._constant
+        return whole if self.law is None else whole * self.law.value(t)[:, None]
+
+    def _unscaled(self, x: Array) -> Array:
+        pairs = list(zip(self.places, self.forces, strict=True))
+        turned = [marker.turned(x, force) if self.follower else force[None] for marker, force in pairs]
+        if self._rows is not None:
+            return np.asarray(self._rows.T @ np.stack(turned, axis=1)).reshape(len(x), -1)
+        parts = (
+            (force[:, None] @ marker.position_jacobian(x))[:, 0]
+            for (marker, _), force in zip(pairs, turned, strict=True)
+        )
+        return np.asarray(sum(parts))
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the generalised force."""
+        out[:, self._columns] += self._generalised(t, x)
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus its derivative, by differences; nothing where it does not change."""
+        return NOTHING if self._constant is not None else super().tangent(t, x, u)
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the generalised force times the rates."""
+        return np.asarray(np.sum(self._generalised(t, x) * u[:, self._columns], axis=-1))
