@@ -39,6 +39,15 @@ def test_45_degree_bend():
     assert [values[f"bend.tip.{axis}"][-1] for axis in "xyz"] == pytest.approx(expected, rel=3e-5)
 
 
+def test_45_degree_bend_of_fully_parameterised_elements():
+    """Beside a geometrically exact beam with plane sections: 1.3e-4 of the chord; at rest all along."""
+    scene = scene_of("bend_45_continuum")
+    tip = scene.marker("bend.tip").position(equilibrium(scene))[0]
+    assert np.linalg.norm(tip - [15.6848005, 47.1504386, 53.4748588]) == pytest.approx(0.0102, abs=2e-4)
+    _, values = run("bend_45_continuum")
+    assert [values[f"bend.tip.{axis}"][-1] for axis in "xyz"] == pytest.approx(tip, abs=2e-6)
+
+
 def test_princeton_beam():
     scene = scene_of("princeton", "bodies.beam.elements=4", "bodies.beam.degree=4")
     moved = displacement(scene, equilibrium(scene, 4), "beam.tip")
