@@ -124,6 +124,6 @@ def _shared(needed: list[int], room: int) -> list[int]:
     [4, 18, 18]
     """
     most = max(needed)
-    while sum(min(one, most) for one in needed) > room and most > 8:
+    while sum(min(one, most) for one in needed) > room and most > 3:
         most -= 1
     return [min(one, most) for one in needed]
