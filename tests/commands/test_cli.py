@@ -525,7 +525,7 @@ def test_studies_leave_out_models_that_a_scene_has_not(tmp_path, capsys):
     thick = tmp_path / "thick.yaml"
     thick.write_text(text.replace("type: beam,", "type: beam, element: continuum,"))
     models, notes = told(thick)
-    assert models == ("linear", "exact") and "not with lowOrder: the model lowOrder has no continuum" in notes
+    assert models == ("linear", "exact") and "not with lowOrder: a continuum element has no model lowOrder" in notes
 
 
 def test_the_table_of_a_run_fits_and_tells_an_end_once(tmp_path, monkeypatch):
