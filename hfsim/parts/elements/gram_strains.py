@@ -41,19 +41,25 @@ class GramStrainLaw(GramLaw):
         kept = sizes > _NOTHING * sizes[-1]
         return sizes[kept], modes.T[kept].reshape(-1, self._n_vectors, self._n_vectors)
 
-    @property
+    @cached_property
     def stiffness(self) -> Array:
         """C of all strains [J], shape (n_kinds, n_elements)."""
         return np.multiply.outer(self._squares[0], self.scale)
 
     def strains_of(self, v: Array) -> Array:
         """Return e, (n_kinds, n_elements, n_batch), of `component_rows`."""
-        one, other = np.triu_indices(self._n_vectors)
+        (one, other), (matrix, reference) = self.pairs, self._by_pairs
         products = np.einsum("pim,pim->pm", v[one], v[other])
-        products -= self.reference.reshape(self._n_vectors, -1)[one, other, None]
-        twice = np.where(one == other, 1.0, 2.0)
-        e = (self._squares[1][:, one, other] * twice) @ products
+        products -= reference
+        e = matrix @ products
         return np.asarray(e.reshape(len(e), len(self.scale), -1))
+
+    @cached_property
+    def _by_pairs(self) -> tuple[Array, Array]:
+        """S and g0 by pairs of vectors, shapes (n_kinds, n_pairs) and (n_pairs, 1)."""
+        one, other = self.pairs
+        matrix = self._squares[1][:, one, other] * np.where(one == other, 1.0, 2.0)
+        return matrix, self.reference.reshape(self._n_vectors, -1)[one, other, None]
 
     def slopes(self, V: Array) -> Array:
         """Return de/dV, shape (..., n_elements, n_kinds, n_vectors * n_dim)."""
