@@ -33,7 +33,7 @@ SHARED = {"orientation": "Orientations", "law": "Laws of time"}
 SPECIAL = {
     **{"quaternion": [1, 0, 0, 0], "expression": "2 * sin(3 * t)", "unit": "rpm", "column": "torque", "time_column": "t"},
     **{"table": "motor.csv", "second_moments": [1e-8, 4e-8], "transition": 1e-3, "velocity": 1e-3, "section_degree": 2},
-    **{"keep": ["damping"], "points": [[0, 0, 0], [1, 0, 0.1], [2, 0, 0.3]]},
+    **{"include": "parts/arm.yaml", "keep": ["damping"], "points": [[0, 0, 0], [1, 0, 0.1], [2, 0, 0.3]]},
 }
 """Examples by key of what no shipped deck has..."""
 USUAL = {
@@ -149,7 +149,7 @@ def usual(key: str, schema: dict[str, Any], what: str) -> str:
     """Return an example of what no shipped deck has."""
     if "const" in schema or "enum" in schema:
         return shown(schema["const"] if "const" in schema else schema["enum"][-1])
-    if key in SPECIAL and (what == "text") == isinstance(SPECIAL[key], str):
+    if key in SPECIAL and what.startswith("text") == isinstance(SPECIAL[key], str):
         return shown(SPECIAL[key])
     if family(schema):
         return shown({"type": "sine", "amplitude": 0.1, "frequency": 2.0} if family(schema) == "law" else {"axis": [0, 0, 1], "angle": "30 deg"})
@@ -162,6 +162,8 @@ def usual(key: str, schema: dict[str, Any], what: str) -> str:
 
 def value_of(schema: dict[str, Any]) -> str:
     """Return in words what a value may be."""
+    if "pattern" in schema:
+        return ""  # every number may be an expression
     if family(schema):
         return "number, text or [law](#laws-of-time)" if family(schema) == "law" else "[orientation](#orientations)"
     if "const" in schema:

@@ -48,6 +48,13 @@ MEMORY = 12 << 30
 """Bytes of address space; SuperLU asks for far more than it uses."""
 RENEWED = 400
 """Mutants after which a new process goes on."""
+BESIDE = {
+    "parts.yaml": b"materials: {steel: {density: 7800, youngs_modulus: 210 GPa}}\nparameters: {a: 2}\n"
+    b"include: more.yaml\nground: {points: {there: [1, 0]}}\n",
+    "more.yaml": b"parameters: {b: ${a * 2}}\nbodies: {b1: {points: {some: [0.1, 0]}}}\n",
+    "table.csv": b"t,torque\n0,0\n0.001,0.1\n0.002,-0.1\n5,0\n100,1\n",
+}
+"""Files beside each deck; some checks find them spoiled."""
 
 
 # Mutants ---------------------------------------------------------------------------------------------
@@ -73,6 +80,8 @@ EDGES: tuple[Any, ...] = (
     Map([["type", "beam"]]), Map([["x", 1]]),
     "${2 * pi}", "${a}", "${a / (b - b)} mm", "${9**9**9}", "${", "${__import__('os')}", "${1", "${a} ${b}",
     Map([["expression", "a * sin(3 * t)"]]), Map([["expression", "1 / t"]]), Map([["expression", "${a}"]]),
+    "parts.yaml", "deck.yaml", "table.csv", Map([["table", "table.csv"]]), Map([["table", "parts.yaml"]]),
+    Map([["table", "../x.csv"], ["column", "torque"]]), Map([["table", "/etc/passwd"]]),
     Map([["expression", "exp(exp(9 * t))"], ["start", 0.001]]), Map([["expression", "abs(t - 1) ** 0.5"]]),
 )
 WORDS = """
@@ -81,7 +90,7 @@ WORDS = """
     interval channels gravity bodies joints springs loads initial ground times values amplitude
     frequency rate start end damping friction stops lower upper torque velocity on shape table
     preload limit << on 1 b1 root tip t energy
-    parameters expression delay
+    parameters expression delay include column unit
 """.split()  # noqa: SIM905
 CHOICES = """
     beam rigid revolute fixed prismatic driver rotational two_point force moment distributed motor
@@ -273,6 +282,16 @@ def express(rng: random.Random, tree: Map) -> None:
     tree.append(["parameters", Map([["a", first], ["b", "${a * 0}"], ["c", "${a}"]])])
 
 
+INCLUDED = ("parts.yaml", "more.yaml", "deck.yaml", "table.csv", "none.yaml", "../x.yaml", "/etc/hosts", 3)
+"""What a deck may want to include."""
+
+
+def include(rng: random.Random, tree: Map) -> None:
+    """Include other files, which may be spoiled or say what the deck says."""
+    names = rng.choices(INCLUDED, k=rng.choice((1, 1, 2, 3)))
+    tree.append(["include", names if len(names) > 1 else names[0]])
+
+
 PIECES = ("t", "2", "sin(9 * t)", "exp(-t)", "abs(t - 0.001)", "1 / (t + 0.1)", "max(0, t)", "log(t)", "t**3")
 """Of laws of time."""
 
@@ -281,6 +300,10 @@ def law(rng: random.Random, tree: Map) -> None:
     """Put a law of time in place of another, of a driver's maybe, or of some entry."""
     laws = [(here, 1) for one in _maps(tree) for here in one if here[0] in ("law", "angle", "position")]
     holder, at = rng.choice(laws or [_leaf(rng, tree)])
+    if rng.random() < 0.25:
+        more = rng.choice(([], [["column", "torque"]], [["unit", "deg"]]))
+        holder[at] = Map([["table", "table.csv"], *more])
+        return
     text = rng.choice((" + ", " * ", " / ", " ** ", " - ")).join(rng.choices(PIECES, k=rng.choice((1, 2, 4))))
     start = [["start", rng.choice((0, 1e-3, 5, -1))]] if rng.random() < 0.5 else []
     holder[at] = Map([["expression", text], *start])
@@ -328,9 +351,9 @@ def many(rng: random.Random, tree: Map) -> None:
 
 TREES: tuple[Callable[[random.Random, Map], None], ...] = (
     *(edge, edge, edge, scale, scale, scale, rename, replace, word, swap, transplant, alias, add, delete) * 2,
-    *(duplicate, word, swap, many, express, express, law),
+    *(duplicate, word, swap, many, express, express, law, include),
 )
-VALUES = (*(shift, option) * 4, edge, word, swap, delete, add, transplant, express, law)
+VALUES = (*(shift, option) * 4, edge, word, swap, delete, add, transplant, express, law, include)
 """Those that leave a deck that may run."""
 
 
@@ -520,7 +543,8 @@ def faults_of(done: Call, codes: Sequence[int]) -> Iterator[str]:
 
 
 def _written(base: Path, deck: Path) -> list[Path]:
-    return [path for path in base.rglob("*") if path.is_file() and path != deck]
+    ours = {deck, *(deck.parent / name for name in BESIDE)}
+    return [path for path in base.rglob("*") if path.is_file() and path not in ours]
 
 
 def not_finite(path: Path) -> str:
@@ -544,6 +568,10 @@ def judge(one: Mutant, base: Path, run: bool) -> tuple[object, list[str]]:
     work.mkdir(parents=True)
     deck = work / "deck.yaml"
     deck.write_bytes(one.data)
+    for name, data in BESIDE.items():
+        rng = random.Random(f"{sum(one.data)}{name}")
+        spoiled = rng.random() < 0.3 and not run
+        (work / name).write_bytes(rng.choice(BYTES)(rng, data) if spoiled else data)
     plots = [] if sum(one.data) % 8 == 0 else ["--no-plots"]
     done = call(["run", *plots, "deck.yaml"] if run else ["check", "deck.yaml"], work)
     faults = list(faults_of(done, (0, 2, 3, 4, 5) if run else (0, 2)))

@@ -228,7 +228,8 @@ class ExpressionLaw(Law):
         return None
 
     def _derivative(self, t: Array, order: int) -> Array:
-        jet = _jet(self.tree, [t, np.ones_like(t), np.zeros_like(t)][: order + 1])
+        with np.errstate(all="ignore"):  # what is not finite ends the run by itself
+            jet = _jet(self.tree, [t, np.ones_like(t), np.zeros_like(t)][: order + 1])
         if not isinstance(jet, list):
             return np.full_like(t, 0.0 if order else jet)
         return np.asarray(jet[order] + np.zeros_like(t))

@@ -22,6 +22,8 @@ _BOUNDS = {
 }
 """Bounds of numbers, and their names in JSON schemas."""
 
+_EXPRESSION = {"type": "string", "pattern": r"^\s*\$\{"}
+
 
 def json_schema(spec: type[Spec]) -> dict[str, Any]:
     """Return the JSON schema of an entry and all in it; ``x-unit`` has the SI unit of a quantity."""
@@ -37,8 +39,8 @@ class _Generator(pydantic.json_schema.GenerateJsonSchema):
         if "quantity" in shape:
             return _quantity(shape)
         if "whole" in shape:
-            number = {"type": "integer", **_bounds(shape)}
-            return {"anyOf": [number, {"enum": [*shape["whole"]]}]} if shape["whole"] else number
+            words = [{"enum": [*shape["whole"]]}] if shape["whole"] else []
+            return {"anyOf": [{"type": "integer", **_bounds(shape)}, _EXPRESSION, *words]}
         if "names" in shape:
             return {"enum": [*at(shape["names"]), *shape["others"]]}
         if "entries" not in shape:

@@ -100,13 +100,13 @@ class TableSpec(LawSpec):
 
     value_keys = ("values",)
 
-    type: Literal["table"]
+    type: Literal["table"] = "table"
     """Kind of law."""
 
-    times: Annotated[tuple[Time, ...], MinLen(2)]
+    times: Annotated[tuple[Time, ...], MinLen(2)] = ()
     """Times of the points, increasing [s]."""
 
-    values: tuple[Number, ...]
+    values: tuple[Number, ...] = ()
     """Values there [SI of what the law drives]."""
 
     interpolation: Literal["cubic", "linear"] = "cubic"
@@ -134,6 +134,10 @@ class TableSpec(LawSpec):
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield points that make no curve."""
+        for key in ("times", "values"):
+            if key not in self.model_fields_set:
+                yield Complaint((key,), "missing key", "or give a table: a CSV file", True)
+                return
         if len(self.values) != len(self.times):
             message = f"{len(self.values)} values for {len(self.times)} times"
             yield Complaint(("values",), message, "give one value for each time")

@@ -16,6 +16,8 @@ from hfsim.output.writers import Provenance, versions
 CHECKPOINT = "checkpoint.npz"
 _MAY_DIFFER = ("solve.max_steps", "solve.budget", "output.plots")
 """Entries of a deck that have no part in what its rows are."""
+_LONGEST = 200
+"""Characters of two lists that are told whole."""
 
 
 class Checkpoint(NamedTuple):
@@ -88,7 +90,18 @@ def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str
     """Yield a line for each entry that both have, or one of them, with another value."""
     for key in dict.fromkeys((*old, *new)):
         if old.get(key) != new.get(key) and key not in _MAY_DIFFER:
-            yield f"  {key}: {old.get(key, 'not there')} then, {new.get(key, 'not there')} now"
+            then, now = _short(old.get(key, "not there"), new.get(key, "not there"))
+            yield f"  {key}: {then} then, {now} now"
+
+
+def _short(old: Any, new: Any) -> tuple[str, str]:
+    """Return two entries that differ as text; of long lists, where they first do so."""
+    if isinstance(old, list) and isinstance(new, list) and len(str(old)) + len(str(new)) > _LONGEST:
+        if len(old) != len(new):
+            return f"{len(old)} entries", f"{len(new)} entries"
+        k = next(k for k, (a, b) in enumerate(zip(old, new, strict=True)) if a != b)
+        return f"entry {k} {old[k]}", f"{new[k]}"
+    return str(old), str(new)
 
 
 def _leaves(entry: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -26,7 +26,7 @@ from hfsim.scene.schema import Deck
 DEFAULT_TARGET = 1e-2
 """Target error of decks that leave elements to `run` and state no target [-]."""
 
-_WORKED_OUT = ("parameters",)
+_WORKED_OUT = ("parameters", "include")
 """Keys that nothing is left of when a deck has been read."""
 
 
@@ -133,21 +133,49 @@ def parse_deck(text: str, file: str = "deck", overrides: Sequence[str] = ()) -> 
 
 
 def _worked_out(source: DeckSource, overrides: Sequence[str]) -> DeckSource:
-    """Return a deck with overrides applied and numbers in place of expressions."""
+    """Return a deck with its other files, overrides applied, and numbers in place of expressions.
+
+    Raises
+    ------
+    DeckError
+        If a file that the deck includes cannot be added to it.
+    """
+    if source.data.get("include") is not None:
+        from hfsim.deck.files import Folder
+        from hfsim.deck.including import include
+
+        include(source, Folder(source.file))
     override(source, overrides)
-    if "parameters" in source.data or _has_expressions(source.data):
+    if source.is_overridden(("include",)):
+        source.problems.append(source.problem(("include",), "cannot be set", "state it in the deck"))
+    said = {"expressions"} if "parameters" in source.data else set()
+    _look_for_more(source.data, said)
+    if "expressions" in said:
         from hfsim.deck.parameters import work_out
 
         work_out(source)
+    if "tables" in said:
+        from hfsim.deck.files import Folder
+        from hfsim.deck.tables import read_tables
+
+        read_tables(source, Folder(source.file))
     return source
 
 
-def _has_expressions(data: Any) -> bool:
+def _look_for_more(data: Any, said: set[str]) -> None:
+    """Note whether there are expressions, or tables in other files, in some data."""
     if isinstance(data, dict):
-        return "expression" in data or any(map(_has_expressions, data.values()))
-    if isinstance(data, list):
-        return any(map(_has_expressions, data))
-    return isinstance(data, str) and "${" in data
+        if "expression" in data:
+            said.add("expressions")
+        if isinstance(data.get("table"), str):
+            said.add("tables")
+        for one in data.values():
+            _look_for_more(one, said)
+    elif isinstance(data, list):
+        for one in data:
+            _look_for_more(one, said)
+    elif isinstance(data, str) and "${" in data:
+        said.add("expressions")
 
 
 def _load(source: DeckSource, stem: str) -> LoadedDeck:

@@ -70,6 +70,13 @@ def _read_deck_name(value: object) -> str:
     return name
 
 
+_FILE = {"type": "string"}
+
+
+def _read_nothing(value: object) -> None:
+    """Take what has been worked out before."""
+
+
 class GroundSpec(Spec):
     """The scene's ground."""
 
@@ -256,6 +263,11 @@ class Deck(Spec):
 
     name: Annotated[str, ReadBy(_read_deck_name, type="string")] = "deck"
     """Name of the scene; the file's name without it."""
+
+    include: Annotated[Any, ReadBy(_read_nothing, anyOf=[_FILE, {"type": "array", "items": _FILE}])] = Field(
+        default=None, exclude=True
+    )
+    """A file in the deck's folder, or a list of such, that holds parts of the deck."""
 
     parameters: Annotated[dict[str, Any], EmptyAllowed] = Field(default_factory=dict, exclude=True)
     """Numbers by name: numbers, text with a unit, or expressions of others such as "${length / 2}", which may

@@ -50,15 +50,16 @@ def scalar(text):
 
 @pytest.mark.parametrize("path", BROKEN, ids=by_stem)
 def test_broken_deck_is_refused_where_it_is_wrong(path):
-    expected = re.findall(r"^# expect: (\d+) ?(\S*)$", path.read_text(), re.MULTILINE)
+    expected = re.findall(r"^# expect: (?:(\S+):)?(\d+) ?(\S*)$", path.read_text(), re.MULTILINE)
+    expected = [(str(path.parent / file if file else path), line, key) for file, line, key in expected]
     assert expected
     with pytest.raises(DeckError) as caught:
         load_deck(path)
-    found = [(str(one.line), one.path) for one in caught.value.problems]
+    found = [(one.file or str(path), str(one.line), one.path) for one in caught.value.problems]
     assert sorted(found) == sorted(expected)
     message = str(caught.value)
-    for line, key in expected:
-        assert re.search(rf"{re.escape(str(path))}:{line}:\d+: error: {re.escape(key)}", message)
+    for file, line, key in expected:
+        assert re.search(rf"{re.escape(file)}:{line}:\d+: error: {re.escape(key)}", message)
 
 
 def test_what_makes_a_scene_spatial_is_named_where_no_gravity_is_stated():
@@ -70,8 +71,8 @@ def test_marks_cover_the_wrong_text():
     for path in BROKEN:
         with pytest.raises(DeckError) as caught:
             load_deck(path)
-        lines = path.read_text().splitlines()
         for one in caught.value.problems:
+            lines = Path(one.file or path).read_text().splitlines()
             text = lines[one.line - 1]
             assert one.column >= 1 and one.column + one.width - 1 <= len(text) + 1
             assert one.width == 1 or text[one.column - 1] != " "

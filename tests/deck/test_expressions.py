@@ -396,6 +396,12 @@ def _own(law):
     return {"start": law["start"]} if law.get("type") == "constant_rate" else {}
 
 
+def test_laws_without_a_value_at_their_start_warn_of_nothing(recwarn):
+    assert not law_of("1 + t * log(t)", start=0.5).kink
+    assert not np.isfinite(law_of("log(t)").build().rate(0.0))
+    assert not recwarn.list
+
+
 def test_kinks_and_turns_of_expressions_are_breaks():
     law = law_of("max(0, sin(3 * t)) + abs(t - 1.1)").build()
     kinks = [1.1, math.pi / 3, 2 * math.pi / 3]

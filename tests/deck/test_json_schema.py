@@ -23,6 +23,7 @@ BOUNDS = {
     "maxItems": lambda value, bound: len(value) <= bound,
     "const": lambda value, wanted: value == wanted,
     "enum": lambda value, wanted: value in wanted,
+    "pattern": lambda value, wanted: re.search(wanted, value),
 }
 TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "integer": int, "number": (int, float)}
 TELLING = {"anyOf", "type", "description", "default", "title", "x-unit", "properties", "required"}
@@ -46,7 +47,7 @@ def wrong(value, schema, path=""):
             inner = schema.get("properties", {}).get(key, schema.get("additionalProperties"))
             if inner is False:
                 yield f"{path}.{key}: unknown"
-            elif inner:
+            elif isinstance(inner, dict):
                 yield from wrong(one, inner, f"{path}.{key}")
     for number, one in enumerate(value if isinstance(value, list) else ()):
         yield from wrong(one, schema.get("items", {}), f"{path}[{number}]")
@@ -80,13 +81,27 @@ def test_it_refuses_slips(old, new):
     assert list(wrong(yaml.safe_load(SLIP.replace(old, new)), SCHEMA))
 
 
+TABLE = SLIP + """
+include: [parts.yaml]
+parameters: {a: 2, b: 3 cm, c: "${a / 2}"}
+loads:
+  one: {type: force, at: b.tip, force: [0, 1], law: {table: motor.csv, column: torque, start: 0.5 s}}
+  two: {type: force, at: b.tip, force: [0, "${a}"], law: {expression: "sin(a * t)"}}
+"""
+
+
+def test_it_takes_files_parameters_and_expressions():
+    assert not list(wrong(yaml.safe_load(TABLE), SCHEMA))
+    assert list(wrong(yaml.safe_load(TABLE.replace("column", "colum")), SCHEMA))
+
+
 def beam():
     """The keys of a beam."""
     (found,) = [one for one in SCHEMA["properties"]["bodies"]["additionalProperties"]["anyOf"] if "elements" in one["properties"]]
     return found["properties"]
 
 
-@pytest.mark.parametrize("value", ["auto", 8])
+@pytest.mark.parametrize("value", ["auto", 8, "${n + 1}"])
 def test_elements_may_be_left_to_the_run(value):
     assert not list(wrong(value, beam()["elements"]))
 

@@ -1,0 +1,163 @@
+"""Tables of a deck that stand in CSV files: laws of time, and springs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+from hfsim.deck.files import FileRefusedError, Folder, Text
+from hfsim.deck.reader import Mark, Path, dotted
+from hfsim.deck.source import DeckSource, did_you_mean
+from hfsim.errors import DeckProblem
+
+MOST_POINTS = 20_000
+"""Rows of all tables of a deck together: it is written with them, and must be one that can be read."""
+_MOST_TOLD = 20
+"""Problems of a table that are told."""
+_DELIMITERS = ",;\t"
+
+
+class _Cell(NamedTuple):
+    """A piece of a line: its text without blanks and quotes, and where it stands."""
+
+    text: str
+    mark: Mark
+
+
+_Columns: TypeAlias = tuple[list[_Cell], list[_Cell]]
+
+
+class _Wrong(Exception):  # noqa: N818
+    """A table that cannot be read, with all that is wrong with it."""
+
+    def __init__(self, *problems: DeckProblem) -> None:
+        super().__init__()
+        self.problems = problems
+
+
+def read_tables(source: DeckSource, folder: Folder) -> None:
+    """Put points in place of the files that tables of a deck name; note what is wrong."""
+    left = MOST_POINTS
+    for path, entry in [*_entries(source.data, ())]:
+        try:
+            columns = _columns(source, folder, path, entry)
+            left -= len(columns[0])
+            if left < 0:
+                message = f"more than {MOST_POINTS} rows, those of all tables counted"
+                raise _Wrong(source.problem((*path, "table"), message))
+        except _Wrong as wrong:
+            for problem in wrong.problems:
+                source.fail(path, problem)
+            continue
+        _put(source, path, entry, columns)
+
+
+def _entries(data: Any, path: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    """Yield the maps that name a file as their table."""
+    if path == ("parameters",):
+        return
+    if isinstance(data, dict):
+        if isinstance(data.get("table"), str):
+            yield path, data
+        for key, value in data.items():
+            yield from _entries(value, (*path, key))
+    elif isinstance(data, list):
+        for index, value in enumerate(data):
+            yield from _entries(value, (*path, index))
+
+
+def _columns(source: DeckSource, folder: Folder, path: Path, entry: dict[str, Any]) -> _Columns:
+    """Return the two columns that an entry asks for; their texts are numbers."""
+    at, mark = (*path, "table"), source.mark((*path, "table"))
+    try:
+        file = folder.read(entry["table"], mark.file if mark else "")
+    except FileRefusedError as error:
+        raise _Wrong(source.problem(at, error.message, error.hint)) from None
+    for key in ("times", "values"):
+        if key in entry:
+            raise _Wrong(source.problem((*path, key), "the file of the table says this", "remove one", True))
+    source.others[file.name] = file.text
+    rows = _rows(file)
+    header = next(rows, [])
+    if len(header) < 2 or all(_number(cell.text) is not None for cell in header):
+        where = Mark(header[0].mark.line if header else 1, 1, 1, file.name)
+        message = "a table has at least two columns and begins with their names"
+        raise _Wrong(_wrong(at, message, "", where))
+    found = [_place(source, path, entry, header, k) for k in range(2)]
+    columns: _Columns = ([], [])
+    problems = []
+    for row in rows:
+        for k, column in zip(found, columns, strict=True):
+            cell = row[k] if k < len(row) else _Cell("", row[-1].mark)
+            number = _number(cell.text)
+            if number is None or not math.isfinite(number):
+                message = f"{header[k].text} must be a number, not '{cell.text}'"
+                problems.append(_wrong(at, message, "", cell.mark))
+            column.append(cell)
+        if len(problems) >= _MOST_TOLD or len(columns[0]) > MOST_POINTS:
+            break
+    if len(columns[0]) < 2 and not problems:
+        problems.append(_wrong(at, "a table has at least two rows of numbers", "", header[0].mark))
+    if problems:
+        raise _Wrong(*problems)
+    return columns
+
+
+def _rows(file: Text) -> Iterator[list[_Cell]]:
+    """Yield the cells of each line that is neither empty nor a comment."""
+    delimiter = ""
+    for number, line in enumerate(file.text.splitlines(), start=1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        delimiter = delimiter or next((one for one in _DELIMITERS if one in line), ",")
+        row, column = [], 1
+        for piece in line.split(delimiter):
+            text = piece.strip()
+            start = column + len(piece) - len(piece.lstrip()) if text else column
+            row.append(_Cell(text.strip("\"'"), Mark(number, start, max(len(text), 1), file.name)))
+            column += len(piece) + 1
+        yield row
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text) if "_" not in text and text.isascii() else None
+    except ValueError:
+        return None
+
+
+def _place(source: DeckSource, path: Path, entry: dict[str, Any], header: Sequence[_Cell], k: int) -> int:
+    """Return the place of the column of times, or of values, in the rows."""
+    key = ("time_column", "column")[k]
+    wanted, names = entry.get(key), [cell.text for cell in header]
+    if wanted is None or path[:1] == ("springs",):
+        return k
+    if wanted not in names:
+        message = f"the table has no column '{wanted}'"
+        raise _Wrong(source.problem((*path, key), message, did_you_mean(str(wanted), names)))
+    return names.index(wanted)
+
+
+def _put(source: DeckSource, path: Path, entry: dict[str, Any], columns: _Columns) -> None:
+    """Put the points of a table into an entry, each at home in its line of the file."""
+    numbers = [[float(cell.text) for cell in column] for column in columns]
+    if path[:1] == ("springs",):
+        entry["table"] = [list(pair) for pair in zip(*numbers, strict=True)]
+        for k, cells in enumerate(zip(*columns, strict=True)):
+            source.value_marks[(*path, "table", k)] = cells[0].mark
+            source.value_marks.update({(*path, "table", k, i): cell.mark for i, cell in enumerate(cells)})
+        return
+    mark = source.mark((*path, "table"))
+    for key in ("table", "column", "time_column"):
+        entry.pop(key, None)
+    entry.setdefault("type", "table")
+    for key, column, values in zip(("times", "values"), columns, numbers, strict=True):
+        entry[key] = values
+        if mark is not None:
+            source.value_marks[(*path, key)] = mark
+        source.value_marks.update({(*path, key, k): cell.mark for k, cell in enumerate(column)})
+
+
+def _wrong(path: Path, message: str, hint: str, mark: Mark) -> DeckProblem:
+    return DeckProblem(dotted(path), message, hint, *mark)
