@@ -112,7 +112,10 @@ class ModalDerivative(Derivative):
     def of_slope(cls, by_q: Array, natural: Increments) -> ModalDerivative | None:
         """Return the modes of a derivative in natural increments; None if they are all but parallel."""
         w2, R = np.linalg.eig(-by_q)
-        L = np.linalg.inv(R)
+        try:
+            L = np.linalg.inv(R)
+        except np.linalg.LinAlgError:
+            return None
         return cls(natural, w2, R, L) if np.abs(L).max() * len(by_q) < 1e10 else None
 
     def residual(self, problem: Problem, stages: Stages) -> Array:
