@@ -13,20 +13,25 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hfsim.api import Deck, check, load, run
+    from hfsim.api import Deck, check, compare, load, run
     from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
     from hfsim.marching.solution import Run
+    from hfsim.studies.compare import Comparison
 
 __version__ = "0.1.0"
 
 _PLACES = {
-    **dict.fromkeys(("Deck", "check", "load", "run"), "hfsim.api"),
+    **dict.fromkeys(("Deck", "check", "compare", "load", "run"), "hfsim.api"),
     **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
     "Run": "hfsim.marching.solution",
+    "Comparison": "hfsim.studies.compare",
 }
 """Where each public name stands."""
 
-__all__ = ["Deck", "DeckError", "HfsimError", "Run", "UnfinishedRunError", "check", "load", "run"]
+__all__ = [
+    "Comparison", "Deck", "DeckError", "HfsimError", "Run", "UnfinishedRunError", "check", "compare", "load",
+    "run",
+]  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

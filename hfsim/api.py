@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -24,6 +25,7 @@ from hfsim.scene.shipped import find_deck
 if TYPE_CHECKING:
     from hfsim.integrators import Memory
     from hfsim.output.recording import Recording
+    from hfsim.studies.compare import Comparison
 
 Deck = LoadedDeck
 """A checked deck: ``deck`` has its entries, ``resolved()`` of it plain data, `changed` gives another one."""
@@ -203,6 +205,72 @@ def carry_out(
         sink=recording,
         memory=memory,
     )
+
+
+def compare(
+    deck: AnyDeck,
+    models: Sequence[str] | None = None,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    reference: str = "exact",
+    max_error: float = 0.01,
+    channels: Sequence[str] = (),
+    repeats: int = 3,
+    error_estimate: bool = False,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Run one scene with several models and hold them against one of them; what ``hfsim compare`` does.
+
+    Parameters
+    ----------
+    deck, changes
+        As in `load`.
+    models : sequence of str, optional
+        The reference is run too. Without it linear, lowOrder and exact, as far as all beams have them.
+    reference : str
+        Model that counts as true.
+    max_error : float
+        Largest difference of an adequate model, relative to each channel's range [-].
+    channels : sequence of str
+        Those that are judged; without any, positions, angles and deflections.
+    repeats : int
+        How often short solves are timed, for the median.
+    error_estimate : bool
+        Whether each run is to have error estimates of its own, beside those that the verdict needs.
+    progress : callable, optional
+        Called with the share of all the work that is done, 0 to 1.
+
+    Returns
+    -------
+    Comparison
+        ``verdict`` (the cheapest model that is good enough; None if the reference failed), ``sentence``,
+        ``runs["linear"]``, and ``result("linear")`` with ``adequate``, ``solve_cpu`` [s], ``worst`` and
+        ``differences``. A model that breaks down is a result.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If the deck is bad, with any of the models.
+    HfsimError
+        If a model or channel cannot be compared.
+    KeyboardInterrupt
+        If the keyboard or a signal ends it.
+    """
+    from hfsim.studies import compare as study
+
+    base = load(deck, changes)
+    wanted = study.usual_models(base.changed, _silent) if models is None else models
+    chosen = study.chosen_models(wanted, reference)
+    prepared = study.prepare(base.changed, chosen, reference, channels, _silent)
+    run_of = partial(study.run_of, prepared, error_estimate=error_estimate)
+    found = study.carry_out(prepared, max_error, repeats, run_of, progress)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    return found
+
+
+def _silent(line: str) -> None:
+    """Take a line that nobody has asked for."""
 
 
 def check(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> dict[str, Any]:

@@ -109,6 +109,57 @@ def test_a_dataframe_where_pandas_is_there(monkeypatch):
         run.to_dataframe()
 
 
+def test_models_are_compared_and_nothing_is_printed(capfd):
+    shares = []
+    found = hfsim.compare(DECK, ["linear"], {"solve.duration": 0.4}, repeats=2, progress=shares.append)
+    assert isinstance(found, hfsim.Comparison)
+    assert list(found.runs) == [model.model for model in found.models] == ["linear", "exact"]
+    linear = found.result("linear")
+    apart = np.abs(found.runs["linear"]["arm.tip.x"] - found.runs["exact"]["arm.tip.x"]).max()
+    assert linear.difference("arm.tip.x").max_abs == apart > 0.0
+    assert not linear.adequate
+    assert linear.repeats == 2
+    assert linear.solve_cpu > 0.0
+    assert found.verdict == "exact" in found.sentence
+    assert shares == sorted(shares)
+    assert shares[-1] > 0.9
+    assert capfd.readouterr() == ("", "")
+
+
+def test_the_command_finds_what_python_finds(tmp_path):
+    from click.testing import CliRunner
+
+    from hfsim.cli import app
+
+    found = hfsim.compare("pendulum", None, {"solve.duration": 0.3}, channels=["b1.tip.x"], repeats=1)
+    options = ["--set", "solve.duration=0.3", "--channels", "b1.tip.x", "--no-plots", "-q", "--repeats", "1"]
+    result = CliRunner().invoke(app, ["compare", "--case", "pendulum", "-o", str(tmp_path / "c"), *options])
+    assert result.exit_code == 0
+    facts = json.loads((tmp_path / "c/compare.json").read_text())
+    assert list(facts["models"]) == list(found.runs) == ["linear", "lowOrder", "exact"]
+    for name, model in facts["models"].items():
+        assert model["worst"]["max_abs"] == found.result(name).worst.max_abs
+    assert "runs" not in facts
+
+
+def test_a_reference_that_fails_makes_no_verdict():
+    found = hfsim.compare(DECK, [], {"solve.max_steps": 1, "solve.step": 0.02}, repeats=1)
+    assert (found.verdict, found.status) == (None, "limit")
+
+
+@pytest.mark.parametrize(
+    ("models", "options", "why"),
+    [
+        (["auto"], {}, "no model of its own"),
+        (["exact"], {"channels": ["arm.tip.xx"]}, r"did you mean 'arm\.tip\.x'"),
+        (["exakt"], {}, "exakt"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(models, options, why):
+    with pytest.raises(hfsim.HfsimError, match=why):
+        hfsim.compare(DECK, models, **options)
+
+
 def test_check_tells_sizes():
     assert hfsim.check(DECK)["bodies"] == {"beam": 1}
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from hfsim.commands import report_error, worst
-from hfsim.commands.options import with_settings
-from hfsim.errors import DeckError, HfsimError
+from hfsim.errors import HfsimError
 from hfsim.output.talk import Talk
 
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
+
 
 def find_deck(argument: str, talk: Talk) -> Path:
     """Return the deck a command-line argument means, and tell where it is a shipped case.
@@ -93,70 +92,44 @@ def assemble(loaded: LoadedDeck) -> None:
     check(loaded)
 
 
-def usual_models(argument: str, overrides: Sequence[str], talk: Talk) -> tuple[str, ...]:
-    """Return the models a study takes where none is named: those that all beams have, one without beams.
+def loader(argument: str, overrides: Sequence[str], talk: Talk) -> Callable[[Sequence[str]], LoadedDeck]:
+    """Return what loads a deck with further overrides, and tells its warnings.
 
     Raises
     ------
-    DeckError, DeckNotFoundError
-        If the deck is bad with the model exact too.
+    DeckNotFoundError
     """
-    from hfsim.parts.bodies.beam import BeamSpec
-    from hfsim.scene.loading import load_deck
+    path = find_deck(argument, talk)
 
-    path = find_deck(argument, replace(talk, quiet=True))
-    deck = load_deck(path, with_settings(overrides, "exact")).deck
-    if not any(isinstance(body, BeamSpec) for body in deck.bodies.values()):
-        talk.note(f"{deck.name}: without beams all models are one")
-        return ("exact",)
-    found = ["exact"]
-    for model in ("lowOrder", "linear"):
-        try:
-            load_deck(path, with_settings(overrides, model))
-            found.insert(0, model)
-        except DeckError as error:
-            talk.note(f"{deck.name}: not with {model}: {error.problems[0].message}")
-    return tuple(found)
+    def load(more: Sequence[str]) -> LoadedDeck:
+        from hfsim.scene.loading import load_deck
+
+        loaded = load_deck(path, (*overrides, *more))
+        _warn(loaded, talk)
+        return loaded
+
+    return load
+
+
+def usual_models(argument: str, overrides: Sequence[str], talk: Talk) -> tuple[str, ...]:
+    """Return the models a study takes where none is named; see `hfsim.studies.compare.usual_models`."""
+    from hfsim.studies.compare import usual_models
+
+    return usual_models(loader(argument, overrides, talk), talk.note)
 
 
 def without_blind_channels(
     argument: str, overrides: Sequence[str], models: Sequence[str], talk: Talk
 ) -> tuple[str, ...]:
-    """Return overrides that leave out channels of internal forces of beams that a model has rigid; say which.
+    """Return overrides that leave out channels that some models have not; see `hfsim.studies.compare`."""
+    from hfsim.studies.compare import without_blind_channels
 
-    Without them, where a body's own model is rigid, or where nothing else would be left, the deck is refused.
-
-    Raises
-    ------
-    DeckError, DeckNotFoundError
-    """
-    from hfsim.parts.bodies.models import MODELS
-    from hfsim.parts.channels import kind_of
-    from hfsim.scene.loading import load_deck
-
-    blind = [model for model in models if not MODELS[model].flexible] if set(models) <= set(MODELS) else []
-    if not blind:
-        return ()
-    deck = load_deck(find_deck(argument, replace(talk, quiet=True)), tuple(overrides)).deck
-    rigid = [name for name, own in deck.models("").items() if not own]
-    out = [c for c in deck.channels if kind_of(c).of_strains and c.partition(".")[0] in rigid]
-    kept = [channel for channel in deck.channels if channel not in out]
-    if not out or not kept:
-        return ()
-    talk.note(f"{deck.name}: without strains, model {blind[0]} has no {', '.join(out)}: left out")
-    return (f"output.channels=[{', '.join(kept)}]",)
+    return without_blind_channels(loader(argument, overrides, talk), models, talk.note)
 
 
 def with_numbers(loaded: LoadedDeck, talk: Talk) -> LoadedDeck:
     """Return a deck with the default elements where it says auto, and say so."""
-    if not loaded.auto_elements:
-        return loaded
-    from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
-
-    beams = ", ".join(loaded.auto_elements)
-    words = f"elements: auto of {beams} taken as {DEFAULT_ELEMENTS}"
-    talk.note(f"{loaded.deck.name}: {words}; only hfsim run chooses them")
-    return loaded.with_numbers()
+    return loaded.with_numbers(talk.note) if loaded.auto_elements else loaded
 
 
 def load_numbered(argument: str, overrides: Sequence[str], talk: Talk) -> LoadedDeck:
@@ -166,11 +139,7 @@ def load_numbered(argument: str, overrides: Sequence[str], talk: Talk) -> Loaded
     ------
     DeckError, DeckNotFoundError
     """
-    from hfsim.scene.loading import load_deck
-
-    loaded = load_deck(find_deck(argument, talk), tuple(overrides))
-    _warn(loaded, talk)
-    return with_numbers(loaded, talk)
+    return with_numbers(loader(argument, overrides, talk)(()), talk)
 
 
 def command_line() -> str:

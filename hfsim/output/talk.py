@@ -9,7 +9,7 @@ import json
 import os
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import click
@@ -41,7 +41,7 @@ class Destination:
 
 @dataclass(frozen=True)
 class Talk:
-    """Results to standard output, everything else to standard error.
+    """Results to standard output, everything else to standard error; nothing useful to know is told twice.
 
     Attributes
     ----------
@@ -52,6 +52,7 @@ class Talk:
     quiet: bool = False
     verbose: bool = False
     as_json: bool = False
+    _told: set[str] = field(default_factory=set, repr=False, compare=False)
 
     def result(self, text: str) -> None:
         """Print a result for people; silent under ``-q`` and ``--json``."""
@@ -64,8 +65,9 @@ class Talk:
             print_out(json.dumps(facts, allow_nan=False, ensure_ascii=False))
 
     def note(self, text: str) -> None:
-        """Tell something useful to know; silent under ``-q``."""
-        if not self.quiet:
+        """Tell something useful to know, once; silent under ``-q``."""
+        if not self.quiet and text not in self._told:
+            self._told.add(text)
             print_error(text)
 
     def warn(self, about: str, warnings: Iterable[str]) -> None:

@@ -7,7 +7,7 @@ entry hides no bad reference elsewhere, and at options and sizes in the entries 
 import hashlib
 import json
 import typing
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import islice
@@ -56,10 +56,16 @@ class LoadedDeck:
         canonical = json.dumps(resolved, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
-    def with_numbers(self) -> "LoadedDeck":
-        """Return the deck with the default elements where it leaves them open, and then without target."""
+    def with_numbers(self, note: Callable[[str], None] | None = None) -> "LoadedDeck":
+        """Return the deck with the default elements where it leaves them open, and then without target.
+
+        What was taken is told to `note`.
+        """
         if not self.auto_elements:
             return self
+        if note is not None:
+            words = f"elements: auto of {', '.join(self.auto_elements)} taken as {DEFAULT_ELEMENTS}"
+            note(f"{self.deck.name}: {words}; only hfsim run chooses them")
         numbers = [f"bodies.{name}.elements={DEFAULT_ELEMENTS}" for name in self.auto_elements]
         stated = self.source.data["solve"]
         none = [f"solve.{key}=null" for key in ("target_error", "target_channels", "budget") if key in stated]

@@ -16,7 +16,9 @@ import hfsim.api
 
 # what commands import later needs the real deck module, for which the tests put in another
 import hfsim.output.plots
+import hfsim.studies.compare.choice
 import hfsim.studies.compare.measurements
+import hfsim.studies.compare.study
 import hfsim.trust.validity
 from hfsim.cli import COMMANDS, app
 from hfsim.commands.decks import usual_models
@@ -66,6 +68,7 @@ class FakeScene:
             deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=(), has_target=False
         )
         loaded.with_solve = lambda change: loaded
+        loaded.with_numbers = lambda note=None: loaded
         return loaded
 
     def check(self, loaded, model=None):
@@ -119,6 +122,8 @@ def scene(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "hfsim.simulate", module)
     monkeypatch.setattr(hfsim.api, "pipeline", module)
     monkeypatch.setattr(hfsim.studies.compare.measurements, "simulate", fake.simulate)
+    monkeypatch.setattr(hfsim.studies.compare.study, "simulate", fake.simulate)
+    monkeypatch.setattr(hfsim.studies.compare.choice, "check", fake.check)
     monkeypatch.chdir(tmp_path)
     for name in ("case", "other", "bad"):
         Path(f"{name}.yaml").write_text(name)
@@ -271,6 +276,19 @@ def test_compare_runs_each_model_and_names_the_cheapest_adequate_one(scene):
     facts = json.loads(Path("case.compare/compare.json").read_text())
     assert facts["verdict"] == "lowOrder"
     assert len(Path("case.compare/compare.csv").read_text().splitlines()) == 7
+
+
+def test_what_all_models_are_warned_of_is_told_once(scene):
+    warned = dict.fromkeys(("linear", "lowOrder", "exact"), ("case.yaml:3: warning: that is a lot",))
+    load = scene.load_deck
+
+    def load_deck(path, overrides=()):
+        loaded = load(path, overrides)
+        loaded.warnings = warned[loaded.deck.solve.model]
+        return loaded
+
+    sys.modules["hfsim.scene.loading"].load_deck = load_deck
+    assert call("compare", "linear", "lowOrder", "--no-plots").stderr.count("that is a lot") == 1
 
 
 def test_compare_times_short_solves_repeatedly_and_long_ones_once(scene):
@@ -525,7 +543,8 @@ def test_studies_leave_out_models_that_a_scene_has_not(tmp_path, capsys):
     thick = tmp_path / "thick.yaml"
     thick.write_text(text.replace("type: beam,", "type: beam, element: continuum,"))
     models, notes = told(thick)
-    assert models == ("linear", "exact") and "not with lowOrder: a continuum element has no model lowOrder" in notes
+    assert models == ("linear", "exact")
+    assert "not with lowOrder: a continuum element has no model lowOrder" in notes
 
 
 def test_the_table_of_a_run_fits_and_tells_an_end_once(tmp_path, monkeypatch):

@@ -8,13 +8,23 @@ models are equal as far as can be told.  What differences are divided by, and wh
 Nothing is printed or written here.
 """
 
+from hfsim.studies.compare.choice import (
+    ChoiceError,
+    Prepared,
+    chosen_models,
+    prepare,
+    usual_models,
+    without_blind_channels,
+)
 from hfsim.studies.compare.difference import Difference
 from hfsim.studies.compare.judge import compare
 from hfsim.studies.compare.measurements import Measured, coordinates_of, measure
 from hfsim.studies.compare.result import Comparison, ModelResult, as_facts
+from hfsim.studies.compare.study import carry_out, run_of
 from hfsim.studies.compare.words import ending, how_it_ended, percent
 
 __all__ = [
-    "Comparison", "Difference", "Measured", "ModelResult", "as_facts", "compare", "coordinates_of", "ending",
-    "how_it_ended", "measure", "percent",
+    "ChoiceError", "Comparison", "Difference", "Measured", "ModelResult", "Prepared", "as_facts", "carry_out",
+    "chosen_models", "compare", "coordinates_of", "ending", "how_it_ended", "measure", "percent", "prepare",
+    "run_of", "usual_models", "without_blind_channels",
 ]  # fmt: skip

@@ -77,6 +77,7 @@ def compare(
         verdict=best.model if best else None,
         ties=tuple(m.model for m in models if best and m is not best and m.adequate and ties(m, best)),
         interrupted=interrupted,
+        runs={run.model: run for run in runs},
     )
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from hfsim.marching.distance import ChannelScale
+from hfsim.marching.solution import Run
 from hfsim.studies.compare.difference import Difference
 from hfsim.studies.compare.words import how_it_ended, percent
 
@@ -111,6 +113,8 @@ class Comparison:
         Adequate models whose CPU time cannot be told from that of the verdict.
     interrupted : bool
         Whether a signal ended it: what had been computed until then is all there is.
+    runs : mapping of str to Run
+        By model.
     """
 
     name: str
@@ -122,6 +126,7 @@ class Comparison:
     verdict: str | None
     ties: tuple[str, ...] = ()
     interrupted: bool = False
+    runs: Mapping[str, Run] = field(default_factory=dict, repr=False, compare=False)
 
     def result(self, model: str) -> ModelResult:
         """Return the result of one model.
@@ -178,7 +183,8 @@ def _worst_of(result: ModelResult) -> str:
 
 def as_facts(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as JSON-ready facts (``compare.json``)."""
-    facts = asdict(comparison)
+    facts = asdict(replace(comparison, runs={}))
+    del facts["runs"]
     facts["models"] = {model.pop("model"): model for model in facts["models"]}
     scales = [{**scale._asdict(), "group": scale.group} for scale in comparison.scales]
     facts["scales"] = {scale.pop("channel"): scale for scale in scales}
