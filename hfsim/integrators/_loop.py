@@ -212,6 +212,9 @@ class Stepping:
                     stepper = self._restarted()
                     self._wish = min(self._wish, stepper.first)
                 continue
+            if fixed is None and (early := self._edge(attempt, h)) < h:
+                self._problem.counts.rejected, self._wish = self._problem.counts.rejected + 1, early
+                continue
             if h >= 0.5 * self._wish:
                 self._wish = float(h * min(max(attempt.growth, 0.2), 5.0))
             self._keep(stepper, attempt, h)
@@ -291,6 +294,11 @@ class Stepping:
             return attempt._replace(q=end[0], v=rate[0])
         except np.linalg.LinAlgError:
             return unsolved()
+
+    def _edge(self, attempt: Attempt, h: float) -> float:
+        """Return after what time a step meets an edge of a force inside, or h; too short a step has none."""
+        step = Segment(self.path.t_end, h, self.path.q, self.path.v, attempt.series)
+        return self._problem.edges.first(step) if h > self._limits.short * self._duration else h
 
     def _strayed(self, item: str, h: float) -> Attempt:
         """Return the outcome of a step in which turns could not be counted.

@@ -12,6 +12,7 @@ from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
+from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.linearized import Linearized, by_differences
 from hfsim.mechanics.strained import Strains
 
@@ -133,6 +134,8 @@ class Problem:
         The shortest time after which such a one does [s].
     turns : Turns
         What counts the turns of angles along the steps.
+    edges : Edges
+        Where steps have to end.
     recharted : callable or None
         (q, v), shape (n,) each -> the same state in the coordinates to go on in, None if those are its own;
         None where all states have the same.
@@ -154,6 +157,7 @@ class Problem:
     breaks: Array = field(default_factory=lambda: np.zeros(0))
     period: float = np.inf
     turns: Turns = field(default_factory=Turns)
+    edges: Edges = field(default_factory=Edges)
     recharted: Callable[[Array, Array], tuple[Array, Array] | None] | None = None
     counts: Counts = field(default_factory=Counts)
 

@@ -16,6 +16,7 @@ from hfsim.marching.steps import State, Steps, Stop, Strand, Together
 from hfsim.marching.stop import SHIELD, Progress, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
+from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
 from hfsim.scene.build import Scene
@@ -182,6 +183,7 @@ def problem_of(scene: Scene) -> Problem:
         breaks=system.breaks(scene.deck.solve.duration),
         period=system.period,
         turns=Turns(system),
+        edges=Edges(system),
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
 

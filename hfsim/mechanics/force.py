@@ -115,6 +115,15 @@ class ForcePart:
         raise NotImplementedError
 
     @property
+    def has_edges(self) -> bool:
+        """Whether there are `edges`."""
+        return False
+
+    def edges(self, t: Array, x: Array, u: Array) -> Array:
+        """Return what changes its sign where the force changes its form, shape (n_batch, n_edges)."""
+        raise NotImplementedError
+
+    @property
     def uses_rates(self) -> bool:
         """Whether the force depends on u."""
         return False

@@ -18,6 +18,10 @@ if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
 
+SLIDING = 4.0
+"""Rate, in velocities, from which friction is as good as that of sliding: tanh is 0.9993 there."""
+
+
 class Resistance:
     """A force on a coordinate; a kind says what it stores, and what else it does."""
 
@@ -39,6 +43,16 @@ class Resistance:
     @property
     def laws(self) -> tuple[Law, ...]:
         """Laws of time that it follows."""
+        return ()
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Values of s where it changes its form."""
+        return ()
+
+    @property
+    def rate_edges(self) -> tuple[float, ...]:
+        """Values of w where it does."""
         return ()
 
     def energy(self, s: Array) -> Array:
@@ -187,6 +201,11 @@ class Friction(Resistance):
         """Return True."""
         return True
 
+    @property
+    def rate_edges(self) -> tuple[float, ...]:
+        """Where it begins to turn round."""
+        return -SLIDING * self.velocity, SLIDING * self.velocity
+
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return level tanh(w / velocity)."""
         return np.asarray(self.level * np.tanh(w / self.velocity))
@@ -224,6 +243,11 @@ class Stop(Resistance):
     def uses_rates(self) -> bool:
         """Whether it is damped."""
         return self.damping > 0.0
+
+    @property
+    def edges(self) -> tuple[float, ...]:
+        """Where it begins, and where it has its full stiffness."""
+        return self.limit, self.limit + self.side * self.transition
 
     def _depth(self, s: Array) -> tuple[Array, Array]:
         """Return the depth in transitions, zero before the limit, and the same cut off at one."""
