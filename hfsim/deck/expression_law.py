@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import cached_property, partial, reduce
 from itertools import islice
 from typing import Any, TypeAlias
 
@@ -26,21 +26,30 @@ _SMALLEST = 1e-12
 """Change between samples, over the range of all, that counts as none."""
 _BISECTIONS = 60
 
-Jet: TypeAlias = "list[Array] | float"
-"""Value and derivatives by time up to some order; a plain number where it does not depend on time."""
+Jet: TypeAlias = "list[Any] | float"
+"""Value and derivatives by time up to some order, arrays or numbers; a number where it is constant."""
+_Function: TypeAlias = "Callable[[list[Any]], Jet]"
+_Operation: TypeAlias = "Callable[[Jet, Jet], Jet]"
 
 
 # Jets ------------------------------------------------------------------------------------------------
 
 
-def _composed(rule: Rule, u: Sequence[Array]) -> list[Array]:
+def _composed(rule: Rule, u: Sequence[Any]) -> list[Any]:
     g = list(islice(rule(u[0]), len(u)))
     found = [g[0]]
     if len(u) > 1:
-        found.append(g[1] * u[1])
+        found.append(_product(g[1], u[1]))
     if len(u) > 2:
-        found.append(g[2] * u[1] ** 2 + g[1] * u[2])
+        found.append(_product(g[2], u[1] * u[1]) + _product(g[1], u[2]))
     return found
+
+
+def _product(x: Any, y: Any) -> Any:
+    """Return x y; most derivatives are of t alone, 1 and 0."""
+    if isinstance(y, float) and y in (0.0, 1.0):
+        return x if y else 0.0
+    return x * y
 
 
 def _number(a: Jet) -> float:
@@ -66,10 +75,12 @@ def _plus(a: Jet, b: Jet, sign: float = 1.0) -> Jet:
 
 def _times(a: Jet, b: Jet) -> Jet:
     if isinstance(a, list) and isinstance(b, list):
-        return [
-            sum((math.comb(n, k) * a[k] * b[n - k] for k in range(1, n + 1)), a[0] * b[n])
-            for n in range(len(a))
-        ]
+        found = [a[0] * b[0]]
+        if len(a) > 1:
+            found.append(_product(b[0], a[1]) + _product(a[0], b[1]))
+        if len(a) > 2:
+            found.append(_product(b[0], a[2]) + 2.0 * (a[1] * b[1]) + _product(a[0], b[2]))
+        return found
     if isinstance(a, list):
         return [x * _number(b) for x in a]
     return [a * y for y in b] if isinstance(b, list) else a * b
@@ -111,7 +122,7 @@ def _length(*sides: Jet) -> Jet:
     return _to_the(reduce(_plus, (_times(one, one) for one in sides)), 0.5)
 
 
-_OPERATIONS: dict[str, Callable[[Jet, Jet], Jet]] = {
+_OPERATIONS: dict[str, _Operation] = {
     "+": _plus,
     "-": lambda a, b: _plus(a, b, -1.0),
     "*": _times,
@@ -142,7 +153,12 @@ def folded(node: Node) -> Node:
     """
     if not of_time(node):
         return Node("number", "", (), evaluated(node, {}), node.start, node.end)
-    return node._replace(args=tuple(folded(one) for one in node.args))
+    args = [folded(one) for one in node.args]
+    signs = node.head
+    while node.kind == "chain" and args[0].kind == args[1].kind == "number":
+        first = node._replace(head=signs[0], args=tuple(args[:2]))
+        args[:2], signs = [folded(first)], signs[1:]
+    return node._replace(head=signs, args=tuple(args))
 
 
 def checked(node: Node) -> Node:
@@ -175,25 +191,32 @@ def kinked_by(node: Node) -> str:
     return next((one.head for one in _calls(node) if one.head in KINKED and of_time(one)), "")
 
 
-def _jet(node: Node, t: list[Array]) -> Jet:
-    """Return a folded expression of t with as many derivatives as t is given with."""
+def _function(node: Node) -> _Function:
+    """Return what takes time, with as many derivatives as are wanted, to the jet of a folded expression."""
     if node.kind == "name":
-        return t
+        return lambda t: t
     if node.kind == "number":
-        return node.value
-    args = [_jet(one, t) for one in node.args]
+        return lambda t: node.value
+    args = [_function(one) for one in node.args]
     if node.kind == "chain":
-        value = args[0]
-        for sign, one in zip(node.head, args[1:], strict=True):
-            value = _OPERATIONS[sign](value, one)
-        return value
+        operations = [_OPERATIONS[sign] for sign in node.head]
+        return partial(_chained, args[0], list(zip(operations, args[1:], strict=True)))
     if node.kind == "negative":
-        return _times(-1.0, args[0])
+        return lambda t: _times(-1.0, args[0](t))
     if node.kind == "power":
-        return _to_the(*args)
-    if len(args) == 1 and isinstance(args[0], list) and node.head in RULES:
-        return _composed(RULES[node.head], args[0])
-    return _CALLS[node.head](*args)
+        return lambda t: _to_the(args[0](t), args[1](t))
+    if len(args) == 1 and node.head in RULES:
+        rule = RULES[node.head]
+        return lambda t: _composed(rule, args[0](t))  # type: ignore[arg-type]
+    call = _CALLS[node.head]
+    return lambda t: call(*(one(t) for one in args))
+
+
+def _chained(first: _Function, steps: Sequence[tuple[_Operation, _Function]], t: list[Any]) -> Jet:
+    value = first(t)
+    for operation, one in steps:
+        value = operation(value, one(t))
+    return value
 
 
 @dataclass(frozen=True)
@@ -201,6 +224,10 @@ class ExpressionLaw(Law):
     """An expression of t; `tree` is folded and has no other name in it."""
 
     tree: Node
+
+    @cached_property
+    def _function(self) -> _Function:
+        return _function(self.tree)
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return kinks and, up to the end, where the derivative of this order turns round."""
@@ -229,10 +256,9 @@ class ExpressionLaw(Law):
 
     def _derivative(self, t: Array, order: int) -> Array:
         with np.errstate(all="ignore"):  # what is not finite ends the run by itself
-            jet = _jet(self.tree, [t, np.ones_like(t), np.zeros_like(t)][: order + 1])
-        if not isinstance(jet, list):
-            return np.full_like(t, 0.0 if order else jet)
-        return np.asarray(jet[order] + np.zeros_like(t))
+            jet = self._function([t, 1.0, 0.0][: order + 1])
+        found = jet[order] if isinstance(jet, list) else jet * (order == 0)
+        return found if isinstance(found, np.ndarray) and found.shape == t.shape else np.full(t.shape, found)
 
 
 def _turning_points(t: Array, y: Array) -> Array:
@@ -273,7 +299,7 @@ def _pairs(nodes: Sequence[Node]) -> Iterator[tuple[Node, Node]]:
 
 
 def _value(node: Node, t: Array) -> Array:
-    jet = _jet(node, [t])
+    jet = _function(node)([t])
     return jet[0] if isinstance(jet, list) else np.full_like(t, jet)
 
 
