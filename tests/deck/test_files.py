@@ -245,3 +245,14 @@ def test_springs_take_their_tables_from_files(deck):
     assert rope.table == ((-0.1, -50.0), (0.0, 0.0), (0.2, 30.0))
     (deck.parent / "parts" / "rope.csv").write_text("stretch,force\n-0.1,-50\n0,0\n0,30\n")
     assert "rope.csv:4:1: error: springs.rope.table.2: the first numbers must increase" in refusal(deck)
+
+
+def test_only_the_deck_itself_sets_parameters_of_its_parts(deck):
+    (deck.parent / "parts" / "other.yaml").write_text("parameters:\n  width: 0.03\n")
+    changed(deck, "parts/arm.yaml,", "parts/arm.yaml, parts/other.yaml,")
+    said = refusal(deck)
+    assert "parts/other.yaml:2:3: error: parameters.width: stands in line 3 of " in said
+    assert "parts/arm.yaml too (keep one of the two)" in said
+    changed(deck, "parts/other.yaml,", "")
+    changed(deck, "parameters: {length: 2.0}", "parameters: [2.0]")
+    assert "parts/arm.yaml:3:1: error: parameters: stands in line 5 of " in refusal(deck)
