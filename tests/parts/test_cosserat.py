@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from damping import check_damping
 from equilibrium import cantilever, displacement, equilibrium
 
 from hfsim.maths.rotations import rotation
 from hfsim.parts.bodies.beam_axis import Curve
-from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw, SectionDamping
+from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -71,27 +72,7 @@ def test_damping_against_differences(rng):
     scene = cantilever("{shape: circle, radius: 0.1}", 1.0, (0, 0, 1), elements=2, degree=2, material=(
         "youngs_modulus: 10.0, axial_damping: 0.2, bending_damping: 0.3"
     ))
-    (part,) = (one for one in scene.system.forces if isinstance(one, SectionDamping))
-    n, t, h = scene.system.n_x, np.zeros(1), 1e-6
-    x = scene.system.absolute(scene.q[None]) + 0.1 * rng.normal(size=(1, n))
-    u, d = rng.normal(size=(1, n)), rng.normal(size=n)
-
-    def force(x, u):
-        out = np.zeros_like(x)
-        part.add_force(t, x, u, out)
-        return out
-
-    for entries, slope in (
-        (part.tangent(t, x, u), (force(x + h * d, u) - force(x - h * d, u)) / (2 * h)),
-        (part.rate_tangent(t, x, u), (force(x, u + h * d) - force(x, u - h * d)) / (2 * h)),
-    ):
-        K = np.zeros((n, n))
-        np.add.at(K, (entries.rows, entries.columns), entries.values)
-        assert K @ d == pytest.approx(-slope[0], rel=1e-6, abs=1e-7 * np.abs(slope).max())
-    assert part.power(t, x, u)[0] == pytest.approx(float(force(x, u)[0] @ u[0]), rel=1e-12)
-    assert part.power(t, x, u)[0] < 0.0
-    turning = scene.bodies["b"].freedoms(x[0], scene.assembly.poses["b"])
-    assert np.abs(force(x, np.pad(turning[4:5], ((0, 0), (0, n - turning.shape[1]))))).max() < 1e-12
+    check_damping(scene, rng, slice(4, 5))
 
 
 @pytest.mark.parametrize("angle", S18)

@@ -7,6 +7,7 @@ import pytest
 import yaml
 from analytical import jacobian
 from equilibrium import cantilever, displacement, equilibrium
+from solved import parsed, solved
 
 from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation, rotation_vector
@@ -14,8 +15,6 @@ from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import build
-from hfsim.scene.loading import parse_deck
-from hfsim.simulate import simulate
 from hfsim.trust.handover import hand_over
 from hfsim.trust.quasistatic import deformation_of
 
@@ -48,16 +47,6 @@ def rotor(model="exact", **solve):
     data = yaml.safe_load(ROTOR)
     data["solve"] |= {"model": model, **solve}
     return data
-
-
-def parsed(data):
-    return parse_deck(yaml.safe_dump(data))
-
-
-def solved(data):
-    result = simulate(parsed(data), error_estimate=False)
-    assert result.status == "done", result.reason
-    return np.stack([c.values for c in result.channels], axis=1), result
 
 
 @pytest.fixture

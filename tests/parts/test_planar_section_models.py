@@ -5,6 +5,7 @@ import posed
 import pytest
 import yaml
 from equilibrium import cantilever, equilibrium
+from solved import parsed, solved
 
 from hfsim.errors import DeckError
 from hfsim.marching.integration import run_integration
@@ -12,8 +13,6 @@ from hfsim.maths.rotations import rotation
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import build
-from hfsim.scene.loading import parse_deck
-from hfsim.simulate import simulate
 from hfsim.trust.handover import hand_over
 from hfsim.trust.quasistatic import deformation_of
 
@@ -41,16 +40,6 @@ def rotor(curve="straight", model="rigid", **keys):
     data["bodies"]["b1"] |= CURVES[curve]
     data["solve"] |= {"model": model}
     return {**data, **keys}
-
-
-def parsed(data):
-    return parse_deck(yaml.safe_dump(data))
-
-
-def solved(data):
-    result = simulate(parsed(data), error_estimate=False)
-    assert result.status == "done", result.reason
-    return np.stack([c.values for c in result.channels], axis=1), result
 
 
 @pytest.mark.parametrize("more", ["", "axis: {arc: {radius: 1.0, angle: 1.2}}, model: linear"])

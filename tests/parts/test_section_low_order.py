@@ -7,10 +7,10 @@ import yaml
 from analytical import jacobian
 from blades import FLAP, LAG, frequencies, off, spectrum
 from equilibrium import cantilever, displacement, equilibrium
+from solved import solved
 
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
-from hfsim.simulate import simulate
 from hfsim.trust.validity import tip_error
 
 CURVES = {"straight": "length: 1.2", "arc": "axis: {arc: {radius: 1.0, angle: 1.2}}, twist: 0.5"}
@@ -32,12 +32,6 @@ def rotor(n_dim=3, curve="straight", model="lowOrder", damping=0.0, degree=3, ra
     length = CURVES[curve].removesuffix(", twist: 0.5") if n_dim == 2 else CURVES[curve]
     numbers = {"model": model, "damping": damping, "degree": degree, "rate": rate}
     return ROTOR.format(gravity=gravity, length=length, **numbers)
-
-
-def solved(text):
-    result = simulate(parse_deck(text), error_estimate=False)
-    assert result.status == "done", result.reason
-    return np.stack([c.values for c in result.channels], axis=1), result
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ import yaml
 from analytical import jacobian
 from blades import AT_REST, FLAP, GROWTH_LINEAR, LAG, frequencies, off, spectrum
 from equilibrium import displacement, equilibrium
+from solved import parsed, solved
 
 from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
@@ -18,7 +19,6 @@ from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.bodies.root_axes import SectionFrameChart
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
-from hfsim.simulate import simulate
 from hfsim.trust.handover import hand_over
 from hfsim.trust.quasistatic import deformation_of
 
@@ -51,16 +51,6 @@ def rotor(curve="straight", **changed):
     if curve == "arc":
         data["bodies"]["b1"].pop("length")
     return data
-
-
-def parsed(data):
-    return parse_deck(yaml.safe_dump(data))
-
-
-def solved(data):
-    result = simulate(parsed(data), error_estimate=False)
-    assert result.status == "done", result.reason
-    return np.stack([c.values for c in result.channels], axis=1), result
 
 
 @pytest.fixture

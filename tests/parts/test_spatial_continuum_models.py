@@ -5,6 +5,7 @@ import pytest
 import yaml
 from analytical import jacobian
 from equilibrium import cantilever, displacement, equilibrium
+from solved import parsed, solved
 
 from hfsim.marching.integration import run_integration
 from hfsim.mechanics.pose import Pose, Twist
@@ -12,7 +13,6 @@ from hfsim.parts.bodies.models import MODELS
 from hfsim.parts.elements.forces import KelvinVoigtForce
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
-from hfsim.simulate import simulate
 from hfsim.trust.handover import hand_over
 from hfsim.trust.quasistatic import deformation_of
 
@@ -48,16 +48,6 @@ def rotor(model="linear", **keys):
     data = yaml.safe_load(ROTOR)
     data["solve"]["model"] = model
     return {**data, **keys}
-
-
-def parsed(data):
-    return parse_deck(yaml.safe_dump(data))
-
-
-def solved(data):
-    result = simulate(parsed(data), error_estimate=False)
-    assert result.status == "done", result.reason
-    return np.stack([c.values for c in result.channels], axis=1), result
 
 
 @pytest.fixture
