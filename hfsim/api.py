@@ -9,6 +9,7 @@ import json
 import os
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -127,6 +128,7 @@ def run(
         result = carry_out(loaded, progress, **wish)
     else:
         result = _written(loaded, progress, Path(output), force, plots, wish)
+    result = replace(result, fine=None)  # the steps are many
     if check and result.status == "interrupted":
         raise KeyboardInterrupt(result.reason)
     if check and result.exit_code:

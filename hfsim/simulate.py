@@ -14,6 +14,7 @@ import numpy as np
 
 from hfsim.errors import LimitReached, SolverFailure, interruption_code, interruption_words
 from hfsim.integrators import Memory
+from hfsim.marching.between import Between
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.integration import Leg, run_integration
 from hfsim.marching.plan import motions_of, plan_of
@@ -146,7 +147,7 @@ def assess(
         return replace(run, **told)
     seen = outlines_of(samples)
     run = replace(run, outline_t=seen.t, outlines=seen.points, outline_forces=seen.forces)
-    return replace(run, **told)
+    return replace(run, fine=Between(legs, run.t, run.channels), **told)
 
 
 def _solved(legs: Sequence[Leg], record: Record, clock: PhaseClock, course: Course | None) -> Run:

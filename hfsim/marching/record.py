@@ -155,6 +155,8 @@ class LegRecord:
     ----------
     scene : Scene
     balance : Balance
+    begin_angles : mapping of str to float
+        Angles of bodies where its steps begin, or those since it was put down [rad].
     """
 
     def __init__(self, scene: Scene, before: LegRecord | None, balanced: bool) -> None:
@@ -164,6 +166,7 @@ class LegRecord:
         self._begin: int = before._next if before else 0
         self._next: int = self._begin
         self._angles: Mapping[str, float] = scene.start_angles
+        self.begin_angles = self._angles
         self._first = 0
         self._cost = 0.0
         self._states: list[Array] = [np.empty((0, 2 + 2 * scene.system.n))]
@@ -229,6 +232,7 @@ class LegRecord:
         self._next, self._stride = map(int, memory["place"][:2])
         self._cost = float(memory["place"][2])
         self._angles = dict(zip(self._angles, map(float, memory["angles"]), strict=True))
+        self.begin_angles = self._angles
         self._states = [memory["states"]]
         self.balance.recall(memory)
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from hfsim.deck.source import did_you_mean
 
@@ -31,6 +31,14 @@ class Channel(NamedTuple):
     name: str
     unit: str
     values: ndarray
+
+
+class Fine(Protocol):
+    """Channels at more times than the output's."""
+
+    @property
+    def curves(self) -> tuple[ndarray, tuple[Channel, ...]]:
+        """Times [s] in order, the output's among them, and the channels there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +70,8 @@ class Run:
         that any body has, those of each body, shape (n_numbers, n_points).
     statistics : dict
         JSON-ready facts: ``cpu_s`` and ``wall_s`` (by phase), ``steps``, ``energy_drift``, ``warnings``...
+    fine : Fine or None
+        The channels at more times than the output's, for curves; nothing is computed before it is asked for.
     states : sequence of Samples
         States at the output times, in long runs at some of them: ``t``, coordinates and rates that steps are
         made in ``q`` and ``v``, absolute ones ``x`` and ``u``, a row a time; one for each choice of models.
@@ -84,6 +94,7 @@ class Run:
     outline_t: ndarray | None = None
     outlines: Mapping[str, ndarray] = field(default_factory=dict)
     outline_forces: Callable[[ndarray], dict[str, dict[str, ndarray]]] | None = None
+    fine: Fine | None = None
     states: Sequence[Samples] = ()
 
     def __getitem__(self, name: str) -> ndarray:
@@ -98,6 +109,14 @@ class Run:
             if channel.name == name:
                 return channel.values
         raise KeyError(f"no channel '{name}': {did_you_mean(name, [one.name for one in self.channels])}")
+
+    @property
+    def drawn(self) -> Run:
+        """The run with its channels at all times at which they are drawn."""
+        if self.fine is None:
+            return self
+        t, channels = self.fine.curves
+        return replace(self, t=t, channels=channels)
 
     @property
     def units(self) -> dict[str, str]:

@@ -169,6 +169,7 @@ def _images(
     run: Run, outlines: Mapping[str, Array], frames: list[int], tempo: Tempo
 ) -> Iterator[Image.Image]:
     """Yield the frames; what does not move is drawn once."""
+    run = run.drawn
     assert run.outline_t is not None
     stage = Stage.of(run, outlines)
     clock = stage.axes.text(

@@ -33,6 +33,7 @@ def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
     """
     if not len(run.t):
         return []
+    run = run.drawn
     figures: dict[str, Figure | None] = {**time_figures(run)}
     if run.dimension == 3:
         figures |= {"path": spatial_path(run), "shapes": spatial_shapes(run), "oblique": oblique_shapes(run)}

@@ -1,0 +1,102 @@
+"""Channels between the output times, read from the steps: what curves are drawn through."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.integrators import Trajectory
+from hfsim.marching.integration import Leg
+from hfsim.marching.sampling import SceneSamples, compute_channels
+from hfsim.marching.solution import Channel
+from hfsim.marching.turns import count_turns
+from hfsim.maths.arrays import Array, distinct
+
+ENOUGH = 1200
+"""Times that make a smooth curve where there are few steps; of many steps, all ends are shown."""
+MOST = 4000
+"""Times between those of the output at most."""
+MOST_NUMBERS = 4e5
+"""Coordinates of all these states at most: large scenes have fewer of them."""
+INSIDE = 16
+"""Times in one step at most."""
+AT_ONCE = 512
+"""Times that are read in one go: bounds the memory that takes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Between:
+    """The rows of a run with others between them.
+
+    Attributes
+    ----------
+    legs : sequence of Leg
+        Their steps; those from before a run was put down are gone, and its rows stand alone there.
+    t : ndarray, shape (n_rows,)
+        Output times [s].
+    channels : tuple of Channel
+        At the output times.
+    """
+
+    legs: Sequence[Leg]
+    t: Array
+    channels: tuple[Channel, ...]
+
+    @cached_property
+    def curves(self) -> tuple[Array, tuple[Channel, ...]]:
+        """Times [s] in order, the output's among them, and the channels there."""
+        if len(self.t) < 2:
+            return self.t, self.channels
+        rows = np.column_stack([self.t, *(channel.values for channel in self.channels)])
+        parts = [rows, *self._parts()]
+        table = np.concatenate(parts)
+        table = table[np.isfinite(table).all(axis=1)]
+        _, first = np.unique(table[:, 0], return_index=True)  # of one time, the row of the output
+        columns = np.ascontiguousarray(table[first].T)
+        named = zip(self.channels, columns[1:], strict=True)
+        return columns[0], tuple(channel._replace(values=values) for channel, values in named)
+
+    def _parts(self) -> Iterator[Array]:
+        for leg in self.legs:
+            path, angles = leg.done.trajectory, leg.record.begin_angles
+            room = int(min(MOST, MOST_NUMBERS / max(1, leg.scene.system.n)))
+            times = times_between(path, self.t, room)
+            turns = count_turns(leg.scene, path, times, angles)
+            for k in range(0, len(times), AT_ONCE):
+                some = slice(k, k + AT_ONCE)
+                with np.errstate(all="ignore"):
+                    q, v = leg.scene.system.project(times[some], *path.at(times[some]))
+                    counted = {name: one[some] for name, one in turns.items()}
+                    samples = SceneSamples(leg.scene, times[some], q, v, counted)
+                    columns = [one.values for one in compute_channels(samples)]
+                yield np.column_stack([times[some], *columns])
+
+
+def times_between(path: Trajectory, rows: Array, room: int) -> Array:
+    """Return times in a trajectory at which curves are drawn beside its rows, in order.
+
+    Parameters
+    ----------
+    path : Trajectory
+    rows : ndarray, shape (n_rows,)
+        Output times; none is after the last.
+    room : int
+        How many there may be.
+    """
+    ends = path.step_ends()
+    ends = ends[ends <= rows[-1]]
+    count = len(ends) - 1
+    if count < 1:
+        return np.empty(0)
+    each = 1 if path.condensed else min(INSIDE, max(1, -(-ENOUGH // count)))
+    here = rows[(rows >= ends[0]) & (rows <= ends[-1])]
+    if len(here) >= count * each:
+        return np.empty(0)
+    parts = np.arange(each) / each
+    every = (ends[:-1, None] + np.diff(ends)[:, None] * parts).ravel()
+    kept = distinct(np.linspace(0, len(every) - 1, min(room, len(every))).round().astype(int))
+    times: Array = every[kept]
+    return times[~np.isin(times, rows)]
