@@ -55,6 +55,10 @@ class Resistance:
         """Values of w where it does."""
         return ()
 
+    def beyond(self, s: float) -> float:
+        """Return how far beyond a limit of its own the coordinate is; zero where there is none."""
+        return 0.0
+
     def energy(self, s: Array) -> Array:
         """Return what it stores."""
         return np.zeros_like(s)
@@ -108,7 +112,8 @@ class LinearSpring(Resistance):
 
     def elastic(self, s: Array) -> Array:
         """Return p + k (s - rest)."""
-        return np.asarray(self.preload + self.stiffness * (s - self.rest))
+        force = self.stiffness * (s - self.rest if self.rest else s)
+        return force + self.preload if self.preload else force
 
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return that and d w."""
@@ -248,6 +253,11 @@ class Stop(Resistance):
     def edges(self) -> tuple[float, ...]:
         """Where it begins, and where it has its full stiffness."""
         return self.limit, self.limit + self.side * self.transition
+
+    def beyond(self, s: float) -> float:
+        """Return the depth, where the stiffness has its full size."""
+        depth = self.side * (s - self.limit)
+        return depth if depth > self.transition else 0.0
 
     def _depth(self, s: Array) -> tuple[Array, Array]:
         """Return the depth in transitions, zero before the limit, and the same cut off at one."""

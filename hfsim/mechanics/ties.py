@@ -44,6 +44,7 @@ class Tie(PointPart):
     first: Marker
     second: Marker
     resistances: tuple[Resistance, ...]
+    unit: ClassVar[str] = ""
 
     @property
     def markers(self) -> tuple[Marker, ...]:
@@ -95,10 +96,16 @@ class Tie(PointPart):
         """
         raise NotImplementedError
 
+    def beyond(self, t: Array, x: Array) -> float:
+        """Return how far beyond the limits of resistances the coordinate is in one state."""
+        s = float(self.measured(t, x)[0][0])
+        return max((one.beyond(s) for one in self.resistances), default=0.0)
+
     def _rate(self, rows: list[Array], u: Array) -> Array:
         """Return the rate of the coordinate, shape (n_batch,)."""
-        rates = [np.sum(J * u[:, end.columns], axis=-1) for (_, end), J in zip(self._ends, rows, strict=True)]
-        return np.asarray(sum(rates, np.zeros(len(u))))
+        rates = [(J * u[:, end.columns]).sum(axis=-1) for (_, end), J in zip(self._ends, rows, strict=True)]
+        first, *others = rates or [np.zeros(len(u))]
+        return np.asarray(sum(others, first))
 
     def _all(self, t: Array, x: Array, u: Array) -> tuple[Array, Array, list[Array]]:
         """Return the coordinate, its rate where that counts, and its derivatives."""
@@ -113,8 +120,8 @@ class Tie(PointPart):
             out[:, marker.columns] -= force[:, None] * J
 
     def _sum(self, t: Array, s: Array, w: Array) -> Array:
-        first, *others = (one.force(t, s, w) for one in self.resistances)
-        return sum(others, first)
+        forces = [one.force(t, s, w) for one in self.resistances]
+        return forces[0] if len(forces) == 1 else sum(forces[1:], forces[0])
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return what stiffness and curvature make of it in one state; by differences where rates count."""
@@ -162,6 +169,7 @@ class DistanceTie(Tie):
     """Resistances on the distance of two points."""
 
     told: ClassVar[str] = "what resists the distance of two points"
+    unit: ClassVar[str] = "m"
 
     def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return the distance; where the points meet, it has no direction."""
@@ -189,6 +197,11 @@ class GapTie(Tie):
     told: ClassVar[str] = "what resists an angle, or a distance along an axis"
     measure: Constraint
     counter: TurnCount | None = None
+
+    @property
+    def unit(self) -> str:  # type: ignore[override]
+        """Of the gap."""
+        return self.measure.unit
 
     @classmethod
     def on(cls, measure: Constraint, resistances: tuple[Resistance, ...]) -> GapTie:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
-from hfsim.mechanics.ties import tie_on
+from hfsim.mechanics.system import System
+from hfsim.mechanics.ties import Tie, tie_on
 from hfsim.scene.facing import Facings
 from hfsim.scene.rules import LeftOut
 from hfsim.scene.schema import Deck
@@ -49,6 +52,14 @@ def acting(
         if item not in gone:
             found.append(replace(part, item=item))
     return found
+
+
+def beyond_stops(system: System, x: Array) -> Iterator[tuple[str, str]]:
+    """Yield, with its item, what is far beyond a stop in a state (n,) at the start."""
+    ties = (part for part in system.forces if isinstance(part, Tie) and part.has_edges)
+    for part in ties:
+        if depth := part.beyond(np.zeros(1), x[None]):
+            yield part.item, f"starts {depth:.4g} {part.unit} beyond its stop, which will throw it back"
 
 
 def _ties(

@@ -24,7 +24,7 @@ from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.models import MODELS, Model
 from hfsim.parts.channels import kind_of
-from hfsim.scene.acting import acting
+from hfsim.scene.acting import acting, beyond_stops
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Frame, Linkage, Sense
 from hfsim.scene.facing import Facings
@@ -120,7 +120,8 @@ class Scene:
         """What looks wrong with the start: guesses far off, motions that can hardly be meant to be free."""
         found = list(self.assembly.warnings())
         looks = slips(self.deck, self.assembly, self.free_motions or [])
-        told = (*self.redundancy.told(self.loaded), *self._not_borne())
+        thrown = beyond_stops(self.system, self.system.absolute(self.q[None])[0])
+        told = (*self.redundancy.told(self.loaded), *self._not_borne(), *thrown)
         for path, what in (*looks, *told):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")

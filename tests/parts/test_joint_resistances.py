@@ -1,11 +1,16 @@
 # ruff: noqa: E501
 """Damping, friction and stops in the free motions of joints, plane and space: motions of closed form, energy."""
 
+from copy import deepcopy
+
 import numpy as np
+import posed
 import pytest
 import yaml
 
 from hfsim.errors import DeckError
+from hfsim.maths.rotations import rotation
+from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 
@@ -121,6 +126,55 @@ def test_a_hinge_knows_full_turns():
     assert speeds(result, False)[1][-1] == pytest.approx(-20.0, rel=1e-7)
     spatial = scene("revolute", True, 20.0, AXIS, {"stops": {"upper": 14.0, "stiffness": 2e3, "transition": 0.02}})
     assert speeds(run(spatial), True)[1] == pytest.approx(speeds(result, False)[1], abs=1e-5)
+
+
+@pytest.mark.parametrize(("upper", "warned"), [(-0.2, True), (-0.0005, False), (0.3, False)])
+def test_what_starts_beyond_its_stop_is_told(upper, warned):
+    deck = scene("prismatic", False, 1.0, resisted={"stops": {"upper": upper, "stiffness": 2e3}})
+    warnings = build(parse_deck(yaml.safe_dump(deck))).warnings
+    assert any("joints.joint (line" in one and "starts 0.2 m beyond its stop" in one for one in warnings) == warned
+
+
+WORKS = {
+    "hfsim": 1,
+    "gravity": [0.0, 0.0, -9.81],
+    "ground": {"points": {"o": [0.0, 0.0, 0.0]}},
+    "bodies": {
+        "base": {"type": "rigid", "mass": 5.0, "inertia": [0.1, 0.1, 0.1]},
+        "arm": {"type": "rigid", "mass": 1.0, "inertia": [0.01, 0.05, 0.05], "points": {"a": [-0.3, 0, 0], "b": [0.3, 0, 0]}},
+    },
+    "joints": {
+        "table": {"type": "prismatic", "between": ["ground.o", "base"], "axis": [1, 0, 0], "friction": {"force": 2.0, "velocity": 0.05}},
+        "shake": {"type": "servo", "between": ["ground.o", "base"], "position": {"type": "sine", "amplitude": 0.1, "frequency": 1.0}, "axis": [1, 0, 0], "stiffness": 2000.0, "damping": 200.0, "limit": 30.0},
+        "hinge": {
+            "type": "cylindrical",
+            "between": ["base", "arm.a"],
+            "axis": [0, 1, 0],
+            "turning": {"damping": 0.01, "friction": {"torque": 0.05, "velocity": 0.1}, "stops": {"lower": 0.2, "upper": 1.0, "stiffness": 100, "damping": 1.0, "transition": 0.05}},
+            "sliding": {"stops": {"lower": -0.1, "upper": 0.1, "stiffness": 1e3, "transition": 0.02}, "damping": 2.0},
+        },
+        "crank": {"type": "motor", "between": ["base", "arm.a"], "axis": [0, 1, 0], "torque": 0.8},
+    },
+    "springs": {"rope": {"type": "two_point", "between": ["ground.o", "arm.b"], "rest_length": 0.5, "table": [[-0.3, -4.0], [0.0, 0.0], [0.3, 9.0]]}},
+    "initial": {
+        "base": {"orientation": posed.axes(np.eye(3)), "position": [0.0, 0.0, 0.0]},
+        "arm": {"orientation": posed.axes(rotation(np.array([0.0, 0.5, 0.0]))), "position": [0.3 * float(np.cos(0.5)), 0.0, -0.3 * float(np.sin(0.5))], "velocity": [0.0, 0.4, 0.0]},
+    },
+    "solve": {"duration": 0.4, "tolerance": 1e-8},
+    "output": {"interval": 0.05, "plots": False, "channels": [f"arm.b.{one}" for one in "xyz"] + [f"hinge.moment_{one}" for one in "xyz"]},
+}
+
+
+def test_a_scene_with_all_of_it_turned_and_shifted_does_the_same():
+    R, shift = rotation(np.array([0.9, -1.7, 0.6])), np.array([0.4, -2.0, 1.3])
+    deck = deepcopy(WORKS)
+    here, there = (run(one) for one in (deepcopy(deck), posed.moved(deck, R, shift)))
+    assert here.statistics["energy_drift"] < 1e-7
+    places, moments = (np.array([c.values for c in here.channels])[k : k + 3] for k in (0, 3))
+    found = np.array([c.values for c in there.channels])
+    assert np.ptp(places, axis=1).min() > 0.05
+    assert found[:3] == pytest.approx(R @ places + shift[:, None], abs=1e-6)
+    assert found[3:] == pytest.approx(R @ moments, abs=1e-5)
 
 
 BEAM = """
