@@ -32,6 +32,8 @@ WINDOWS = 8
 """Parts of the duration in each of which the largest distance is looked at."""
 _TIMES = 400
 """Times at which the motions are compared."""
+_LEFT = 1e-3
+"""Share of a disturbance that joints and drivers must leave of it; less is their rounding."""
 _WHOLE = 0.5
 """Part of the run that the disturbed one must reach to be compared."""
 
@@ -90,8 +92,9 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     Returns
     -------
     Growth or None
-        None if too little of the second run was done, or the scene is too large for dense algebra and has
-        no other; or if not all of the run is known, as it was taken up again or is too long to be kept.
+        None if nothing is free to be disturbed, or too little of the second run was done, or the scene is
+        too large for dense algebra and has no other; or if not all of the run is known, as it was taken up
+        again or is too long to be kept.
 
     Raises
     ------
@@ -106,6 +109,8 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     speed = float(np.abs(system.absolute_velocity(q, v)).max(initial=0.0)) or 1.0
     kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
     start, rates = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
+    if np.abs(rates[0] - scene.v).max(initial=0.0) <= _LEFT * np.abs(kick).max(initial=0.0):
+        return None
     tried = run_integration(scene, solve, guard, (0.0, start[0], rates[0]))
     if isinstance(tried.stop, KeyboardInterrupt):
         raise tried.stop
