@@ -188,7 +188,7 @@ def do_bench(loaded: LoadedDeck, sweep: Sweep, seconds: float, started: float, s
 
 
 def _draw(result: Bench, folder: Path) -> list[str]:
-    from hfsim.output.plots import draw_bench
+    from hfsim.output.plots.bench import draw_bench
 
     return draw_bench(result, folder)
 

@@ -62,7 +62,7 @@ def do_separation(plan: Plan) -> int:
         result = measure(plan.elements, plan.kinds, plan.repeats, budget, states=plan.states)
 
     def draw(folder: Path) -> list[str]:
-        from hfsim.output.plots import draw_separation
+        from hfsim.output.plots.separation import draw_separation
 
         return draw_separation(result, folder)
 

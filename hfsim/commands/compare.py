@@ -161,7 +161,7 @@ def do_comparison(
 
 
 def _draw(runs: Sequence[Run], comparison: Comparison, folder: Path) -> list[str]:
-    from hfsim.output.plots import draw_comparison
+    from hfsim.output.plots.comparison import draw_comparison
 
     return draw_comparison(runs, comparison, folder)
 

@@ -87,7 +87,7 @@ def _pictures(run: Run, after: float | None, folder: Path) -> Made:
 def _draw(run: Run, budget: Budget | None, folder: Path) -> Iterable[str]:
     if budget is not None and budget.left <= 0.0:
         return []
-    from hfsim.output.plots import draw_run  # half a second of matplotlib, for those who want pictures
+    from hfsim.output.plots.run import draw_run  # half a second of matplotlib, for those who want pictures
 
     return draw_run(run, folder, budget)
 
@@ -100,7 +100,7 @@ def _spent_after(run: Run) -> float:
 
 def _animation(run: Run, folder: Path) -> Made:
     from hfsim.output.pictures import put_pictures
-    from hfsim.output.plots import animate
+    from hfsim.output.plots.motion import animate
 
     return _told(put_pictures(partial(animate, run), folder), "an animation")
 

@@ -73,7 +73,7 @@ def map_facts(result: StabilityMap) -> dict[str, Any]:
 
 def draw_map(result: StabilityMap, folder: Path) -> list[str]:
     """Draw a map into a folder and return the names of the pictures."""
-    from hfsim.output.plots import draw_stability
+    from hfsim.output.plots.stability import draw_stability
 
     return draw_stability(result, folder)
 

@@ -7,11 +7,15 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
+from matplotlib.colors import to_rgb
 
 from hfsim.marching.solution import Channel
-from hfsim.output.plots import draw_run
 from hfsim.output.plots.history import time_figures
+from hfsim.output.plots.run import draw_run
+from hfsim.output.plots.sheet import tick_words
 from hfsim.output.plots.space import oblique, oblique_shapes, spatial_path, spatial_shapes
+from hfsim.output.plots.style import colour
+from hfsim.output.plots.tracks import apart
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 
@@ -161,3 +165,108 @@ def test_what_is_zero_but_for_rounding_is_drawn_as_zero(run):
     for name, size in (("deflection", 1e-9), ("constraint", 1e-16)):
         (axes,) = figures[name].axes
         assert axes.lines[0].get_ydata() == pytest.approx(size * noise) and not axes.texts
+
+
+def drawn(run, **channels):
+    """Return what is drawn of a run with other channels: name to values."""
+    own = tuple(Channel(name.replace("__", "."), unit, values) for name, (unit, values) in channels.items())
+    return time_figures(replace(run, channels=own))
+
+
+def test_a_small_change_of_a_large_value_is_told_in_its_label(run):
+    change = 6e-9 * np.sin(np.arange(len(run.t)))
+    (axes,) = drawn(run, energy__total=("J", 11.25 + change))["energy"].axes
+    assert axes.get_ylabel() == "energy \N{MINUS SIGN} 11.25 J [1e-9 J]"
+    assert {"0", "5", "\N{MINUS SIGN}5"} & set(tick_words(axes.yaxis))
+    assert axes.lines[0].get_ydata() == pytest.approx(11.25 + change, rel=1e-15)
+    (axes,) = drawn(run, energy__total=("J", 3e7 * change / 6e-9))["energy"].axes
+    assert axes.get_ylabel() == "energy [1e6 J]"
+    assert "20" in tick_words(axes.yaxis)
+    FigureCanvasAgg(axes.figure).draw()
+    assert not axes.yaxis.get_offset_text().get_text()
+
+
+def test_curves_that_coincide_are_dashed_and_others_are_not(run):
+    wave = np.sin(6.0 * run.t)
+    figures = drawn(
+        run,
+        hub__x=("m", wave),
+        hub__y=("m", 0 * wave),
+        whip__tip__x=("m", wave + 1e-6),
+        whip__tip__y=("m", wave),
+    )
+    rows = figures["position"].axes
+    assert [[line.get_linestyle() for line in axes.lines] for axes in rows] == [["-", "--"], ["-", "-"]]
+    assert rows[0].lines[1].get_ydata() == pytest.approx(wave + 1e-6)
+
+
+def test_what_a_failed_run_ends_in_is_marked_as_off_scale(run):
+    calm = np.sin(20.0 * run.t)
+    wild = calm.copy()
+    wild[-3:] = 1e3, 1e6, 1e9
+    failed = replace(run, status="failed", failure={"time": float(run.t[-1])})
+    (axes,) = drawn(failed, whip__tip__deflection=("m", wild), hub__deflection=("m", calm))["deflection"].axes
+    low, high = axes.get_ylim()
+    assert -4.0 < low < high < 4.0
+    assert [text.get_text() for text in axes.texts] == ["off scale"]
+    mark = next(line for line in axes.lines if line.get_marker() == "^")
+    assert mark.get_xdata()[0] == run.t[-1] and mark.get_ydata()[0] == high
+    (axes,) = drawn(run, whip__tip__deflection=("m", wild))["deflection"].axes
+    assert axes.get_ylim()[1] > 1e9 and not axes.texts, "a run that is done has no bounds"
+
+
+def test_each_of_several_bodies_has_its_colour_paler_the_earlier(run):
+    (lines,) = collections(spatial_shapes(run).axes[0])
+    hub, whip = lines.get_colors()[0::2], lines.get_colors()[1::2]
+    assert hub[-1][:3] == pytest.approx(to_rgb(colour(0))) and whip[-1][:3] == pytest.approx(
+        to_rgb(colour(1))
+    )
+    assert (np.diff(hub[:, :3].sum(axis=1)) < 0.0).all() and (np.diff(whip[:, :3].sum(axis=1)) < 0.0).all()
+    names = [text.get_text() for text in spatial_shapes(run).legends[0].get_texts()]
+    assert names == ["hub", "whip"]
+    alone = replace(run, outlines={"hub": run.outlines["hub"]})
+    assert not spatial_shapes(alone).legends
+
+
+def test_shapes_do_not_pile_up():
+    """A rod that hardly moves, then turns, then comes back to where it was."""
+    angle = np.concatenate(
+        [np.linspace(0.0, 0.01, 100), np.linspace(0.01, 3.0, 50), np.linspace(3.0, 0.02, 50)]
+    )
+    ends = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    points = np.stack([0.0 * ends, ends], axis=1)
+    frames = apart(points, 20)
+    assert frames[0] == 0 and frames[-1] == len(angle) - 1 and 8 <= len(frames) <= 20
+    assert np.sum(frames < 100) == 1, "what hardly moves is drawn once"
+    inner = points[frames[:-1], 1]
+    gaps = np.linalg.norm(inner[:, None] - inner, axis=-1)[np.triu_indices(len(inner), 1)]
+    assert gaps.min() > 0.03 * 2.0
+    assert apart(np.repeat(points[:1], 5, axis=0), 20).tolist() == [0, 4]
+
+
+@pytest.mark.parametrize("size", [1, 60])
+def test_titles_legends_and_labels_stay_apart(run, size):
+    name = "pendulum_of_a_long_name " * (1 + size // 12)
+    body = "b" * size
+    channels = tuple(c._replace(name=c.name.replace("whip", body)) for c in run.channels)
+    other = replace(run, name=name, channels=channels)
+    figures = [
+        *time_figures(other).values(),
+        spatial_path(other),
+        spatial_shapes(other),
+        oblique_shapes(other),
+    ]
+    for figure in figures:
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        (title,) = (text for text in figure.texts if text.get_text().startswith("pendulum"))
+        boxes = [title.get_window_extent(), *(axes.get_tightbbox() for axes in figure.axes)]
+        boxes += [legend.get_window_extent() for legend in figure.legends]
+        whole = figure.bbox
+        for k, box in enumerate(boxes):
+            assert box.x0 >= whole.x0 - 1 and box.x1 <= whole.x1 + 1, "nothing is cut off"
+            assert box.y0 >= whole.y0 - 1 and box.y1 <= whole.y1 + 1
+            for one in boxes[k + 1 :]:
+                wide = min(box.x1, one.x1) - max(box.x0, one.x0)
+                high = min(box.y1, one.y1) - max(box.y0, one.y0)
+                assert min(wide, high) <= 1.0, title.get_text()

@@ -13,7 +13,7 @@ from hfsim.cli import app
 from hfsim.marching.distance import channel_errors
 from hfsim.marching.solution import Channel, Run
 from hfsim.output.comparison import COLUMNS, as_rows, as_text
-from hfsim.output.plots import draw_comparison, overlay_limits
+from hfsim.output.plots.comparison import draw_comparison, overlay_limits
 from hfsim.scene.loading import load_deck
 from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate

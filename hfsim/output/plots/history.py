@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,19 +14,18 @@ from hfsim.marching.alike import jumps
 from hfsim.marching.rounding import levelled
 from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.output.plots.style import (
-    SIZE,
-    colour,
-    dress,
-    finished,
-    headline,
-    mark_zero,
-    new_figure,
-    slug,
-    stacked,
-    with_unit,
-)
+from hfsim.output.plots.sheet import Sheet
+from hfsim.output.plots.style import SIZE, colour, dress, headline, mark_zero, slug, with_unit
 from hfsim.parts.channels import CHANNELS, kind_of
+
+_BETWEEN = 0.2
+"""Between two rows [inch]."""
+_STYLES = ("-", (0, (4.0, 3.0)), (0, (1.2, 2.4)), (0, (6.0, 2.0, 1.2, 2.0)))
+"""Of a curve that covers none, one, two, three others."""
+_LINE = 0.006
+"""Height of a line in those of its axes."""
+_BEFORE = 0.9
+"""Part of the times of a failed run that sets the scale."""
 
 
 def time_figures(run: Run) -> dict[str, Figure]:
@@ -68,43 +68,132 @@ def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Figure:
     """Draw a row for each quantity and a colour for each subject."""
     quantities = sorted({_parts(channel)[1] for channel in channels})
     subjects = list(dict.fromkeys(_parts(channel)[0] for channel in channels))
-    figure = new_figure((SIZE[0], 1.4 + (2.4 if len(quantities) < 3 else 1.9) * len(quantities)))
-    rows = stacked(figure, len(quantities))
-    breaks = jumps(channels)
-    for axes, wanted in zip(rows, quantities, strict=True):
-        for channel in channels:
-            subject, quantity = _parts(channel)
-            if quantity == wanted:
-                own = colour(subjects.index(subject))
-                axes.plot(*_curve(run, channel, breaks), color=own, label=subject)
-        dress(axes, "", with_unit(wanted, channels[0].unit))
+    rows = []
+    for wanted in quantities:
+        own = [channel for channel in channels if _parts(channel)[1] == wanted]
+        colours = [colour(subjects.index(_parts(channel)[0])) for channel in own]
+        curves = [Curve(c, _parts(c)[0], shade) for c, shade in zip(own, colours, strict=True)]
+        rows.append(Row(with_unit(wanted, channels[0].unit), curves))
     points = " of points" if kind_of(channels[0].name).plot.rows else ""
     of = f" of {subjects[0]}" if len(subjects) == 1 else points
-    return _over_time(figure, rows, headline(run, _words(channels) + of))
+    return _over_time(run, rows, 2.1 if len(rows) < 3 else 1.7, headline(run, _words(channels) + of))
 
 
 def _units_figure(run: Run, channels: Sequence[Channel]) -> Figure:
     """Draw a row for each unit and a colour for each channel."""
-    words = _words(channels)
-    units = list(dict.fromkeys(channel.unit for channel in channels))
-    figure = new_figure((SIZE[0], 2.2 + 2.4 * len(units)))
-    rows = stacked(figure, len(units))
-    breaks = jumps(channels)
-    for axes, unit in zip(rows, units, strict=True):
-        for i, channel in enumerate(c for c in channels if c.unit == unit):
-            axes.plot(*_curve(run, channel, breaks), color=colour(i), label=channel.name)
-        dress(axes, "", with_unit(words, unit))
-    return _over_time(figure, rows, headline(run, channels[0].name if len(channels) == 1 else words))
+    words, rows = _words(channels), []
+    for unit in dict.fromkeys(channel.unit for channel in channels):
+        own = [channel for channel in channels if channel.unit == unit]
+        curves = [Curve(channel, channel.name, colour(i)) for i, channel in enumerate(own)]
+        rows.append(Row(with_unit(words, unit), curves))
+    title = headline(run, channels[0].name if len(channels) == 1 else words)
+    return _over_time(run, rows, 3.2 if len(rows) == 1 else 2.2, title)
+
+
+class Curve(NamedTuple):
+    """A channel as it is drawn."""
+
+    channel: Channel
+    label: str
+    colour: str
+
+
+class Row(NamedTuple):
+    """Axes of a figure over time."""
+
+    label: str
+    curves: Sequence[Curve]
+
+
+def _over_time(run: Run, rows: Sequence[Row], height: float, title: str) -> Figure:
+    sheet, drawn = Sheet(), list[Axes]()
+    breaks = jumps([curve.channel for row in rows for curve in row.curves])
+    for number, row in enumerate(rows):
+        below = (len(rows) - 1 - number) * (height + _BETWEEN)
+        axes = sheet.add(0.0, below, SIZE[0] - 1.2, height, sharex=drawn[0] if drawn else None)
+        _draw(axes, run, row, breaks)
+        dress(axes, "" if below else "time [s]", row.label)
+        axes.tick_params(labelbottom=not below)
+        drawn.append(axes)
+    return sheet.finish(title, drawn)
+
+
+def _draw(axes: Axes, run: Run, row: Row, breaks: Mapping[str, IntArray]) -> None:
+    """Draw the curves of a row: those that cover another one are dashed, and what is off scale is marked."""
+    values = [curve.channel.values for curve in row.curves]
+    low, high, beyond = limits(values, run.status == "failed")
+    for curve, over in zip(row.curves, covering(values, high - low), strict=True):
+        t, drawn = _curve(run, curve.channel, breaks)
+        style = _STYLES[over % len(_STYLES)]
+        shown = np.clip(drawn, 2.0 * low - high, 2.0 * high - low)
+        width = 1.5 if over else 1.7
+        axes.plot(t, shown, color=curve.colour, label=curve.label, linestyle=style, linewidth=width)
+        if beyond and np.nanmax(drawn) > high:
+            _mark_off_scale(axes, t[np.nanargmax(drawn)], high, "^", curve.colour)
+        if beyond and np.nanmin(drawn) < low:
+            _mark_off_scale(axes, t[np.nanargmin(drawn)], low, "v", curve.colour)
+    axes.set_ylim(low, high)
+    begin, end = float(run.t[0]), float(run.t[-1])
+    axes.set_xlim(begin - 0.02 * (end - begin), end + 0.02 * (end - begin) or 1.0)
+    mark_zero(axes)
+
+
+def _mark_off_scale(axes: Axes, t: float, edge: float, marker: str, own: str) -> None:
+    axes.plot([t], [edge], marker, color=own, markersize=9, clip_on=False, zorder=6, label="_nolegend_")
+    where, side = ("top", -12) if marker == "^" else ("bottom", 12)
+    axes.annotate("off scale", (t, edge), (-6, side), textcoords="offset points", ha="right", va=where,
+                  color="0.35", fontsize=9)  # fmt: skip
+
+
+def limits(curves: Sequence[Array], diverged: bool) -> tuple[float, float, bool]:
+    """Return the limits of an axis, and whether some curve leaves them.
+
+    Of a run that failed, they are those before its end, where numbers may grow beyond all bounds.
+
+    Examples
+    --------
+    >>> limits([np.array([0.0, 1.0])], False)
+    (-0.05, 1.05, False)
+    >>> limits([np.append(np.linspace(0.0, 1.0, 99), 1e9)], True)[2]
+    True
+    """
+    low, high = min(map(_least, curves)), max(map(_most, curves))
+    if diverged:
+        before = [values[: max(2, int(_BEFORE * len(values)))] for values in curves]
+        calm = min(map(_least, before)), max(map(_most, before))
+        room = 2.0 * (calm[1] - calm[0])
+        if room > 0.0 and high - low > 4.0 * room:
+            return calm[0] - 0.25 * room, calm[1] + 0.25 * room, True
+    margin = 0.05 * (high - low) or 0.05 * abs(high) or 1.0
+    return low - margin, high + margin, False
+
+
+def _least(values: Array) -> float:
+    return float(np.nanmin(values))
+
+
+def _most(values: Array) -> float:
+    return float(np.nanmax(values))
+
+
+def covering(curves: Sequence[Array], height: float) -> list[int]:
+    """Return how many earlier curves each covers, at a third of the times or more.
+
+    Examples
+    --------
+    >>> one, other = np.array([0.0, 1.0, 2.0]), np.array([2.0, 0.0, 1.0])
+    >>> covering([one, other, one + 1e-9], 2.0)
+    [0, 0, 1]
+    """
+    near = _LINE * (height or 1.0)
+    found = []
+    for k, mine in enumerate(curves):
+        same = (np.mean(np.abs(mine - other) < near) for other in curves[:k] if len(other) == len(mine))
+        found.append(sum(bool(share > 1.0 / 3.0) for share in same))
+    return found
 
 
 def _curve(run: Run, channel: Channel, breaks: Mapping[str, IntArray]) -> tuple[Array, Array]:
     """Return the points of a curve, with gaps where it is broken."""
     rows = breaks.get(channel.name, ())
     return np.insert(run.t, rows, np.nan), np.insert(channel.values, rows, np.nan)
-
-
-def _over_time(figure: Figure, rows: Sequence[Axes], title: str) -> Figure:
-    rows[-1].set_xlabel("time [s]")
-    for axes in rows:
-        mark_zero(axes)
-    return finished(figure, title, rows)

@@ -17,7 +17,7 @@ from PIL import Image
 from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.output.plots.space import SHADOW, Floor, oblique, oblique_axes
-from hfsim.output.plots.style import COLOURS, as_they_are, colour, dress, finished, headline
+from hfsim.output.plots.style import COLOURS, as_they_are, colour, dress, headline
 from hfsim.output.plots.tracks import equal_axes, tracks_of
 
 _FRAMES, _PIXELS, _RATE = 150, 720, 20
@@ -93,11 +93,11 @@ class Stage(NamedTuple):
         every = np.vstack([points.reshape(-1, run.dimension) for points in outlines.values()])
         floor: Floor | None = None
         if run.dimension == 3:
-            figure, axes, floor = oblique_axes(every)
+            sheet, axes, floor = oblique_axes(every)
         else:
-            figure, axes = equal_axes(every)
+            sheet, axes = equal_axes(every)
             dress(axes, "x [m]", "y [m]")
-        stage = cls(figure, axes, [], [], max(0, 3 - math.floor(math.log10(run.end_time or 1.0))))
+        stage = cls(sheet.figure, axes, [], [], max(0, 3 - math.floor(math.log10(run.end_time or 1.0))))
         if floor is not None:
             for points in outlines.values():
                 stage.curves.append((_line(axes, SHADOW, 1.2), oblique(floor.below(points))))
@@ -106,7 +106,7 @@ class Stage(NamedTuple):
             stage.trails.append((_line(axes, "0.75", 0.8), flat(track)))
         for i, (body, points) in enumerate(outlines.items()):
             stage.curves.append((_line(axes, colour(i), 2.2, body), flat(points)))
-        finished(figure, headline(run, "motion"), [axes] if len(outlines) <= len(COLOURS) else [])
+        sheet.finish(headline(run, "motion"), [axes] if len(outlines) <= len(COLOURS) else [])
         return stage
 
     @property

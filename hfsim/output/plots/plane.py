@@ -6,12 +6,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from hfsim.marching.solution import Run
-from hfsim.output.plots.style import dress, finished, headline
+from hfsim.output.plots.style import dress, headline
 from hfsim.output.plots.tracks import (
     draw_shapes,
     draw_tracks,
     equal_axes,
     shown_outlines,
+    time_bar,
     track_words,
     tracks_of,
 )
@@ -22,10 +23,10 @@ def planar_path(run: Run) -> Figure | None:
     tracks = tracks_of(run)
     if not tracks or len(run.t) < 2:
         return None
-    figure, axes = equal_axes(np.vstack(list(tracks.values())))
+    sheet, axes = equal_axes(np.vstack(list(tracks.values())))
     dress(axes, "x [m]", "y [m]")
     draw_tracks(axes, tracks)
-    return finished(figure, headline(run, track_words(tracks)), [axes])
+    return sheet.finish(headline(run, track_words(tracks)), [axes])
 
 
 def planar_shapes(run: Run) -> Figure | None:
@@ -34,8 +35,7 @@ def planar_shapes(run: Run) -> Figure | None:
     if shown is None:
         return None
     times, outlines = shown
-    figure, axes = equal_axes(np.vstack([points.reshape(-1, 2) for points in outlines.values()]))
+    sheet, axes = equal_axes(np.vstack([points.reshape(-1, 2) for points in outlines.values()]))
     dress(axes, "x [m]", "y [m]")
-    lines = draw_shapes(axes, outlines, times)
-    figure.colorbar(lines, ax=axes, label="time [s]", fraction=0.04, pad=0.02)
-    return finished(figure, headline(run, "shapes of the bodies"))
+    draw_shapes(axes, outlines, times)
+    return sheet.finish(headline(run, "shapes of the bodies"), [axes], time_bar(outlines, times))

@@ -13,13 +13,15 @@ from matplotlib.ticker import MaxNLocator
 
 from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.style import dress, finished, headline, new_figure
+from hfsim.output.plots.sheet import Sheet
+from hfsim.output.plots.style import dress, headline
 from hfsim.output.plots.tracks import (
     bounds,
     draw_shapes,
     draw_tracks,
     equal_axes,
     shown_outlines,
+    time_bar,
     track_words,
     tracks_of,
 )
@@ -28,6 +30,8 @@ _VIEWS = {(0, 0): (0, 1), (1, 0): (0, 2), (1, 1): (1, 2)}
 """Row and column of each view, and the axes it shows: from above, below it from the front, then the right."""
 _WIDTH, _HEIGHT = 7.2, 6.4
 """Of all views together [inch]."""
+_BETWEEN = (0.95, 0.75)
+"""Width and height between views [inch]."""
 _THINNEST = 0.3
 """Shortest side of a view over the longest."""
 _STEPS = (1, 2, 5, 10)
@@ -49,10 +53,10 @@ def spatial_path(run: Run) -> Figure | None:
     tracks = tracks_of(run)
     if not tracks or len(run.t) < 2:
         return None
-    figure, views = _three_views(np.vstack(list(tracks.values())))
+    sheet, views = _three_views(np.vstack(list(tracks.values())))
     for pair, axes in views.items():
         draw_tracks(axes, _seen(tracks, pair))
-    return finished(figure, headline(run, track_words(tracks)), list(views.values()))
+    return sheet.finish(headline(run, track_words(tracks)), list(views.values()))
 
 
 def spatial_shapes(run: Run) -> Figure | None:
@@ -61,11 +65,11 @@ def spatial_shapes(run: Run) -> Figure | None:
     if shown is None:
         return None
     times, outlines = shown
-    figure, views = _three_views(_all_points(outlines))
+    sheet, views = _three_views(_all_points(outlines))
     for pair, axes in views.items():
-        lines = draw_shapes(axes, _seen(outlines, pair), times)
-    figure.colorbar(lines, ax=list(views.values()), label="time [s]", fraction=0.04, pad=0.02)
-    return finished(figure, headline(run, "shapes of the bodies"))
+        draw_shapes(axes, _seen(outlines, pair), times)
+    words = headline(run, "shapes of the bodies")
+    return sheet.finish(words, list(views.values()), time_bar(outlines, times))
 
 
 def oblique_shapes(run: Run) -> Figure | None:
@@ -74,13 +78,13 @@ def oblique_shapes(run: Run) -> Figure | None:
     if shown is None:
         return None
     times, outlines = shown
-    figure, axes, floor = oblique_axes(_all_points(outlines))
+    sheet, axes, floor = oblique_axes(_all_points(outlines))
     for points in outlines.values():
         shadow = oblique(floor.below(points))
         axes.add_collection(LineCollection(list(shadow), colors=SHADOW, linewidths=1.0), autolim=False)
-    lines = draw_shapes(axes, {body: oblique(points) for body, points in outlines.items()}, times)
-    figure.colorbar(lines, ax=axes, label="time [s]", fraction=0.04, pad=0.02)
-    return finished(figure, headline(run, "shapes of the bodies"))
+    draw_shapes(axes, {body: oblique(points) for body, points in outlines.items()}, times)
+    words = headline(run, "shapes of the bodies")
+    return sheet.finish(words, [axes], time_bar(outlines, times))
 
 
 def _all_points(outlines: Mapping[str, Array]) -> Array:
@@ -91,25 +95,24 @@ def _seen(curves: Mapping[str, Array], pair: tuple[int, int]) -> dict[str, Array
     return {name: points[..., pair] for name, points in curves.items()}
 
 
-def _three_views(points: Array) -> tuple[Figure, dict[tuple[int, int], Axes]]:
-    """Return a figure and, by the two coordinates it shows, each view of points (n, 3) [m]."""
+def _three_views(points: Array) -> tuple[Sheet, dict[tuple[int, int], Axes]]:
+    """Return a sheet and, by the two coordinates it shows, each view of points (n, 3) [m]."""
     low, high = bounds(points, _THINNEST)
-    x, y, z = high - low
+    sizes = high - low
+    x, y, z = sizes
     scale = min(_WIDTH / (x + y), _HEIGHT / (y + z))
-    figure = new_figure((scale * (x + y) + 2.2, scale * (y + z) + 1.2), layout="compressed")
-    grid = figure.add_gridspec(2, 2, width_ratios=[x, y], height_ratios=[y, z])
-    views = {}
-    for place, pair in _VIEWS.items():
-        axes = figure.add_subplot(grid[place])
+    sheet, views = Sheet(), {}
+    for (row, column), pair in _VIEWS.items():
         horizontal, vertical = pair
-        dress(axes, f"{'xyz'[horizontal]} [m]", f"{'xyz'[vertical]} [m]")
-        axes.set_aspect("equal")
+        place = column * (scale * x + _BETWEEN[0]), (1 - row) * (scale * z + _BETWEEN[1])
+        axes = sheet.add(*place, *(scale * sizes[[horizontal, vertical]]))
         axes.set(xlim=(low[horizontal], high[horizontal]), ylim=(low[vertical], high[vertical]))
-        for axis, length, least in ((axes.xaxis, (x, y)[place[1]], 1), (axes.yaxis, (y, z)[place[0]], 2)):
-            count = max(least, int(1.5 * scale * length))
+        dress(axes, f"{'xyz'[horizontal]} [m]", f"{'xyz'[vertical]} [m]")
+        for axis, one, least in ((axes.xaxis, horizontal, 1), (axes.yaxis, vertical, 2)):
+            count = max(least, int(1.5 * scale * sizes[one]))
             axis.set_major_locator(MaxNLocator(count, steps=_STEPS, min_n_ticks=least))
         views[pair] = axes
-    return figure, views
+    return sheet, views
 
 
 # --- oblique ----------------------------------------------------------------------------------------
@@ -166,11 +169,11 @@ def oblique(points: Array) -> Array:
     return np.asarray(points @ _PLOTTED.T)
 
 
-def oblique_axes(points: Array) -> tuple[Figure, Axes, Floor]:
-    """Return a figure of the oblique view of points (n, 3) [m] with its floor and the ground's axes."""
+def oblique_axes(points: Array) -> tuple[Sheet, Axes, Floor]:
+    """Return a sheet of the oblique view of points (n, 3) [m] with its floor and the ground's axes."""
     floor = Floor.below_all(points)
     lines = floor.lines()
-    figure, axes = equal_axes(oblique(np.vstack([points, *lines])))
+    sheet, axes = equal_axes(oblique(np.vstack([points, *lines])))
     axes.set_axis_off()
     axes.add_collection(LineCollection([oblique(line) for line in lines], colors="0.9", linewidths=0.8))
     corner = oblique(floor.corner)
@@ -181,4 +184,4 @@ def oblique_axes(points: Array) -> tuple[Figure, Axes, Floor]:
     words = ", ".join(f"{one:.4g}" for one in floor.corner)
     told = f"grid {floor.step:.4g} m, from ({words}) m"
     axes.text(0.0, 0.0, told, transform=axes.transAxes, color="0.35", va="top", fontsize=9)
-    return figure, axes, floor
+    return sheet, axes, floor

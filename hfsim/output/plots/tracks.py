@@ -7,12 +7,19 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
+from matplotlib.colors import to_rgba
 
 from hfsim.marching.solution import Run
-from hfsim.maths.arrays import Array
-from hfsim.output.plots.style import TIME_COLOURS, colour, new_figure
+from hfsim.maths.arrays import Array, IntArray, distinct
+from hfsim.output.plots.sheet import Bar, Sheet
+from hfsim.output.plots.style import TIME_COLOURS, colour
 
+OWN = range(2, 7)
+"""Numbers of bodies that have colours of their own."""
+_PALEST = 0.22
+"""Strength of a colour at the start."""
+_APART, _TRIED = 0.03, 100
+"""How far apart shapes are at least, in sizes of the picture; times and points at most to see it of."""
 _SHAPES, _SOLIDS = 20, 9
 """Number of shapes in a stroboscopic picture: of lines, and where some body has edges that meet inside."""
 
@@ -41,16 +48,40 @@ def track_words(tracks: Mapping[str, Array]) -> str:
     return f"path of {next(iter(tracks))}" if len(tracks) == 1 else "paths of points"
 
 
-def draw_shapes(axes: Axes, outlines: Mapping[str, Array], times: Array) -> LineCollection:
-    """Draw projected outlines, shape (n_times, n_points, 2), coloured by time; return the lines."""
-    lines = LineCollection([], cmap=TIME_COLOURS, linewidths=1.6, capstyle="round", joinstyle="round")
-    lines.set_segments([points[k] for k in range(len(times)) for points in outlines.values()])
-    lines.set_array(np.repeat(times, len(outlines)))
+def draw_shapes(axes: Axes, outlines: Mapping[str, Array], times: Array) -> None:
+    """Draw projected outlines, shape (n_times, n_points, 2), paler or in other colours the earlier they are.
+
+    One body, or very many, have the colours of time; of several, each has its own.
+    """
+    shades = (times - times[0]) / (times[-1] - times[0] or 1.0)
+    bodies = list(outlines.items())
+    drawn = [
+        TIME_COLOURS(shades) if len(bodies) not in OWN else faded(colour(i), shades)
+        for i in range(len(bodies))
+    ]
+    lines = LineCollection([], linewidths=1.6, capstyle="round", joinstyle="round")
+    lines.set_segments([points[k] for k in range(len(times)) for _, points in bodies])
+    lines.set_color([own[k] for k in range(len(times)) for own in drawn])
     axes.add_collection(lines, autolim=False)
-    for points in outlines.values():
+    for (body, points), own in zip(bodies, drawn, strict=True):
         ends = points[:, [0, -1]].reshape(-1, 2)
-        axes.scatter(ends[:, 0], ends[:, 1], s=7, c=np.repeat(times, 2), cmap=TIME_COLOURS, zorder=3)
-    return lines
+        axes.scatter(ends[:, 0], ends[:, 1], s=7, c=np.repeat(own, 2, axis=0), zorder=3)
+        if len(bodies) in OWN:
+            axes.plot([], [], color=own[-1], linewidth=2.0, label=body)
+
+
+def time_bar(outlines: Mapping[str, Array], times: Array) -> Bar:
+    """Return the bar of colours of `draw_shapes`; grey where bodies have colours of their own."""
+    shades = np.linspace(0.0, 1.0, 64)
+    colours = faded("0.25", shades) if len(outlines) in OWN else TIME_COLOURS(shades)
+    return Bar(colours[:, :3].tolist(), float(times[0]), float(times[-1]))
+
+
+def faded(own: str, shades: Array) -> Array:
+    """Return a colour from pale (0) to full (1), shape (n, 4)."""
+    full = np.array(to_rgba(own))
+    strength = (_PALEST + (1.0 - _PALEST) * np.asarray(shades))[:, None]
+    return np.asarray(1.0 - strength * (1.0 - full) * [1, 1, 1, 0])
 
 
 def shown_outlines(run: Run) -> tuple[Array, dict[str, Array]] | None:
@@ -61,8 +92,30 @@ def shown_outlines(run: Run) -> tuple[Array, dict[str, Array]] | None:
     if not outlines:
         return None
     count = _SOLIDS if any(_solid(points[0]) for points in outlines.values()) else _SHAPES
-    frames = np.unique(np.linspace(0, len(run.outline_t) - 1, count).round().astype(int))
+    frames = apart(np.concatenate([*outlines.values()], axis=1), count)
     return run.outline_t[frames], {body: points[frames] for body, points in outlines.items()}
+
+
+def apart(points: Array, most: int) -> IntArray:
+    """Return which of the positions (n_times, n_points, n_dim) of all points are drawn, first and last too.
+
+    No two of these are nearer to one another, where they are farthest apart, than a part of the whole
+    picture, so that they do not pile up; where more than ``most`` are left, that part is larger.
+    """
+    some = distinct(np.linspace(0, len(points) - 1, _TRIED).round().astype(int))
+    seen = points[some][:, distinct(np.linspace(0, points.shape[1] - 1, _TRIED).round().astype(int))]
+    least = _APART * float(np.ptp(points, axis=(0, 1)).max())
+    while True:
+        kept = [0]
+        for k in range(1, len(some)):
+            far = np.linalg.norm(seen[kept] - seen[k], axis=-1).max(axis=1).min()
+            if far > least:
+                kept.append(k)
+        if kept[-1] != len(some) - 1:
+            kept = [*(kept[:-1] if len(kept) > 1 else kept), len(some) - 1]
+        if len(kept) <= max(2, most):
+            return np.asarray(some[distinct(np.array(kept))])
+        least *= 1.2
 
 
 def _solid(points: Array) -> bool:
@@ -81,13 +134,12 @@ def bounds(points: Array, least: float = 0.12) -> Array:
     return np.array([middle - 0.55 * size, middle + 0.55 * size])
 
 
-def equal_axes(points: Array) -> tuple[Figure, Axes]:
-    """Return a figure with axes of one scale, shaped to hold `points`, shape (n, 2) [m]."""
+def equal_axes(points: Array) -> tuple[Sheet, Axes]:
+    """Return a sheet with axes of one scale, shaped to hold `points`, shape (n, 2) [m]."""
     low, high = bounds(points)
     ratio = float((high[1] - low[1]) / (high[0] - low[0]))
-    width = float(np.clip(6.0 / ratio, 4.0, 8.0))
-    figure = new_figure((width + 1.4, float(np.clip(width * ratio, 2.0, 6.5)) + 1.0))
-    axes = figure.subplots()
-    axes.set_aspect("equal")
+    width = float(np.clip(min(6.0 / ratio, 8.0), 2.0, 8.0))
+    sheet = Sheet()
+    axes = sheet.add(0.0, 0.0, width, width * ratio)
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    return figure, axes
+    return sheet, axes
