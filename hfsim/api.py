@@ -73,7 +73,7 @@ def run(
     model: str | None = None,
     output: str | os.PathLike[str] | None = None,
     force: bool = False,
-    plots: bool = True,
+    plots: bool | str = True,
     error_estimate: bool = True,
     diagnosis: bool = True,
     after: float | None = None,
@@ -92,8 +92,8 @@ def run(
         Folder that gets what ``hfsim run`` writes; nothing is written without it.
     force : bool
         Whether a finished run there is replaced.
-    plots : bool
-        Whether pictures are among what is written.
+    plots : bool or str
+        Whether pictures are among what is written; or their format, ``"png"``, ``"svg"`` or ``"pdf"``.
     error_estimate : bool
         Whether to measure the errors of time and mesh by further runs.
     diagnosis : bool
@@ -141,7 +141,7 @@ def _written(
     progress: Progress | None,
     output: Path,
     force: bool,
-    plots: bool,
+    plots: bool | str,
     wish: Mapping[str, Any],
 ) -> Run:
     from hfsim.output.extras import Extras
@@ -158,7 +158,9 @@ def _written(
     except BaseException as error:
         recording.abandon(error)
         raise
-    return recording.finish(result, Extras(plots and deck.output.plots, after=wish["after"]))[0]
+    kind = plots if isinstance(plots, str) else "png"
+    wanted = Extras(bool(plots) and deck.output.plots, after=wish["after"], format=kind)
+    return recording.finish(result, wanted)[0]
 
 
 def carry_out(

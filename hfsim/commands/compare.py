@@ -136,7 +136,8 @@ def make_plan(
     # where the comparison there may be replaced, so may its runs
     force = to.force or bool(own.replaces)
     folders = {model: claim(path / folder_name(model, ""), force) for model in chosen}
-    return Plan(argument, tuple(overrides), prepared, Study("compare", talk, own, to.plots, about), folders)
+    study = Study("compare", talk, own, to.plots, about, to.format)
+    return Plan(argument, tuple(overrides), prepared, study, folders)
 
 
 def do_comparison(
@@ -198,7 +199,8 @@ def run_model(
     log = RunLog(talk.detail)
     log.add(command_line())
     run = run_of(plan.prepared, model, progress, error_estimate)
-    run, summary = save_run(plan.folders[model], run, provenance, watch, log, Extras(plan.study.plots))
+    wanted = Extras(plan.study.plots, format=plan.study.format)
+    run, summary = save_run(plan.folders[model], run, provenance, watch, log, wanted)
     wipe()
     for warning in summary["warnings"]:
         told_with_differences = validity_warnings(summary.get("models") or {}, summary.get("validity") or {})

@@ -11,6 +11,7 @@ from typing import Any, TypeAlias, TypeVar, cast
 
 import click
 
+from hfsim.output.pictures import FORMATS
 from hfsim.output.talk import Destination, Talk
 
 _Option: TypeAlias = Callable[[Any], Any]
@@ -72,13 +73,17 @@ def with_settings(
 
 output_options = _gathered(
     "to",
-    lambda output, force, no_plots: Destination(output, force, not no_plots),
+    lambda output, force, no_plots, kind: Destination(output, force, not no_plots, kind),
     output=click.option(
         "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Where results go."
     ),
     force=click.option("--force", is_flag=True, help="Replace the results of a finished run."),
     no_plots=click.option("--no-plots", is_flag=True, help="Draw no pictures."),
-)
+    kind=click.option(
+        "--format", "kind", type=click.Choice(FORMATS), default=FORMATS[0], show_default=True,
+        help="Of pictures.",
+    ),
+)  # fmt: skip
 """A command gets these as one parameter ``to``, a `Destination`."""
 
 talk_options = _gathered(

@@ -125,7 +125,7 @@ def run(
     from hfsim.output.extras import Extras
 
     overrides = (*overrides, *_target(target_error, target_channels, budget))
-    wanted = Extras(to.plots and after != 0.0, animate, vtk, after)
+    wanted = Extras(to.plots and after != 0.0, animate, vtk, after, to.format)
     settings = Settings(overrides, wanted, not no_error_estimate, not no_diagnosis, resume, talk)
     jobs = plan_jobs(decks, settings, to)
     _refuse_blind(jobs, settings)

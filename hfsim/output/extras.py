@@ -27,12 +27,15 @@ class Extras(NamedTuple):
         Plots, a GIF of the motion, files for ParaView.
     after : float or None
         Time for all work after the run [s]: plots get what is left of it.
+    format : str
+        Of plots.
     """
 
     pictures: bool = False
     animation: bool = False
     vtk: bool = False
     after: float | None = None
+    format: str = "png"
 
     @property
     def any(self) -> bool:
@@ -67,18 +70,19 @@ Made = tuple[list[str], str]
 def _steps(run: Run, wanted: Extras, folder: Path) -> Iterator[tuple[str, Callable[[], Made]]]:
     """Yield what to say where it fails, and what makes it."""
     if wanted.pictures:
-        yield "the pictures were not drawn", partial(_pictures, run, wanted.after, folder)
+        yield "the pictures were not drawn", partial(_pictures, run, wanted, folder)
     if wanted.animation:
         yield "the animation was not made", partial(_animation, run, folder)
     if wanted.vtk:
         yield "the files for ParaView were not written", partial(_series, run, folder)
 
 
-def _pictures(run: Run, after: float | None, folder: Path) -> Made:
+def _pictures(run: Run, wanted: Extras, folder: Path) -> Made:
     from hfsim.output.pictures import put_pictures
 
+    after = wanted.after
     budget = None if after is None else Budget(after - _spent_after(run), time.process_time)
-    names = put_pictures(partial(_draw, run, budget), folder)
+    names = put_pictures(partial(_draw, run, budget), folder, wanted.format)
     if budget is not None and budget.left <= 0.0:
         return names, f"{plural(len(names), 'picture')} drawn until time was up; allow more with --after"
     return names, ""

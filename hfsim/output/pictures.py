@@ -9,18 +9,33 @@ import logging
 import os
 import shutil
 from collections.abc import Callable, Iterable
+from contextvars import ContextVar
 from pathlib import Path
 
+FORMATS = ("png", "svg", "pdf")
+"""Of pictures, the usual one first."""
+_format = ContextVar("format", default=FORMATS[0])
 _ASIDE = ".plots.part"
 _TOLD = 10
 """Names of files in a message at most."""
 
 
-def put_pictures(draw: Callable[[Path], Iterable[str]], folder: Path) -> list[str]:
-    """Draw pictures aside and put them into ``plots`` of a folder; as `put_files`."""
+def put_pictures(
+    draw: Callable[[Path], Iterable[str]], folder: Path, kind: str = FORMATS[0]
+) -> list[str]:
+    """Draw pictures of a format aside and put them into ``plots`` of a folder; as `put_files`."""
     # where it cannot keep its cache is nothing to tell of a scene
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
-    return put_files(draw, folder, lambda name: f"plots/{name}")
+    before = _format.set(kind)
+    try:
+        return put_files(draw, folder, lambda name: f"plots/{name}")
+    finally:
+        _format.reset(before)
+
+
+def picture_format() -> str:
+    """Return the format of the pictures that are drawn now."""
+    return _format.get()
 
 
 def put_files(make: Callable[[Path], Iterable[str]], folder: Path, place: Callable[[str], str]) -> list[str]:

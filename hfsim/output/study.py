@@ -60,6 +60,8 @@ class Study:
         Whether pictures are drawn.
     about : mapping
         Facts on where the study comes from; see `hfsim.output.writers.Provenance.facts`.
+    format : str
+        Of pictures.
     """
 
     kind: str
@@ -67,13 +69,14 @@ class Study:
     folder: RunFolder | None = None
     plots: bool = True
     about: Mapping[str, object] = field(default_factory=dict)
+    format: str = "png"
 
     @classmethod
     def claim(
         cls, kind: str, to: Destination, name: str, talk: Talk, about: Mapping[str, object] | None = None
     ) -> Study:
         """Return a study with its folder granted; see `claim_study`."""
-        return cls(kind, talk, claim_study(kind, to, name), to.plots, about or {})
+        return cls(kind, talk, claim_study(kind, to, name), to.plots, about or {}, to.format)
 
     @property
     def path(self) -> Path:
@@ -144,7 +147,7 @@ class Study:
         pictures: list[str] = []
         warnings: list[str] = []
         try:
-            pictures = put_pictures(draw, self.path)
+            pictures = put_pictures(draw, self.path, self.format)
         except Exception as error:  # whatever it is, it must not cost the results
             warnings = [lost(error)]
             self.talk.note(f"warning: {warnings[0]}")

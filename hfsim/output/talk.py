@@ -32,11 +32,14 @@ class Destination:
         Whether the results of a finished run or study may be replaced.
     plots : bool
         Whether pictures are drawn.
+    format : str
+        Of pictures, one of `hfsim.output.pictures.FORMATS`.
     """
 
     output: Path | None
     force: bool = False
     plots: bool = True
+    format: str = "png"
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,9 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+import hfsim
 from hfsim.cli import app
-from hfsim.output.pictures import put_pictures
+from hfsim.output.pictures import FORMATS, put_pictures
 from hfsim.output.plots.style import finished, new_figure, save
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk
@@ -110,7 +111,11 @@ output: {channels: [_hub.angle]}
 """
 
 
-def test_all_commands_draw_a_scene_with_any_name(tmp_path, monkeypatch):
+MAGIC = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+
+
+@pytest.mark.parametrize("kind", FORMATS)
+def test_all_commands_draw_a_scene_with_any_name_in_any_format(tmp_path, monkeypatch, kind):
     monkeypatch.chdir(tmp_path)
     Path("deck.yaml").write_text(DECK)
     orders = (
@@ -120,10 +125,24 @@ def test_all_commands_draw_a_scene_with_any_name(tmp_path, monkeypatch):
         ("stability", "deck.yaml", "--methods", "gauss", "--vary", "name=$a_$,$b_$", "-o", "d"),
     )
     for order in orders:
-        result = CliRunner().invoke(app, order)
+        result = CliRunner().invoke(app, [*order, "--format", kind])
         assert result.exit_code == 0, result.output
-        assert list(Path(order[-1]).glob("plots/*.png")), order
+        files = list(Path(order[-1]).rglob("plots/*"))
+        assert files and {file.suffix for file in files} == {f".{kind}"}, order
+        assert all(file.read_bytes().startswith(MAGIC[kind]) for file in files)
         assert "warning" not in result.stderr
+
+
+def test_pictures_of_another_format_go_when_their_run_is_replaced(tmp_path):
+    (tmp_path / "deck.yaml").write_text(DECK)
+    wish = {"error_estimate": False, "diagnosis": False, "output": tmp_path / "out"}
+    hfsim.run(tmp_path / "deck.yaml", plots="svg", **wish)
+    assert (tmp_path / "out/plots/angle.svg").exists()
+    first = (tmp_path / "out/plots/angle.svg").read_bytes()
+    hfsim.run(tmp_path / "deck.yaml", plots="svg", force=True, **wish)
+    assert (tmp_path / "out/plots/angle.svg").read_bytes() == first, "no dates and no random names"
+    hfsim.run(tmp_path / "deck.yaml", force=True, **wish)
+    assert {file.suffix for file in (tmp_path / "out/plots").iterdir()} == {".png"}
 
 
 def test_nothing_is_printed_where_there_is_no_home(tmp_path):

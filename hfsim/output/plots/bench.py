@@ -50,7 +50,7 @@ def draw_bench(result: Bench, folder: Path) -> list[str]:
     result : Bench
         What `hfsim.studies.bench.bench` found.
     folder : Path
-        Where the PNG files go.
+        Where the files go.
 
     Returns
     -------

@@ -56,7 +56,7 @@ def draw_comparison(runs: Sequence[Run], comparison: Comparison, folder: Path) -
     comparison : Comparison
         What `hfsim.studies.compare.compare` found.
     folder : Path
-        Where the PNG files go.
+        Where the files go.
 
     Returns
     -------

@@ -22,7 +22,7 @@ def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
     run : Run
         A run with finite values only.
     folder : Path
-        Where the PNG files go; made if anything is drawn.
+        Where the files go; made if anything is drawn.
     budget : Budget, optional
         Time for it; pictures that it does not suffice for are not drawn.
 

@@ -30,7 +30,7 @@ def draw_separation(result: SeparationBench, folder: Path) -> list[str]:
     result : SeparationBench
         What `hfsim.studies.separation.measure.measure` found.
     folder : Path
-        Where the PNG files go.
+        Where the files go.
 
     Returns
     -------

@@ -37,7 +37,7 @@ def draw_stability(result: StabilityMap, folder: Path) -> list[str]:
     result : StabilityMap
         What `hfsim.studies.stability.maps.stability_map` found, over one or two axes.
     folder : Path
-        Where the PNG files go.
+        Where the files go.
 
     Returns
     -------

@@ -26,12 +26,15 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullForm
 
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget
+from hfsim.output.pictures import picture_format
 from hfsim.studies.compare.words import ending
 
 DPI = 110
 """Pixels to the inch in pictures of pixels."""
 _QUICK = {"compress_level": 3}
 """Files are a little larger, and written in a third of the time."""
+_UNDATED: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
+"""What makes files of one picture the same, whenever it is drawn."""
 _NO_LABEL = re.compile(r"|_child\d+|_nolegend_")
 """Labels that the library gives to what has none."""
 _LEVEL = 1e-3
@@ -201,20 +204,26 @@ def labelled(axes: Axes) -> Iterator[tuple[Artist, str]]:
 
 
 def save(figures: Mapping[str, Figure | None], folder: Path, budget: Budget | None = None) -> list[str]:
-    """Write figures as PNG files into a folder, made if need be, while a budget lasts; return their names.
+    """Write figures into a folder, made if need be, while a budget lasts; return the names of the files.
 
+    They are of the format that `hfsim.output.pictures.picture_format` tells.
     Names of decks, bodies and channels are drawn as they are, signs that the font lacks as boxes.
     """
-    drawn = {f"{name}.png": figure for name, figure in figures.items() if figure is not None}
+    kind = picture_format()
+    drawn = {f"{name}.{kind}": figure for name, figure in figures.items() if figure is not None}
     if drawn:
         folder.mkdir(parents=True, exist_ok=True)
     for name, figure in list(drawn.items()):
         if budget is not None and budget.left <= 0.0:
             del drawn[name]
             continue
-        canvas: Any = FigureCanvasAgg(figure)
         with as_they_are(figure):
-            canvas.print_png(folder / name, pil_kwargs=_QUICK)  # savefig would draw everything twice
+            if kind == "png":
+                canvas: Any = FigureCanvasAgg(figure)
+                canvas.print_png(folder / name, pil_kwargs=_QUICK)  # savefig would draw everything twice
+            else:
+                with matplotlib.rc_context({"svg.hashsalt": "hfsim"}):
+                    figure.savefig(folder / name, format=kind, metadata=_UNDATED[kind])
     return list(drawn)
 
 
