@@ -97,6 +97,39 @@ def test_force_is_the_derivative_of_its_energy(rng, curve, model):
 
 
 @pytest.mark.parametrize("model", ["linear", "lowOrder"])
+@pytest.mark.parametrize("curve", [*CURVES, "plane"])
+def test_force_is_that_of_its_strains(rng, curve, model):
+    """With given strains, too, and its tangent is the derivative of the force with its rates."""
+    scene, body, x = moved_scene(rng, "straight" if curve == "plane" else curve, model=model, damping=0.01)
+    if curve == "plane":
+        scene = build(parse_deck(PLANAR), model)
+        body, x = scene.bodies["b1"], scene.system.absolute(scene.q[None])[0]
+        x = x + 0.05 * rng.normal(size=x.shape)
+    force, t, u = body.elastic, np.zeros(1), rng.normal(size=(1, len(x)))
+    e, C = force.strain(x[None]), force.strain_stiffness
+    assert 0.5 * e**2 @ C == pytest.approx(force.strain_energy(x[None]), rel=1e-9)
+    at = force.strain_slopes(x[None])
+    slopes = np.zeros((len(C), len(x)))
+    np.add.at(slopes, (at.rows, at.columns), at.values)
+    assert slopes == pytest.approx(jacobian(force.strain, x), abs=1e-7 * np.abs(slopes).max())
+    plain, given = (np.zeros((1, len(x))) for _ in range(2))
+    force.add_force(t, x[None], u, plain)
+    other = e + rng.normal(size=e.shape) * np.abs(e).max()
+    force.strained(other).add_force(t, x[None], u, given)
+    assert plain - given == pytest.approx(((other - e) * C) @ slopes, abs=1e-9 * np.abs(given).max())
+
+    def pushed(y):
+        out = np.zeros_like(y)
+        force.add_force(np.zeros(len(y)), y, np.repeat(u, len(y), axis=0), out)
+        return out
+
+    own = np.zeros((len(x), len(x)))
+    found = force.tangent(t, x[None], u)
+    np.add.at(own, (found.rows, found.columns), found.values)
+    assert own == pytest.approx(-jacobian(pushed, x), abs=1e-6 * np.abs(own).max())
+
+
+@pytest.mark.parametrize("model", ["linear", "lowOrder"])
 @pytest.mark.parametrize("curve", CURVES)
 def test_no_rigid_motion_is_resisted_nor_caused(rng, curve, model):
     scene, body, _ = moved_scene(rng, curve, model=model, damping=0.01)

@@ -43,6 +43,7 @@ def solved(**options):
 
 
 MORE = ("elements: 2", "elements: 8")
+LINEAR, LOW_ORDER = (("duration: 0.4", f"duration: 0.4, model: {model}") for model in ("linear", "lowOrder"))
 CONTINUUM = ("elements: 2", "elements: 2, element: continuum")
 MANY = ("elements: 2", "elements: 8, element: continuum")
 DAMPED = ("poisson_ratio: 0.3", "poisson_ratio: 0.3, bending_damping: 1.0e-6")
@@ -95,13 +96,15 @@ def test_carried_increments_of_a_turned_scene_are_the_same(rng):
     assert there[2][:, 3:] == pytest.approx(here[2][:, 3:], abs=1e-12)
 
 
-@pytest.fixture(params=[[], [CONTINUUM]], ids=["cosserat", "continuum"])
+@pytest.fixture(
+    params=[[], [CONTINUUM], [LINEAR], [LOW_ORDER]], ids=["cosserat", "continuum", "linear", "lowOrder"]
+)
 def either(request):
-    """A scene with a beam of either element that has strains."""
+    """A scene with a beam of an element and a model that has strains."""
     return scene_of(*request.param)
 
 
-@pytest.mark.parametrize("changes", [[], [MORE], [CONTINUUM], [MANY]])
+@pytest.mark.parametrize("changes", [[], [MORE], [CONTINUUM], [MANY], [LINEAR], [MORE, LOW_ORDER]])
 def test_strains_and_their_slopes(changes, rng):
     scene = scene_of(*changes)
     strains, q = Strains.of(scene.system), bent(scene, rng)
@@ -201,3 +204,31 @@ def test_rigid_bodies_alone_have_no_strains():
     )
     assert Strains.of(scene.system) is None
     assert scene.system.natural.vectors.shape == (3, 3)
+
+
+WHIP = """
+hfsim: 1
+gravity: GRAVITY
+materials: {soft: {density: 1000.0, youngs_modulus: 1.0e10}}
+sections: {bar: {shape: rectangle, width: 1.0e-3, height: 1.0e-3}}
+bodies: {b: {type: beam, material: soft, section: bar, length: 1.0, element: cosserat, elements: 4}}
+joints: {clamp: {type: fixed, between: [ground, b.root]}}
+loads: {push: {type: force, at: b.tip, force: FORCE}}
+solve: {duration: 0.2, tolerance: 1.0e-4}
+"""
+IN_PLANE, IN_SPACE = (
+    WHIP.replace("GRAVITY", str(gravity)).replace("FORCE", str(force))
+    for gravity, force in (([0.0, 0.0], [0.0, 1.0e-3]), ([0.0, 0.0, 0.0], [0.0, 6.0e-4, 8.0e-4]))
+)
+
+
+@pytest.mark.parametrize("text", [IN_PLANE, IN_SPACE, ARM], ids=["plane", "space", "arm"])
+def test_models_take_the_steps_of_exact(text):
+    """A whip of slenderness 1000 took thirty times as many."""
+    steps = []
+    for model in ("exact", "linear", "lowOrder"):
+        scene = scene_of(("solve: {", f"solve: {{model: {model}, "), text=text)
+        done = run_integration(scene, scene.deck.solve)
+        assert done.stop is None
+        steps.append(done.problem.counts.steps)
+    assert max(steps[1:]) <= 1.5 * steps[0] < 60

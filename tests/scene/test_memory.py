@@ -54,10 +54,11 @@ def test_the_rank_of_the_joints_takes_little_memory(elements, most):
         (("solve.model=lowOrder", "bodies.b1.elements=512"), "bodies.b1.elements", "444 GB"),
         (("solve.coordinates=frame", "bodies.b1.elements=20000"), "bodies.b1.elements", "820 GB"),
         (("output.interval=1e-9",), "output.interval", "168 GB"),
+        (("solve.model=linear", "bodies.bend.elements=3000"), "bodies.bend.elements", "3.27 TB"),
     ],
 )
 def test_what_would_not_fit_is_refused_with_its_bytes_before_it_is_asked_for(settings, path, size):
-    deck = "hub_beams" if "lowOrder" in settings[0] else "pendulum"
+    deck = {"lowOrder": "hub_beams", "linear": "bend_45"}.get(settings[0].split("=")[1], "pendulum")
     code, _, err, used = checked(deck, *(f"--set={setting}" for setting in settings))
     assert code == 2 and used < 120
     assert f"error: {path}: " in err and f"about {size} of memory" in err
@@ -73,6 +74,18 @@ def test_what_fits_depends_on_the_memory_that_is_there(monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: 1e9)
     with pytest.raises(DeckError, match=r"about 1.2 GB of memory.*: it has 400000 coordinates"):
         build(load_deck(CASE, ["bodies.b1.elements=99999"]))
+
+
+@pytest.mark.parametrize("model", ["linear", "lowOrder"])
+def test_matrices_of_linear_sections_are_some_of_what_a_run_takes(model):
+    """Peak of one derivative, which comes before those are factorised."""
+    loaded = load_deck(CASE.with_name("bend_45.yaml"), [f"solve.model={model}", "bodies.bend.elements=20"])
+    tracemalloc.start()
+    scene = build(loaded)
+    scene.system.linearized(0.0, scene.q, scene.v)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert 0.2 < peak / scene.bodies["bend"].tables(scene.system.n) < 1.0
 
 
 @pytest.mark.parametrize("elements", [16, 32])

@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.force import ForcePart
+from hfsim.maths.matrices import Entries
+from hfsim.mechanics.force import ForcePart, difference
 from hfsim.parts.bodies.cosserat import CosseratBeam
 from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.parts.bodies.root_axes import onto_sections, triad, triad_rate
 from hfsim.parts.bodies.section_mesh import SectionMesh
 from hfsim.parts.elements.cosserat import strain_slopes
+
+TABLES = 35.0
+"""Full matrices of a beam that a run holds at a time: measured, 24 to 35 with 800 to 1600 coordinates."""
+_Force = TypeVar("_Force", bound="LinearSectionForce")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,22 +35,41 @@ class LinearSectionBeam(CosseratBeam):
     @cached_property
     def elastic(self) -> LinearSectionForce:
         """Elastic force and damping."""
-        axes = self.mesh.point(self.origin)[2]
-        return LinearSectionForce(*self.linearised(slice(None)), axes=axes, item=self.item)
+        return self.linearised(LinearSectionForce)
 
-    def linearised(self, some: slice) -> tuple[str, slice, Array, Array, Array, Array]:
-        """Return what a `LinearElasticForce` of some of the strains is made of."""
-        mesh, slopes = self.mesh, small_strains(self.mesh)[:, some]
-        K, damping = (
-            np.einsum("psa,sp,psb->ab", slopes, mesh.at_points(numbers)[some], slopes, optimize=True)
-            for numbers in (mesh.properties.stiffness, mesh.properties.damping)
+    def linearised(self, kind: type[_Force], **more: Any) -> _Force:
+        """Return the force of a kind with the matrices of those strains that are linear in it."""
+        mesh, rows = self.mesh, small_strains(self.mesh)
+        slopes = rows[:, kind.nonlinear :]
+        stiffness, damping = (mesh.at_points(n) for n in (mesh.properties.stiffness, mesh.properties.damping))
+        K, resisting = (
+            np.einsum("psa,sp,psb->ab", slopes, numbers[kind.nonlinear :], slopes, optimize=True)
+            for numbers in (stiffness, damping)
         )
-        return self.name, self.columns, K, damping, self.undeformed, self.positions
+        return kind(
+            name=self.name,
+            columns=self.columns,
+            stiffness=K,
+            damping=resisting,
+            undeformed=self.undeformed,
+            positions=self.positions,
+            axes=mesh.point(self.origin)[2],
+            small=rows.swapaxes(0, 1).reshape(-1, rows.shape[-1]),
+            resistances=stiffness,
+            **more,
+            item=self.item,
+        )
+
+    def tables(self, n: int) -> float:
+        """Return that of its full matrices and of those of its strains."""
+        own = self.columns.stop - self.columns.start
+        return 8.0 * TABLES * float(own) ** 2
 
     def strains(self, x: Array, u: Array) -> Array:
         """Return strains and their rates at Gauss points, shape (2, n_strains, n_batch, n_points)."""
         changes = np.stack([self.elastic.displacements(x), self.elastic.rates(x, u)])
-        return np.asarray(np.einsum("psa,kba->ksbp", small_strains(self.mesh), changes))
+        rows = self.elastic.small.reshape(-1, self.mesh.points[0].size, changes.shape[-1])
+        return np.asarray(np.einsum("spa,kba->ksbp", rows, changes))
 
     def stressed(self, x: Array, strains: Array) -> tuple[Array, Array]:
         """Return nodal vectors, (n_batch, n_vectors, n_dim), and which section forces balance there."""
@@ -103,9 +128,51 @@ class LinearSectionForce(LinearElasticForce):
     ----------
     axes : ndarray, shape (n_dim, n_dim)
         Of the root's section in the body frame, as columns.
+    small : ndarray, shape (n_kinds * n_points, n_coordinates)
+        Strains at Gauss points, kind by kind, per small change of relative nodal vectors.
+    resistances : ndarray, shape (n_kinds, n_points)
+        What they are multiplied by, times length by weight [N m and the like].
+    given : ndarray, shape (n_batch or 1, n_strains), optional
+        Strains to take in place of those of the coordinates.
     """
 
     axes: Array = field(kw_only=True)
+    small: Array = field(kw_only=True)
+    resistances: Array = field(kw_only=True)
+    given: Array | None = field(default=None, kw_only=True)
+    nonlinear: ClassVar[int] = 0
+    """Kinds of strains, the first ones, that are not linear in the relative vectors."""
+
+    @property
+    def strain_stiffness(self) -> Array:
+        """That of all strains, point by point for each kind."""
+        return self.resistances.ravel()
+
+    def strain(self, x: Array) -> Array:
+        """Return the strains, shape (n_batch, n_strains)."""
+        return self.strains_of(self.displacements(x))
+
+    def strain_slopes(self, x: Array) -> Entries:
+        """Return their derivative by x in one state."""
+        return Entries.of_block(np.arange(len(self.small)), self.support, self._slopes(x))
+
+    def strained(self, strains: Array) -> Self:
+        """Return the force with given strains."""
+        return replace(self, given=strains)
+
+    def strains_of(self, p: Array) -> Array:
+        """Return the strains of changes of relative vectors, (n_batch, n_strains)."""
+        return p @ self.small.T
+
+    def changing(self, p: Array) -> Array:
+        """Return their derivative by these changes of one state (1, n), (n_strains, n)."""
+        return self.small
+
+    def _slopes(self, x: Array) -> Array:
+        """Return the derivative of the strains by the nodal vectors of one state, (n_strains, n)."""
+        y, A, d = self._relative(x)
+        p = (y @ A - self.undeformed).reshape(1, -1)
+        return self._onto_vectors(self.changing(p).reshape(-1, *y.shape[1:]), y, A, d)
 
     def _relative(self, x: Array) -> tuple[Array, Array, Array]:
         """Return vectors from the root on, the body frame's axes as columns, the root's section vectors."""
@@ -126,17 +193,36 @@ class LinearSectionForce(LinearElasticForce):
 
     def local(self, p: Array, rates: Array | None) -> Array:
         """Return the force in the body frame of changes of its vectors and their rates, (n_batch, n) each."""
-        force = p @ -self.stiffness
+        if self.given is None:
+            force = p @ -self.stiffness
+        else:
+            first = self.nonlinear * self.resistances.shape[1]
+            force = (self.given * -self.strain_stiffness)[:, first:] @ self.small[first:]
         if rates is not None:
-            force -= rates @ self.damping
+            force = force - rates @ self.damping
         return np.asarray(force)
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus the derivative of the energy by X, and what resists the rates likewise."""
         y, A, d = self._relative(x)
         p = (y @ A - self.undeformed).reshape(len(x), -1)
-        local = self.local(p, self.rates(x, u) if self.uses_rates else None).reshape(y.shape)
+        local = self.local(p, self.rates(x, u) if self.uses_rates else None)
+        out[:, self.columns] += self._onto_vectors(local.reshape(-1, *y.shape[1:]), y, A, d)
+
+    def _onto_vectors(self, local: Array, y: Array, A: Array, d: Array) -> Array:
+        """Return forces on nodal vectors, flattened, from those in the body frame, (n_batch, ...) as y."""
         force = local @ A.swapaxes(1, 2)
         force[:, 0] -= np.einsum("bki,k->bi", force, self.positions)
         force[:, 1 : y.shape[2]] += onto_sections(d, y.swapaxes(1, 2) @ local @ self.axes)
-        out[:, self.columns] += force.reshape(len(x), -1)
+        return np.asarray(force.reshape(len(force), -1))
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state, as if strains were not given.
+
+        By differences but for what stresses change.
+        """
+        held = self if self.given is not None else self.strained(self.strain(x))
+        B = self._slopes(x)
+        material = B.T @ (self.strain_stiffness[:, None] * B)
+        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support)
+        return geometric._replace(values=geometric.values + material.ravel())

@@ -17,7 +17,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
-from hfsim.parts.bodies.section_linear import LinearSectionBeam, LinearSectionForce, small_strains
+from hfsim.parts.bodies.section_linear import LinearSectionBeam, LinearSectionForce
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,20 +27,14 @@ class LowOrderSectionBeam(LinearSectionBeam):
     @cached_property
     def elastic(self) -> LowOrderSectionForce:
         """Elastic force and damping."""
-        mesh, axes = self.mesh, self.mesh.point(self.origin)[2]
-        (vectors, rows), properties = mesh.point_vectors, mesh.properties
+        mesh, (vectors, rows) = self.mesh, self.mesh.point_vectors
         d = (rows @ mesh.undeformed[vectors])[:, 1 : mesh.n_dim]
         across = np.zeros((mesh.n_dim - 1, len(vectors), len(mesh.undeformed), mesh.n_dim))
         for point, own in enumerate(vectors):
             across[:, point, own] = rows[point, 0, :, None] * d[point][:, None]
-        return LowOrderSectionForce(
-            *self.linearised(slice(1, None)),
-            axes=axes,
-            along=small_strains(mesh)[:, 0],
-            across=across.reshape(*across.shape[:2], -1),
-            resisting=np.array([mesh.at_points(n)[0] for n in (properties.stiffness, properties.damping)]),
-            item=self.item,
-        )
+        damped = mesh.at_points(mesh.properties.damping)[0]
+        rows = across.reshape(*across.shape[:2], -1)
+        return self.linearised(LowOrderSectionForce, across=rows, damped=damped)
 
     def strains(self, x: Array, u: Array) -> Array:
         """Return strains and their rates, of which the first are with the foreshortening."""
@@ -62,17 +56,15 @@ class LowOrderSectionForce(LinearSectionForce):
 
     Attributes
     ----------
-    along : ndarray, shape (n_points, n_coordinates)
-        Stretch at Gauss points per change of nodal vectors, without foreshortening.
     across : ndarray, shape (n_dim - 1, n_points, n_coordinates)
-        Slopes along the axes of the undeformed sections, likewise.
-    resisting : ndarray, shape (2, n_points)
-        EA [N m] and its damping [N m s], times length by weight.
+        Slopes along the axes of the undeformed sections at Gauss points, per change of nodal vectors.
+    damped : ndarray, shape (n_points,)
+        Damping of stretch, times length by weight [N m s].
     """
 
-    along: Array = field(kw_only=True)
     across: Array = field(kw_only=True)
-    resisting: Array = field(kw_only=True)
+    damped: Array = field(kw_only=True)
+    nonlinear: ClassVar[int] = 1
     runs_away: ClassVar[bool] = False
 
     def runaway(self, t: float, x: Array) -> SolverFailure | None:
@@ -81,7 +73,25 @@ class LowOrderSectionForce(LinearSectionForce):
     @property
     def uses_rates(self) -> bool:
         """Whether there is damping."""
-        return super().uses_rates or bool(self.resisting[1].any())
+        return super().uses_rates or bool(self.damped.any())
+
+    @property
+    def along(self) -> Array:
+        """Stretch at Gauss points per change of nodal vectors, without foreshortening, (n_points, n)."""
+        return self.small[: len(self.damped)]
+
+    def strains_of(self, p: Array) -> Array:
+        """Return the strains, of which the first are with the foreshortening."""
+        e = super().strains_of(p)
+        e[:, : len(self.damped)] = self.stretched(p)[1]
+        return e
+
+    def changing(self, p: Array) -> Array:
+        """Return their derivative by changes of relative vectors."""
+        slopes, _ = self.stretched(p)
+        B = self.small.copy()
+        B[: len(self.damped)] += np.sum(slopes.swapaxes(1, 2) * self.across, axis=0)
+        return B
 
     def stretched(self, p: Array) -> tuple[Array, Array]:
         """Return slopes (n_dim - 1, n_batch, n_points) and stretch (n_batch, n_points) at Gauss points."""
@@ -96,19 +106,19 @@ class LowOrderSectionForce(LinearSectionForce):
     def local(self, p: Array, rates: Array | None) -> Array:
         """Return the force in the body frame."""
         slopes, stretch = self.stretched(p)
-        N = self.resisting[0] * stretch
+        N = self.resistances[0] * (stretch if self.given is None else self.given[:, : stretch.shape[1]])
         if rates is not None:
-            N += self.resisting[1] * self.stretching(slopes, rates)
+            N = N + self.damped * self.stretching(slopes, rates)
         tension = N @ self.along + np.sum((N * slopes) @ self.across, axis=0)
         return np.asarray(super().local(p, rates) - tension)
 
     def strain_energy(self, x: Array) -> Array:
         """Return 1/2 e^T C e of the strains e."""
         _, stretch = self.stretched(self.displacements(x))
-        return np.asarray(super().strain_energy(x) + 0.5 * stretch**2 @ self.resisting[0])
+        return np.asarray(super().strain_energy(x) + 0.5 * stretch**2 @ self.resistances[0])
 
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power of the damping."""
         slopes, _ = self.stretched(self.displacements(x))
         stretching = self.stretching(slopes, self.rates(x, u))
-        return np.asarray(super().power(t, x, u) - stretching**2 @ self.resisting[1])
+        return np.asarray(super().power(t, x, u) - stretching**2 @ self.damped)
