@@ -26,6 +26,7 @@ from hfsim.scene.shipped import find_deck
 if TYPE_CHECKING:
     from hfsim.integrators import Memory
     from hfsim.output.recording import Recording
+    from hfsim.output.stream import Stream
     from hfsim.studies.compare import Comparison
 
 Deck = LoadedDeck
@@ -171,7 +172,7 @@ def carry_out(
     diagnosis: bool,
     after: float | None,
     outlines: bool,
-    recording: Recording | None = None,
+    recording: Recording | Stream | None = None,
     memory: Memory | None = None,
 ) -> Run:
     """Simulate a deck within its budget, or refine it to its target error; what `run` and ``hfsim run`` do.
@@ -180,7 +181,7 @@ def carry_out(
     ----------
     outlines : bool
         Whether to compute the outlines of the bodies.
-    recording : Recording, optional
+    recording : Recording or Stream, optional
         Gets the rows as they come.
     memory : Memory, optional
         From where a run that was put down goes on.

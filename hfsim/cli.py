@@ -125,7 +125,8 @@ SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU")
 def _take_signals() -> list[int]:
     """Let signals interrupt this process once, a second one ends it; return where exit codes are noted.
 
-    What must not be left half done is done first.  Worker processes, which inherit this, end at once.
+    What must not be left half done is done first.  Worker processes, which inherit this, end at once, but
+    for those that take signals themselves.
     """
     process = os.getpid()
     codes: list[int] = []
@@ -134,11 +135,12 @@ def _take_signals() -> list[int]:
     def take(number: int, frame: object) -> None:
         for one in taken:
             signal.signal(one, signal.SIG_DFL)
-        if os.getpid() != process:
-            os.kill(os.getpid(), number)
-            return
         from hfsim.errors import Terminated, interruption_code
         from hfsim.marching.stop import SHIELD
+
+        if os.getpid() not in (process, SHIELD.process):
+            os.kill(os.getpid(), number)
+            return
 
         by = KeyboardInterrupt() if number == signal.SIGINT else Terminated(signal.Signals(number).name)
         codes.append(interruption_code(by))

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
@@ -59,13 +60,10 @@ def load_decks(
     click.exceptions.Exit
         With code 2 if any deck is bad; its problems have been printed then.
     """
-    from hfsim.scene.loading import load_deck
-
     loaded, codes = [], []
     for argument in arguments:
         try:
-            deck = load_deck(find_deck(argument, talk), tuple(overrides))
-            _warn(deck, talk)
+            deck = loader(argument, overrides, talk)(())
             finish(deck)
             loaded.append(deck)
         except HfsimError as error:
@@ -99,16 +97,30 @@ def loader(argument: str, overrides: Sequence[str], talk: Talk) -> Callable[[Seq
     ------
     DeckNotFoundError
     """
-    path = find_deck(argument, talk)
+    path = None if argument == "-" else find_deck(argument, talk)
 
     def load(more: Sequence[str]) -> LoadedDeck:
-        from hfsim.scene.loading import load_deck
+        settings = (*overrides, *more)
+        if path is None:
+            from hfsim.scene.loading import parse_deck
 
-        loaded = load_deck(path, (*overrides, *more))
+            loaded = parse_deck(_standard_input(sys.stdin), "stdin", settings)
+        else:
+            from hfsim.scene.loading import load_deck
+
+            loaded = load_deck(path, settings)
         _warn(loaded, talk)
         return loaded
 
     return load
+
+
+@cache
+def _standard_input(stream: TextIO) -> bytes:
+    """Return all of standard input, which can be read but once, as far as a deck may go."""
+    from hfsim.deck.source import MOST_BYTES
+
+    return stream.buffer.read(MOST_BYTES)
 
 
 def usual_models(argument: str, overrides: Sequence[str], talk: Talk) -> tuple[str, ...]:

@@ -33,7 +33,7 @@ FOLDER = CASES / "extreme"
 )
 @time_option("budget", "Time all may take.", "5min")
 @time_option("limit", "Time one deck may take with its references.", "100s")
-@jobs_option
+@jobs_option()
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Write tables there.")
 @click.option("--force", is_flag=True, help="Replace the results of a finished study.")
 @talk_options

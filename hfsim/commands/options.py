@@ -140,13 +140,15 @@ def repeats_option(
     return click.option("--repeats", type=kind, default=default, show_default=True, help=words)
 
 
-jobs_option = click.option(
-    "--jobs",
-    type=click.IntRange(min=1),
-    default=min(2, os.cpu_count() or 1),
-    show_default=True,
-    help="Processes at a time.",
-)
+def jobs_option(default: int = 0) -> _Option:
+    """Return the option that says how many processes work at a time; two unless told."""
+    return click.option(
+        "--jobs",
+        type=click.IntRange(min=1),
+        default=default or min(2, os.cpu_count() or 1),
+        show_default=True,
+        help="Processes at a time.",
+    )
 
 
 def names(text: str | None) -> tuple[str, ...]:

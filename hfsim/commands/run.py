@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ import click
 from hfsim.commands import STARTED, import_libraries, report_error, worst
 from hfsim.commands.decks import assemble, command_line, load_decks
 from hfsim.commands.options import (
+    jobs_option,
     names,
     output_options,
     parse_budget,
@@ -23,6 +25,7 @@ from hfsim.commands.options import (
 )
 from hfsim.output.report import method_lines, tell
 from hfsim.output.talk import Destination, Talk
+from hfsim.output.text import plural
 
 if TYPE_CHECKING:
     from hfsim.output.checkpoint import Checkpoint
@@ -89,6 +92,7 @@ class Settings:
 )
 @click.option("--animate", is_flag=True, help="Draw the motion as plots/motion.gif.")
 @click.option("--vtk", is_flag=True, help="Write the motion for ParaView: <deck name>.pvd and vtk/*.vtu.")
+@jobs_option(1)
 @talk_options
 def run(
     decks: tuple[str, ...],
@@ -103,14 +107,17 @@ def run(
     after: float | None,
     animate: bool,
     vtk: bool,
+    jobs: int,
     talk: Talk,
 ) -> None:
-    """Simulate each DECK (a YAML file, or the name of a shipped case such as 'pendulum').
+    """Simulate each DECK (a YAML file, the name of a shipped case such as 'pendulum', - for standard input).
 
     Results go to '<deck name>.out' in the current folder, or to -o DIR; several decks get a folder each
-    inside DIR. All decks are checked before the first one runs: if one is bad, nothing is run. After
-    that no deck stops the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130 <
-    143).
+    inside DIR. With -o - the history goes to standard output as CSV, all else to standard error, and nothing
+    is written. With --jobs N, N decks run at a time; what they tell comes in the order of the decks.
+
+    All decks are checked before the first one runs: if one is bad, nothing is run. After that no deck stops
+    the others, and the exit code is the gravest of theirs (0 < 4 < 5 < 3 < 2 < 1 < 130 < 143).
 
     A run writes its rows as they come. What was interrupted, killed or stopped by a limit goes on with
     --resume, and its results are the same as without the interruption; what is finished is left alone.
@@ -127,14 +134,35 @@ def run(
     overrides = (*overrides, *_target(target_error, target_channels, budget))
     wanted = Extras(to.plots and after != 0.0, animate, vtk, after, to.format)
     settings = Settings(overrides, wanted, not no_error_estimate, not no_diagnosis, resume, talk)
-    jobs = plan_jobs(decks, settings, to)
-    _refuse_blind(jobs, settings)
-    codes = [0]
-    for number, job in enumerate(jobs):
-        codes.append(_do_safely(job, settings, first=number == 0))
-        if codes[-1] in (130, 143):
-            break
-    raise click.exceptions.Exit(worst(codes))
+    if to.output == Path("-"):
+        if resume:
+            raise click.UsageError("--resume goes on in a folder, not in what -o - has written")
+        from hfsim.commands.stream import run_to_stream
+
+        wish = (settings.error_estimate, settings.diagnosis)
+        raise click.exceptions.Exit(run_to_stream(decks, overrides, wanted, wish, talk))
+    planned = plan_jobs(decks, settings, to)
+    _refuse_blind(planned, settings)
+    raise click.exceptions.Exit(worst([0, *_do_all(planned, settings, jobs)]))
+
+
+def _do_all(jobs: Sequence[Job], settings: Settings, processes: int) -> list[int]:
+    """Return the exit codes of all jobs that were begun: one after the other, or some at a time."""
+    codes: list[int] = []
+    if processes == 1 or len(jobs) < 2 or not hasattr(os, "fork"):
+        for number, job in enumerate(jobs):
+            codes.append(_do_safely(job, settings, first=number == 0))
+            if codes[-1] in (130, 143):
+                break
+        return codes
+    from hfsim.commands.batch import run_batch
+    from hfsim.output.progress import Progress
+
+    def do(number: int, progress: Callable[[float], None]) -> int:
+        return _do_safely(jobs[number], settings, first=False, progress=progress)
+
+    with Progress(plural(len(jobs), "deck"), sys.stderr, settings.talk.quiet) as shown:
+        return run_batch([job.argument for job in jobs], do, processes, shown, shown.close)
 
 
 def _target(error: str | None, channels: str | None, budget: float | None) -> Iterator[str]:
@@ -217,15 +245,28 @@ def _folders(names: Sequence[str], decks: Sequence[str], output: Path | None) ->
     return [(output or Path()) / name for name in plain]
 
 
-def _do_safely(job: Job, settings: Settings, first: bool) -> int:
+def _do_safely(
+    job: Job, settings: Settings, first: bool, progress: Callable[[float], None] | None = None
+) -> int:
     try:
-        return do_job(job, settings, first)
+        return do_job(job, settings, first, progress)
     except Exception as error:  # the other decks still have to run
         return report_error(error)
 
 
-def do_job(job: Job, settings: Settings, first: bool) -> int:
+def do_job(
+    job: Job, settings: Settings, first: bool, progress: Callable[[float], None] | None = None
+) -> int:
     """Simulate one deck, write its folder, tell the results, and return its exit code.
+
+    Parameters
+    ----------
+    job : Job
+    settings : Settings
+    first : bool
+        Whether it also pays for starting the program.
+    progress : callable, optional
+        Told the share that is done, 0 to 1; without it that is shown on standard error.
 
     Raises
     ------
@@ -239,7 +280,6 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     from hfsim.output.runfolder import RunLog, Stopwatch
     from hfsim.output.writers import Provenance
 
-    # the first deck also pays for starting the program
     watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
     loaded, deck = job.loaded, job.loaded.deck
     provenance = Provenance.of(loaded, job.argument, settings.overrides)
@@ -248,11 +288,11 @@ def do_job(job: Job, settings: Settings, first: bool) -> int:
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
     recording = Recording(job.folder, deck.name, deck.solve.model, provenance, watch, log, job.checkpoint)
     wanted = settings.wanted._replace(pictures=settings.wanted.pictures and deck.output.plots)
-    with Progress(deck.name, sys.stderr, settings.talk.quiet) as progress:
+    with Progress(deck.name, sys.stderr, settings.talk.quiet or progress is not None) as shown:
         try:
             result = carry_out(
                 loaded,
-                progress,
+                progress or shown,
                 error_estimate=settings.error_estimate,
                 diagnosis=settings.diagnosis,
                 after=settings.after,

@@ -88,7 +88,7 @@ def _bound(name: str, default: float, words: str) -> Callable[[Any], Any]:
 )
 @time_option("budget", "Time all may take, e.g. 90s or 2min.", "60s")
 @time_option("limit", "Time one point may take; references three times as much.", "20s")
-@jobs_option
+@jobs_option()
 @output_options
 @setting_options()
 @talk_options

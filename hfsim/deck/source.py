@@ -19,7 +19,7 @@ LONGEST_WORD = 64
 """Characters of a word that may be a misspelt name."""
 _LISTED = 20
 """Known names that a message lists."""
-_MOST_BYTES = 4 * LARGEST + 4
+MOST_BYTES = 4 * LARGEST + 4
 """Bytes read of a file: the characters of too large a deck are too many then, whatever their size."""
 _INDEX = re.compile(r"[0-9]{1,9}")
 
@@ -158,13 +158,17 @@ def read_source(path: str | FilePath) -> DeckSource:
     file = str(path)
     try:
         with FilePath(path).open("rb") as deck:
-            data = deck.read(_MOST_BYTES)
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DeckError(file, [_not_text(data, error.start)]) from error
+            data = deck.read(MOST_BYTES)
     except OSError as error:
         raise DeckError(file, [DeckProblem("", f"cannot be read: {error.strerror}")]) from error
-    return parse_source(text, file)
+    return parse_source(data, file)
+
+
+def _decoded(data: bytes, file: str) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise DeckError(file, [_not_text(data, error.start)]) from error
 
 
 def _not_text(data: bytes, start: int) -> DeckProblem:
@@ -173,8 +177,10 @@ def _not_text(data: bytes, start: int) -> DeckProblem:
     return DeckProblem("", "is not UTF-8 text", f"byte {start}", data.count(b"\n", 0, start) + 1, column)
 
 
-def parse_source(text: str, file: str = "deck") -> DeckSource:
+def parse_source(text: str | bytes, file: str = "deck") -> DeckSource:
     """Read a deck's text; see `read_source`."""
+    if isinstance(text, bytes):
+        text = _decoded(text, file)
     reader = parse(text)
     if isinstance(reader, DeckProblem):
         raise DeckError(file, [reader], text)

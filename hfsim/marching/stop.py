@@ -30,8 +30,14 @@ class Shield:
     def __init__(self) -> None:
         self.taken: KeyboardInterrupt | None = None
         """The interruption that has come, if any: what goes wrong after it is no mistake."""
+        self.process = 0
+        """A worker process that takes signals itself; others that inherit this end at once."""
         self._depth = 0
         self._held: KeyboardInterrupt | None = None
+
+    def take_over(self, process: int) -> None:
+        """Let a process forked off take signals itself; what its parent shields counts no more."""
+        self.process, self._depth, self._held = process, 0, None
 
     def interrupt(self, by: KeyboardInterrupt) -> None:
         """Raise the interruption, or keep it until the last block that is shielded has ended."""

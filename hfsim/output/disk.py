@@ -112,7 +112,7 @@ class History:
         if not np.isfinite(table).all():
             raise ValueError("a non-finite value must not be written")
         for start in range(0, len(table), _BLOCK):
-            self._write("".join(_rows_as_text(table[start : start + _BLOCK].tolist())))
+            self._write("".join(rows_as_text(table[start : start + _BLOCK].tolist())))
 
     def _write(self, text: str) -> None:
         data = memoryview(text.encode())
@@ -134,7 +134,8 @@ class History:
         os.close(self._file)
 
 
-def _rows_as_text(rows: Iterable[Sequence[float]]) -> Iterable[str]:
+def rows_as_text(rows: Iterable[Sequence[float]]) -> Iterable[str]:
+    """Return a line of CSV for each row."""
     # repr of a Python float is the shortest text that reads back as the same number
     return (",".join(map(repr, row)) + "\n" for row in rows)
 

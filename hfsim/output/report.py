@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from hfsim.marching.solution import Channel, Run
 
 
-def tell(run: Run, summary: Mapping[str, Any], folder: Path, talk: Talk, told: Container[str] = ()) -> None:
+def tell(
+    run: Run, summary: Mapping[str, Any], folder: Path | None, talk: Talk, told: Container[str] = ()
+) -> None:
     """Print the results of one run, and what the user should be warned of, save what was told before."""
     for note in (summary.get("assembly") or {}).get("notes", ()):
         talk.note(f"{run.name}: {note}")
@@ -59,8 +61,8 @@ def headline(run: Run) -> str:
     return f"{run.status} at t = {run.stop_time:.6g} s"
 
 
-def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
-    """Return the table of results that people read."""
+def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
+    """Return the table of results that people read; without a folder they went to standard output."""
     facts = {
         "model, method": f"{run.model}, {run.method}",
         **_models(summary),
@@ -70,7 +72,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path) -> str:
         "error estimate": errors(summary),
         "energy drift": number(summary["energy_drift"]),
         "constraint drift": _drift(summary),
-        "results": f"{folder}/",
+        "results": f"{folder}/" if folder else "standard output",
     }
     width = max(map(len, facts))
     lines = [wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items()]

@@ -215,6 +215,8 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
     FolderError
         If a finished run or files of unknown origin stand there, or it cannot be written to.
     """
+    if str(path) == "-":
+        raise FolderError("only hfsim run, and that alone, writes to standard output; name a folder with -o")
     try:
         _refuse_unwritable(path)
         present = _present(path, marker)

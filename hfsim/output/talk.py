@@ -50,17 +50,20 @@ class Talk:
     ----------
     quiet, verbose, as_json : bool
         The options of these names.
+    aside : bool
+        Whether results for people go to standard error: standard output has something else then.
     """
 
     quiet: bool = False
     verbose: bool = False
     as_json: bool = False
+    aside: bool = False
     _told: set[str] = field(default_factory=set, repr=False, compare=False)
 
     def result(self, text: str) -> None:
         """Print a result for people; silent under ``-q`` and ``--json``."""
         if not (self.quiet or self.as_json):
-            print_out(text)
+            (print_error if self.aside else print_out)(text)
 
     def facts(self, facts: object) -> None:
         """Print a result for programs on one line; only under ``--json``."""

@@ -133,7 +133,7 @@ def load_deck(path: str | FilePath, overrides: Sequence[str] = ()) -> LoadedDeck
     return _load(_worked_out(read_source(path), overrides), FilePath(path).stem)
 
 
-def parse_deck(text: str, file: str = "deck", overrides: Sequence[str] = ()) -> LoadedDeck:
+def parse_deck(text: str | bytes, file: str = "deck", overrides: Sequence[str] = ()) -> LoadedDeck:
     """Check a deck given as text; see `load_deck`."""
     return _load(_worked_out(parse_source(text, file), overrides), FilePath(file).stem)
 
