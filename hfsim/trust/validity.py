@@ -16,6 +16,10 @@ u and v of a rigid beam are those of the same forces at rest (`hfsim.trust.quasi
 In the model linear |N v'^2| is a mean over the time that bending takes to answer, and of what
 oscillates, |EI v''^2| and |v|, the largest values so far count.  The estimate is one of order of
 magnitude: the error of a phase that grows over many periods is not in it.
+
+A beam that turns faster than it bends, and that lacks more stiffening than it has stiffness in bending,
+yields to the centrifugal force: its deflection grows without bound.  It has left its range at `RUNAWAY`
+already.
 """
 
 from __future__ import annotations
@@ -34,6 +38,8 @@ from hfsim.scene.build import Scene
 
 LEFT = 5e-3
 """Estimated relative error at which a model has left its range; see tests/benchmarks/validity.py."""
+RUNAWAY = 2e-4
+"""The same where nothing holds the error: it grows many times over while the beam turns once."""
 CURVATURE = 1.9
 """Relative error of a deflection by `lowOrder` over the largest slope squared, measured on a cantilever."""
 TWIST = 1.0 / 3.0
@@ -150,11 +156,16 @@ def _judge(scene: Scene, body: Body, t: Array, x: Array, u: Array) -> dict[str, 
         "inertia": body.third_order_inertia(x),
         "spin": float(size(seen.spin).max() / beam.frequency),
     }
-    left = np.flatnonzero(error > LEFT)
+    loose = _unheld(beam, seen, t) if "stiffening" in terms else np.zeros(len(t), bool)
+    left = np.flatnonzero(error > np.where(loose, RUNAWAY, LEFT))
     if not len(left):
         return {"left_at": None, "reason": "", "largest": largest}
     at = int(left[0])
-    return {"left_at": float(t[at]), "reason": error_reason(terms, at, seen, error), "largest": largest}
+    reason = error_reason(terms, at, seen, error)
+    if error[at] <= LEFT:
+        ratio = size(seen.spin)[at] / beam.frequency
+        reason += f"; it turns {ratio:.2g} times faster than it bends: errors grow"
+    return {"left_at": float(t[at]), "reason": reason, "largest": largest}
 
 
 def _length(scene: Scene, name: str) -> float:
@@ -261,6 +272,11 @@ def _mean_before(t: Array, values: Array, window: float) -> Array:
 
 def _out_of_line(beam: Beam, seen: Deformation, t: Array) -> Array:
     return np.asarray(_stiffening(beam, seen, t) * np.maximum.accumulate(size(seen.tip)))
+
+
+def _unheld(beam: Beam, seen: Deformation, t: Array) -> Array:
+    """Return when the centrifugal force prevails over the stiffness that is kept, shape (n_batch,)."""
+    return np.asarray((_stiffening(beam, seen, t) > 1.0) & (size(seen.spin) > beam.frequency))
 
 
 def _third_order(beam: Beam, seen: Deformation, t: Array) -> Array:

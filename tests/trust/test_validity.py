@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 from validity_study import FAST, HELD_BACK, SLOW, as_text, measure
 
+import hfsim
 from hfsim.cli import app
 
 ALL = [
@@ -37,3 +38,36 @@ def test_compare_says_when_and_where_a_model_left_its_range(tmp_path):
     left_at = facts["linear"]["validity"]["b1"]["left_at"]
     assert f"linear leaves its range at {left_at:.4g} s, in b1" in done.stdout
     assert facts["exact"]["validity"] == {}
+
+
+ROTOR = {
+    "hfsim": 1,
+    "gravity": [0.0, 0.0, -9.81],
+    "materials": {"glass": {"density": 1900.0, "youngs_modulus": "30 GPa", "poisson_ratio": 0.3}},
+    "sections": {"spar": {"shape": "rectangle", "width": "60 mm", "height": "8 mm"}},
+    "bodies": {
+        "hub": {"type": "rigid", "mass": 2.0, "inertia": [0.01, 0.01, 0.02], "points": {"rim": [0.1, 0, 0]}},
+        "blade": {
+            "type": "beam", "element": "cosserat", "material": "glass", "section": "spar", "length": 2.0,
+            "elements": 4,
+        },
+    },
+    "joints": {
+        "mast": {"type": "revolute", "between": ["ground", "hub"], "axis": [0, 0, 1]},
+        "flap": {"type": "revolute", "between": ["hub.rim", "blade.root"], "axis": [0, 1, 0]},
+    },
+    "solve": {"duration": 0.04, "model": "linear", "tolerance": 1e-6},
+    "output": {"interval": 0.005, "channels": ["blade.tip.deflection_y"]},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(("spin", "warned"), [(20.0, True), (2.0, False)])
+def test_a_rotor_that_nothing_stiffens_is_told_before_it_has_gone_astray(spin, warned):
+    deck = {**ROTOR, "initial": {"hub": {"angular_velocity": [0, 0, spin]}}}
+    run = hfsim.run(deck, error_estimate=False, diagnosis=False)
+    facts = run.statistics["validity"]["blade"]
+    assert facts["largest"]["estimated_error"] < 5e-3, "small beside the way of the tip"
+    assert (facts["left_at"] is not None) == warned
+    assert ("faster than it bends: errors grow" in facts["reason"]) == warned
+    # with the stiffening of exact it is 2.3e-5 m
+    assert (abs(run["blade.tip.deflection_y"][-1]) > 1e-3) == warned
