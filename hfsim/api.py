@@ -160,7 +160,7 @@ def _written(
         recording.abandon(error)
         raise
     kind = plots if isinstance(plots, str) else "png"
-    wanted = Extras(bool(plots) and deck.output.plots, after=wish["after"], format=kind)
+    wanted = Extras(bool(plots), after=wish["after"], format=kind).of(deck.output)
     return recording.finish(result, wanted)[0]
 
 

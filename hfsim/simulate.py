@@ -147,7 +147,9 @@ def assess(
         return replace(run, **told)
     seen = outlines_of(samples)
     run = replace(run, outline_t=seen.t, outlines=seen.points, outline_forces=seen.forces)
-    return replace(run, fine=Between(legs, run.t, run.channels), **told)
+    with np.errstate(all="ignore"):
+        shots = tuple(shot for leg in legs for shot in leg.record.shots.snapshots())
+    return replace(run, snapshots=shots, fine=Between(legs, run.t, run.channels), **told)
 
 
 def _solved(legs: Sequence[Leg], record: Record, clock: PhaseClock, course: Course | None) -> Run:

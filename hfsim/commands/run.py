@@ -287,7 +287,7 @@ def do_job(
     log.add(command_line())
     log.add(f"deck {job.argument}, sha256 {provenance.deck_sha256}")
     recording = Recording(job.folder, deck.name, deck.solve.model, provenance, watch, log, job.checkpoint)
-    wanted = settings.wanted._replace(pictures=settings.wanted.pictures and deck.output.plots)
+    wanted = settings.wanted.of(deck.output)
     with Progress(deck.name, sys.stderr, settings.talk.quiet or progress is not None) as shown:
         try:
             result = carry_out(

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from hfsim.deck.spec import Complaint, ReadBy, entry_of, refusal, refused, shown
@@ -124,7 +124,20 @@ Dissipation = Annotated[float, measures("dissipation", at_least=0)]
 RotationalDissipation = Annotated[float, measures("rotational_dissipation", at_least=0)]
 
 Count = Annotated[int, whole()]
+def _read_flag_or_csv(value: object) -> bool | str:
+    if isinstance(value, bool):
+        return value
+    if value != "csv":
+        raise refusal(f"must be true, false or csv, not {shown(value)}")
+    return "csv"
+
+
+FlagOrCsv = Annotated[bool | str, ReadBy(_read_flag_or_csv, enum=[True, False, "csv"])]
 Flag = Annotated[bool, ReadBy(_read_flag, type="boolean")]
+
+_MOST_TIMES = 20
+"""Times in a list at most: each is a colour in a picture."""
+SomeTimes = Annotated[tuple[NonNegativeTime, ...], Field(max_length=_MOST_TIMES)]
 
 
 def entries(value: object, counts: tuple[int, ...], what: str) -> object:

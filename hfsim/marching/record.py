@@ -17,7 +17,7 @@ from hfsim.marching.balance import Balance, step_samples
 from hfsim.marching.sampling import SceneSamples, compute_channels, output_times
 from hfsim.marching.solution import Channel, Run
 from hfsim.marching.turns import count_turns
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, distinct
 from hfsim.parts.channels import kind_of
 from hfsim.scene.build import Scene
 
@@ -170,6 +170,9 @@ class LegRecord:
         self._first = 0
         self._cost = 0.0
         self._states: list[Array] = [np.empty((0, 2 + 2 * scene.system.n))]
+        self._wanted = distinct(np.array(scene.deck.output.snapshots, dtype=float))
+        self._shots: list[Array] = [np.empty((0, 1 + 2 * scene.system.n))]
+        self._shot: int = before._shot if before else 0
         self._stride = 1
 
     def due(self, counts: Counts, n: int) -> bool:
@@ -184,6 +187,7 @@ class LegRecord:
         last = int(np.searchsorted(self._times, path.t_end, side="right"))
         with np.errstate(all="ignore"):
             table = self._rows(stretch, slice(self._next, max(last, self._next)))
+            self._take(stretch)
             if self._balanced:
                 self.balance.add(step_samples(stretch))
         self._cost = _nominal(counts, len(path.q))
@@ -204,6 +208,15 @@ class LegRecord:
         self._keep(np.column_stack([np.arange(mine.start, mine.stop), times, q, v]))
         return np.column_stack([times, *(column.values for column in compute_channels(samples))])
 
+    def _take(self, stretch: Trajectory) -> None:
+        """Keep the states at the times of snapshots."""
+        last = int(np.searchsorted(self._wanted, stretch.t_end, side="right"))
+        times = self._wanted[self._shot : last]
+        if len(times):
+            q, v = self.scene.system.project(times, *stretch.at(times))
+            self._shots.append(np.column_stack([times, q, v]))
+            self._shot = last
+
     def _keep(self, states: Array) -> None:
         self._states.append(states[states[:, 0] % self._stride == 0])
         while sum(one.nbytes for one in self._states) > MOST_STATES:
@@ -221,11 +234,19 @@ class LegRecord:
         n, states = self.scene.system.n, np.concatenate(self._states)
         return SceneSamples(self.scene, states[:, 1], states[:, 2 : 2 + n], states[:, 2 + n :], {})
 
+    @property
+    def shots(self) -> SceneSamples:
+        """States at the times of snapshots that were reached; turns are not in it."""
+        n, states = self.scene.system.n, np.concatenate(self._shots)
+        states = states[np.isfinite(states).all(axis=1)]
+        return SceneSamples(self.scene, states[:, 0], states[:, 1 : 1 + n], states[:, 1 + n :], {})
+
     def memory(self) -> Callable[[], Memory]:
         """Return what gives all that the next block depends on, as of now."""
         states, place = list(self._states), np.array([self._next, self._stride, self._cost])
+        shots = list(self._shots)
         known = {"place": place, "angles": np.array(list(self._angles.values())), **self.balance.memory()}
-        return lambda: {**known, "states": np.concatenate(states)}
+        return lambda: {**known, "states": np.concatenate(states), "shots": np.concatenate(shots)}
 
     def recall(self, memory: Memory) -> None:
         """Go on from a memory."""
@@ -233,7 +254,8 @@ class LegRecord:
         self._cost = float(memory["place"][2])
         self._angles = dict(zip(self._angles, map(float, memory["angles"]), strict=True))
         self.begin_angles = self._angles
-        self._states = [memory["states"]]
+        self._states, self._shots = [memory["states"]], [memory["shots"]]
+        self._shot = int(np.searchsorted(self._wanted, self._shots[0][:, 0].max(initial=-1.0), side="right"))
         self.balance.recall(memory)
 
 

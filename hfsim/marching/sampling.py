@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.integrators import Trajectory
-from hfsim.marching.solution import Channel
+from hfsim.marching.solution import Channel, Snapshot
 from hfsim.marching.turns import count_turns
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.parts.channels import Samples, force_columns, kind_of
@@ -33,6 +33,31 @@ class SceneSamples(Samples):
                 forces = body.section_forces(some.x, some.u, body.outline_places)
                 columns = force_columns(body, forces, len(body.origin))
                 yield from ((kind, name, values) for kind, values in columns.items())
+
+    def snapshots(self) -> Iterator[Snapshot]:
+        """Yield the bodies at each time."""
+        if not len(self.t):
+            return
+        points = {name: body.outline(self.x) for name, body in self.scene.bodies.items()}
+        places = {name: body.outline_places for name, body in self.scene.bodies.items()}
+        places = {name: one for name, one in places.items() if len(one)}
+        along: dict[str, dict[str, Array]] = {name: self._deflections(name, points[name]) for name in places}
+        for kind, name, values in self.outline_forces(np.arange(len(self.t))):
+            along[name][kind] = values
+        for k, t in enumerate(self.t.tolist()):
+            shape = {name: one[k] for name, one in points.items()}
+            inside = {name: {kind: one[k] for kind, one in own.items()} for name, own in along.items()}
+            yield Snapshot(t, shape, places, inside)
+
+    def _deflections(self, name: str, points: Array) -> dict[str, Array]:
+        """Return how far points (n_times, n_points, n_dim) are from the first axis of their frame [m]."""
+        marker = self.scene.marker(name)
+        gap = points - marker.position(self.x)[:, None]
+        if gap.shape[2] == 2:
+            angle = marker.angle(self.x)[:, None]
+            return {"deflection": gap[..., 1] * np.cos(angle) - gap[..., 0] * np.sin(angle)}
+        seen = gap @ self.frame(name)
+        return {"deflection_y": seen[..., 1], "deflection_z": seen[..., 2]}
 
 
 def output_times(scene: Scene) -> Array:

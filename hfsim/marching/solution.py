@@ -33,6 +33,27 @@ class Channel(NamedTuple):
     values: ndarray
 
 
+class Snapshot(NamedTuple):
+    """The bodies at one time.
+
+    Attributes
+    ----------
+    t : float
+        When [s].
+    points : dict of str to ndarray, shape (n_points, n_dim)
+        Absolute points along each body [m].
+    places : dict of str to ndarray, shape (n_points,)
+        Of beams with strains: distances of these points from the root along the undeformed beam [m].
+    along : dict of str to dict of str to ndarray, shape (n_points,)
+        Of the same: deflection and internal forces there, by the names of the channels.
+    """
+
+    t: float
+    points: dict[str, ndarray]
+    places: dict[str, ndarray]
+    along: dict[str, dict[str, ndarray]]
+
+
 class Fine(Protocol):
     """Channels at more times than the output's."""
 
@@ -72,6 +93,8 @@ class Run:
         JSON-ready facts: ``cpu_s`` and ``wall_s`` (by phase), ``steps``, ``energy_drift``, ``warnings``...
     fine : Fine or None
         The channels at more times than the output's, for curves; nothing is computed before it is asked for.
+    snapshots : tuple of Snapshot
+        The bodies at the times ``output.snapshots`` that were reached.
     states : sequence of Samples
         States at the output times, in long runs at some of them: ``t``, coordinates and rates that steps are
         made in ``q`` and ``v``, absolute ones ``x`` and ``u``, a row a time; one for each choice of models.
@@ -95,6 +118,7 @@ class Run:
     outlines: Mapping[str, ndarray] = field(default_factory=dict)
     outline_forces: Callable[[ndarray], dict[str, dict[str, ndarray]]] | None = None
     fine: Fine | None = None
+    snapshots: tuple[Snapshot, ...] = ()
     states: Sequence[Samples] = ()
 
     def __getitem__(self, name: str) -> ndarray:

@@ -14,7 +14,7 @@ from hfsim.output.disk import read_history, write_whole
 from hfsim.output.writers import Provenance, versions
 
 CHECKPOINT = "checkpoint.npz"
-_MAY_DIFFER = ("solve.max_steps", "solve.budget", "output.plots")
+_MAY_DIFFER = ("solve.max_steps", "solve.budget", "output.plots", "output.shapes")
 """Entries of a deck that have no part in what its rows are."""
 _LONGEST = 200
 """Characters of two lists that are told whole."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hfsim.errors import interruption_code
 from hfsim.marching.solution import Run
@@ -16,6 +16,9 @@ from hfsim.output.runfolder import Stopwatch, folder_name
 from hfsim.output.text import plural
 from hfsim.output.writers import warnings_of
 from hfsim.trust.after import AFTER
+
+if TYPE_CHECKING:
+    from hfsim.scene.schema import OutputSpec
 
 
 class Extras(NamedTuple):
@@ -29,6 +32,8 @@ class Extras(NamedTuple):
         Time for all work after the run [s]: plots get what is left of it.
     format : str
         Of plots.
+    shapes : bool or str
+        As in the deck: whether points of bodies are written, ``"csv"`` as text too.
     """
 
     pictures: bool = False
@@ -36,11 +41,16 @@ class Extras(NamedTuple):
     vtk: bool = False
     after: float | None = None
     format: str = "png"
+    shapes: bool | str = False
+
+    def of(self, output: OutputSpec) -> Extras:
+        """Return what is wanted of a run whose deck has a say in it too."""
+        return self._replace(pictures=self.pictures and output.plots, shapes=output.shapes)
 
     @property
     def any(self) -> bool:
         """Whether outlines of the bodies are needed."""
-        return self.pictures or self.animation or self.vtk
+        return self.pictures or self.animation or self.vtk or bool(self.shapes)
 
 
 def add_extras(run: Run, wanted: Extras, folder: Path, watch: Stopwatch) -> tuple[Run, list[str]]:
@@ -69,6 +79,8 @@ Made = tuple[list[str], str]
 
 def _steps(run: Run, wanted: Extras, folder: Path) -> Iterator[tuple[str, Callable[[], Made]]]:
     """Yield what to say where it fails, and what makes it."""
+    if wanted.shapes:
+        yield "the shapes of the bodies were not written", partial(_shapes, run, wanted.shapes, folder)
     if wanted.pictures:
         yield "the pictures were not drawn", partial(_pictures, run, wanted, folder)
     if wanted.animation:
@@ -118,6 +130,13 @@ def _series(run: Run, folder: Path) -> Made:
 
     stem = folder_name(run.name, "")
     return _told(put_files(partial(write_series, run, stem), folder, place), "files for ParaView")
+
+
+def _shapes(run: Run, kind: bool | str, folder: Path) -> Made:
+    from hfsim.output.pictures import put_files
+    from hfsim.output.shapes import write_shapes
+
+    return _told(put_files(partial(write_shapes, run, kind == "csv"), folder, str), "shapes.npz")
 
 
 def _told(names: list[str], what: str) -> Made:

@@ -92,11 +92,12 @@ def write_table(path: Path, rows: Iterable[Any], columns: Iterable[Column | str]
     """
     known = [column if isinstance(column, Column) else Column(column) for column in columns]
     lines = [",".join(column.name for column in known)]
-    lines += [",".join(_cell(column.value(row)) for column in known) for row in rows]
+    lines += [",".join(cell(column.value(row)) for column in known) for row in rows]
     write_text(path, "\n".join(lines) + "\n")
 
 
-def _cell(value: object) -> str:
+def cell(value: object) -> str:
+    """Return a value as it stands in CSV."""
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return ""
     text = repr(float(value)) if isinstance(value, float) else str(value)

@@ -361,6 +361,7 @@ def _turns(deck: Deck, models: Models) -> Items:
     return tuple(f"turns of bodies.{name}" for name in nodal if name not in asked)
 
 
-@_rule("outlines of the bodies and pictures", "output.plots is false", "nothing would read them", outlines=1)
+@_rule("outlines of the bodies and pictures", "output asks for none", "nothing would read them", outlines=1)
 def _plots(deck: Deck, models: Models) -> Items:
-    return () if deck.output.plots else ("plots and outlines",)
+    output = deck.output
+    return () if output.plots or output.shapes or output.snapshots else ("plots and outlines",)

@@ -15,11 +15,13 @@ from hfsim.deck.fields import (
     Count,
     EmptyAllowed,
     Flag,
+    FlagOrCsv,
     LengthVector,
     Name,
     Orientation,
     Points,
     PositiveTime,
+    SomeTimes,
     Spin,
     UnitInterval,
     VelocityVector,
@@ -239,6 +241,12 @@ class OutputSpec(Spec):
     plots: Flag = True
     """Whether pictures are drawn."""
 
+    shapes: FlagOrCsv = False
+    """Whether the points of all bodies over time are written, as shapes.npz; csv: as shapes.csv too."""
+
+    snapshots: SomeTimes = ()
+    """Times at which the bodies are drawn, and what runs inside each beam along it [s]."""
+
     def complaints_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an interval that makes too many rows."""
         rows = (around.duration or 0.0) / (self.interval or math.inf)
@@ -247,6 +255,10 @@ class OutputSpec(Spec):
         if needed > _LONG_HISTORY and needed > (there := min(available(), _LONGEST_HISTORY)):
             size = f"{rows:.3g} rows of {columns} columns would take about {in_bytes(needed)} of memory"
             yield Complaint(("interval",), f"{size}, at most {in_bytes(there)} can be had", "lengthen it")
+        for number, time in enumerate(self.snapshots):
+            if time > (around.duration or math.inf):
+                why = f"{time:g} s is after the end of the run, {around.duration:g} s"
+                yield Complaint(("snapshots", number), why, f"at most {around.duration:g}")
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an interval longer than the run."""
@@ -313,12 +325,10 @@ class Deck(Spec):
             object.__setattr__(self, "gravity", (0.0, 0.0, 0.0))
         beams = {k: b.in_space(self.dimension) for k, b in self.bodies.items() if isinstance(b, BeamSpec)}
         object.__setattr__(self, "bodies", {**self.bodies, **beams})
-        filled = OutputSpec.model_construct(
-            interval=self.output.interval or self.solve.duration / 200,
-            channels=self.output.channels or default_channels(self.bodies, self.dimension),
-            plots=self.output.plots,
-        )
-        object.__setattr__(self, "output", filled)
+        filled = {**vars(self.output)}
+        filled["interval"] = self.output.interval or self.solve.duration / 200
+        filled["channels"] = self.output.channels or default_channels(self.bodies, self.dimension)
+        object.__setattr__(self, "output", OutputSpec.model_construct(**filled))
 
     def _states_space(self) -> bool:
         return space_of({key: getattr(self, key) for key in type(self).model_fields})[0] == 3

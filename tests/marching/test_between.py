@@ -115,3 +115,25 @@ def test_there_are_enough_times_and_not_too_many(steps, rows, condensed, most, l
     times = times_between(path, np.linspace(0.0, 1.0, rows), 4000)
     assert least <= len(times) <= most
     assert (np.diff(times) > 0.0).all() and (times <= 1.0).all()
+
+
+def test_snapshots_survive_being_put_down(monkeypatch):
+    monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.01)
+    loaded = load_deck(CASES / "pendulum.yaml", ["output.snapshots=[0.9, 0.01, 0.0]"])
+    whole, notes = run(loaded), Notes(most=3)
+    assert run(loaded, sink=notes).status == "limit"
+    memory = notes.put_down()
+    assert len(memory["record.shots"]) == 2
+    later = run(loaded, memory=memory)
+    assert [shot.t for shot in later.snapshots] == [0.0, 0.01, 0.9]
+    for mine, theirs in zip(later.snapshots, whole.snapshots, strict=True):
+        assert mine.points["b1"].tobytes() == theirs.points["b1"].tobytes()
+
+
+def test_snapshots_go_through_a_change_of_models():
+    output = "output: {snapshots: [0.1, 0.5, 0.8], interval: 0.1}"
+    whole = run(parse_deck(TURNING + output, "deck", []))
+    assert [shot.t for shot in whole.snapshots] == [0.1, 0.5, 0.8]
+    for shot in whole.snapshots:
+        row = int(np.argmin(np.abs(whole.t - shot.t)))
+        assert shot.points["b1"][-1] == pytest.approx(whole.outlines["b1"][row, -1], abs=1e-12)

@@ -10,6 +10,7 @@ from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget
 from hfsim.output.plots.history import time_figures
 from hfsim.output.plots.plane import planar_path, planar_shapes
+from hfsim.output.plots.snapshots import snapshot_figures
 from hfsim.output.plots.space import oblique_shapes, spatial_path, spatial_shapes
 from hfsim.output.plots.style import save
 
@@ -39,4 +40,4 @@ def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
         figures |= {"path": spatial_path(run), "shapes": spatial_shapes(run), "oblique": oblique_shapes(run)}
     else:
         figures |= {"path": planar_path(run), "shapes": planar_shapes(run)}
-    return save(figures, folder, budget)
+    return save(figures | dict(snapshot_figures(run)), folder, budget)

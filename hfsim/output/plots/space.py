@@ -53,7 +53,7 @@ def spatial_path(run: Run) -> Figure | None:
     tracks = tracks_of(run)
     if not tracks or len(run.t) < 2:
         return None
-    sheet, views = _three_views(np.vstack(list(tracks.values())))
+    sheet, views = three_views(np.vstack(list(tracks.values())))
     for pair, axes in views.items():
         draw_tracks(axes, _seen(tracks, pair))
     return sheet.finish(headline(run, track_words(tracks)), list(views.values()))
@@ -65,7 +65,7 @@ def spatial_shapes(run: Run) -> Figure | None:
     if shown is None:
         return None
     times, outlines = shown
-    sheet, views = _three_views(_all_points(outlines))
+    sheet, views = three_views(_all_points(outlines))
     for pair, axes in views.items():
         draw_shapes(axes, _seen(outlines, pair), times)
     words = headline(run, "shapes of the bodies")
@@ -95,7 +95,7 @@ def _seen(curves: Mapping[str, Array], pair: tuple[int, int]) -> dict[str, Array
     return {name: points[..., pair] for name, points in curves.items()}
 
 
-def _three_views(points: Array) -> tuple[Sheet, dict[tuple[int, int], Axes]]:
+def three_views(points: Array) -> tuple[Sheet, dict[tuple[int, int], Axes]]:
     """Return a sheet and, by the two coordinates it shows, each view of points (n, 3) [m]."""
     low, high = bounds(points, _THINNEST)
     sizes = high - low
