@@ -153,3 +153,10 @@ def test_nothing_is_printed_where_there_is_no_home(tmp_path):
     done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert list(tmp_path.glob("*.bench/plots/*.png"))
+
+
+def test_the_drawing_library_is_left_as_it_was():
+    from matplotlib.artist import kwdoc
+    from matplotlib.lines import Line2D
+
+    assert "linewidth" in kwdoc(Line2D)
