@@ -1,5 +1,7 @@
 """One vector of coordinates with every kind of body in it, and every kind of marker on them."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from hfsim.deck.materials import BeamProperties, SectionProperties
@@ -18,6 +20,7 @@ STIFFNESS = BeamProperties(
     axial_stiffness=300.0, bending_stiffness=2.0, lame_lambda=500.0, lame_mu=400.0, height=0.3, width=0.2
 )
 INERTIA = BeamProperties(mass_per_length=1.7, rotary_inertia=0.0, height=0.3)
+ELASTIC = INERTIA._replace(axial_stiffness=300.0, bending_stiffness=2.0)
 
 CABLE = BeamMesh(Cable(0.6), 2, INERTIA)
 CONTINUUM = BeamMesh(Continuum(0.6), 2, INERTIA)
@@ -35,12 +38,8 @@ MESHED = ((CABLE, ROPE), (CONTINUUM, BLOCK), (SPAR, SLAT))
 
 LOW_ORDER = LowOrderBeam(
     name="blade",
-    mesh=CABLE,
+    mesh=replace(CABLE, properties=ELASTIC),
     columns=BLADE,
-    axial=300.0,
-    bending=2.0,
-    axial_damping=0.0,
-    bending_damping=0.0,
     gravity=(0.0, 0.0),
     whole=False,
 )

@@ -10,6 +10,7 @@ from hfsim.deck.spec import Around, Complaint, Spec
 if TYPE_CHECKING:
     from hfsim.deck.section_shapes import CircleSection, RectangleSection, TubeSection
     from hfsim.deck.section_stiffness import StiffnessSection
+    from hfsim.maths.arrays import Array
 
     ShapedSection = GeneralSection | RectangleSection | CircleSection | TubeSection
     AnySection = ShapedSection | StiffnessSection
@@ -131,10 +132,23 @@ class BeamProperties(NamedTuple):
             breadth=equivalent_side(section.bending[0], section.area),
         )
 
+    @classmethod
+    def of_a_line(cls, material: MaterialSpec | None, section: "AnySection") -> Self:
+        """Return the properties of a beam whose sections' rotary inertia does not count."""
+        return cls.of(material, section)._replace(rotary_inertia=0.0)
+
     @property
     def damped(self) -> bool:
         """Whether the material loses energy."""
         return bool(self.axial_damping or self.bending_damping)
+
+    def at(self, shares: "Array") -> Self:
+        """Return the properties at shares of the length: they are the same all along a beam."""
+        return self
+
+    def in_elements(self, places: "Array", count: int) -> Self:
+        """Return those at places of the unit interval in each of equal elements, the same."""
+        return self
 
 
 class SectionProperties(NamedTuple):
@@ -198,6 +212,14 @@ class SectionProperties(NamedTuple):
             bending_damping=material.bending_damping,
             fibres=getattr(section, "fibres", None),
         )
+
+    def at(self, shares: "Array") -> Self:
+        """Return the properties at shares of the length: they are the same all along a beam."""
+        return self
+
+    def in_elements(self, places: "Array", count: int) -> Self:
+        """Return those at places of the unit interval in each of equal elements, the same."""
+        return self
 
     @property
     def stiffness(self) -> tuple[float, ...]:

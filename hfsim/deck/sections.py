@@ -40,6 +40,8 @@ class Fibres(NamedTuple):
         Section moduli: second moment over largest distance, about y and about z [m^3].
     round : bool
         Whether bending about both axes adds up as a vector, not in a corner.
+
+    Of several sections these are arrays.
     """
 
     area: float
@@ -49,7 +51,11 @@ class Fibres(NamedTuple):
     def stress(self, axial: Any, about_y: Any, about_z: Any) -> Any:
         """Return the size of the largest normal stress [Pa] from force [N] and moments [N m]."""
         bent = abs(about_y) / self.moduli[0], abs(about_z) / self.moduli[1]
-        largest = (bent[0] ** 2 + bent[1] ** 2) ** 0.5 if self.round else bent[0] + bent[1]
+        round_about = (bent[0] ** 2 + bent[1] ** 2) ** 0.5
+        if isinstance(self.round, bool):
+            largest = round_about if self.round else bent[0] + bent[1]
+        else:
+            largest = self.round * round_about + ~self.round * (bent[0] + bent[1])
         return abs(axial) / self.area + largest
 
 

@@ -31,7 +31,7 @@ class SceneSamples(Samples):
         for name, body in self.scene.bodies.items() if len(rows) else ():
             if len(body.outline_places):
                 forces = body.section_forces(some.x, some.u, body.outline_places)
-                columns = force_columns(body, forces, len(body.origin))
+                columns = force_columns(body, forces, body.outline_places, len(body.origin))
                 yield from ((kind, name, values) for kind, values in columns.items())
 
     def snapshots(self) -> Iterator[Snapshot]:

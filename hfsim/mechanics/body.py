@@ -145,9 +145,8 @@ class Body:
 
     # ------------------------------------------------------------------ how it deforms
 
-    @property
-    def fibres(self) -> Fibres | None:
-        """What normal stresses follow from; None where its section has no known shape."""
+    def fibres(self, places: Array) -> Fibres | None:
+        """Return what normal stresses at distances from the root [m] follow from; None if not known."""
         return None
 
     def section_forces(self, x: Array, u: Array, places: Array) -> Array:

@@ -1,6 +1,7 @@
 """Which channels a deck may ask for."""
 
 from collections.abc import Callable, Iterator, Sequence
+from typing import Any
 
 from hfsim.deck.fields import split_point
 from hfsim.deck.reader import Path
@@ -84,11 +85,18 @@ class ChannelNames:
             yield Complaint(path, f"only a beam has {quantity}, '{owner}' is {shown(body.get('type'))}")
         elif kind.of_sections and body.get("element") == "cable":
             yield Complaint(path, f"a cable element has no {quantity}", "take element: cosserat")
-        elif kind.of_shape and "shape" not in self.declared.map("sections", str(body.get("section"))):
+        elif kind.of_shape and any("shape" not in one for one in self._sections(body)):
             message = f"the section of '{owner}' has no shape from which a {quantity} follows"
             yield Complaint(path, message, "take shape: rectangle, circle or tube")
         else:
             yield from self.declared.point_complaint(path, point)
+
+
+    def _sections(self, body: dict[str, Any]) -> list[dict[str, Any]]:
+        """Return the sections of a beam."""
+        stations = body.get("stations")
+        named = [one for one in stations if isinstance(one, dict)] if isinstance(stations, list) else [body]
+        return [self.declared.map("sections", str(one.get("section"))) for one in named]
 
 
 def _unknown_quantity(path: Path, owner: str, quantity: str, known: Sequence[str]) -> Complaint:

@@ -96,11 +96,21 @@ def _names(declared: Declared) -> Iterator[Complaint]:
 
 def _references(declared: Declared) -> Iterator[Complaint]:
     for name, body in declared.maps("bodies").items():
-        for key, kind in (("material", "materials"), ("section", "sections")):
-            wanted, known = body.get(key), declared.names(kind)
-            if isinstance(wanted, str) and known is not None and wanted not in known:
-                hint = did_you_mean(wanted, known) or f"declare it under {kind}"
-                yield Complaint(("bodies", name, key), f"there is no {key} '{wanted}'", hint)
+        yield from (one.inside("bodies", name) for one in _made_of(declared, body))
+        stations = body.get("stations")
+        for index, station in enumerate(stations if isinstance(stations, list) else ()):
+            if isinstance(station, dict):
+                found = _made_of(declared, station)
+                yield from (one.inside("bodies", name, "stations", index) for one in found)
+
+
+def _made_of(declared: Declared, entry: dict[str, Any]) -> Iterator[Complaint]:
+    """Yield materials and sections that there are not."""
+    for key, kind in (("material", "materials"), ("section", "sections")):
+        wanted, known = entry.get(key), declared.names(kind)
+        if isinstance(wanted, str) and known is not None and wanted not in known:
+            hint = did_you_mean(wanted, known) or f"declare it under {kind}"
+            yield Complaint((key,), f"there is no {key} '{wanted}'", hint)
 
 
 def _connections(declared: Declared) -> Iterator[Complaint]:

@@ -30,7 +30,8 @@ from hfsim.deck.fields import (
     read_text,
     whole,
 )
-from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionProperties
+from hfsim.deck.made_of import beam_properties, section_properties
+from hfsim.deck.materials import MaterialSpec
 from hfsim.deck.reader import Path
 from hfsim.deck.sections import SectionSpec
 from hfsim.deck.source import did_you_mean
@@ -42,6 +43,9 @@ from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.channels import is_judged
 from hfsim.parts.forces import AnyLoad, AnySpring
 from hfsim.parts.joints import AnyJoint
+
+if typing.TYPE_CHECKING:
+    from hfsim.deck.stations import BeamAlong, SectionsAlong
 
 FORMAT = 1
 """The deck format this version reads."""
@@ -348,19 +352,13 @@ class Deck(Spec):
         """Columns of the output."""
         return typing.cast(tuple[str, ...], self.output.channels)
 
-    def properties(self, beam: str) -> BeamProperties:
-        """Return what follows from the material and the section of a beam."""
-        spec = self.bodies[beam]
-        assert isinstance(spec, BeamSpec)
-        material = None if spec.material is None else self.materials[spec.material]
-        return BeamProperties.of(material, self.sections[spec.section])
+    def properties(self, beam: str) -> "BeamAlong":
+        """Return what follows from the material and the section of a beam, or from its stations."""
+        return beam_properties(self.bodies[beam], self.materials, self.sections)
 
-    def section_properties(self, beam: str) -> SectionProperties:
+    def section_properties(self, beam: str) -> "SectionsAlong":
         """Return the same of a beam in space, in all directions."""
-        spec = self.bodies[beam]
-        assert isinstance(spec, BeamSpec)
-        material = None if spec.material is None else self.materials[spec.material]
-        return SectionProperties.of(material, self.sections[spec.section])
+        return section_properties(self.bodies[beam], self.materials, self.sections)
 
     def models(self, model: str) -> dict[str, str]:
         """Return the model of each beam: its own, or else the one given."""

@@ -200,7 +200,7 @@ def _scaled(**fields: tuple[str, ...]) -> _Changes:
 def _slenderness(deck: Deck, ratio: float) -> Iterator[tuple[str, object]]:
     """Give each beam a section of its own, alike in shape, whose height is its length over `ratio`."""
     for name, body in deck.bodies.items():
-        if not isinstance(body, BeamSpec):
+        if not isinstance(body, BeamSpec) or body.section is None:
             continue
         section = deck.sections[body.section]
         k = body.length / ratio / section.height

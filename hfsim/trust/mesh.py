@@ -101,7 +101,8 @@ def _takes_degrees(spec: BeamSpec) -> bool:
 def _coarser(spec: BeamSpec) -> dict[str, int]:
     if spec.degree > 3 and spec.section_degree == 1:
         return {"degree": spec.degree - 1}
-    return {"elements": spec.elements // 2} if spec.elements // 2 >= spec.fewest_elements else {}
+    half = spec.elements // 2
+    return {"elements": half} if half >= spec.fewest_elements and half % spec.equal_parts == 0 else {}
 
 
 def _other_mesh(scene: Scene, change: Callable[[BeamSpec], dict[str, int]]) -> Mesh:

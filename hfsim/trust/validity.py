@@ -53,6 +53,9 @@ BLOCKED = 1e-9
 MAX_STATES = 2000
 """States looked at."""
 
+_ALONG = np.linspace(0.0, 1.0, 65)
+"""Places at which beams that are not the same all along are looked at, as shares of their length."""
+
 _WAVE_NUMBERS = {
     ("clamped", "free"): 1.8751,
     ("pinned", "free"): 3.9266,
@@ -173,13 +176,14 @@ def _length(scene: Scene, name: str) -> float:
 
 
 def _beam(scene: Scene, name: str) -> Beam:
-    beam = scene.deck.section_properties(name)
-    # the plane is that of x and y; in space the softer of both counts
-    bending = beam.bending_stiffness[1] if scene.deck.dimension == 2 else min(beam.bending_stiffness)
+    beam = scene.deck.section_properties(name).at(_ALONG)
+    # the plane is that of x and y; in space the softer of both counts, and along a beam the softest section
+    about_y, about_z = (float(np.min(one)) for one in beam.bending_stiffness)
+    bending = about_z if scene.deck.dimension == 2 else min(about_y, about_z)
     wave_number = _WAVE_NUMBERS[_ends(scene, name)] / _length(scene, name)
-    frequency = wave_number**2 * np.sqrt(bending / beam.mass_per_length)
-    uneven = 0.0 if scene.deck.dimension == 2 else 1.0 - bending / max(beam.bending_stiffness)
-    return Beam(beam.axial_stiffness, bending, uneven, float(frequency))
+    frequency = wave_number**2 * np.sqrt(bending / float(np.mean(beam.mass_per_length)))
+    uneven = 0.0 if scene.deck.dimension == 2 else 1.0 - bending / max(about_y, about_z)
+    return Beam(float(np.min(beam.axial_stiffness)), bending, uneven, float(frequency))
 
 
 def tip_range(scene: Scene, name: str, x: Array) -> float:

@@ -195,7 +195,7 @@ def test_all_forms_of_the_force_are_one(rng):
 
 def test_laws_of_several_beams_act_one_by_one(rng):
     meshes = [AxisMesh(Continuum.of(0.7, 4, 3, 3), 2, OWN, AXES[name]) for name in ("arc", "twisted")]
-    laws = [mesh.law(OWN, Measures(n_dim=3)) for mesh in meshes]
+    laws = [mesh.law(Measures(n_dim=3)) for mesh in meshes]
     V = meshes[0].element.differences() @ rng.normal(size=(3, 4, meshes[0].element.stride + 4, 3))
     joined = join_laws(laws)
     assert laws[0].shared == laws[1].shared

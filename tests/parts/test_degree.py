@@ -124,8 +124,8 @@ def test_both_forms_of_the_polynomial_energy_are_exact(degree, rng):
     products = green_linear_law(STIFFNESS, LENGTH, 3, degree)
 
     def by_points(n):
-        axial = np.full(3, STIFFNESS.axial_stiffness * LENGTH)
-        bending = np.full(3, STIFFNESS.bending_stiffness / LENGTH)
+        axial = np.full((1, 3), STIFFNESS.axial_stiffness * LENGTH)
+        bending = np.full((1, 3), STIFFNESS.bending_stiffness / LENGTH)
         return QuadratureLaw(axial, bending, False, False, n, n, degree)
 
     enough, more = by_points(exact_points(degree)), by_points(exact_points(degree) + 7)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, ValidationError
 
 from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, alike, whole
+from hfsim.deck.reader import Path
 from hfsim.deck.sections import equivalent_side
 from hfsim.deck.spec import (
     Around,
@@ -56,10 +57,12 @@ _OWN = {
 }
 """Options that elements do not know, with their usual values."""
 
+_UNIFORM = "has integrals over its section that are done once for all of the beam"
 _STRAIGHT = {
     ("cable", 2): (("axis", "is straight"),),
     ("cable", 3): (("axis", "is straight"), ("section_angle", _NO_AXES), ("twist", _NO_AXES)),
-    ("continuum", 2): (("axis", "is straight in the plane"),),
+    ("continuum", 2): (("axis", "is straight in the plane"), ("stations", _UNIFORM)),
+    ("continuum", 3): (("stations", _UNIFORM),),
 }
 """Options of curved and turned sections that elements in plane or space do not know, and why."""
 
@@ -69,6 +72,9 @@ def _sides(section: "ShapedSection") -> tuple[float, float]:
     return section.height, equivalent_side(section.bending[0], section.area)
 
 
+_EITHER = (("section", "stations", "Name of the section"), ("length", "axis", "Undeformed length [m]"))
+"""Keys one of which a beam needs."""
+_Station = Annotated[Any, entry_of("hfsim.deck.stations.StationSpec")]
 _ELEMENTS = whole(at_most=100_000, words=("auto",))
 
 
@@ -89,7 +95,7 @@ class QuadratureSpec(Spec):
 
 
 class BeamSpec(BodySpec):
-    """Beam with a constant section; its frame is at the root, first axis along the root tangent."""
+    """Beam with a constant section or with stations; frame at the root, first axis along the root tangent."""
 
     own_points = END_POINTS
     noun = "beam"
@@ -101,8 +107,11 @@ class BeamSpec(BodySpec):
     material: str | None = None
     """Name of the material; a section given by its stiffness needs none."""
 
-    section: str
-    """Name of the section."""
+    section: str | None = None
+    """Name of the section; or state stations."""
+
+    stations: tuple[_Station, ...] | None = None
+    """Section and material at places from root to tip, in place of `section`."""
 
     length: PositiveLength = 0.0
     """Undeformed length [m]; that of its axis, if it states one."""
@@ -155,9 +164,10 @@ class BeamSpec(BodySpec):
 
     @classmethod
     def _read(cls, value: Any, read: Callable[[Any], Any]) -> Any:
-        """Read a beam; one without a length and an axis is refused beside all else that is wrong with it."""
-        told = not isinstance(value, dict) or value.keys() & {"length", "axis"}
-        missing = [] if told else [Complaint(("length",), "missing key", "Undeformed length [m]", True)]
+        """Read a beam; one without length or section is refused beside all else that is wrong with it."""
+        keys = value.keys() if isinstance(value, dict) else {"length", "section"}
+        lacking = ((one, text) for one, other, text in _EITHER if not keys & {one, other})
+        missing = [Complaint((key,), "missing key", text, True) for key, text in lacking]
         try:
             beam = super()._read(value, read)
         except ValidationError as error:
@@ -198,10 +208,27 @@ class BeamSpec(BodySpec):
     def fewest_elements(self) -> int:
         """Elements that its curved or twisted line needs, in space."""
         if self.element != "continuum" or not (self.axis or self.twist):
-            return 1
+            return self.equal_parts
         from hfsim.parts.bodies.beam_axis import Axis
 
         return Axis.of(self).fewest_elements
+
+    @property
+    def equal_parts(self) -> int:
+        """Number of which that of its elements is a multiple, so that steps of its sections are at nodes."""
+        if not self.stations:
+            return 1
+        from hfsim.deck.stations import equal_parts
+
+        return equal_parts(self.stations)
+
+    @property
+    def made_of(self) -> list[tuple[Path, float, str | None, str]]:
+        """Path in this entry, place as a share of the length, material and section of each station."""
+        if self.stations is None:
+            return [((), 0.0, self.material, self.section or "")]
+        each = enumerate(self.stations)
+        return [(("stations", i), one.at, one.material or self.material, one.section) for i, one in each]
 
     @property
     def takes_degrees(self) -> bool:
@@ -222,6 +249,12 @@ class BeamSpec(BodySpec):
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield options that exclude one another, and points outside the beam."""
+        if self.stations is not None:
+            from hfsim.deck.stations import station_complaints
+
+            yield from station_complaints(self.stations, self.elements)
+            if self.section is not None:
+                yield Complaint(("section",), "the stations say the section", "remove this key", True)
         length = self.axis.length if self.axis else self.length
         if self.length and abs(length - self.length) > _SAME_LENGTH * length:
             yield Complaint(("length",), f"the axis is {length:.9g} m long", "remove this key")
@@ -241,31 +274,38 @@ class BeamSpec(BodySpec):
         beam = self.in_space(around.n_dim or 2)
         yield from super().complaints_in(around)
         yield from beam._element_complaints(around.n_dim or 2)
-        yield from beam._section_complaints(around.sections.get(self.section))
+        for path, _, material, name in self.made_of:
+            section = around.sections.get(name)
+            if path and section is not None and section.stiff:
+                material = (self.stations or ())[int(path[-1])].material  # the beam's is for others
+            yield from (one.inside(*path) for one in beam._section_complaints(name, section, material))
+            if around.n_dim == 3:
+                yield from (one.inside(*path) for one in beam._spatial_complaints(section))
         model = self.model or around.model or ""
         for key, value, words, instead in MODELS[model].lacks if model in MODELS else ():
             if getattr(beam, key) == value and beam.element != "cosserat":
                 yield Complaint((key,), f"the model {model} has no {words}", f"{instead}, or another model")
         if lacks := beam.lacking(model, around.n_dim or 2):
             yield Complaint(("model",), *lacks)
-        if around.n_dim == 3:
-            yield from beam._spatial_complaints(around.sections.get(self.section))
-            if beam.element == "continuum" and (self.axis or self.twist):
-                yield from beam._axis_complaints(around.sections.get(self.section))
+        if around.n_dim == 3 and beam.element == "continuum" and (self.axis or self.twist):
+            yield from beam._axis_complaints(around.sections.get(self.section or ""))
         if around.elastic_form not in (None, "gram") and (self.strain, self.curvature) != ("green", "linear"):
             key = "strain" if self.strain != "green" else "curvature"
             message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
             yield Complaint((key,), message, "or leave elastic_form out")
+        if around.elastic_form not in (None, "gram") and self.stations is not None:
+            message = f"elastic_form: {around.elastic_form} is for beams of one section"
+            yield Complaint(("stations",), message, "or leave elastic_form out", True)
         if around.elastic_form not in (None, "gram") and self.section_degree > 1:
             message = f"elastic_form: {around.elastic_form} is for the paper's element, of section_degree 1"
             yield Complaint(("section_degree",), message, "or leave elastic_form out")
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield a section higher than the beam is long, and a length that looks like millimetres."""
-        section = around.sections.get(self.section)
-        if section is None or any(section.slips_in(around)):
+        sections = [one for *_, name in self.made_of if (one := around.sections.get(name)) is not None]
+        if not sections or any(any(section.slips_in(around)) for section in sections):
             return
-        height = section.height
+        height = max(section.height for section in sections)
         if height > self.length:
             message = f"a section {height:.3g} m high, and the beam is {self.length:g} m long"
             yield Complaint(("length",), message, "are all in metres?")
@@ -293,16 +333,18 @@ class BeamSpec(BodySpec):
             message = f"{self.elements} elements do not follow the axis: a quarter turn each at most"
             yield Complaint(("elements",), message, f"{needed} or more", True)
 
-    def _section_complaints(self, section: "AnySection | None") -> Iterator[Complaint]:
+    def _section_complaints(
+        self, name: str, section: "AnySection | None", material: str | None
+    ) -> Iterator[Complaint]:
         if section is None:
             return
         if self.element == "continuum" and section.stiff:
             message = "a continuum element is made of its material: it needs the section's shape or moments"
             yield Complaint(("section",), message, "a material and such a section, or element: cosserat")
-        elif self.material is None and not section.stiff:
+        elif material is None and not section.stiff:
             yield Complaint(("material",), "missing key", "Name of the material", True)
-        elif self.material is not None and section.stiff:
-            message = f"the section '{self.section}' has its stiffness and needs no material"
+        elif material is not None and section.stiff:
+            message = f"the section '{name}' has its stiffness and needs no material"
             yield Complaint(("material",), message, "remove this key", True)
         if self.element == "continuum" and not section.stiff:
             yield from self._outside(section)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.body import Place, places
 from hfsim.mechanics.connectivity import Connectivity
@@ -14,9 +13,11 @@ from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELEMENTS, Continuum, ElasticLaw, Measures
 from hfsim.parts.elements._base import GramLaw
+from hfsim.parts.elements.continuum import uniform
 from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce, StrainForce
 
 if TYPE_CHECKING:
+    from hfsim.deck.stations import BeamAlong
     from hfsim.parts.bodies.section_mesh import SectionMesh
 
 
@@ -53,9 +54,7 @@ class Blueprint(NamedTuple):
     @classmethod
     def of(cls, spec: Any, name: str, start: int, deck: Any) -> Blueprint:
         """Return what a beam of a deck, a `BeamSpec`, is made of; its coordinates begin at a column."""
-        properties: BeamProperties = deck.properties(name)
-        if not spec.rotary_inertia:
-            properties = properties._replace(rotary_inertia=0.0)
+        properties: BeamAlong = deck.properties(name)
         element = ELEMENTS[spec.element].of(
             spec.length / spec.elements, spec.degree, spec.section_degree, deck.dimension
         )
@@ -84,7 +83,7 @@ class Blueprint(NamedTuple):
         return f"bodies.{self.name}"
 
     @property
-    def properties(self) -> BeamProperties:
+    def properties(self) -> BeamAlong:
         """What follows from material and section; without rotary inertia where that does not count."""
         return self.mesh.properties
 
@@ -103,7 +102,7 @@ class Blueprint(NamedTuple):
         from hfsim.parts.bodies.beam_axis import Axis, Line
         from hfsim.parts.bodies.section_mesh import SectionMesh
 
-        own, mesh = self.properties, self.mesh
+        own, mesh = uniform(self.properties), self.mesh
         about_y, about_z = (side**2 / 12.0 for side in (own.breadth, own.height))
         shear = own.lame_mu * own.height * own.width
         properties = SectionProperties(
@@ -165,9 +164,9 @@ class Blueprint(NamedTuple):
         own = vectors[:, first + np.arange(element.stride + element.per_node)]
         return np.asarray(element.differences() @ own)
 
-    def law(self, properties: BeamProperties, measures: Measures) -> ElasticLaw:
+    def law(self, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""
-        return self.mesh.law(properties, measures)
+        return self.mesh.law(measures)
 
     def elastic_force(self, n: int) -> ElasticForce:
         """Return the elastic force on its nodal vectors in the form asked for."""
@@ -180,12 +179,12 @@ class Blueprint(NamedTuple):
 
     def kelvin_voigt(self, n: int) -> KelvinVoigtForce:
         """Return the damping force on its nodal vectors."""
-        element, own = self.mesh.element, self.properties
+        element = self.mesh.element
         return KelvinVoigtForce.of(
             elements=self.connectivity(n, element.differences()),
             degree=element.degree,
-            axial=own.axial_stiffness * element.length * own.axial_damping,
-            bending=own.bending_stiffness / element.length * own.bending_damping,
+            length=element.length,
+            properties=self.properties,
             item=self.item,
         )
 
@@ -201,7 +200,7 @@ class Blueprint(NamedTuple):
         """
         straight = self.difference_vectors(self.undeformed[None])
 
-        law = self.law(self.properties, self.measures._replace(curvature=curvature))
+        law = self.law(self.measures._replace(curvature=curvature))
         K = np.asarray(law.hessian(straight)[0])
         damped = self.properties.damped
         return K, self.kelvin_voigt(0).resistance(straight) if damped else np.zeros_like(K)

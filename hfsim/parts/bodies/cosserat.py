@@ -111,10 +111,9 @@ class CosseratBeam(VectorBody):
         count = max(1, OUTLINE // self.mesh.count) * self.mesh.count
         return np.linspace(0.0, self.mesh.axis.length, count + 1)
 
-    @property
-    def fibres(self) -> Fibres | None:
-        """Those of its section."""
-        return self.mesh.properties.fibres
+    def fibres(self, places: Array) -> Fibres | None:
+        """Return those of its sections."""
+        return self.mesh.at(places).fibres
 
     def section_forces(self, x: Array, u: Array, places: Array) -> Array:
         """Return those of the strains, and of their rates, in the sections' own axes."""
@@ -177,7 +176,7 @@ class CosseratBeam(VectorBody):
         yield self.weight(n)
         elements = self.connectivity(n)
         yield StrainForce(elements, self.mesh.law(), item=self.item)
-        resisting = self.mesh.at_points(self.mesh.properties.damping)
+        resisting = self.mesh.resisting[1] * self.mesh.points[1]
         yield SectionDamping(elements, resisting, self.mesh.strains, item=self.item)
 
     def carried(self) -> Carried | None:

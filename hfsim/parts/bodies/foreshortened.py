@@ -99,7 +99,7 @@ class ForeshortenedBeam(ForcePart):
         le = self.mesh.element.length
         xi, w = gauss_legendre(self.n_points // self.mesh.count)
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
-        mass = np.tile(w, self.mesh.count) * le * self.mesh.properties.mass_per_length
+        mass = np.tile(w, self.mesh.count) * le * self.mesh.at(x).mass_per_length
         N = np.array([self.mesh.shape(float(a)) for a in x])
         H = np.array([self.foreshortening(float(a)) for a in x])
         return x, mass, N[:, 1:], N[:, 2:], H.transpose(1, 0, 2).reshape(self.n_v, -1)

@@ -33,8 +33,8 @@ def frame_forces(mesh: SectionMesh, vectors: Array, rates: Array, places: Array)
     undeformed = strains.of(np.moveaxis(rows @ mesh.undeformed[own], (-2, -1), (0, 1)))
     change = strains.of(np.moveaxis(V, (-2, -1), (0, 1))) - undeformed[:, None]
     changing = (strain_slopes(strains, V) @ dV.reshape(*V.shape[:2], -1, 1))[..., 0]
-    each = np.array([mesh.properties.stiffness, mesh.properties.damping])[:, list(strains.which)]
-    S = each[0][:, None, None] * change + np.moveaxis(each[1] * changing, -1, 0)
+    stiffness, damping = mesh.resisting[:, :, None]
+    S = stiffness * change + damping * np.moveaxis(changing, -1, 0)
     return balanced_forces(mesh, vectors, S, places)
 
 

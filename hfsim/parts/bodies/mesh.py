@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.body import Place
 from hfsim.parts.elements import ElasticLaw, Element, Measures, elastic_form
 
 if TYPE_CHECKING:
+    from hfsim.deck.materials import BeamProperties
+    from hfsim.deck.stations import BeamAlong
     from hfsim.parts.bodies.beam_axis import Axis
 
 
@@ -50,7 +51,7 @@ class BeamMesh:
     element : Element
     count : int
         Number of elements.
-    properties : BeamProperties
+    properties : BeamProperties or Varied of these
         Mass per length and the like.
     line : Axis or None
         Undeformed, where it is curved or has its sections turned.
@@ -58,7 +59,7 @@ class BeamMesh:
 
     element: Element
     count: int
-    properties: BeamProperties
+    properties: BeamAlong
     line: Axis | None = None
 
     @property
@@ -114,7 +115,27 @@ class BeamMesh:
     @cached_property
     def element_masses(self) -> Array:
         """Mass matrix of one component of each element, or of all, shape (n_elements or 1, n, n) [kg]."""
-        return self.element.mass(self.properties)[None]
+        M = self.element.mass(self.properties, self.count)
+        return M.reshape(-1, *M.shape[-2:])
+
+    def at(self, places: Array) -> BeamProperties:
+        """Return the properties at distances from the root [m], arrays of their shape where they vary."""
+        return self.properties.at(places / self.length)
+
+    def masses_beyond(self, places: Array) -> tuple[Array, Array, Array]:
+        """Return int_x^L rho A (s - x)^k ds for k = 0, 1, 2 at equidistant places x from root to tip.
+
+        Of each interval between places by Gauss points, as if no section jumped inside it.
+        """
+        rest = self.length - places
+        if isinstance(density := self.at(places).mass_per_length, float):
+            return density * rest, density * (0.5 * rest**2), density * (rest**3 / 3.0)
+        xi, w = gauss_legendre(4)
+        step = places[1]
+        s = (places[:-1, None] + step * xi).ravel()
+        m = np.tile(w * step, len(places) - 1) * self.at(s).mass_per_length
+        arms = np.maximum(s - places[:, None], 0.0)
+        return (arms > 0.0) @ m, arms @ m, arms**2 @ m
 
     @cached_property
     def mass(self) -> Array:
@@ -152,14 +173,14 @@ class BeamMesh:
             D[e * n : (e + 1) * n, self._span(e)] = local
         return D
 
-    def law(self, properties: BeamProperties, measures: Measures) -> ElasticLaw:
+    def law(self, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""
-        return self.element.law(properties, self.count, measures)
+        return self.element.law(self.properties, self.count, measures)
 
     def elastic_law(self, form: str, measures: Measures) -> tuple[ElasticLaw, Array]:
         """Return the law in one of the forms, and the matrix to its vectors from nodal ones."""
         if form == "gram":
-            return self.law(self.properties, measures), self.element.differences()
+            return self.law(measures), self.element.differences()
         law = elastic_form(form).law_of(self.element, self.properties, self.count, measures)
         return law, np.eye(self.element.stride + self.element.per_node)
 

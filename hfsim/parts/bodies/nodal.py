@@ -108,17 +108,16 @@ class NodalBeam(VectorBody):
         """Those of its mesh."""
         return self.mesh.outline_places
 
-    @property
-    def fibres(self) -> Fibres | None:
-        """Those of its section."""
-        return self.beam.properties.fibres
+    def fibres(self, places: Array) -> Fibres | None:
+        """Return those of its sections."""
+        return self.mesh.at(places).fibres
 
     def section_forces(self, x: Array, u: Array, places: Array) -> Array:
         """Return those of the strains, and of their rates, in axes along the line."""
         from hfsim.parts.bodies.line_forces import in_axes, line_forces
 
         beam, V = self.beam, self.beam.difference_vectors(self.vectors(x))
-        dU = beam.law(beam.properties, beam.measures).gradient(V)
+        dU = beam.law(beam.measures).gradient(V)
         if beam.properties.damped:
             dU = dU + beam.kelvin_voigt(0).gradient(V, beam.difference_vectors(self.vectors(u)))
         return in_axes(self._section_axes(x, places), *line_forces(beam, V, dU, places))

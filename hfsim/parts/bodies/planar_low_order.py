@@ -30,19 +30,7 @@ class LowOrderBeam(ForeshortenedBeam):
     The elastic coordinates are the nodal values and slopes of w (root value left out) followed by
     those of v (root value and slope left out), in the shapes of every other model; interior ones of
     an element stand between those of its nodes.
-
-    Attributes
-    ----------
-    axial, bending : float
-        EA [N] and EI [N m^2].
-    axial_damping, bending_damping : float
-        Kelvin-Voigt retardation times [s].
     """
-
-    axial: float
-    bending: float
-    axial_damping: float
-    bending_damping: float
 
     @classmethod
     def of(cls, beam: Blueprint) -> LowOrderBeam:
@@ -51,10 +39,6 @@ class LowOrderBeam(ForeshortenedBeam):
             name=beam.name,
             mesh=beam.mesh,
             columns=beam.columns(RIGID + 2 * beam.mesh.n_vectors - 3),
-            axial=beam.properties.axial_stiffness,
-            bending=beam.properties.bending_stiffness,
-            axial_damping=beam.properties.axial_damping,
-            bending_damping=beam.properties.bending_damping,
             gravity=tuple(beam.gravity),
             whole=beam.whole,
             item=beam.item,
@@ -69,7 +53,7 @@ class LowOrderBeam(ForeshortenedBeam):
     @property
     def dissipates(self) -> bool:
         """Whether there is damping."""
-        return self.axial_damping > 0.0 or self.bending_damping > 0.0
+        return self.mesh.properties.damped
 
     @property
     def n(self) -> int:
@@ -92,8 +76,8 @@ class LowOrderBeam(ForeshortenedBeam):
         return slice(self.columns.start + RIGID, self.columns.stop)
 
     @cached_property
-    def stiffness(self) -> tuple[Array, Array]:
-        """Constant matrices of EA w'' and EI v'''' over all elastic coordinates."""
+    def _resisting(self) -> tuple[Array, Array]:
+        """Matrix of EA w'' and EI v'''' over all elastic coordinates, and that of their damping."""
         le = self.mesh.element.length
         xi, w = gauss_legendre(self.mesh.element.degree + 1)
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
@@ -101,10 +85,13 @@ class LowOrderBeam(ForeshortenedBeam):
         strain = np.array([self.mesh.shape(float(a), 0.0, (1, 0))[1:] for a in x])
         bend = np.array([self.mesh.shape(float(a), 0.0, (2, 0))[2:] for a in x])
         size = self.n_w + self.n_v
-        K_axial, K_bending = np.zeros((size, size)), np.zeros((size, size))
-        K_axial[: self.n_w, : self.n_w] = self.axial * (strain.T * weight) @ strain
-        K_bending[self.n_w :, self.n_w :] = self.bending * (bend.T * weight) @ bend
-        return K_axial, K_bending
+        K, damping, own = np.zeros((size, size)), np.zeros((size, size)), self.mesh.at(x)
+        each = zip((K, damping), (1.0, own.axial_damping), (1.0, own.bending_damping), strict=True)
+        for matrix, axial, bending in each:
+            by_length = (own.axial_stiffness * axial) * (strain.T * weight)
+            matrix[: self.n_w, : self.n_w] = by_length @ strain
+            matrix[self.n_w :, self.n_w :] = (own.bending_stiffness * bending) * (bend.T * weight) @ bend
+        return K, damping
 
     def split(self, x: Array) -> tuple[Array, Array, Array, Array]:
         """Return r0, theta, w and v coordinates of a batch."""
@@ -168,18 +155,15 @@ class LowOrderBeam(ForeshortenedBeam):
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add inertia force (13)-(14), elastic, damping and gravity forces."""
         out[:, self.columns] += self._inertia_force(x, u)
-        elastic = self._elastic_coordinates(x) @ (-sum(self.stiffness))
-        elastic -= self._elastic_coordinates(u) @ self._damping()
+        K, damping = self._resisting
+        elastic = self._elastic_coordinates(x) @ -K
+        elastic -= self._elastic_coordinates(u) @ damping
         out[:, self._elastic] += elastic
         if any(self.gravity):
             out[:, self.columns] += self._gravity_force(x)
 
     def _elastic_coordinates(self, x: Array) -> Array:
         return x[:, self._elastic]
-
-    def _damping(self) -> Array:
-        K_axial, K_bending = self.stiffness
-        return self.axial_damping * K_axial + self.bending_damping * K_bending
 
     def _inertia_force(self, x: Array, u: Array) -> Array:
         place, m, N_w, N_v, _ = self.points
@@ -225,7 +209,7 @@ class LowOrderBeam(ForeshortenedBeam):
     def strain_energy(self, x: Array) -> Array:
         """Return the elastic energy [J]."""
         e = self._elastic_coordinates(x)
-        return np.asarray(0.5 * np.sum((e @ sum(self.stiffness)) * e, axis=-1))
+        return np.asarray(0.5 * np.sum((e @ self._resisting[0]) * e, axis=-1))
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return the energy of the weight [J]."""
@@ -238,7 +222,7 @@ class LowOrderBeam(ForeshortenedBeam):
     def power(self, t: Array, x: Array, u: Array) -> Array:
         """Return the power that damping takes out [W], never positive."""
         e = self._elastic_coordinates(u)
-        return np.asarray(-np.sum((e @ self._damping()) * e, axis=-1))
+        return np.asarray(-np.sum((e @ self._resisting[1]) * e, axis=-1))
 
 
 class _Fields(NamedTuple):

@@ -181,10 +181,9 @@ class LowOrderBody(Body):
         """Those of its mesh."""
         return self.beam.mesh.outline_places
 
-    @property
-    def fibres(self) -> Fibres | None:
-        """Those of its section."""
-        return self.blueprint.properties.fibres
+    def fibres(self, places: Array) -> Fibres | None:
+        """Return those of its sections."""
+        return self.blueprint.mesh.at(places).fibres
 
     def section_forces(self, x: Array, u: Array, places: Array) -> Array:
         """Return those of the linear law in w and v, in the axes of the sections."""

@@ -16,6 +16,7 @@ from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.planar_markers import RigidMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
+from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.planar_rigid import RigidBody
 
 POINTS = 33
@@ -24,18 +25,18 @@ POINTS = 33
 
 @dataclass(frozen=True, eq=False)
 class RigidBeam(RigidBody):
-    """A beam of the model rigid: its frame is at the root, its coordinates are those of its mid-point.
+    """A beam of the model rigid: its frame is at the root, its coordinates are those of its centre of mass.
 
     Attributes
     ----------
-    length : float
-        [m].
-    properties : BeamProperties
+    mesh : BeamMesh
         By which it would stretch and bend.
+    along : float
+        How far its centre of mass is from the root [m].
     """
 
-    length: float
-    properties: BeamProperties
+    mesh: BeamMesh
+    along: float
 
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> RigidBeam:
@@ -43,26 +44,29 @@ class RigidBeam(RigidBody):
         mesh = beam.mesh
         mass = float(mesh.positions @ mesh.mass @ mesh.positions)
         about_root = float(np.sum(mesh.undeformed * (mesh.mass @ mesh.undeformed)))
-        inertia = about_root - mass * (0.5 * mesh.length) ** 2
+        along = 0.5 * mesh.length
+        if not isinstance(mesh.properties, BeamProperties):
+            along = float(mesh.positions @ mesh.mass @ mesh.undeformed[:, 0]) / mass
+        inertia = about_root - mass * along**2
         columns = beam.columns(freedoms(beam.n_dim))
-        return cls(beam.name, columns, beam.points, mass, inertia, beam.gravity, mesh.length, beam.properties)
+        return cls(beam.name, columns, beam.points, mass, inertia, beam.gravity, mesh, along)
 
     @property
     def _centre(self) -> Array:
         centre = np.zeros(len(self.gravity))
-        centre[0] = 0.5 * self.length
+        centre[0] = self.along
         return centre
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point."""
-        return RigidMarker(self.columns, (place[0] - 0.5 * self.length, place[1]))
+        return RigidMarker(self.columns, (place[0] - self.along, place[1]))
 
     def placed(self, pose: Pose) -> Array:
-        """Return the mid-point and the angle."""
+        """Return the centre of mass and the angle."""
         return super().placed(pose._replace(origin=pose.placed(self._centre)))
 
     def moving(self, pose: Pose, twist: Twist) -> Array:
-        """Return the velocity of the mid-point and the angular velocity."""
+        """Return the velocity of the centre of mass and the angular velocity."""
         velocity = twist.velocity + twist.turning(pose.turned(self._centre))
         return super().moving(pose, twist._replace(velocity=velocity))
 
@@ -74,35 +78,36 @@ class RigidBeam(RigidBody):
         """Return stretch and bending by inertia, weight and loads: N / EA and M / EI.
 
         N and M are resultants of everything beyond a place, with a, alpha and omega the motion of the
-        mid-point c:
+        centre of mass c:
 
             M(x) = sum m_p + (x_p - x) F_p,y + int_x^L f_y(s) (s - x) ds        f = rho A (g - a - ...)
         """
         angle, omega, own = x[:, self.angle_column], u[:, self.angle_column], ax[:, self.columns]
-        per_length, half = self.mass / self.length, 0.5 * self.length
-        # f(s) = f0 + f1 (s - c), in body axes
-        f0 = -per_length * rotate(-angle, own[:, :-1] - self.gravity)
-        f1 = per_length * np.stack([omega**2, -own[:, -1]], axis=-1)
-        places = np.linspace(0.0, self.length, POINTS)
-        rest, arm = self.length - places, places - half
-        N = np.outer(f0[:, 0], rest) + np.outer(f1[:, 0], arm * rest + 0.5 * rest**2)
-        M = np.outer(f0[:, 1], 0.5 * rest**2) + np.outer(f1[:, 1], 0.5 * arm * rest**2 + rest**3 / 3.0)
+        # f(s) = rho A (f0 + f1 (s - c)), in body axes
+        f0 = -rotate(-angle, own[:, :-1] - self.gravity)
+        f1 = np.stack([omega**2, -own[:, -1]], axis=-1)
+        length = self.mesh.length
+        places = np.linspace(0.0, length, POINTS)
+        arm, (m0, m1, m2) = places - self.along, self.mesh.masses_beyond(places)
+        N = np.outer(f0[:, 0], m0) + np.outer(f1[:, 0], arm * m0 + m1)
+        M = np.outer(f0[:, 1], m1) + np.outer(f1[:, 1], arm * m1 + m2)
         for marker, force in loads:
             assert isinstance(marker, RigidMarker)
             at, aside = marker.offset
             local = rotate(-angle, force[:, :-1])
             moment = force[:, -1] - at * local[:, 1] + aside * local[:, 0]
-            beyond = at + half > places
+            beyond = at + self.along > places
             N += local[:, :1] * beyond
-            M += (moment[:, None] + local[:, 1:] * (at + half - places)) * beyond
-        weights = np.full(POINTS, self.length / (POINTS - 1))
+            M += (moment[:, None] + local[:, 1:] * (at + self.along - places)) * beyond
+        weights = np.full(POINTS, length / (POINTS - 1))
         weights[[0, -1]] *= 0.5
-        curvature = M / self.properties.bending_stiffness
+        section = self.mesh.at(places)
+        curvature = M / section.bending_stiffness
         slope = cumulative(curvature.T, places).T
         return Deformation(
             places=places,
             weights=weights,
-            axial=N / self.properties.axial_stiffness,
+            axial=N / section.axial_stiffness,
             slope=slope[..., None],
             curvature=curvature[..., None],
             tip=slope @ weights[:, None],

@@ -115,13 +115,13 @@ class RigidSectionBeam(Body):
         in the body frame; sections turn and move with these strains from the root on.
         """
         mesh, places = self.mesh, np.linspace(0.0, self.mesh.axis.length, PLACES)
-        (points, sections), properties = mesh.axis.sections(places), mesh.properties
+        (points, sections), own = mesh.axis.sections(places), mesh.at(places)
         moving, turning = self._motion(x, u, ax)
         local = (self.gravity @ self._frame(x)) - moving
-        f = properties.mass_per_length * (local[:, None] - (points - self.centre) @ turning)
+        f = np.asarray(own.mass_per_length)[..., None] * (local[:, None] - (points - self.centre) @ turning)
         m = lever(points, f)
-        for d, about in zip(np.moveaxis(sections, 2, 0)[1:], properties.rotary_inertia[::-1], strict=False):
-            m = m - about * lever(d, d @ turning)
+        for d, about in zip(np.moveaxis(sections, 2, 0)[1:], own.rotary_inertia[::-1], strict=False):
+            m = m - np.asarray(about)[..., None] * lever(d, d @ turning)
         N, M = _beyond(f, places), _beyond(m, places)
         for marker, on in loads:
             assert isinstance(marker, PlaceMarker)
@@ -138,8 +138,8 @@ class RigidSectionBeam(Body):
         _, sections = mesh.axis.sections(places)
         # in the plane moments and turns are about the axis that all frames share
         about = sections if n == 3 else np.ones((1, 1, 1))
-        stiffness = np.array(mesh.properties.stiffness)[list(mesh.strains.which)]
-        strain, bent = _in(sections, N) / stiffness[:n], _in(about, M) / stiffness[n:]
+        stiffness = np.array(mesh.at(places).stiffness).T[..., list(mesh.strains.which)]
+        strain, bent = _in(sections, N) / stiffness[..., :n], _in(about, M) / stiffness[..., n:]
         turned = _along(_in(about.swapaxes(1, 2), bent), places)
         slope = spun(turned, sections[..., 0]) + _in(sections.swapaxes(1, 2), strain)
         moved = _along(slope, places)

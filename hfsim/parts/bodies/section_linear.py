@@ -41,7 +41,7 @@ class LinearSectionBeam(CosseratBeam):
         """Return the force of a kind with the matrices of those strains that are linear in it."""
         mesh, rows = self.mesh, small_strains(self.mesh)
         slopes = rows[:, kind.nonlinear :]
-        stiffness, damping = (mesh.at_points(n) for n in (mesh.properties.stiffness, mesh.properties.damping))
+        stiffness, damping = mesh.resisting * mesh.points[1]
         K, resisting = (
             np.einsum("psa,sp,psb->ab", slopes, numbers[kind.nonlinear :], slopes, optimize=True)
             for numbers in (stiffness, damping)
@@ -73,10 +73,8 @@ class LinearSectionBeam(CosseratBeam):
 
     def stressed(self, x: Array, strains: Array) -> tuple[Array, Array]:
         """Return nodal vectors, (n_batch, n_vectors, n_dim), and which section forces balance there."""
-        which, properties = list(self.mesh.strains.which), self.mesh.properties
-        each = np.array([properties.stiffness, properties.damping])[:, which, None, None]
         still = np.broadcast_to(self.undeformed, (len(x), *self.undeformed.shape))
-        return still, np.sum(each * strains, axis=0)
+        return still, np.sum(self.mesh.resisting[:, :, None] * strains, axis=0)
 
     def section_forces(self, x: Array, u: Array, places: Array) -> Array:
         """Return those of the law, in the axes of the sections where these forces balance."""

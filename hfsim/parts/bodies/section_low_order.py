@@ -32,7 +32,7 @@ class LowOrderSectionBeam(LinearSectionBeam):
         across = np.zeros((mesh.n_dim - 1, len(vectors), len(mesh.undeformed), mesh.n_dim))
         for point, own in enumerate(vectors):
             across[:, point, own] = rows[point, 0, :, None] * d[point][:, None]
-        damped = mesh.at_points(mesh.properties.damping)[0]
+        damped = mesh.resisting[1, 0] * mesh.points[1]
         rows = across.reshape(*across.shape[:2], -1)
         return self.linearised(LowOrderSectionForce, across=rows, damped=damped)
 

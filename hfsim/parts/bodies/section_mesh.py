@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfsim.deck.materials import SectionProperties
 from hfsim.maths.arrays import Array, IntArray, component_rows
 from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange
 from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
 from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw, point_rows, vector_rows
 from hfsim.parts.elements.section_strains import SectionStrains
+
+if TYPE_CHECKING:
+    from hfsim.deck.materials import SectionProperties
+    from hfsim.deck.stations import SectionsAlong
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +29,13 @@ class SectionMesh:
     axis : Axis
     count, degree : int
         Number of elements, and of intervals between nodes in each.
-    properties : SectionProperties
+    properties : SectionProperties or Varied of these
     """
 
     axis: Axis
     count: int
     degree: int
-    properties: SectionProperties
+    properties: SectionsAlong
 
     @property
     def n_dim(self) -> int:
@@ -76,18 +79,19 @@ class SectionMesh:
         return np.tile(np.eye(self.n_dim)[0], self.n_nodes)
 
     @cached_property
-    def node_lengths(self) -> Array:
-        """Length of the beam that goes with each node, by Gauss-Lobatto quadrature, (n_nodes,) [m]."""
-        weights = gauss_lobatto(self.degree + 1)[1] * self._element_length
-        every = np.tile(weights, self.count)
-        return np.asarray(np.bincount(self._nodes.ravel(), every, self.n_nodes), dtype=float)
-
-    @property
     def masses(self) -> Array:
-        """What each nodal vector's acceleration is multiplied by, (n_dim n_nodes,) [kg], [kg m^2]."""
-        about_y, about_z = self.properties.rotary_inertia
-        each = [self.properties.mass_per_length, about_z, about_y][: self.n_dim]
-        return np.outer(self.node_lengths, each).ravel()
+        """What each nodal vector's acceleration is multiplied by, (n_dim n_nodes,) [kg], [kg m^2].
+
+        By Gauss-Lobatto quadrature in each element, whose nodes are its points.
+        """
+        places, weights = gauss_lobatto(self.degree + 1)
+        own = self.properties.in_elements(places, self.count)
+        about_y, about_z = own.rotary_inertia
+        each = [own.mass_per_length, about_z, about_y][: self.n_dim]
+        lengths, nodes = weights * self._element_length, self._nodes
+        per_element = (np.broadcast_to(one * lengths, nodes.shape).ravel() for one in each)
+        at_nodes = [np.bincount(nodes.ravel(), one, self.n_nodes) for one in per_element]
+        return np.stack(at_nodes, axis=1, dtype=float).ravel()
 
     @property
     def _nodes(self) -> IntArray:
@@ -117,11 +121,20 @@ class SectionMesh:
         """Return the elastic law of all Gauss points; undeformed, the beam is without stress."""
         vectors, rows = self.point_vectors
         undeformed = self.strains.of(component_rows(rows @ self.undeformed[vectors]))
-        return CosseratLaw(self.at_points(self.properties.stiffness), undeformed, self.degree, self.strains)
+        stiffness = self.resisting[0] * self.points[1]
+        return CosseratLaw(stiffness, undeformed, self.degree, self.strains)
 
-    def at_points(self, numbers: Sequence[float]) -> Array:
-        """Return what goes with each strain in space at Gauss points, of the strains there are, by weight."""
-        return np.outer([numbers[k] for k in self.strains.which], self.points[1])
+    @cached_property
+    def resisting(self) -> Array:
+        """Stiffness and damping at Gauss points, of the strains there are, (2, n_strains, n_points)."""
+        own, which = self.at(self.points[0]), self.strains.which
+        both = [[numbers[k] for k in which] for numbers in (own.stiffness, own.damping)]
+        points = (2, len(which), len(self.points[0]))
+        return np.asarray(np.broadcast_to(np.array(both).reshape(*points[:2], -1), points))
+
+    def at(self, places: Array) -> SectionProperties:
+        """Return the properties at distances from the root [m], arrays of their shape where they vary."""
+        return self.properties.at(places / self.axis.length)
 
     def shape(self, place: float, derivative: int = 0) -> tuple[Array, Array]:
         """Return the rows of position, and of the section vectors, over all nodal vectors.

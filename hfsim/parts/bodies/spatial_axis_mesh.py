@@ -7,14 +7,13 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_lobatto
 from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ElasticLaw, Measures, elastic_form
-from hfsim.parts.elements.continuum import Continuum
+from hfsim.parts.elements.continuum import Continuum, uniform
 from hfsim.parts.elements.spatial_curved import CurvedContinuum, curved_law, curved_masses
 
 
@@ -74,13 +73,13 @@ class AxisMesh(BeamMesh):
         """Mass matrix of one component of each element, or of all, shape (n_elements or 1, n, n) [kg]."""
         if self._turned_only:
             return super().element_masses
-        return curved_masses(self.element, self.properties, self._of_elements)
+        return curved_masses(self.element, uniform(self.properties), self._of_elements)
 
-    def law(self, properties: BeamProperties, measures: Measures) -> ElasticLaw:
+    def law(self, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""
         if self._turned_only:
-            return super().law(properties, measures)
-        return curved_law(self.element, properties, self._of_elements)
+            return super().law(measures)
+        return curved_law(self.element, uniform(self.properties), self._of_elements)
 
     def elastic_law(self, form: str, measures: Measures) -> tuple[ElasticLaw, Array]:
         """Return the law in one of the forms, and the matrix to its vectors from nodal ones."""

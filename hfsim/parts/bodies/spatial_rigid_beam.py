@@ -122,13 +122,12 @@ class SpatialRigidBeam(VectorBody):
         length, root = self._length, self.marker(self.origin)
         frame = root.turned(x, np.eye(3))
         ends = self.beam.gravity - self.vectors(ax)
-        f0, f1 = np.moveaxis(self._mass.sum() / length * ends @ frame, 1, 0)
+        f0, f1 = np.moveaxis(ends @ frame, 1, 0)
         places = np.linspace(0.0, length, POINTS)
-        # integrals over the rest of the beam of f0 + slope s, and of that times s - x
-        rest, slope = length - places, (f1 - f0) / length
-        half = 0.5 * rest**2
-        N = np.outer(f0[:, 0], rest) + np.outer(slope[:, 0], places * rest + half)
-        M = half[:, None] * f0[:, None, 1:] + (places * half + rest**3 / 3.0)[:, None] * slope[:, None, 1:]
+        # integrals over the rest of the beam of rho A (f0 + slope s), and of that times s - x
+        slope, (m0, m1, m2) = (f1 - f0) / length, self.beam.mesh.masses_beyond(places)
+        N = np.outer(f0[:, 0], m0) + np.outer(slope[:, 0], places * m0 + m1)
+        M = m1[:, None] * f0[:, None, 1:] + (places * m1 + m2)[:, None] * slope[:, None, 1:]
         for marker, force in loads:
             assert isinstance(marker, VectorMarker)
             at = marker.place_row[1] * length
@@ -141,12 +140,13 @@ class SpatialRigidBeam(VectorBody):
             M += (moment[:, None] + levers) * beyond[:, None]
         weights = np.full(POINTS, length / (POINTS - 1))
         weights[[0, -1]] *= 0.5
-        curvature = M / self.beam.properties.bending_stiffness
+        section = self.beam.mesh.at(places)
+        curvature = M / np.asarray(section.bending_stiffness)[..., None]
         bent = cumulative(curvature.swapaxes(0, 1), places).swapaxes(0, 1)
         return Deformation(
             places=places,
             weights=weights,
-            axial=N / self.beam.properties.axial_stiffness,
+            axial=N / section.axial_stiffness,
             slope=bent,
             curvature=curvature,
             tip=np.einsum("bxd,x->bd", bent, weights),

@@ -88,14 +88,18 @@ class Samples:
         if point not in self._known_forces:
             name, at = split_point(point)
             body = self.scene.bodies[name]
-            place = body.points[at][0] if at else 0.0
-            self._known_forces[point] = body.section_forces(self.x, self.u, np.array([place]))[:, 0]
+            self._known_forces[point] = body.section_forces(self.x, self.u, body_places(body, at))[:, 0]
         return self._known_forces[point]
 
     def frame(self, body: str) -> Array:
         """Return the axes of a body frame in space as columns, shape (n_times, 3, 3)."""
         marker = self.scene.marker(body)
         return np.stack([marker.turned(self.x, axis) for axis in np.eye(3)], axis=-1)
+
+
+def body_places(body: Body, point: str) -> Array:
+    """Return how far from the root of a beam one of its points, or without a name the root, is, (1,) [m]."""
+    return np.array([body.points[point][0] if point else 0.0])
 
 
 class Plot(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Body
-from hfsim.parts.channels._base import ChannelKind, Plot, Samples
+from hfsim.parts.channels._base import ChannelKind, Plot, Samples, body_places
 
 _BENDING = ("bending_moment_y", "bending_moment_z")
 _NAMES = {
@@ -24,21 +24,26 @@ def _column(column: int) -> Callable[[Samples, str], Array]:
 
 
 def _stress(samples: Samples, point: str) -> Array:
-    body, _ = split_point(point)
-    return stress(samples.scene.bodies[body], samples.section_forces(point))
+    name, at = split_point(point)
+    body = samples.scene.bodies[name]
+    return stress(body, samples.section_forces(point)[:, None], body_places(body, at))[:, 0]
 
 
-def stress(body: Body, forces: Array) -> Array:
-    """Return the size of the largest normal stress [Pa] in sections with forces (..., 6); 0 if not known."""
-    if body.fibres is None:
+def stress(body: Body, forces: Array, places: Array) -> Array:
+    """Return the size of the largest normal stress [Pa] in sections at places; 0 if not known.
+
+    Their forces have the shape (..., n_places, 6).
+    """
+    fibres = body.fibres(places)
+    if fibres is None:
         return np.zeros(forces.shape[:-1])
-    return np.asarray(body.fibres.stress(forces[..., 0], forces[..., 4], forces[..., 5]))
+    return np.asarray(fibres.stress(forces[..., 0], forces[..., 4], forces[..., 5]))
 
 
-def force_columns(body: Body, forces: Array, n_dim: int) -> dict[str, Array]:
-    """Return what sections with forces (..., 6) have, by the names of the channels."""
+def force_columns(body: Body, forces: Array, places: Array, n_dim: int) -> dict[str, Array]:
+    """Return what sections at places with forces (..., n_places, 6) have, by the names of the channels."""
     named = {name: forces[..., k] for k, name in enumerate(_NAMES[n_dim]) if name}
-    return named | {"stress": stress(body, forces)}
+    return named | {"stress": stress(body, forces, places)}
 
 
 def _kind(name: str, column: int) -> ChannelKind:

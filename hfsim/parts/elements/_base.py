@@ -12,13 +12,16 @@ import math
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property, reduce
-from typing import Any, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, component_rows, from_component_rows
+
+if TYPE_CHECKING:
+    from hfsim.deck.materials import BeamProperties
+    from hfsim.deck.stations import BeamAlong
 
 
 class Measures(NamedTuple):
@@ -124,11 +127,11 @@ class Element(Protocol):
     ) -> Array:
         """Return the shape row, shape (n,), at x = xi le, (eta, zeta) [m], or a derivative by (x, y[, z])."""
 
-    def mass(self, properties: BeamProperties) -> Array:
-        """Return the mass matrix of one vector component, shape (n, n) [kg]."""
+    def mass(self, properties: BeamAlong, count: int = 1) -> Array:
+        """Return the mass matrix of one vector component [kg], (n, n), or that of each of some elements."""
 
-    def law(self, properties: BeamProperties, count: int, measures: Measures = USUAL) -> ElasticLaw:
-        """Return the elastic law of ``count`` equal elements."""
+    def law(self, properties: BeamAlong, count: int, measures: Measures = USUAL) -> ElasticLaw:
+        """Return the elastic law of ``count`` elements in a row."""
 
     def gram_law(self, properties: BeamProperties, count: int, n_dim: int = 2) -> GramLaw:
         """Return the law of the polynomial energy as a form in products of vectors."""

@@ -7,6 +7,7 @@ with their slopes at both ends.  Energy per length EA/2 strain^2 + EI/2 curvatur
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,6 +17,9 @@ from hfsim.maths.shapes import gauss_legendre, hierarchic
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 from hfsim.parts.elements.polynomial import exact_points, green_linear_law
 from hfsim.parts.elements.quadrature import QuadratureLaw
+
+if TYPE_CHECKING:
+    from hfsim.deck.stations import BeamAlong
 
 LAST_GRAM_DEGREE = 4
 """Highest degree at which the products of vectors are the cheaper form of the polynomial energy: their
@@ -74,28 +78,31 @@ class Cable:
         row = hierarchic(xi, self.degree, derivative[0])[0]
         return np.asarray(row * self._scale / self.length ** derivative[0])
 
-    def mass(self, properties: BeamProperties) -> Array:
+    def mass(self, properties: BeamAlong, count: int = 1) -> Array:
         """Return the consistent mass matrix [kg]; section rotary inertia acts on the slopes if given."""
         x, w = gauss_legendre(self.degree + 1)
         N = hierarchic(x, self.degree) * self._scale
         Nx = hierarchic(x, self.degree, 1) * self._scale / self.length
-        line = properties.mass_per_length * (N.T * w) @ N + properties.rotary_inertia * (Nx.T * w) @ Nx
+        own = properties.in_elements(x, count)
+        line = _each(own.mass_per_length) * (N.T * w) @ N + _each(own.rotary_inertia) * (Nx.T * w) @ Nx
         return np.asarray(self.length * line)
 
-    def law(self, properties: BeamProperties, count: int, measures: Measures = USUAL) -> ElasticLaw:
-        """Return the elastic law of ``count`` equal elements."""
-        enough = exact_points(self.degree)
-        if measures.strain == "green" and measures.curvature == "linear":
+    def law(self, properties: BeamAlong, count: int, measures: Measures = USUAL) -> ElasticLaw:
+        """Return the elastic law of ``count`` elements in a row."""
+        enough, polynomial = exact_points(self.degree), measures[:2] == ("green", "linear")
+        if polynomial and isinstance(properties, BeamProperties):
             if self.degree <= LAST_GRAM_DEGREE:
                 return self.gram_law(properties, count, measures.n_dim)
             measures = measures._replace(axial_points=enough, bending_points=self.degree - 1)
+        points = measures.axial_points or enough, measures.bending_points or enough
+        stretched, bent = (properties.in_elements(gauss_legendre(n)[0], count) for n in points)
         return QuadratureLaw(
-            axial=np.full(count, properties.axial_stiffness * self.length),
-            bending=np.full(count, properties.bending_stiffness / self.length),
+            axial=_at_points(stretched.axial_stiffness * self.length, count),
+            bending=_at_points(bent.bending_stiffness / self.length, count),
             engineering=measures.strain == "engineering",
             exact_curvature=measures.curvature == "exact",
-            axial_points=measures.axial_points or enough,
-            bending_points=measures.bending_points or enough,
+            axial_points=points[0],
+            bending_points=points[1],
             degree=self.degree,
             n_dim=measures.n_dim,
         )
@@ -103,3 +110,15 @@ class Cable:
     def gram_law(self, properties: BeamProperties, count: int, n_dim: int = 2) -> GramLaw:
         """Return the law of Green strain and curvature r'' as a form in products of vectors."""
         return green_linear_law(properties, self.length, count, self.degree, n_dim)
+
+
+def _each(numbers: float | Array) -> float | Array:
+    """Return numbers (n_elements, n_points) of each element's points over rows of shapes; one as it is."""
+    return numbers[:, None] if isinstance(numbers, np.ndarray) else numbers
+
+
+def _at_points(numbers: float | Array, count: int) -> Array:
+    """Return numbers (n_elements, n_points), or one, as (n_points or 1, n_elements)."""
+    if isinstance(numbers, np.ndarray):
+        return np.ascontiguousarray(numbers.T)
+    return np.full((1, count), numbers)

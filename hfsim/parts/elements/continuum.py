@@ -19,6 +19,7 @@ from hfsim.maths.shapes import bubbles, gauss_legendre, gauss_lobatto, hierarchi
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 
 if TYPE_CHECKING:
+    from hfsim.deck.stations import BeamAlong
     from hfsim.parts.elements.points import PointLaw
 
 ACROSS = 3
@@ -116,8 +117,9 @@ class Continuum:
         inner = bubbles(xi, self.section_degree, derivative)[0]
         return np.array([ends[0], *inner, ends[1]]) / self.length**derivative
 
-    def mass(self, properties: BeamProperties) -> Array:
+    def mass(self, properties: BeamAlong, count: int = 1) -> Array:
         """Return the consistent mass matrix of the rectangular section [kg]."""
+        properties = uniform(properties)
         x, wx = gauss_legendre(max(self.degree, self.section_degree) + 1)
         M = np.zeros((self._n_vectors, self._n_vectors))
         for xi, a in zip(x, wx, strict=True):
@@ -156,8 +158,9 @@ class Continuum:
         rows = np.array([[self.shape(xi, a, by, b) for xi, a, b in places] for by in units])
         return volume * np.outer(wx, across).ravel(), rows
 
-    def law(self, properties: BeamProperties, count: int, measures: Measures = USUAL) -> ElasticLaw:
+    def law(self, properties: BeamAlong, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the energy of ``count`` equal elements, the cheaper of two ways to the same numbers."""
+        properties = uniform(properties)
         if (self.degree, self.section_degree) == (3, 1):
             return self.gram_law(properties, count)
         return self.point_law(properties, count)
@@ -227,6 +230,12 @@ class Continuum:
                 to_points[k + 1, p, vectors] = self._section_row(xi, 0)
                 to_points[self.n_dim + k, p, vectors] = self._section_row(xi, 1) * self.length
         return np.asarray(to_points @ np.linalg.pinv(self.differences()))
+
+
+def uniform(properties: BeamAlong) -> BeamProperties:
+    """Return the properties of a beam that is the same all along: decks refuse others for this element."""
+    assert isinstance(properties, BeamProperties)
+    return properties
 
 
 def section_points(properties: BeamProperties, n_dim: int, points: int) -> tuple[Array, Array, Array]:

@@ -5,16 +5,20 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar, NamedTuple, Protocol
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
+from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import DIFFERENCE, ForcePart
 from hfsim.parts.elements._base import ElasticLaw, join_laws
 from hfsim.parts.elements.polynomial import exact_points, gauss_rows
+
+if TYPE_CHECKING:
+    from hfsim.deck.stations import BeamAlong
 
 ROLL = 1e-6
 """Curvature times the length of an element [-] from which a line in space is seen to roll."""
@@ -210,21 +214,25 @@ class KelvinVoigtForce(MaterialDamping):
 
     @classmethod
     def of(
-        cls, elements: Connectivity, degree: int, axial: float, bending: float, item: str = ""
+        cls, elements: Connectivity, degree: int, length: float, properties: BeamAlong, item: str = ""
     ) -> KelvinVoigtForce:
-        """Return the force of equal elements from EA le tau_a and EI / le tau_b [J s].
+        """Return the force of elements of a length [m] in a row.
 
         It is that of the centre line; gradients across the section, which come last, are not damped.
         """
-        w, slope, bend = gauss_rows(exact_points(degree), degree)
+        points = exact_points(degree)
+        w, slope, bend = gauss_rows(points, degree)
         count, n_vectors, _ = elements.shape
+        own = properties.in_elements(gauss_legendre(points)[0], count)
+        axial = own.axial_stiffness * length * own.axial_damping
+        bending = own.bending_stiffness / length * own.bending_damping
         slope, bend = (np.pad(rows, ((0, 0), (0, n_vectors - rows.shape[1]))) for rows in (slope, bend))
         return cls(
             elements=elements,
             slope=slope,
             bend=bend,
-            axial=np.tile(axial * w, (count, 1)),
-            bending=np.tile(bending * w, (count, 1)),
+            axial=np.array(np.broadcast_to(axial * w, (count, points))),
+            bending=np.array(np.broadcast_to(bending * w, (count, points))),
             item=item,
         )
 

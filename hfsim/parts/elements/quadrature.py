@@ -23,8 +23,8 @@ class QuadratureLaw(RowLaw):
 
     Attributes
     ----------
-    axial, bending : ndarray, shape (n_elements,)
-        EA le and EI / le [J].
+    axial, bending : ndarray, shape (n_points, n_elements) each, or (1, n_elements)
+        EA le and EI / le at the Gauss points [J]; one row where they are the same at all points.
     engineering, exact_curvature : bool
         Strain |r'| - 1 instead of Green's; curvature |r' x r''|/|r'|^2 instead of |r''|.
     axial_points, bending_points : int
@@ -56,15 +56,15 @@ class QuadratureLaw(RowLaw):
     @property
     def shared(self) -> Hashable:
         """Measures, points and degree; elements differ in their stiffness only."""
-        points = self.axial_points, self.bending_points
+        points = self.axial_points, self.bending_points, len(self.axial), len(self.bending)
         return self.engineering, self.exact_curvature, points, self.degree, self.n_dim
 
     def joined(self, other: QuadratureLaw) -> QuadratureLaw:
         """Return the law of this one's elements followed by the other's."""
         return replace(
             self,
-            axial=np.concatenate([self.axial, other.axial]),
-            bending=np.concatenate([self.bending, other.bending]),
+            axial=np.concatenate([self.axial, other.axial], axis=1),
+            bending=np.concatenate([self.bending, other.bending], axis=1),
         )
 
     def energy(self, V: Array) -> Array:
@@ -77,7 +77,20 @@ class QuadratureLaw(RowLaw):
         if self.exact_curvature:
             normal, square, _ = _across(slope @ V, c)
             kappa2 = np.sum(normal * normal, axis=-1) / square
-        return np.asarray(0.5 * self.axial * (strain**2 @ w) + 0.5 * self.bending * (kappa2 @ wb))
+        if self._alike:
+            return np.asarray(0.5 * self.axial[0] * (strain**2 @ w) + 0.5 * self.bending[0] * (kappa2 @ wb))
+        axial, bending = self.axial.T * w, self.bending.T * wb
+        return np.asarray(0.5 * np.sum(axial * strain**2, axis=-1) + 0.5 * np.sum(bending * kappa2, axis=-1))
+
+    @property
+    def _alike(self) -> bool:
+        """Whether the points of an element have the same stiffness."""
+        return len(self.axial) == len(self.bending) == 1
+
+    @property
+    def _count(self) -> int:
+        """Number of elements."""
+        return int(self.axial.shape[1])
 
     def pull(self, v: Array) -> Array:
         """Return dU/dV [J] in rows."""
@@ -93,13 +106,13 @@ class QuadratureLaw(RowLaw):
     def _products(self) -> GramLaw | None:
         """The same energy by products of vectors, where that is the cheaper way to the Hessian."""
         exact = self.axial_points >= exact_points(self.degree) and self.bending_points >= self.degree - 1
-        if self.quartic and exact and self.degree <= LAST_GRAM_HESSIAN:
-            return in_products(self.axial, self.bending, self.degree, self.n_dim)
+        if self.quartic and exact and self._alike and self.degree <= LAST_GRAM_HESSIAN:
+            return in_products(self.axial[0], self.bending[0], self.degree, self.n_dim)
         return None
 
     @cached_property
-    def _rows(self) -> tuple[Array, Array, Array, Array | None]:
-        """Rows of r' and r'', their transpose, |r'|^2 without strain, and a factor of each element.
+    def _rows(self) -> tuple[Array, Array, Array, tuple[Array, Array] | None]:
+        """Rows of r' and r'', their transpose, |r'|^2 without strain, and factors of points of elements.
 
         The fourth root of the axial weight is in the rows of r' if the strain is Green's, whose force is
         cubic, and the root of the bending weight in those of r''; so are EA le and EI / le if all elements
@@ -107,11 +120,12 @@ class QuadratureLaw(RowLaw):
         """
         w, slope, _ = gauss_rows(self.axial_points, self.degree)
         wb, _, bend = gauss_rows(self.bending_points, self.degree)
-        alike = np.all(self.axial == self.axial[0]) and np.all(self.bending == self.bending[0])
-        axial, bending = (self.axial[0], self.bending[0]) if alike else (1.0, 1.0)
+        first = self.axial[0, 0], self.bending[0, 0]
+        alike = self._alike and np.all(self.axial == first[0]) and np.all(self.bending == first[1])
+        axial, bending = first if alike else (1.0, 1.0)
         root = np.sqrt(0.5 * w * axial)[:, None]
         rows = np.concatenate([np.sqrt(root) * slope, np.sqrt(wb * bending)[:, None] * bend])
-        factor = None if alike else np.stack([self.axial, self.bending])[..., None]
+        factor = None if alike else (self.axial[..., None], self.bending[:, None, :, None])
         return rows, np.ascontiguousarray(rows.T), root, factor
 
     def _with_linear_curvature(self, v: Array) -> Array:
@@ -133,8 +147,8 @@ class QuadratureLaw(RowLaw):
         else:
             tension -= one
         if factor is not None:
-            tension = tension.reshape(len(tension), len(self.axial), -1) * factor[0]
-            bent = z[self.axial_points :].reshape(-1, len(self.axial), v.shape[-1] // len(self.axial))
+            tension = tension.reshape(len(tension), self._count, -1) * factor[0]
+            bent = z[self.axial_points :].reshape(-1, self.n_dim, self._count, v.shape[-1] // self._count)
             bent *= factor[1]
         s *= tension.reshape(len(tension), 1, -1)
         return np.asarray(scatter.dot(z)).reshape(v.shape)
@@ -153,7 +167,7 @@ class QuadratureLaw(RowLaw):
         strain, first, second = self._strain(s)
         dyad = (first**2 + strain * second)[..., None, None] * s[..., :, None] * s[..., None, :]
         point = dyad + (strain * first)[..., None, None] * np.eye(V.shape[-1])
-        point *= (self.axial[:, None] * w)[..., None, None]
+        point *= (self.axial.T * w)[..., None, None]
         return _congruence(rows, rows, point)
 
     @cached_property
@@ -169,7 +183,7 @@ class QuadratureLaw(RowLaw):
         """EA le / 2 and EI / le times the Gauss weights, shape (n_points, n_elements, 1)."""
         w, _, _ = gauss_rows(self.axial_points, self.degree)
         wb, _, _ = gauss_rows(self.bending_points, self.degree)
-        axial, bending = np.outer(0.5 * w, self.axial), np.outer(wb, self.bending)
+        axial, bending = 0.5 * w[:, None] * self.axial, wb[:, None] * self.bending
         return axial[..., None], bending[..., None]
 
     def _with_exact_curvature(self, v: Array) -> Array:
@@ -180,7 +194,7 @@ class QuadratureLaw(RowLaw):
         """
         rows, columns = self._all_rows
         axial, bending = self._weights
-        z = rows.dot(v.reshape(len(v), -1)).reshape(len(rows), self.n_dim, len(self.axial), -1)
+        z = rows.dot(v.reshape(len(v), -1)).reshape(len(rows), self.n_dim, self._count, -1)
         out = np.empty_like(z)
         first, second = self.axial_points, self.axial_points + self.bending_points
         a, s, c = z[:first], z[first:second], z[second:]
@@ -198,7 +212,7 @@ class QuadratureLaw(RowLaw):
 
     def _bending_hessian(self, V: Array) -> Array:
         w, slope, bend = gauss_rows(self.bending_points, self.degree)
-        weight, unit = (self.bending[:, None] * w)[..., None, None], np.eye(V.shape[-1])
+        weight, unit = (self.bending.T * w)[..., None, None], np.eye(V.shape[-1])
         if not self.exact_curvature:
             at_points = (*V.shape[:-2], len(w), *unit.shape)
             return _congruence(bend, bend, weight * np.broadcast_to(unit, at_points))

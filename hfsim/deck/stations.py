@@ -1,0 +1,214 @@
+"""Beams whose section or material changes along them: stations, and the properties between these."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar, cast
+
+import numpy as np
+
+from hfsim.deck.fields import UnitInterval
+from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionProperties
+from hfsim.deck.section_shapes import CircleSection
+from hfsim.deck.spec import Complaint, Spec
+from hfsim.maths.arrays import Array
+
+_SIDE = 1e-6
+"""How far towards the middle of an element its ends are seen, of the way there: so steps have sides."""
+_MOST_PARTS = 1000
+"""Most equal elements that are proposed so that steps are at nodes."""
+_ROUNDING = 1e-9
+"""Distance of a step from a node, of the beam's length, that is rounding."""
+
+
+class StationSpec(Spec):
+    """Section and material at a place of a beam."""
+
+    at: UnitInterval
+    """Place, as a share of the beam's length from its root [-]; two stations at one place make a step, which
+    has to be a node between elements."""
+
+    section: str
+    """Name of the section there; between stations of one shape and material dimensions change linearly, else
+    stiffness and mass per length do."""
+
+    material: str | None = None
+    """Name of the material there; that of the beam without it."""
+
+
+class Station(NamedTuple):
+    """A station with what its names stand for."""
+
+    at: float
+    material: MaterialSpec | None
+    section: Any
+
+
+P = TypeVar("P", BeamProperties, SectionProperties)
+
+
+@dataclass(frozen=True, eq=False)
+class Varied(Generic[P]):
+    """Properties along a beam: between stations linear in dimensions, or in the properties themselves.
+
+    Dimensions are those of sections of one shape, or given by the same numbers, and of one material.
+
+    Attributes
+    ----------
+    of : callable
+        (material, section) -> properties.
+    stations : tuple of Station
+        In order, the first at 0 and the last at 1.
+    """
+
+    of: Callable[[MaterialSpec | None, Any], P]
+    stations: tuple[Station, ...]
+
+    @property
+    def damped(self) -> bool:
+        """Whether the material loses energy anywhere."""
+        return any(bool(one.axial_damping or one.bending_damping) for one in self._each)
+
+    def at(self, shares: Array, inside: Array | None = None) -> P:
+        """Return the properties at shares of the length, each an array of their shape.
+
+        Parameters
+        ----------
+        shares : ndarray
+        inside : ndarray, optional
+            Places on that side of each which counts where there is a step; the side of the tip without it.
+        """
+        toward = shares + _SIDE * ((shares + 1e-3 if inside is None else inside) - shares)
+        places = np.array([one.at for one in self.stations])
+        parts = np.clip(np.searchsorted(places, toward, side="right") - 1, 0, len(places) - 2)
+        share = np.clip((shares - places[parts]) / (places[parts + 1] - places[parts]), 0.0, 1.0)
+        pairs = zip(parts.ravel().tolist(), share.ravel().tolist(), strict=True)
+        return cast(P, _stacked([self._between(k, s) for k, s in pairs], np.shape(shares)))
+
+    def in_elements(self, places: Array, count: int) -> P:
+        """Return those at places of the unit interval in each of equal elements, arrays (count, n_places)."""
+        first = np.arange(count)[:, None]
+        middle = np.broadcast_to(first + 0.5, (count, len(places)))
+        return self.at((first + places) / count, middle / count)
+
+    @cached_property
+    def _each(self) -> list[P]:
+        return [self.of(one.material, one.section) for one in self.stations]
+
+    def _between(self, k: int, share: float) -> P:
+        """Return the properties at a share of the way from one station to the next."""
+        first, second = self.stations[k : k + 2]
+        same = first.material is second.material
+        if share == 0.0 or (same and first.section is second.section):
+            return self._each[k]
+        if same and (section := _section_between(first.section, second.section, share)):
+            return self.of(first.material, section)
+        return cast(P, _blended(self._each[k], self._each[k + 1], share))
+
+
+BeamAlong: TypeAlias = BeamProperties | Varied[BeamProperties]
+SectionsAlong: TypeAlias = SectionProperties | Varied[SectionProperties]
+"""Properties that are the same all along a beam, or not."""
+
+
+def _section_between(first: Any, second: Any, share: float) -> Any:
+    """Return the section with dimensions between those of two; None if these are of different kinds."""
+    first, second = _plain(first), _plain(second)
+    a, b = _dimensions(first), _dimensions(second)
+    if type(first) is not type(second) or {k: np.shape(v) for k, v in a.items()} != {
+        k: np.shape(v) for k, v in b.items()
+    }:
+        return None
+    return first.model_copy(update={key: _blended(a[key], b[key], share) for key in a})
+
+
+def _plain(section: Any) -> Any:
+    """Return a section with its dimensions in one form: circles have a radius or a diameter."""
+    if isinstance(section, CircleSection):
+        return CircleSection.model_construct(shape="circle", radius=section.outer_radius)
+    return section
+
+
+def _dimensions(section: Any) -> dict[str, Any]:
+    """Return the numbers that a section is given by."""
+    values = {key: getattr(section, key) for key in type(section).model_fields}
+    return {key: value for key, value in values.items() if isinstance(value, float | int | tuple)}
+
+
+def _blended(first: Any, second: Any, share: float) -> Any:
+    """Return what lies between numbers, or tuples of them; a property counts where both have it."""
+    if first is None or second is None:
+        return None
+    if isinstance(first, bool):
+        return first and second
+    if isinstance(first, tuple):
+        return _like(first, [_blended(a, b, share) for a, b in zip(first, second, strict=True)])
+    return (1.0 - share) * first + share * second
+
+
+def _stacked(values: Sequence[Any], shape: tuple[int, ...]) -> Any:
+    """Return equal structures of numbers as one, of arrays."""
+    if any(one is None for one in values):
+        return None
+    if isinstance(values[0], tuple):
+        return _like(values[0], [_stacked(column, shape) for column in zip(*values, strict=True)])
+    return np.array(values).reshape(shape)
+
+
+def _like(one: Any, entries: list[Any]) -> Any:
+    return type(one)(*entries) if hasattr(one, "_fields") else tuple(entries)
+
+
+def station_complaints(stations: Sequence[StationSpec], elements: int) -> Iterator[Complaint]:
+    """Yield stations that do not go from root to tip, or else steps inside one of so many elements."""
+    found = list(_order_complaints(stations)) or _step_complaints(stations, elements)
+    yield from (one.inside("stations") for one in found)
+
+
+def _order_complaints(stations: Sequence[StationSpec]) -> Iterator[Complaint]:
+    """Yield stations that do not go from root to tip, and third ones at a place."""
+    if len(stations) < 2:
+        yield Complaint((), "a beam has two stations or more: at its root, at 0, and at its tip, at 1")
+        return
+    places, last = [one.at for one in stations], len(stations) - 1
+    for index, place in ((0, 0.0), (last, 1.0)):
+        if places[index] != place:
+            which = "first" if index == 0 else "last"
+            message = f"the {which} station stands at {place:g}, not at {places[index]:g}"
+            yield Complaint((index, "at"), message, "places are shares of the beam's length")
+    for index, (before, place) in enumerate(pairwise(places), 1):
+        if place < before:
+            yield Complaint((index, "at"), f"{place:g} stands before {before:g}", "in order from root to tip")
+        elif place == before and place in (places[0], places[-1]):
+            yield Complaint((index, "at"), "a step at an end of the beam changes nothing", "leave it out")
+        elif index > 1 and place == places[index - 2]:
+            yield Complaint((index, "at"), f"a third station at {place:g}", "a step has two stations")
+
+
+def _steps_of(stations: Sequence[StationSpec]) -> dict[int, float]:
+    """Return the places of steps, by the index of the station beyond each."""
+    pairs = enumerate(pairwise(stations), 1)
+    return {index: beyond.at for index, (before, beyond) in pairs if before.at == beyond.at}
+
+
+def equal_parts(stations: Sequence[StationSpec]) -> int:
+    """Return the fewest equal parts into which a beam is cut so that all steps are nodes."""
+    steps = (Fraction(place).limit_denominator(_MOST_PARTS) for place in _steps_of(stations).values())
+    return math.lcm(1, *(one.denominator for one in steps))
+
+
+def _step_complaints(stations: Sequence[StationSpec], elements: int) -> Iterator[Complaint]:
+    """Yield steps inside an element."""
+    for index, place in _steps_of(stations).items():
+        nodes = place * elements
+        if abs(nodes - round(nodes)) > _ROUNDING * elements:
+            parts = equal_parts(stations)
+            needed = -(-elements // parts) * parts
+            hint = f"elements: {needed}" if parts <= _MOST_PARTS else "elements are equally long"
+            message = f"a step at {place:g} is inside one of {elements} elements, and has to be at a node"
+            yield Complaint((index, "at"), message, hint)
