@@ -96,7 +96,8 @@ def test_snapshots_have_pictures(scene):
     assert set(figures) == {"snapshots", "along_whip"}
     shot = seen.snapshots[1]
     rows = figures["along_whip"].axes
-    for axes, (kind, values) in zip(rows, shot.along["whip"].items(), strict=True):
+    acting = {kind: one for kind, one in shot.along["whip"].items() if np.abs(one).max() > 1e-9}
+    for axes, (kind, values) in zip(rows, acting.items(), strict=True):
         assert axes.get_ylabel().startswith(kind.split("_")[0])
         line = axes.lines[1]
         assert line.get_label() == "t = 0.12 s"

@@ -56,12 +56,13 @@ def _draw_body(axes: Axes, points: Array, own: object, label: str) -> None:
 
 
 def _along(run: Run, body: str, shots: list[Snapshot]) -> Figure:
-    """Draw a row for each quantity over the arc length, and a colour for each time."""
-    kinds = [kind for kind, one in shots[0].along[body].items() if kind != "stress" or np.any(one)]
-    sizes: dict[str, float] = {}
+    """Draw a row for each quantity that is not zero over the arc length, and a colour for each time."""
+    largest, sizes = dict[str, float](), dict[str, float]()
     for shot in shots:
         for kind, values in shot.along[body].items():
-            sizes[_unit(kind)] = max(sizes.get(_unit(kind), 0.0), float(np.abs(values).max()))
+            largest[kind] = max(largest.get(kind, 0.0), float(np.abs(values).max()))
+            sizes[_unit(kind)] = max(sizes.get(_unit(kind), 0.0), largest[kind])
+    kinds = [kind for kind, size in largest.items() if size > ROUNDING * sizes[_unit(kind)]] or [*largest][:1]
     sheet, rows = Sheet(), list[Axes]()
     for number, kind in enumerate(kinds):
         below = (len(kinds) - 1 - number) * (_HEIGHT + _BETWEEN)
@@ -69,8 +70,6 @@ def _along(run: Run, body: str, shots: list[Snapshot]) -> Figure:
         for k, shot in enumerate(shots):
             words = f"t = {shot.t:.6g} s"
             values = shot.along[body][kind]
-            if np.abs(values).max() <= ROUNDING * sizes[_unit(kind)]:
-                values = np.zeros_like(values)
             axes.plot(shot.places[body], values, color=_own(shots, k), label=words)
         mark_zero(axes)
         dress(axes, "" if below else "distance from the root along the beam [m]", _label(kind))
