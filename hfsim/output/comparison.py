@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hfsim.marching.distance import ChannelScale
-from hfsim.output.text import Column, table
+from hfsim.output.text import WIDTH, Column, table, wrapped
 from hfsim.studies.compare import Comparison, Difference, ModelResult, ending, how_it_ended, percent
 from hfsim.studies.timing import Spread
 
@@ -61,7 +61,8 @@ def as_text(comparison: Comparison, folder: Path) -> str:
     head = f"{comparison.name}: {len(comparison.models)} models over {comparison.duration:.6g} s, "
     head += f"reference {comparison.reference}"
     blocks = [head, _cost_table(comparison), _difference_table(comparison), _remarks(comparison)]
-    return "\n".join([*filter(None, blocks), f"  results: {folder}/", comparison.sentence])
+    verdict = wrapped(comparison.sentence, "", "  ")
+    return "\n".join([*filter(None, blocks), f"  results: {folder}/", verdict])
 
 
 def _cost_table(comparison: Comparison) -> str:
@@ -73,13 +74,13 @@ def _cost_table(comparison: Comparison) -> str:
         return f"{percent(model.worst.beyond)} {model.worst.channel}"
 
     def time_of(phase: str) -> Column:
-        spare = 1 + _PHASES.index(phase)
+        spare = 2 + _PHASES.index(phase)
         return Column(phase.replace("_", " "), lambda model: model.cpu_s.get(phase, 0.0), _seconds, spare)
 
     columns = (
         Column("model"),
         Column("method"),
-        Column("coordinates"),
+        Column("coordinates", spare=1),
         Column("outcome", _outcome),
         Column("CPU: solve", _solve),
         *(time_of(phase) for phase in _PHASES if any(phase in m.cpu_s for m in comparison.models)),
@@ -110,13 +111,17 @@ def _difference_table(comparison: Comparison) -> str:
     def difference_of(model: ModelResult) -> Column:
         return Column(model.model, lambda scale: _difference(model, scale))
 
-    columns = (
+    head = (
         Column("largest difference", lambda scale: scale.channel + _mark(scale)),
         Column("unit"),
         Column("range", "reference_range", ".4g"),
-        *map(difference_of, others),
     )
-    return table(columns, comparison.scales) + "\n"
+    for beside in range(len(others), 0, -1):  # as many models side by side as there is room for
+        groups = [others[n : n + beside] for n in range(0, len(others), beside)]
+        tables = [table((*head, *map(difference_of, group)), comparison.scales) for group in groups]
+        if max(len(line) for text in tables for line in text.split("\n")) <= WIDTH:
+            break
+    return "\n\n".join(tables) + "\n"
 
 
 def _mark(scale: ChannelScale) -> str:
@@ -142,7 +147,7 @@ def _remarks(comparison: Comparison) -> str:
         lines.append("  = equal within the errors in time of both")
     lines += _blind_spots(comparison)
     for model in comparison.models:
-        lines += [f"  {model.model} {words}" for words in _departure(model)]
+        lines += [wrapped(f"{model.model} {words}") for words in _departure(model)]
     return "\n".join([*lines, ""]) if lines else ""
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,20 +65,26 @@ def headline(run: Run) -> str:
 def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     """Return the table of results that people read; without a folder they went to standard output."""
     facts = {
-        "model, method": f"{run.model}, {run.method}",
+        "model": f"{run.model}; {'methods' if ',' in run.method else 'method'} {run.method}",
         **_models(summary),
         "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
         "steps": _steps(summary),
         "CPU time": _times(summary["cpu_s"]),
         "error estimate": errors(summary),
         "energy drift": number(summary["energy_drift"]),
-        "constraint drift": _drift(summary),
+        **({"constraint drift": _drift(summary)} if summary["multipliers"] else {}),
         "results": f"{folder}/" if folder else "standard output",
     }
     width = max(map(len, facts))
     lines = [wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items()]
     levels = level_table(summary["refinement"]) if summary.get("refinement") else []
-    return "\n".join([*lines, *levels, *_last_values(run)])
+    return "\n".join([*lines, *levels, *_last_values(run, _known_error(summary))])
+
+
+def _known_error(summary: Mapping[str, Any]) -> float | None:
+    """Return the larger of the errors of time and mesh in their worst channels; None where none is known."""
+    known = (summary["error_estimate"], summary["mesh_error_estimate"])
+    return max((error for error in known if error is not None), default=None)
 
 
 def errors(summary: Mapping[str, Any]) -> str:
@@ -103,9 +110,9 @@ def _error(summary: Mapping[str, Any], name: str) -> str:
 _LEVELS = (
     Column("refined"),
     Column("method"),
-    Column("tolerance", form=".1e"),
+    Column("tolerance", form=".1e", spare=2),
     Column("unknowns", form=number),
-    Column("steps", form=number),
+    Column("steps", form=number, spare=1),
     Column("CPU [s]", "cpu_s", ".3f"),
     Column("change", lambda level: brief(level["change"]) if level["status"] == "done" else level["status"]),
     Column("error", "estimate", brief),
@@ -136,12 +143,12 @@ def _mesh(bodies: Mapping[str, Mapping[str, int]]) -> str:
 
 _RACES = (
     Column("race", "method"),
-    Column("tolerance", form=".1e"),
-    Column("unknowns", form=number),
+    Column("tolerance", form=".1e", spare=1),
+    Column("unknowns", form=number, spare=2),
     Column("CPU [s]", "cpu_s", ".3f"),
     Column("against"),
-    Column("CPU [s]", "to_beat_s", ".3f"),
-    Column("done", "share", ".0%"),
+    Column("CPU [s]", "to_beat_s", ".3f", 3),
+    Column("done", "share", ".0%", 4),
     Column("error in time", "error", brief),
     Column("outcome", lambda race: ": ".join(filter(None, (race["outcome"], race["reason"])))),
 )
@@ -224,9 +231,10 @@ def _steps(summary: Mapping[str, Any]) -> str:
 
 
 def _times(times: Mapping[str, float]) -> str:
-    order = [phase for phase in times if phase != "total"]
-    parts = [f"{phase.replace('_', ' ')} {times[phase]:.3f}" for phase in order]
-    return f"{times.get('total', 0.0):.3f} s ({', '.join(parts)})"
+    parts = {phase: time for phase, time in times.items() if phase != "total"}
+    parts["other"] = times.get("total", 0.0) - sum(parts.values())
+    told = [f"{phase.replace('_', ' ')} {time:.3f}" for phase, time in parts.items() if time >= _LEAST_TIME]
+    return f"{times.get('total', 0.0):.3f} s ({', '.join(told)})"
 
 
 def _drift(summary: Mapping[str, Any]) -> str:
@@ -234,18 +242,44 @@ def _drift(summary: Mapping[str, Any]) -> str:
     return f"position {position}, velocity {velocity}"
 
 
-def _last_values(run: Run) -> list[str]:
+_LEAST_TIME = 5e-4
+"""Phases that take less are not told [s]."""
+
+
+def _last_values(run: Run, error: float | None) -> list[str]:
     if not len(run.t):
         return ["  no output time was reached"]
     sizes = sizes_of(run.channels, run.outlines)
-    rows = [[f"  {one.name}", _last(one, sizes.get(one.unit, 0.0)), one.unit] for one in run.channels]
+    rows = [[f"  {one.name}", _last(one, sizes.get(one.unit, 0.0), error), one.unit] for one in run.channels]
     if not rows:
         return []
     return [f"  at t = {run.end_time:.9g} s", as_table(rows)]
 
 
-def _last(channel: Channel, size: float) -> str:
+def _last(channel: Channel, size: float, error: float | None) -> str:
     """Return the last value of a channel; zero where it is rounding, but not of a residual."""
-    value = channel.values[-1]
+    value = float(channel.values[-1])
     rounded = is_judged(channel.name) and abs(value) <= max(ROUNDING * size, LEAST)
-    return "0" if rounded else f"{value:.9g}"
+    reach = float(channel.values.max() - channel.values.min())
+    return "0" if rounded else sensible(value, None if error is None else error * reach)
+
+
+_UNKNOWN_DIGITS, _MOST_DIGITS, _LEAST_DIGITS = 6, 9, 4
+
+
+def sensible(value: float, error: float | None) -> str:
+    """Return a number with the digits that its error leaves, and one more.
+
+    Examples
+    --------
+    >>> sensible(1.23456789, 1e-4), sensible(1.23456789, None), sensible(1.23456789, 0.0), sensible(1.5, 9.0)
+    ('1.23457', '1.23457', '1.23456789', '1.5')
+    """
+    if error is None:
+        digits = _UNKNOWN_DIGITS
+    elif error == 0.0 or value == 0.0:
+        digits = _MOST_DIGITS
+    else:
+        sure = math.ceil(math.log10(abs(value)) - math.log10(error)) + 1
+        digits = min(max(sure, _LEAST_DIGITS), _MOST_DIGITS)
+    return f"{value:.{digits}g}"

@@ -125,6 +125,11 @@ class Stopwatch(PhaseClock):
     cpu_start: float = 0.0
     wall_start: float = field(default_factory=time.perf_counter)
 
+    def __post_init__(self) -> None:
+        if not self.cpu_start:  # what there was before belongs to the job
+            self.cpu["start_up"] = time.process_time()
+            self.wall["start_up"] = time.perf_counter() - self.wall_start
+
     def added_to(self, run: Run) -> Run:
         """Return `run` with these phases and ``total`` (since the start) in its statistics."""
         total_cpu = time.process_time() - self.cpu_start

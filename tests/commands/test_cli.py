@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 import types
@@ -145,7 +146,7 @@ def test_run_writes_the_folder_and_prints_the_results(scene):
     result = call("run", "case.yaml", "--no-plots")
     assert result.exit_code == 0, result.output
     assert files("case.out") == {"history.csv", "summary.json", "resolved.yaml", "run.log"}
-    for words in ("case: done", "exact, gauss", "40 unknowns", "b1.tip.x", "case.out/"):
+    for words in ("case: done", "exact; method gauss", "40 unknowns", "b1.tip.x", "case.out/"):
         assert words in result.stdout
 
 
@@ -557,3 +558,14 @@ def test_the_table_of_a_run_fits_and_tells_an_end_once(tmp_path, monkeypatch):
     done = CliRunner().invoke(app, ["run", "blade", "--no-plots", "--set", "solve.duration=0.02", "--force"])
     assert done.exit_code == 0
     assert max(map(len, (ended.stdout + done.stdout).split("\n"))) <= 110
+
+
+def test_parts_of_the_time_add_up_and_nothing_empty_is_told(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, ["run", "pendulum", "--no-plots", "--set", "solve.duration=0.05"])
+    (told,) = re.findall(r"CPU time +([\d.]+) s \(([^)]*)\)", done.stdout)
+    parts = [float(part.split()[-1]) for part in told[1].split(",")]
+    assert sum(parts) == pytest.approx(float(told[0]), abs=5e-4 * (len(parts) + 3))
+    assert "start up" in told[1]
+    assert "constraint drift" not in done.stdout, "it has no multipliers"
+    assert "model           exact; method gauss" in done.stdout

@@ -14,6 +14,7 @@ from hfsim.marching.distance import channel_errors
 from hfsim.marching.solution import Channel, Run
 from hfsim.output.comparison import COLUMNS, as_rows, as_text
 from hfsim.output.plots.comparison import draw_comparison, overlay_limits
+from hfsim.output.text import WIDTH
 from hfsim.scene.loading import load_deck
 from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
@@ -345,3 +346,17 @@ def test_studies_with_a_rigid_model_leave_them_out_for_all_models(study, tmp_pat
     found = called(command, "pendulum", *options, "--models", "rigid,exact", "--budget", "5s")
     assert found.exit_code == 0, found.output
     assert found.stderr.count("b1.root.axial_force") == 1
+
+
+def test_many_models_and_long_names_keep_to_the_width():
+    def renamed(run):
+        names = (f"the_long_blade_{n}.tip_of_it.x" for n in range(9))
+        channels = tuple(one._replace(name=name) for one, name in zip(run.channels, names, strict=False))
+        return replace(run, channels=channels)
+
+    models = ("linear", "lowOrder", "ancf", "rigid")
+    runs = [renamed(make_run(model, 0.123456 * n, deflection=0.1)) for n, model in enumerate(models)]
+    found = compare([*runs, renamed(make_run("exact", deflection=0.1))], "exact", 0.01)
+    text = as_text(found, Path("a.compare"))
+    assert max(map(len, text.split("\n"))) <= WIDTH
+    assert all(text.count(model) >= 3 for model in models)

@@ -138,7 +138,7 @@ class SeparationBench:
             return f"{name}: no run was measured"
         form, cell = best
         ratio = form.run_ratio
-        missed = "reached" if ratio <= goal else f"missed by a factor of {ratio / goal:.2g}"
+        missed = "reached" if ratio <= goal else _missed(ratio / goal)
         return (
             f"{name}: at best {100 * ratio:.3g} % of the direct run ({cell.element}, {cell.size}; "
             f"force alone {100 * form.force_ratio:.3g} %); goal {100 * goal:g} %: {missed}"
@@ -182,3 +182,7 @@ def as_facts(result: SeparationBench) -> dict[str, Any]:
         "verdicts": result.verdicts,
         "disagreements": result.disagreements,
     }
+
+
+def _missed(factor: float) -> str:
+    return f"missed by a factor of {factor:.2g}" if factor >= 1.5 else f"missed by {factor - 1.0:.1%}"
