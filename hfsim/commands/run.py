@@ -23,7 +23,7 @@ from hfsim.commands.options import (
     talk_options,
     time_option,
 )
-from hfsim.output.report import method_lines, tell
+from hfsim.output.report import as_text, headline, method_lines, tell
 from hfsim.output.talk import Destination, Talk
 from hfsim.output.text import plural
 
@@ -54,6 +54,7 @@ class Settings:
     diagnosis: bool
     resume: bool
     talk: Talk
+    report: bool = False
 
     @property
     def after(self) -> float | None:
@@ -92,6 +93,7 @@ class Settings:
 )
 @click.option("--animate", is_flag=True, help="Draw the motion as plots/motion.gif.")
 @click.option("--vtk", is_flag=True, help="Write the motion for ParaView: <deck name>.pvd and vtk/*.vtu.")
+@click.option("--report", is_flag=True, help="Write all of it as one page, report.html.")
 @jobs_option(1)
 @talk_options
 def run(
@@ -107,6 +109,7 @@ def run(
     after: float | None,
     animate: bool,
     vtk: bool,
+    report: bool,
     jobs: int,
     talk: Talk,
 ) -> None:
@@ -133,10 +136,10 @@ def run(
 
     overrides = (*overrides, *_target(target_error, target_channels, budget))
     wanted = Extras(to.plots and after != 0.0, animate, vtk, after, to.format)
-    settings = Settings(overrides, wanted, not no_error_estimate, not no_diagnosis, resume, talk)
+    settings = Settings(overrides, wanted, not no_error_estimate, not no_diagnosis, resume, talk, report)
     if to.output == Path("-"):
-        if resume:
-            raise click.UsageError("--resume goes on in a folder, not in what -o - has written")
+        if resume or report:
+            raise click.UsageError("--resume and --report need a folder, which -o - does not make")
         from hfsim.commands.stream import run_to_stream
 
         wish = (settings.error_estimate, settings.diagnosis)
@@ -307,5 +310,10 @@ def do_job(
             log.add(line.strip())
         log.add(f"model {result.model}, method {result.method}")
         result, summary = recording.finish(result, Extras() if result.exit_code in (130, 143) else wanted)
+    if settings.report:
+        from hfsim.output.page import add_page
+
+        text = f"{headline(result)}\n{as_text(result, summary, job.folder.path)}"
+        summary = add_page(job.folder.path, summary, text, loaded.source.text)
     tell(result, summary, job.folder.path, settings.talk, job.loaded.warnings)
     return result.exit_code

@@ -1,0 +1,51 @@
+"""The page of a run: whole, escaped, and without anything from elsewhere."""
+
+import json
+from html.parser import HTMLParser
+
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.scene.shipped import CASES
+
+
+class Reader(HTMLParser):
+    """Collects what opens and closes, and what is loaded."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.sources, self.words = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in ("meta", "img"):
+            self.open.append(tag)
+        self.sources += [value for name, value in attrs if name in ("src", "href")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def test_the_page_of_a_run_is_whole_and_safe(tmp_path):
+    deck = tmp_path / "deck.yaml"
+    deck.write_text("# <script>alert(1)</script> & more\n" + (CASES / "pendulum.yaml").read_text())
+    options = ["--report", "--set", "solve.duration=0.05", "--no-diagnosis", "-q", "-o", str(tmp_path / "a")]
+    for force in ([], ["--force"]):
+        result = CliRunner().invoke(app, ["run", str(deck), *options, *force])
+        assert result.exit_code == 0, result.output
+    text = (tmp_path / "a/report.html").read_text()
+    reader = Reader()
+    reader.feed(text)
+    assert reader.open == []
+    assert "<script" not in text
+    told = "".join(reader.words)
+    assert "<script>alert(1)</script> & more" in told
+    summary = json.loads((tmp_path / "a/summary.json").read_text())
+    assert "report.html" in summary["files"]
+    pictures = [name for name in summary["files"] if name.endswith(".png")]
+    assert len(reader.sources) == len(pictures) > 0
+    assert all(source.startswith("data:image/png;base64,") for source in reader.sources)
+    for words in ("What is doubtful", *summary["warnings"], *summary["channels"], "solve.duration=0.05"):
+        assert words in told
