@@ -13,7 +13,6 @@ from hfsim.mechanics.body import Body
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.system import System
-from hfsim.mechanics.ties import Tie, tie_on
 from hfsim.scene.facing import Facings
 from hfsim.scene.rules import LeftOut
 from hfsim.scene.schema import Deck
@@ -56,8 +55,12 @@ def acting(
 
 def beyond_stops(system: System, x: Array) -> Iterator[tuple[str, str]]:
     """Yield, with its item, what is far beyond a stop in a state (n,) at the start."""
-    ties = (part for part in system.forces if isinstance(part, Tie) and part.has_edges)
-    for part in ties:
+    edged = [part for part in system.forces if part.has_edges]
+    if not edged:
+        return
+    from hfsim.mechanics.ties import Tie
+
+    for part in (part for part in edged if isinstance(part, Tie)):
         if depth := part.beyond(np.zeros(1), x[None]):
             yield part.item, f"starts {depth:.4g} {part.unit} beyond its stop, which will throw it back"
 
@@ -73,6 +76,8 @@ def _ties(
     for name, joint in deck.joints.items():
         for key, held, resistances in joint.resisted(*facings.of(joint)):
             item = f"joints.{name}.{key}" if key else f"joints.{name}"
+            from hfsim.mechanics.ties import tie_on
+
             first, second = map(marker, joint.between)
             yield item, joint.between, tie_on(held, first, second, resistances)
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.ties import GapTie
 from hfsim.parts.channels._base import ChannelKind, Plot, Samples
 
 
@@ -17,6 +16,8 @@ def _reaction(samples: Samples, joint: str) -> tuple[Array, Array]:
     for k in samples.scene.joints[joint]:
         multipliers = samples.multipliers[:, system.unreduced.rows[k]]
         parts.append(system.constraints[k].reaction(samples.x, multipliers))
+    from hfsim.mechanics.ties import GapTie
+
     for part in system.forces:
         if isinstance(part, GapTie) and part.item.split(".")[:2] == ["joints", joint]:
             parts.append(part.reaction(samples.t, samples.x, samples.u))

@@ -1,15 +1,17 @@
 """Cylindrical joint: one point slides along an axis, and the bodies turn about it."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from hfsim.deck.fields import Axis, Between
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift
-from hfsim.mechanics.resistances import Resistance
 from hfsim.parts.resistances import SlidingResistanceSpec, TurningResistanceSpec
 from hfsim.parts.specs import JointSpec
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.resistances import Resistance
 
 
 class CylindricalSpec(JointSpec):
@@ -40,7 +42,7 @@ class CylindricalSpec(JointSpec):
         assert facing is not None
         return *(Shift(side) for side in across(self.axis or THIRD)), shared_axis(self.axis, facing)
 
-    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
         """Yield turn and shift."""
         from hfsim.mechanics.directions import THIRD
         from hfsim.mechanics.spatial_turns import about

@@ -1,16 +1,18 @@
 """Prismatic joint: one point slides along an axis of the other body."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from hfsim.deck.fields import Angle, Axis, Between, Orientation, degrees_as_radians
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift, Turn
-from hfsim.mechanics.resistances import Resistance
 from hfsim.parts.resistances import SlidingResistanceSpec
 from hfsim.parts.specs import JointSpec
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.resistances import Resistance
 
 
 class PrismaticSpec(SlidingResistanceSpec, JointSpec):
@@ -47,7 +49,7 @@ class PrismaticSpec(SlidingResistanceSpec, JointSpec):
 
         return *(Shift(side) for side in across(self.axis or THIRD)), Facing.of(facing)
 
-    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
         """Yield the shift."""
         if self.resistances:
             first = (1.0, 0.0) if facing is None else (0.0, 0.0, 1.0)

@@ -1,14 +1,16 @@
 """Revolute joint: two points stay together, and in space an axis."""
 
 from collections.abc import Iterator
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from hfsim.deck.fields import Axis, Between
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
-from hfsim.mechanics.resistances import Resistance
 from hfsim.parts.resistances import TurningResistanceSpec
 from hfsim.parts.specs import JointSpec
+
+if TYPE_CHECKING:
+    from hfsim.mechanics.resistances import Resistance
 
 
 class RevoluteSpec(TurningResistanceSpec, JointSpec):
@@ -37,7 +39,7 @@ class RevoluteSpec(TurningResistanceSpec, JointSpec):
 
         return Shift(), shared_axis(self.axis, facing)
 
-    def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
+    def resisted(self, facing: Array | None = None) -> "Iterator[tuple[str, Held, tuple[Resistance, ...]]]":
         """Yield the turn."""
         if not self.resistances:
             return
