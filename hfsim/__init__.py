@@ -13,15 +13,15 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hfsim.api import Deck, check, compare, load, run
     from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
     from hfsim.marching.solution import Run
+    from hfsim.output.api import Deck, check, compare, load, run
     from hfsim.studies.compare import Comparison
 
 __version__ = "0.1.0"
 
 _PLACES = {
-    **dict.fromkeys(("Deck", "check", "compare", "load", "run"), "hfsim.api"),
+    **dict.fromkeys(("Deck", "check", "compare", "load", "run"), "hfsim.output.api"),
     **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
     "Run": "hfsim.marching.solution",
     "Comparison": "hfsim.studies.compare",

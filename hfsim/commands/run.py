@@ -276,7 +276,7 @@ def do_job(
     HfsimError
         If the deck cannot be assembled or the disk refuses.
     """
-    from hfsim.api import carry_out
+    from hfsim.output.api import carry_out
     from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
     from hfsim.output.recording import Recording

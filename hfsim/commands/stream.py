@@ -42,7 +42,7 @@ def run_to_stream(
     HfsimError
         If the deck cannot be assembled.
     """
-    from hfsim.api import carry_out
+    from hfsim.output.api import carry_out
     from hfsim.output.progress import Progress
     from hfsim.output.report import tell
     from hfsim.output.runfolder import Stopwatch

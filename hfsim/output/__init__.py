@@ -1,1 +1,1 @@
-"""Files and pictures."""
+"""Files, pictures, tables, and what Python gets."""

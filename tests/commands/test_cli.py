@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import hfsim.api
+import hfsim.output.api
 
 # what commands import later needs the real deck module, for which the tests put in another
 import hfsim.output.plots
@@ -121,7 +121,7 @@ def scene(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "hfsim.scene.loading", types.SimpleNamespace(load_deck=fake.load_deck))
     module = types.SimpleNamespace(simulate=fake.simulate, check=fake.check)
     monkeypatch.setitem(sys.modules, "hfsim.simulate", module)
-    monkeypatch.setattr(hfsim.api, "pipeline", module)
+    monkeypatch.setattr(hfsim.output.api, "pipeline", module)
     monkeypatch.setattr(hfsim.studies.compare.measurements, "simulate", fake.simulate)
     monkeypatch.setattr(hfsim.studies.compare.study, "simulate", fake.simulate)
     monkeypatch.setattr(hfsim.studies.compare.choice, "check", fake.check)

@@ -7,10 +7,10 @@ import pytest
 from test_record import TURNING, Notes
 
 import hfsim.marching.record
-from hfsim.api import carry_out
 from hfsim.integrators import Segment, Trajectory
 from hfsim.marching.between import times_between
 from hfsim.mechanics.system import System
+from hfsim.output.api import carry_out
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 
