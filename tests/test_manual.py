@@ -14,9 +14,9 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from hfsim import api
 from hfsim.cli import app
 from hfsim.commands.init import starters
+from hfsim.output import api
 from hfsim.output.manual import topics
 from hfsim.scene.loading import parse_deck
 
