@@ -26,6 +26,7 @@ def test_a_run_gives_arrays_by_name_and_prints_nothing(capfd):
     run = hfsim.run(DECK, **QUICK)
     assert run.t == pytest.approx([0.0, 0.02, 0.04, 0.06, 0.08, 0.1])
     assert run["arm.tip.x"][0] == 1.0
+    assert repr(run).startswith("<Run deck: done, exact, ")
     assert run.units == {"arm.tip.x": "m", "arm.angle": "rad", "energy.total": "J"}
     assert run.final["arm.tip.x"] == run["arm.tip.x"][-1] < 1.0
     assert run.extremes["arm.tip.x"] == [run["arm.tip.x"].min(), 1.0]

@@ -121,6 +121,11 @@ class Run:
     snapshots: tuple[Snapshot, ...] = ()
     states: Sequence[Samples] = ()
 
+    def __repr__(self) -> str:
+        """Return what it is in a line: its arrays would fill the screen."""
+        sizes = f"{len(self.t)} times, {len(self.channels)} channels"
+        return f"<Run {self.name}: {self.status}, {self.model}, {self.method}, {sizes}>"
+
     def __getitem__(self, name: str) -> ndarray:
         """Return the values of a channel at the output times, shape (n_times,), in its SI unit.
 
