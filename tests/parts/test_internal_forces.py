@@ -43,7 +43,7 @@ LINE = "element: cable, strain: engineering, curvature: exact"
     [*((LINE, p, p - 2) for p in (3, 4, 5)), *(("element: cosserat", p, p) for p in (2, 3))],
 )
 def test_the_tension_of_a_spinning_rod_converges(more, degree, order):
-    """With the power degree - 2 of the length of a cable's elements, with the degree of those with sections."""
+    """With the power degree - 2 of the length of cable elements, and degree of those with sections."""
     errors = [tension_error(n, degree, more) for n in (2, 4, 8)]
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(order, abs=0.2)
 
