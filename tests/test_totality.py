@@ -328,6 +328,7 @@ def growth_of_runge_kutta(y, order):
     return np.abs(1.0 + z + z**2 / 2.0 + z**3 / 6.0 + z**4 / 24.0)
 
 
+@pytest.mark.slow
 def test_an_integrator_of_your_own_takes_one_file_and_one_name(tmp_path, monkeypatch):
     own = Integrator(lambda solve: RungeKutta(solve.step or 1e-4), Stability("", growth_of_runge_kutta))
     monkeypatch.setitem(METHODS, "classical", own)

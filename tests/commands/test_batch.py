@@ -19,7 +19,13 @@ SHORT = ("--set", "solve.duration=0.1", "--set", "output.interval=0.02", "--no-p
 def start(*arguments, cwd, **options):
     command = [sys.executable, "-m", "hfsim", *map(str, arguments)]
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options}
-    return subprocess.Popen(command, cwd=cwd, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)}, **pipes)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    return subprocess.Popen(command, cwd=cwd, text=True, env=environment, preexec_fn=_heed_signals, **pipes)
+
+
+def _heed_signals():
+    """Heed signals from the keyboard even where the tests run in the background and ignore them."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def call(*arguments, cwd, text=None):

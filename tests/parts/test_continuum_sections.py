@@ -87,6 +87,7 @@ def bent(slenderness, elements, degree, section_degree):
     return clamped(square(h), (0.0, h**4 / 6.0, h**4 / 12.0), elements, degree, section_degree)[0]
 
 
+@pytest.mark.slow
 def test_sections_of_one_degree_less_than_the_line_do_not_lock():
     """Errors at equal unknowns, slenderness 10 to 1e4, vary by less than a factor of three."""
     meshes, errors = ((8, 3, 2), (4, 4, 3), (3, 5, 4)), []
@@ -97,6 +98,7 @@ def test_sections_of_one_degree_less_than_the_line_do_not_lock():
     assert np.max(errors, axis=0).tolist() < [3e-5, 2e-6, 1e-7]
 
 
+@pytest.mark.slow
 def test_errors_fall_with_twice_the_degree_of_the_sections():
     exact = bent(1e3, 4, 8, 7)
     for degree, counts in ((3, (8, 16)), (4, (4, 8)), (5, (3, 6))):
@@ -104,6 +106,7 @@ def test_errors_fall_with_twice_the_degree_of_the_sections():
         assert np.log2(coarse / fine) == pytest.approx(2 * (degree - 1), abs=0.6)
 
 
+@pytest.mark.slow
 def test_the_paper_s_element_locks():
     """It is kept as it is: 12 elements lose four fifths of the displacement of a very slender beam."""
     errors = []

@@ -157,6 +157,7 @@ def tip_of(force, elements, degree):
     return displacement(scene, equilibrium(scene, 3))
 
 
+@pytest.mark.slow
 def test_no_locking():
     """Slenderness 10 to 1e4, equal unknowns, loads that bend alike: errors differ by less than a tenth."""
     meshes, errors = ((12, 1), (6, 2), (4, 3)), []

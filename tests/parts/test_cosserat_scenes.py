@@ -206,6 +206,7 @@ output: {{interval: 0.01, channels: [b.tip.elongation, energy.strain]}}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [1, 3])
 @pytest.mark.parametrize(
     ("third", "height", "width"), [(", 0.0", 1e-2, 2e-4), (", 0.0", 2e-4, 1e-2), ("", 2e-4, 1e-2)]

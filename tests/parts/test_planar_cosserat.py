@@ -113,6 +113,7 @@ def test_geradin_cantilever():
     assert bent(scene) == pytest.approx((-0.596471272235, 2.159693894490, 0.672006063844), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("turns", [0.25, 1.0, 2.0])
 def test_an_end_moment_bends_into_circles(turns):
     """Case S8: M = t EI / L."""

@@ -137,6 +137,7 @@ def ends_of(result):
     return {t: values[np.searchsorted(result.t, t - 1e-9)] for t in F6}
 
 
+@pytest.mark.slow
 def test_flying_spaghetti():
     """Case F6 on the shipped mesh, which is 1.6e-3 m from finer ones; energy and momenta as they must be."""
     result = simulate(load_deck(CASE), error_estimate=False)

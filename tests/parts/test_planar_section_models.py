@@ -104,6 +104,7 @@ def test_rigid_beams_have_the_inertia_of_their_sections(curve):
     assert places[0] == pytest.approx(places[1], abs=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", ["rigid", "linear", "lowOrder"])
 def test_posed_in_space_it_is_the_same(model):
     data = rotor("arc", model)
@@ -133,6 +134,7 @@ def test_what_takes_over_goes_on_in_the_same_place_with_the_same_forces(curve):
         assert abs(gained) < 2e-3 * energy
 
 
+@pytest.mark.slow
 def test_the_model_that_a_motion_needs_is_chosen():
     data = rotor(model="auto", gravity=[0.0, 0.0])
     data["loads"]["spin"]["law"] = {"type": "constant_rate", "rate": 300.0}

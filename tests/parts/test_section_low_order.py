@@ -148,6 +148,7 @@ def test_internal_forces_balance_the_load_where_it_is():
     assert found[5] == pytest.approx(push * (1.0 + along) - pull * across, rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [0.1, 0.2])
 @pytest.mark.parametrize("load", [((0.0, 20.0, 20.0), (1.6e4, 0.0, 0.0)), ((0.0, 2e4, 2e4), (0.0, 0.0, 0.0))])
 def test_its_estimate_of_what_it_leaves_out_is_that_to_exact(width, load):

@@ -48,6 +48,7 @@ def test_45_degree_bend_of_fully_parameterised_elements():
     assert [values[f"bend.tip.{axis}"][-1] for axis in "xyz"] == pytest.approx(tip, abs=2e-6)
 
 
+@pytest.mark.slow
 def test_princeton_beam():
     scene = scene_of("princeton", "bodies.beam.elements=4", "bodies.beam.degree=4")
     moved = displacement(scene, equilibrium(scene, 4), "beam.tip")

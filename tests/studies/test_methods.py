@@ -76,6 +76,7 @@ def test_another_method_is_taken_where_it_is_much_sooner():
     assert max(errors["b1.tip.x"], errors["b1.tip.y"]) <= found["estimate"] <= 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("handicapped")
 def test_a_late_winner_is_raced_on_the_finer_mesh_too(monkeypatch):
     hold = module.Races.hold
