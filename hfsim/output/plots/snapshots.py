@@ -8,7 +8,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from hfsim.marching.rounding import ROUNDING
 from hfsim.marching.solution import Run, Snapshot
 from hfsim.maths.arrays import Array
 from hfsim.output.plots.sheet import Sheet
@@ -19,6 +18,8 @@ from hfsim.parts.channels import kind_of
 
 _HEIGHT, _BETWEEN = 1.5, 0.2
 """Of a row, and between two [inch]."""
+_UNSEEN = 1e-9
+"""Part of the largest of its unit that no row is drawn of: forces are small differences of large numbers."""
 
 
 def snapshot_figures(run: Run) -> Iterator[tuple[str, Figure]]:
@@ -62,7 +63,7 @@ def _along(run: Run, body: str, shots: list[Snapshot]) -> Figure:
         for kind, values in shot.along[body].items():
             largest[kind] = max(largest.get(kind, 0.0), float(np.abs(values).max()))
             sizes[_unit(kind)] = max(sizes.get(_unit(kind), 0.0), largest[kind])
-    kinds = [kind for kind, size in largest.items() if size > ROUNDING * sizes[_unit(kind)]] or [*largest][:1]
+    kinds = [kind for kind, size in largest.items() if size > _UNSEEN * sizes[_unit(kind)]] or [*largest][:1]
     sheet, rows = Sheet(), list[Axes]()
     for number, kind in enumerate(kinds):
         below = (len(kinds) - 1 - number) * (_HEIGHT + _BETWEEN)
