@@ -12,14 +12,14 @@ from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import LinearMarker, Marker, joint_support
-from hfsim.mechanics.point_loads import PointForce
+from hfsim.mechanics.point_loads import Load, PointForce
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
 
 @dataclass(frozen=True, eq=False)
-class LineForce(ForcePart):
+class LineForce(Load):
     """Forces at places of one body, fixed in direction or turning with it; their work is power put in.
 
     Attributes
@@ -28,8 +28,6 @@ class LineForce(ForcePart):
     forces : ndarray, shape (n_places, n_dim)
         [N]
     follower : bool
-    law : Law, or None
-        Factor over time; 1 without it.
     """
 
     places: tuple[Marker, ...]
@@ -44,23 +42,14 @@ class LineForce(ForcePart):
         pairs = zip(self.places, self.forces.tolist(), strict=True)
         return tuple(PointForce(marker, self.law, tuple(force), self.follower) for marker, force in pairs)
 
-    @property
-    def laws(self) -> tuple[Law, ...]:
-        """Its factor over time."""
-        return () if self.law is None else (self.law,)
-
-    @property
-    def exchanges_power(self) -> bool:
-        """Return True: a load does work."""
-        return True
-
     @cached_property
     def support(self) -> IntArray:
         """Coordinates that any place depends on."""
         return joint_support(*self.places)
 
-    @cached_property
-    def _columns(self) -> slice:
+    @property
+    def columns(self) -> slice:
+        """Coordinates of the body."""
         return self.places[0].columns
 
     @cached_property
@@ -77,7 +66,8 @@ class LineForce(ForcePart):
             return None
         return (self._rows.T @ self.forces).reshape(1, -1)
 
-    def _generalised(self, t: Array, x: Array) -> Array:
+    def generalised(self, t: Array, x: Array) -> Array:
+        """Return the generalised force."""
         whole = self._unscaled(x) if self._constant is None else self._constant
         return whole if self.law is None else whole * self.law.value(t)[:, None]
 
@@ -92,14 +82,6 @@ class LineForce(ForcePart):
         )
         return np.asarray(sum(parts))
 
-    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
-        """Add the generalised force."""
-        out[:, self._columns] += self._generalised(t, x)
-
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus its derivative, by differences; nothing where it does not change."""
         return NOTHING if self._constant is not None else super().tangent(t, x, u)
-
-    def power(self, t: Array, x: Array, u: Array) -> Array:
-        """Return the generalised force times the rates."""
-        return np.asarray(np.sum(self._generalised(t, x) * u[:, self._columns], axis=-1))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import PointPart
 
@@ -15,24 +16,23 @@ if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
 
-@dataclass(frozen=True)
-class Load(PointPart):
-    """A load on the place or the turn of a marker; its work is power put in.
+class Load(ForcePart):
+    """A load on one body; its work is power put in.
 
     Attributes
     ----------
-    marker : Marker
     law : Law, or None
         Factor over time; 1 without it.
+    columns : slice
+        Coordinates of the body.
     """
 
-    marker: Marker
     law: Law | None
 
     @property
-    def markers(self) -> tuple[Marker, ...]:
-        """Its point."""
-        return (self.marker,)
+    def columns(self) -> slice:
+        """Coordinates that it acts on."""
+        raise NotImplementedError
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -44,27 +44,55 @@ class Load(PointPart):
         """Return True: a load does work."""
         return True
 
+    def generalised(self, t: Array, x: Array) -> Array:
+        """Return the generalised force, shape (n_batch or 1, n_columns)."""
+        raise NotImplementedError
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add the generalised force."""
+        out[:, self.columns] += self.generalised(t, x)
+
+    def power(self, t: Array, x: Array, u: Array) -> Array:
+        """Return the generalised force times the rates."""
+        return np.asarray(np.sum(self.generalised(t, x) * u[:, self.columns], axis=-1))
+
+
+@dataclass(frozen=True)
+class PointLoad(Load, PointPart):
+    """A load on the place or the turn of a marker.
+
+    Attributes
+    ----------
+    marker : Marker
+    """
+
+    marker: Marker
+    law: Law | None
+
+    @property
+    def markers(self) -> tuple[Marker, ...]:
+        """Its point."""
+        return (self.marker,)
+
+    @property
+    def columns(self) -> slice:
+        """Coordinates that its point depends on."""
+        return self.marker.columns
+
     def unscaled(self, x: Array) -> tuple[Array, Array]:
         """Return force or moment, shape (n_batch or 1, k), and the Jacobian of what it acts on."""
         raise NotImplementedError
 
-    def _generalised(self, t: Array, x: Array) -> Array:
+    def generalised(self, t: Array, x: Array) -> Array:
+        """Return the generalised force."""
         load, J = self.unscaled(x)
         if self.law is not None:
             load = load * self.law.value(t)[:, None]
         return np.asarray((load[:, None, :] @ J)[:, 0])
 
-    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
-        """Add the generalised force."""
-        out[:, self.marker.columns] += self._generalised(t, x)
-
-    def power(self, t: Array, x: Array, u: Array) -> Array:
-        """Return the generalised force times the rates."""
-        return np.asarray(np.sum(self._generalised(t, x) * u[:, self.marker.columns], axis=-1))
-
 
 @dataclass(frozen=True)
-class PointForce(Load):
+class PointForce(PointLoad):
     """A force on a point, fixed in direction or turning with the frame there; its work is power put in."""
 
     told: ClassVar[str] = "force on a point"
@@ -80,7 +108,7 @@ class PointForce(Load):
 
 
 @dataclass(frozen=True)
-class PointMoment(Load):
+class PointMoment(PointLoad):
     """A moment on the frame of a marker, fixed in direction or turning with it; its work is power put in."""
 
     told: ClassVar[str] = "moment on a point"
