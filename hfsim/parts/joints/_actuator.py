@@ -1,9 +1,22 @@
-"""What motors and servos act on."""
+"""What motors and servos are, and what they act on."""
 
 from __future__ import annotations
 
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
+from hfsim.parts.specs import JointSpec
+
+
+class ActuatorSpec(JointSpec):
+    """Base of joints that only exert a torque about an axis, or a force along it."""
+
+    vectors = ("axis",)
+    follows_start = True
+    holds = False
+
+    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
+        """Return nothing."""
+        return ()
 
 
 def coordinate(axis: tuple[float, ...] | None, turns: bool, facing: Array | None) -> Held:

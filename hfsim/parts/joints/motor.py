@@ -9,16 +9,11 @@ from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held
 from hfsim.mechanics.resistances import Push, Resistance
-from hfsim.parts.joints._actuator import coordinate
-from hfsim.parts.specs import JointSpec
+from hfsim.parts.joints._actuator import ActuatorSpec, coordinate
 
 
-class MotorSpec(JointSpec):
+class MotorSpec(ActuatorSpec):
     """Turns B against A by a torque about an axis, or pushes it along one by a force; it holds nothing."""
-
-    vectors = ("axis",)
-    follows_start = True
-    holds = False
 
     type: Literal["motor"]
     """Kind of joint."""
@@ -48,10 +43,6 @@ class MotorSpec(JointSpec):
     def carries(self) -> bool:
         """Whether it is a force."""
         return self.force is not None
-
-    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
-        """Return nothing."""
-        return ()
 
     def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
         """Yield what it acts on."""

@@ -20,18 +20,13 @@ from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held
 from hfsim.mechanics.resistances import Control, Resistance
-from hfsim.parts.joints._actuator import coordinate
-from hfsim.parts.specs import JointSpec
+from hfsim.parts.joints._actuator import ActuatorSpec, coordinate
 
 
-class ServoSpec(JointSpec):
+class ServoSpec(ActuatorSpec):
     """Pulls the angle of B relative to A, or the distance of B from A along an axis, towards a law of time:
     stiffness times what is missing plus damping times the rate that is. It holds nothing.
     """
-
-    vectors = ("axis",)
-    follows_start = True
-    holds = False
 
     type: Literal["servo"]
     """Kind of joint."""
@@ -74,10 +69,6 @@ class ServoSpec(JointSpec):
     def carries(self) -> bool:
         """Whether it acts on a distance."""
         return self.position is not None
-
-    def held(self, facing: Array | None = None) -> tuple[Held, ...]:
-        """Return nothing."""
-        return ()
 
     def resisted(self, facing: Array | None = None) -> Iterator[tuple[str, Held, tuple[Resistance, ...]]]:
         """Yield what it acts on."""
