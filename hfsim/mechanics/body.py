@@ -205,6 +205,30 @@ class Body:
         """Return the rates, (n_freedoms, n_columns), of each rigid motion from coordinates (n,) on."""
         return np.array([self.moving(pose, twist) for twist in Twist.units(len(pose.origin))])
 
+    def carried_along(self, twist: Twist) -> tuple[Entries, Array]:
+        """Return the rates u = W x + w with which it moves, whatever its shape, in rigid motion of all.
+
+        Here for coordinates that begin with a place and an angle in ground axes and are relative to these
+        from there on.
+
+        Parameters
+        ----------
+        twist : Twist
+            Velocity of what is at the origin of the ground, and angular velocity.
+
+        Returns
+        -------
+        W : Entries
+            At the columns of x.
+        w : ndarray, shape (n_columns,)
+        """
+        rates = np.zeros(self.columns.stop - self.columns.start)
+        if self.still:
+            return NOTHING, rates
+        rates[: len(twist.velocity) + 1] = [*twist.velocity, *twist.spin]
+        place = self.columns.start + np.arange(len(twist.velocity))
+        return Entries.of_block(place, place, twist.turning(np.eye(len(place))).T), rates
+
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest size of inertia terms of third order, left out or not, over those kept."""
         return 0.0
@@ -291,6 +315,18 @@ class VectorBody(Body):
         arms = vectors - shifts * vectors[0]
         units = Twist.units(self.n_dim)
         return np.array([(unit.turning(arms) + shifts * unit.velocity).ravel() for unit in units])
+
+    def carried_along(self, twist: Twist) -> tuple[Entries, Array]:
+        """Return rates that turn all vectors."""
+        n_dim, count = len(twist.velocity), len(self.positions)
+        spin = twist.turning(np.eye(n_dim)).T
+        first = self.columns.start + n_dim * np.arange(count)[:, None, None]
+        rows, columns = (
+            np.broadcast_to(first + one, (count, n_dim, n_dim)) for one in np.indices(spin.shape)
+        )
+        values = np.broadcast_to(spin, rows.shape)
+        rates = np.outer(self.positions, twist.velocity).ravel()
+        return Entries(rows.ravel(), columns.ravel(), values.ravel()), rates
 
     def taken_along(self, pose: Pose, twist: Twist, vectors: Array) -> tuple[Array, Array]:
         """Return coordinates and rates of vectors (n_vectors, n_dim) that keep their places in the frame."""

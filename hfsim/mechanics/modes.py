@@ -8,8 +8,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
-from hfsim.maths.matrices import Matrix
-from hfsim.mechanics.linearized import Linearized
+from hfsim.maths.matrices import Matrix, dense
+from hfsim.mechanics.linearized import Linearized, rows_of
+from hfsim.mechanics.small_motions import small_motions
 from hfsim.mechanics.system import System
 
 _DIFFERENCE = 1e-3
@@ -132,6 +133,18 @@ def analytic_modes(system: System, t: float, q: Array, v: Array, most: int) -> A
     """Return the modes of a system that linearizes; with sparse matrices above a number of unknowns."""
     found = system.linearized(t, q, v)
     return LargeModes(found) if found.sparse and len(q) > most else Modes.of(found)
+
+
+def modes_at_rest(system: System, t: float, q: Array) -> Modes:
+    """Return the modes about a state without rates, for any chart and any mass matrix."""
+    x = system.absolute(q[None])
+    near = small_motions(system, t, x[0], 0.0 * x[0])
+    M, D, K, J, B = map(dense, (near.mass, near.velocity, near.stiffness, near.jacobian, near.basis))
+    Z = np.linalg.qr(J.T, mode="complete")[0][:, len(J) :].T
+    Z = rows_of(Z @ M @ Z.T) @ Z
+    at = np.repeat(x, len(Z), axis=0)
+    basis = system.state(at, Z @ B.T, np.repeat(q[None], len(Z), axis=0))[1]
+    return Modes(-Z @ K @ Z.T, -Z @ D @ Z.T, basis.T)
 
 
 def modes_by_differences(system: System, t: float, q: Array, v: Array) -> Modes:

@@ -2,8 +2,8 @@
 
 Where the mass matrix is constant the equations of motion have an analytic derivative
 (`System.linearized`), dense or sparse.  It is all there is at rest, or where no joint changes with the
-state.  Elsewhere the inertia that comes with the motion (centrifugal and gyroscopic terms) decides what
-grows: the scene is then linearised by differences, in body frames where its model has them.  Such
+state.  Where other scenes move, the inertia that comes with the motion (centrifugal and gyroscopic
+terms) decides what grows: they are linearised by differences, in body frames where they have them.  Such
 eigenvalues, frozen in time, are those of the motion where the state lasts in these coordinates: at
 rest, and in even rotation for beams with a body frame; rigid bodies and `ancf` count in ground axes.
 Elsewhere a growth rate is that of a state passed through.  The fastest frequency, which bounds steps, is
@@ -20,7 +20,7 @@ from hfsim.errors import HfsimError
 from hfsim.marching.integration import run_integration
 from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.modes import AnyModes, analytic_modes, modes_by_differences
+from hfsim.mechanics.modes import AnyModes, analytic_modes, modes_at_rest, modes_by_differences
 from hfsim.scene.build import Scene, build
 
 MOST_UNKNOWNS = 400
@@ -86,7 +86,7 @@ def linearise(scene: Scene, t: float, q: Array, v: Array) -> AnyModes:
         raise LimitsError(
             f"{system.n} unknowns; {scene.model} is linearised up to {MOST_UNKNOWNS}, exact and ancf beyond"
         )
-    return modes_by_differences(system, t, q, v)
+    return modes_by_differences(system, t, q, v) if v.any() else modes_at_rest(system, t, q)
 
 
 def spectrum(scene: Scene, t: float, q: Array, v: Array) -> Spectrum:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hfsim.mechanics.modes import LargeModes, Modes, analytic_modes, modes_by_differences
+from hfsim.mechanics.modes import LargeModes, Modes, analytic_modes, modes_at_rest, modes_by_differences
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -39,7 +39,11 @@ def analytic(system, t, q, v):
     return analytic_modes(system, t, q, v, 1000)
 
 
-@pytest.mark.parametrize("find", [analytic, modes_by_differences])
+def at_rest(system, t, q, v):
+    return modes_at_rest(system, t, q)
+
+
+@pytest.mark.parametrize("find", [analytic, at_rest, modes_by_differences])
 @pytest.mark.parametrize("damping", [0.0, 0.4])
 @pytest.mark.parametrize("keep", ["solve.keep_all=true", "solve.keep_all=false"])
 def test_a_pendulum_swings_at_its_own_frequency(find, damping, keep):
@@ -53,6 +57,8 @@ def test_a_pendulum_swings_at_its_own_frequency(find, damping, keep):
 
 def test_a_clamped_beam_swings_as_euler_says_and_large_systems_as_small_ones():
     small = modes_of(BEAM, analytic, "bodies.arm.elements=8")
+    framed = modes_of(BEAM, at_rest, "bodies.arm.elements=8", "solve.model=lowOrder")
+    assert framed.fastest()[0] == pytest.approx(small.fastest()[0], rel=1e-6)
     bending = np.sqrt(2.0e11 * 0.02**4 / 12 / (7800.0 * 0.02**2))
     slowest = np.abs(small.eigenvalues().imag).min()
     assert slowest == pytest.approx(1.875104**2 * bending, rel=1e-4)

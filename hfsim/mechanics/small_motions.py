@@ -1,0 +1,157 @@
+"""Small motions about a state: the whole linearisation of the equations of motion, for every body and model.
+
+Near a state x0 with rates u0 and accelerations a0, seen from axes that turn with W
+(`hfsim.mechanics.turning`), changes y of the coordinates follow
+
+    M y'' + (D + 2 M W) y' + (K + D W + M W^2) y + Phi_x^T l = 0,    Phi_x y = 0,
+
+with K and D the derivatives by x and u of M(x) a0 - F(t, x, u) + Phi_x^T lambda.  In an equilibrium and in
+steady rotation the coefficients are constant in time, and these are the equations of all small motions.
+About another state they are those of the moment, and depend on the coordinates they are written in.
+
+Where the mass matrix is constant the derivatives are those of the parts, dense or sparse; elsewhere they come
+from differences of fourth order.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Matrix, assemble, is_sparse
+from hfsim.mechanics.system import System
+from hfsim.mechanics.turning import Turning
+
+STEP = 3e-4
+"""Step of the differences, relative to the largest coordinate up to one: exact for forces of degree four."""
+AT_ONCE = 2_000_000
+"""Numbers of a batch of differences."""
+
+
+@dataclass(frozen=True, eq=False)
+class SmallMotions:
+    """M z'' + V z' + K z + J^T l = 0 with J z = 0, for small changes z of the free coordinates.
+
+    Attributes
+    ----------
+    mass : Matrix, shape (n, n)
+        M, positive definite on the motions that the joints allow.
+    velocity : Matrix, shape (n, n)
+        V: damping, which is symmetric, and gyroscopic terms, which are not.
+    stiffness : Matrix, shape (n, n)
+        K with what forces of inertia and joints have of it; symmetric unless loads follow or things turn.
+    jacobian : Matrix, shape (n_rows, n)
+        J.
+    x, u, a : ndarray, shape (n_x,)
+        The absolute coordinates about which they are, their rates and accelerations.
+    basis : Matrix, shape (n_x, n)
+        B, with y = B z the changes of the absolute coordinates.
+    turning : Turning or None
+        The axes that they are seen from, where these turn.
+    """
+
+    mass: Matrix
+    velocity: Matrix
+    stiffness: Matrix
+    jacobian: Matrix
+    x: Array
+    u: Array
+    a: Array
+    basis: Matrix
+    turning: Turning | None
+
+
+def small_motions(
+    system: System, t: float, x: Array, u: Array, turning: Turning | None = None
+) -> SmallMotions:
+    """Return the small motions about a state.
+
+    Parameters
+    ----------
+    system : System
+    t : float
+    x, u : ndarray, shape (n_x,)
+        Absolute coordinates and rates that fulfil the joints.
+    turning : Turning, optional
+        Axes to see them from; those of the ground without.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the equations of motion are singular in this state.
+    """
+    time, x, u = np.array([t]), x[None], u[None]
+    equations, reduction = system.equations, system.reduction
+    free, multipliers = equations.solve(time, x, u, system.force(time, x, u))
+    a = reduction.expand_rates(free)
+    K = stiffness(system, time, x, u, a, multipliers)
+    D = resistance(system, time, x, u)
+    M = equations.mass(x)[0] if system.variable_mass else equations.constant_mass
+    if turning is not None:
+        W = turning.matrix
+        MW = M @ W
+        K, D = K + D @ W + MW @ W, D + 2.0 * MW
+    J = equations.phi.jacobian_at(x) @ reduction.basis
+    M, D, K = (reduction.reduced(one) for one in (M, D, K))
+    return SmallMotions(M, D, K, J, x[0], u[0], a[0], reduction.basis, turning)
+
+
+def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multipliers: Array) -> Matrix:
+    """Return the derivative of M(x) a - F(t, x, u) + Phi_x^T lambda by x in one state, (n_x, n_x).
+
+    Parameters
+    ----------
+    system : System
+    t : ndarray, shape (1,)
+    x, u, a : ndarray, shape (1, n_x)
+    multipliers : ndarray, shape (1, n_rows)
+    """
+    equations = system.equations
+    if not system.variable_mass:
+        parts = [part.tangent(t, x, u) for part in system.forces]
+        if not equations.phi.constant:
+            parts += equations.phi.stiffness(x, multipliers)
+        return assemble(parts, (system.n_x, system.n_x), is_sparse(equations.constant_mass))
+
+    def missing(moved: Array) -> Array:
+        times, (rates, lasting) = np.repeat(t, len(moved)), (np.repeat(one, len(moved), 0) for one in (u, a))
+        out = equations.momentum(moved, lasting) - system.force(times, moved, rates)
+        if equations.constraints:
+            out += (multipliers @ equations.phi.jacobians(moved))[:, 0]
+        return out
+
+    return derivative(missing, x[0])
+
+
+def resistance(system: System, t: Array, x: Array, u: Array) -> Matrix:
+    """Return minus the derivative of the forces by the rates in one state, (n_x, n_x)."""
+    if not system.variable_mass:
+        parts = [part.rate_tangent(t, x, u) for part in system.forces if part.uses_rates]
+        return assemble(parts, (system.n_x, system.n_x), is_sparse(system.equations.constant_mass))
+
+    def resisting(moved: Array) -> Array:
+        return -system.force(np.repeat(t, len(moved)), np.repeat(x, len(moved), axis=0), moved)
+
+    return derivative(resisting, u[0])
+
+
+def derivative(function: Callable[[Array], Array], at: Array) -> Array:
+    """Return the derivative of a function (n_batch, n) -> (n_batch, m) at a point (n,), (m, n).
+
+    By differences of fourth order.
+    """
+    n = len(at)
+    step = STEP * min(1.0, float(np.abs(at).max(initial=0.0)) or 1.0)
+    own = max(1, AT_ONCE // (4 * n))
+    parts = []
+    for first in range(0, n, own):
+        columns = np.arange(first, min(first + own, n))
+        moved = np.repeat(at[None], 4 * len(columns), axis=0)
+        places = np.tile(columns, 4)
+        moved[np.arange(len(moved)), places] += step * np.repeat([-2.0, -1.0, 1.0, 2.0], len(columns))
+        far, near, nearer, further = function(moved).reshape(4, len(columns), -1)
+        parts.append((8.0 * (nearer - near) - (further - far)) / (12.0 * step))
+    return np.ascontiguousarray(np.concatenate(parts).T)
