@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -66,6 +66,7 @@ class Plan:
 @click.option(
     "--error-estimate", is_flag=True, help="Let each model estimate its own time integration error too."
 )
+@click.option("--report", is_flag=True, help="Write all of it as one page, report.html.")
 @talk_options
 def compare(
     models: tuple[str, ...],
@@ -78,6 +79,7 @@ def compare(
     to: Destination,
     overrides: tuple[str, ...],
     error_estimate: bool,
+    report: bool,
     talk: Talk,
 ) -> None:
     """Run one scene with each MODEL (default: linear lowOrder exact) and say which one is good enough.
@@ -90,7 +92,7 @@ def compare(
     """
     case = case or default_case()
     plan = make_plan(case, models, (reference, channels, require), overrides, to, talk)
-    raise click.exceptions.Exit(do_comparison(plan, max_error, repeats, error_estimate, require))
+    raise click.exceptions.Exit(do_comparison(plan, max_error, repeats, error_estimate, require, report))
 
 
 def default_case() -> str:
@@ -141,7 +143,7 @@ def make_plan(
 
 
 def do_comparison(
-    plan: Plan, max_error: float, repeats: int, error_estimate: bool, require: Sequence[str]
+    plan: Plan, max_error: float, repeats: int, error_estimate: bool, require: Sequence[str], report: bool
 ) -> int:
     """Run all models, write and tell the comparison, and return the exit code."""
     from hfsim.output.comparison import COLUMNS, as_rows, as_text
@@ -157,7 +159,8 @@ def do_comparison(
     tables = {"compare": (COLUMNS, as_rows(comparison))}
     text = as_text(comparison, plan.study.path)
     draw = None if comparison.interrupted else partial(_draw, runs, comparison)
-    plan.study.publish(as_facts(comparison), tables, text, draw)
+    page = partial(_page, comparison, plan.prepared) if report else None
+    plan.study.publish(as_facts(comparison), tables, text, draw, page)
     return _exit_code(comparison, require)
 
 
@@ -165,6 +168,12 @@ def _draw(runs: Sequence[Run], comparison: Comparison, folder: Path) -> list[str
     from hfsim.output.plots.comparison import draw_comparison
 
     return draw_comparison(runs, comparison, folder)
+
+
+def _page(comparison: Comparison, prepared: Prepared, facts: Mapping[str, Any], folder: Path) -> str:
+    from hfsim.output.comparison_page import comparison_page
+
+    return comparison_page(comparison, prepared.decks[prepared.reference].source.text, facts, folder)
 
 
 def _exit_code(comparison: Comparison, require: Sequence[str]) -> int:

@@ -22,7 +22,9 @@ MOST = 4000
 MOST_NUMBERS = 4e5
 """Coordinates of all these states at most: large scenes have fewer of them."""
 INSIDE = 16
-"""Times in one step at most."""
+"""Times in one of few steps at most."""
+STAGES = 2
+"""Times in one long step among many at most, over the number of its polynomials."""
 AT_ONCE = 512
 """Times that are read in one go: bounds the memory that takes."""
 
@@ -95,8 +97,18 @@ def times_between(path: Trajectory, rows: Array, room: int) -> Array:
     here = rows[(rows >= ends[0]) & (rows <= ends[-1])]
     if len(here) >= count * each:
         return np.empty(0)
-    parts = np.arange(each) / each
-    every = (ends[:-1, None] + np.diff(ends)[:, None] * parts).ravel()
+    every = _spread(path, ends, each)
     kept = distinct(np.linspace(0, len(every) - 1, min(room, len(every))).round().astype(int))
     times: Array = every[kept]
     return times[~np.isin(times, rows)]
+
+
+def _spread(path: Trajectory, ends: Array, each: int) -> Array:
+    """Return times in steps between ``ends``: as many in each, more in long ones that turn often inside."""
+    steps = np.diff(ends)
+    counts = np.full(len(steps), each)
+    if not path.condensed:
+        most = STAGES * np.array([len(one.series) for one in path.segments[: len(steps)]])
+        counts = np.maximum(counts, np.minimum(most, np.ceil(ENOUGH * steps / steps.sum()))).astype(int)
+    own = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    return np.asarray(np.repeat(ends[:-1], counts) + np.repeat(steps / counts, counts) * own)

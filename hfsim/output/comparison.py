@@ -60,12 +60,16 @@ def as_text(comparison: Comparison, folder: Path) -> str:
     """Return the comparison as people read it: times, differences, breakdowns, verdict."""
     head = f"{comparison.name}: {len(comparison.models)} models over {comparison.duration:.6g} s, "
     head += f"reference {comparison.reference}"
-    blocks = [head, _cost_table(comparison), _difference_table(comparison), _remarks(comparison)]
+    costs = table(cost_columns(comparison), comparison.models) + "\n"
+    remarks = "".join(f"{wrapped(line)}\n" for line in (*marks_in(comparison), *doubts_on(comparison)))
+    blocks = [head, costs, _difference_table(comparison), remarks]
     verdict = wrapped(comparison.sentence, "", "  ")
     return "\n".join([*filter(None, blocks), f"  results: {folder}/", verdict])
 
 
-def _cost_table(comparison: Comparison) -> str:
+def cost_columns(comparison: Comparison) -> tuple[Column, ...]:
+    """Return the columns of the table of models: how they ended, cost, error in time, worst difference."""
+
     def worst(model: ModelResult) -> str:
         if model.model == comparison.reference:
             return "reference"
@@ -77,7 +81,7 @@ def _cost_table(comparison: Comparison) -> str:
         spare = 2 + _PHASES.index(phase)
         return Column(phase.replace("_", " "), lambda model: model.cpu_s.get(phase, 0.0), _seconds, spare)
 
-    columns = (
+    return (
         Column("model"),
         Column("method"),
         Column("coordinates", spare=1),
@@ -87,7 +91,6 @@ def _cost_table(comparison: Comparison) -> str:
         Column("time error", lambda model: None if model.time_error is None else percent(model.time_error)),
         Column("worst difference", worst),
     )
-    return table(columns, comparison.models) + "\n"
 
 
 def _solve(model: ModelResult) -> str:
@@ -103,10 +106,8 @@ def _outcome(model: ModelResult) -> str:
     return f"{ending(model.status)} at {model.stop_time:.3g} s" if model.broke_down else "done"
 
 
-def _difference_table(comparison: Comparison) -> str:
-    others = [m for m in comparison.models if m.model != comparison.reference]
-    if not others or not comparison.scales:
-        return ""
+def difference_columns(comparison: Comparison) -> tuple[tuple[Column, ...], list[Column]]:
+    """Return the columns of the table of channels, and those with the differences of each model."""
 
     def difference_of(model: ModelResult) -> Column:
         return Column(model.model, lambda scale: _difference(model, scale))
@@ -116,9 +117,16 @@ def _difference_table(comparison: Comparison) -> str:
         Column("unit"),
         Column("range", "reference_range", ".4g"),
     )
+    return head, [difference_of(m) for m in comparison.models if m.model != comparison.reference]
+
+
+def _difference_table(comparison: Comparison) -> str:
+    head, others = difference_columns(comparison)
+    if not others or not comparison.scales:
+        return ""
     for beside in range(len(others), 0, -1):  # as many models side by side as there is room for
         groups = [others[n : n + beside] for n in range(0, len(others), beside)]
-        tables = [table((*head, *map(difference_of, group)), comparison.scales) for group in groups]
+        tables = [table((*head, *group), comparison.scales) for group in groups]
         if max(len(line) for text in tables for line in text.split("\n")) <= WIDTH:
             break
     return "\n\n".join(tables) + "\n"
@@ -137,29 +145,33 @@ def _difference(model: ModelResult, scale: ChannelScale) -> str:
     return f"{found.max_abs:.3g}" + (f" ({percent(found.max_relative)})" if scale.judged else "")
 
 
-def _remarks(comparison: Comparison) -> str:
+def marks_in(comparison: Comparison) -> Iterator[str]:
+    """Yield what marks in the table of channels mean."""
     small = dict.fromkeys(f"{s.scale:.2g} {s.unit}" for s in comparison.scales if s.small and s.judged)
-    why = f"relative to {', '.join(small)} instead (1/1000 of the scene's scale)"
-    lines = [f"  * range too small to judge by: {why}"] if small else []
+    if small:
+        instead = f"relative to {', '.join(small)} instead (1/1000 of the scene's scale)"
+        yield f"* range too small to judge by: {instead}"
     if any(not scale.judged for scale in comparison.scales):
-        lines.append("  - not judged")
+        yield "- not judged"
     if any(found.equal for model in comparison.models for found in model.differences):
-        lines.append("  = equal within the errors in time of both")
-    lines += _blind_spots(comparison)
+        yield "= equal within the errors in time of both"
+
+
+def doubts_on(comparison: Comparison) -> Iterator[str]:
+    """Yield what the comparison cannot tell, and when and why models left their range, or ended."""
+    yield from _blind_spots(comparison)
     for model in comparison.models:
-        lines += [wrapped(f"{model.model} {words}") for words in _departure(model)]
-    return "\n".join([*lines, ""]) if lines else ""
+        yield from (f"{model.model} {words}" for words in _departure(model))
 
 
 def _blind_spots(comparison: Comparison) -> Iterator[str]:
-    """Yield what the comparison cannot tell."""
     scales = comparison.scales
     if not any(s.judged and s.group == "motion" for s in scales) and any(s.judged for s in scales):
         judged = ", ".join(s.channel for s in scales if s.judged)
-        yield f"  no position, angle or deflection is judged; the verdict rests on {judged}"
+        yield f"no position, angle or deflection is judged; the verdict rests on {judged}"
     alike = {m.model: m.coordinates for m in comparison.models if m.model in ("exact", "ancf")}
     if len(alike) == 2 and len(set(alike.values())) == 1:
-        yield "  exact and ancf make the same steps in the same coordinates: that they agree checks nothing"
+        yield "exact and ancf make the same steps in the same coordinates: that they agree checks nothing"
 
 
 def _departure(model: ModelResult) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""A run as one page of HTML that needs nothing else: to read, keep, send and print."""
+"""A run or a comparison as one page of HTML that needs nothing else: to read, keep, send and print."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from hfsim import __version__
 from hfsim.output.disk import disk, write_json, write_text
 from hfsim.output.runfolder import SUMMARY
 
@@ -49,14 +48,13 @@ def add_page(folder: Path, summary: Mapping[str, Any], text: str, deck: str) -> 
         [name, _short(summary["final"].get(name)), *map(_short, summary["extremes"].get(name, ())), unit]
         for name, unit in summary["channels"].items()
     ]
-    doubtful = [*summary["warnings"], *_doubts(summary)]
+    doubtful = [*summary["warnings"], *_doubts_of(summary)]
     parts = [
-        _section("Results", f"<pre>{escape(text)}</pre>"),
-        _section("What is doubtful", _doubtful(doubtful)),
-        _section("Channels", _table(("channel", "last", "smallest", "largest", "unit"), values)),
-        *_pictures(folder, summary["files"]),
-        _section("Deck", f"<p>{escape(str(summary['deck']))}</p><pre>{escape(deck)}</pre>"),
-        _settings(summary["overrides"]),
+        section("Results", verbatim(text)),
+        section("What is doubtful", doubts(doubtful)),
+        section("Channels", html_table(("channel", "last", "smallest", "largest", "unit"), values)),
+        *pictures(folder, summary["files"]),
+        *origin(summary, deck),
     ]
     title = f"{summary['name']}: {summary['status']}"
     plain = {**summary, "files": [*summary["files"], PAGE]}
@@ -72,31 +70,59 @@ def page(title: str, parts: Sequence[str], versions: Mapping[str, str]) -> str:
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
         f"<style>{_STYLE}</style></head>\n<body><h1>{escape(title)}</h1>\n{''.join(parts)}"
-        f"<footer>hfsim {__version__}; {made}</footer></body></html>\n"
+        f"<footer>{made}</footer></body></html>\n"
     )
 
 
-def _section(head: str, body: str) -> str:
+def section(head: str, body: str) -> str:
+    """Return a part of a page, whose body is HTML already."""
     return f"<h2>{escape(head)}</h2>\n{body}\n"
 
 
-def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def verbatim(text: str) -> str:
+    """Return a text as it stands."""
+    return f"<pre>{escape(text)}</pre>"
+
+
+def html_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of cells under their headings."""
     first = "".join(f"<th>{escape(head)}</th>" for head in heads)
     lines = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>\n" for row in rows)
     return f"<table><tr>{first}</tr>\n{lines}</table>"
+
+
+def doubts(lines: Sequence[str]) -> str:
+    """Return what is doubtful as a list, or that nothing is."""
+    if not lines:
+        return "<p>Nothing was found to be.</p>"
+    return f'<ul class="doubt">{"".join(f"<li>{escape(line)}</li>" for line in lines)}</ul>'
+
+
+def pictures(folder: Path, files: Sequence[str]) -> list[str]:
+    """Return the part with the pictures among some files of a folder; none where there are none."""
+    shown = [name for name in files if Path(name).suffix in _KINDS and (folder / name).is_file()]
+    if not shown:
+        return []
+    images = (
+        f'<img alt="{escape(Path(name).stem)}" src="data:{_KINDS[Path(name).suffix]};base64,'
+        f'{base64.b64encode((folder / name).read_bytes()).decode()}">'
+        for name in shown
+    )
+    return [section("Plots", "\n".join(images))]
+
+
+def origin(facts: Mapping[str, Any], deck: str) -> list[str]:
+    """Return the parts with the deck, of this text, and the settings that changed it."""
+    parts = [section("Deck", f"<p>{escape(str(facts['deck']))}</p>{verbatim(deck)}")]
+    told = "\n".join(facts["overrides"])
+    return [*parts, section("Settings of the command line", verbatim(told))] if told else parts
 
 
 def _short(value: object) -> str:
     return f"{value:.6g}" if isinstance(value, float) else "-" if value is None else str(value)
 
 
-def _doubtful(lines: Sequence[str]) -> str:
-    if not lines:
-        return "<p>Nothing was found to be.</p>"
-    return f'<ul class="doubt">{"".join(f"<li>{escape(line)}</li>" for line in lines)}</ul>'
-
-
-def _doubts(summary: Mapping[str, Any]) -> list[str]:
+def _doubts_of(summary: Mapping[str, Any]) -> list[str]:
     """Return why a run ended early, what is suspicious of it, and which errors are not known."""
     found = [summary["reason"]] if summary["reason"] else []
     if summary.get("suspicion"):
@@ -106,20 +132,3 @@ def _doubts(summary: Mapping[str, Any]) -> list[str]:
             why = summary[f"{name}_reason"] or "not asked for"
             found.append(f"the {name.replace('_', ' ')} is not known: {why}")
     return found
-
-
-def _pictures(folder: Path, files: Sequence[str]) -> list[str]:
-    shown = [name for name in files if Path(name).suffix in _KINDS and (folder / name).is_file()]
-    if not shown:
-        return []
-    images = (
-        f'<img alt="{escape(Path(name).stem)}" src="data:{_KINDS[Path(name).suffix]};base64,'
-        f'{base64.b64encode((folder / name).read_bytes()).decode()}">'
-        for name in shown
-    )
-    return [_section("Plots", "\n".join(images))]
-
-
-def _settings(overrides: Sequence[str]) -> str:
-    told = "\n".join(overrides)
-    return _section("Settings of the command line", f"<pre>{escape(told)}</pre>") if overrides else ""

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
     from hfsim.output.text import Column
 
+Page: TypeAlias = "Callable[[Mapping[str, Any], Path], str]"
+"""Makes a page of HTML of the facts of a study and the folder with its pictures."""
 Table: TypeAlias = "tuple[Iterable[Column | str], Iterable[Any]]"
 """Columns and rows of a CSV file: rows are whatever the columns know to read."""
 
@@ -95,6 +97,7 @@ class Study:
         tables: Mapping[str, Table],
         text: str,
         draw: Callable[[Path], Iterable[str]] | None = None,
+        page: Page | None = None,
     ) -> dict[str, Any]:
         """Write the study and tell it: as JSON on one line or as text, as the user wishes.
 
@@ -108,6 +111,8 @@ class Study:
             The study as people read it.
         draw : callable, optional
             Draws the pictures into a folder and returns their names; not called if none are wanted.
+        page : callable, optional
+            Makes the page that shows all of it.
 
         Returns
         -------
@@ -128,6 +133,8 @@ class Study:
                 plain = self._add_pictures(plain, draw)
             except KeyboardInterrupt as stop:
                 signal = stop
+        if page and self.folder:
+            plain = self._add_page(plain, page)
         if self.folder:
             self.folder.release()
         self.talk.facts(plain)
@@ -153,6 +160,17 @@ class Study:
             self.talk.note(f"warning: {warnings[0]}")
         plain = {**plain, "versions": versions(), "files": [*plain["files"], *pictures], "warnings": warnings}
         with disk(self.path):
+            write_json(self.path / f"{self.kind}.json", plain)
+        return plain
+
+    def _add_page(self, plain: Mapping[str, Any], make: Page) -> dict[str, Any]:
+        """Write a page; return the facts with its name, as they are written anew."""
+        from hfsim.output.disk import disk, write_json, write_text
+        from hfsim.output.page import PAGE
+
+        with disk(self.path):
+            write_text(self.path / PAGE, make(plain, self.path))
+            plain = {**plain, "files": [*plain["files"], PAGE]}
             write_json(self.path / f"{self.kind}.json", plain)
         return plain
 

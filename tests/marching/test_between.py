@@ -1,5 +1,6 @@
 """Curves between the output times: what the steps say, whatever the interval, models, memories, ends."""
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -115,6 +116,15 @@ def test_there_are_enough_times_and_not_too_many(steps, rows, condensed, most, l
     times = times_between(path, np.linspace(0.0, 1.0, rows), 4000)
     assert least <= len(times) <= most
     assert (np.diff(times) > 0.0).all() and (times <= 1.0).all()
+
+
+def test_long_steps_that_turn_often_inside_have_more_times_than_short_ones():
+    none, ends = np.zeros(1), np.append([0.0, 0.5], np.linspace(0.5, 1.0, 301)[1:])
+    made = [Segment(a, b - a, none, none, np.zeros((20, 1))) for a, b in pairwise(ends)]
+    times = times_between(Trajectory(0.0, 1.0, none, none, made), np.array([0.0, 1.0]), 4000)
+    inside = np.diff(times[times < 0.5])
+    assert len(inside) > 30 and inside.max() == pytest.approx(inside.min())
+    assert np.diff(times).max() < 0.5 / 38
 
 
 def test_snapshots_survive_being_put_down(monkeypatch):

@@ -1,11 +1,13 @@
-"""The page of a run: whole, escaped, and without anything from elsewhere."""
+"""The page of a run, and of a comparison: whole, escaped, and without anything from elsewhere."""
 
 import json
 from html.parser import HTMLParser
 
 from click.testing import CliRunner
 
+import hfsim
 from hfsim.cli import app
+from hfsim.output.plots import comparison as overlays
 from hfsim.scene.shipped import CASES
 
 
@@ -49,3 +51,34 @@ def test_the_page_of_a_run_is_whole_and_safe(tmp_path):
     assert all(source.startswith("data:image/png;base64,") for source in reader.sources)
     for words in ("What is doubtful", *summary["warnings"], *summary["channels"], "solve.duration=0.05"):
         assert words in told
+
+
+def test_the_page_of_a_comparison_has_verdict_tables_and_overlays(tmp_path):
+    folder = tmp_path / "a"
+    argv = ["compare", "linear", "--case", "pendulum", "--repeats", "1", "--set", "solve.duration=0.05"]
+    result = CliRunner().invoke(app, [*argv, "--report", "-q", "-o", str(folder)])
+    assert result.exit_code == 0, result.output
+    reader = Reader()
+    reader.feed((folder / "report.html").read_text())
+    assert reader.open == []
+    facts, told = json.loads((folder / "compare.json").read_text()), "".join(reader.words)
+    pictures = [name for name in facts["files"] if name.endswith(".png")]
+    assert "report.html" in facts["files"]
+    assert len(reader.sources) == len(pictures) == len(facts["scales"]) + 1
+    for words in ("Models", "Differences", *facts["scales"], "linear leaves its range", argv[-1]):
+        assert words in told
+    assert facts["sentence"].removeprefix("verdict: ") in told
+
+
+def test_overlays_go_through_the_steps_of_each_run(monkeypatch):
+    figures = {}
+    monkeypatch.setattr(overlays, "save", lambda drawn, folder: figures.update(drawn) or list(drawn))
+    found = hfsim.compare("pendulum", ["linear"], {"solve.duration": 0.1, "output.interval": 0.05}, repeats=1)
+    overlays.draw_comparison(list(found.runs.values()), found, None)
+    linear, exact = figures["b1.angular_velocity"].axes[0].lines
+    for line, model in ((linear, "linear"), (exact, "exact")):
+        run = found.runs[model]
+        assert len(run.t) == 3
+        curve = dict(zip(*line.get_data(), strict=True))
+        assert len(curve) > 40
+        assert [curve[t] for t in run.t] == run["b1.angular_velocity"].tolist()

@@ -11,8 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from hfsim.marching.alike import jumps
 from hfsim.marching.rounding import levelled
 from hfsim.marching.solution import Channel, Run
+from hfsim.output.plots.history import broken
+from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.style import (
     BLUE,
     COLOURS,
@@ -20,13 +23,13 @@ from hfsim.output.plots.style import (
     ORANGE,
     PURPLE,
     RED,
+    SIZE,
     dress,
     dress_log,
     ended,
     finished,
     log_figure,
     mark_zero,
-    new_figure,
     save,
     slug,
     with_unit,
@@ -66,44 +69,53 @@ def draw_comparison(runs: Sequence[Run], comparison: Comparison, folder: Path) -
     truth = next(run for run in runs if run.model == comparison.reference)
     if not len(truth.t):
         return []
-    runs = [replace(run, channels=levelled(run.channels, truth.outlines)) for run in runs]
+    runs = [_shown(run, truth) for run in runs]
     truth = next(run for run in runs if run.model == comparison.reference)
     figures = {slug(channel.name): _overlay_figure(runs, truth, channel) for channel in truth.channels}
     cost = _cost_figure(comparison)
     return save(figures | ({"error_against_cost": cost} if cost else {}), folder)
 
 
+def _shown(run: Run, truth: Run) -> Run:
+    """Return a run as curves are drawn through it; what is rounding in the reference's scene is left out."""
+    drawn = run.drawn
+    return replace(drawn, channels=levelled(drawn.channels, truth.outlines))
+
+
 def _overlay_figure(runs: Sequence[Run], truth: Run, channel: Channel) -> Figure:
-    figure = new_figure((9.0, 4.6))
-    axes = figure.subplots()
-    curves = [(run, values) for run in runs if (values := _values(run, channel.name)) is not None]
-    low, high, clipped = overlay_limits(channel.values, [values for _, values in curves])
-    for run, values in curves:
+    sheet = Sheet()
+    axes = sheet.add(0.0, 0.0, SIZE[0] - 1.2, 3.6)
+    own = ((run, _channel(run, channel.name)) for run in runs)
+    curves = [(run, one) for run, one in own if one is not None]
+    low, high, clipped = overlay_limits(channel.values, [one.values for _, one in curves])
+    for run, one in curves:
         if run is not truth:
-            _draw_model(axes, run, values, (low, high))
+            _draw_model(axes, run, one, (low, high))
     label = f"{truth.model} (reference)" + ("" if truth.status == "done" else f" ({ended(truth)})")
-    axes.plot(truth.t, channel.values, "--", color="black", linewidth=1.5, label=label, zorder=5)
+    points = broken(truth.t, channel, jumps([channel]))
+    axes.plot(*points, "--", color="black", linewidth=1.5, label=label, zorder=5)
     axes.set_ylim(low, high)
     mark_zero(axes)
     dress(axes, "time [s]", with_unit(channel.name, channel.unit))
-    note = f"\n(axis cut at {_CLIP:.0f} x the reference's range)" if clipped else ""
-    return finished(figure, f"{truth.name}: {channel.name} by model{note}", [axes])
+    note = f" (axis cut at {_CLIP:.0f} x the reference's range)" if clipped else ""
+    return sheet.finish(f"{truth.name}: {channel.name} by model{note}", [axes])
 
 
-def _values(run: Run, name: str) -> np.ndarray | None:
-    found = next((channel.values for channel in run.channels if channel.name == name), None)
-    return found if found is not None and len(found) else None
+def _channel(run: Run, name: str) -> Channel | None:
+    found = next((channel for channel in run.channels if channel.name == name), None)
+    return found if found is not None and len(found.values) else None
 
 
-def _draw_model(axes: Axes, run: Run, values: np.ndarray, limits: tuple[float, float]) -> None:
+def _draw_model(axes: Axes, run: Run, channel: Channel, limits: tuple[float, float]) -> None:
     low, high = limits
     room = 2.0 * (high - low)
+    t, values = broken(run.t, channel, jumps([channel]))
     shown = np.clip(values, low - room, high + room)  # 1e200 would overflow the drawing library
     colour = _MODEL_COLOURS.get(run.model, COLOURS[4])
     if run.status == "done":
-        axes.plot(run.t, shown, color=colour, linewidth=1.8, label=run.model)
+        axes.plot(t, shown, color=colour, linewidth=1.8, label=run.model)
         return
-    axes.plot(run.t, shown, color=colour, linewidth=1.8)
+    axes.plot(t, shown, color=colour, linewidth=1.8)
     cross: dict[str, Any] = {"marker": "X", "color": colour, "linewidth": 1.8}
     axes.plot([], [], markersize=9, label=f"{run.model} ({ended(run)})", **cross)
     edge = np.clip(values[-1], low, high)

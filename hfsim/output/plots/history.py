@@ -123,7 +123,7 @@ def _draw(axes: Axes, run: Run, row: Row, breaks: Mapping[str, IntArray]) -> Non
     values = [curve.channel.values for curve in row.curves]
     low, high, beyond = limits(values, run.status == "failed")
     for curve, over in zip(row.curves, covering(values, high - low), strict=True):
-        t, drawn = _curve(run, curve.channel, breaks)
+        t, drawn = broken(run.t, curve.channel, breaks)
         style = _STYLES[over % len(_STYLES)]
         shown = np.clip(drawn, 2.0 * low - high, 2.0 * high - low)
         width = 1.5 if over else 1.7
@@ -193,7 +193,7 @@ def covering(curves: Sequence[Array], height: float) -> list[int]:
     return found
 
 
-def _curve(run: Run, channel: Channel, breaks: Mapping[str, IntArray]) -> tuple[Array, Array]:
-    """Return the points of a curve, with gaps where it is broken."""
+def broken(t: Array, channel: Channel, breaks: Mapping[str, IntArray]) -> tuple[Array, Array]:
+    """Return the points of a curve, with gaps where it is broken; see `jumps`."""
     rows = breaks.get(channel.name, ())
-    return np.insert(run.t, rows, np.nan), np.insert(channel.values, rows, np.nan)
+    return np.insert(t, rows, np.nan), np.insert(channel.values, rows, np.nan)
