@@ -15,22 +15,24 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
     from hfsim.marching.solution import Run
-    from hfsim.output.api import Deck, check, compare, load, run
+    from hfsim.output.api import Deck, check, compare, load, run, verify
     from hfsim.studies.compare import Comparison
+    from hfsim.studies.verify import Verification
 
 __version__ = "0.1.0"
 
 _PLACES = {
-    **dict.fromkeys(("Deck", "check", "compare", "load", "run"), "hfsim.output.api"),
+    **dict.fromkeys(("Deck", "check", "compare", "load", "run", "verify"), "hfsim.output.api"),
     **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
     "Run": "hfsim.marching.solution",
     "Comparison": "hfsim.studies.compare",
+    "Verification": "hfsim.studies.verify",
 }
 """Where each public name stands."""
 
 __all__ = [
-    "Comparison", "Deck", "DeckError", "HfsimError", "Run", "UnfinishedRunError", "check", "compare", "load",
-    "run",
+    "Comparison", "Deck", "DeckError", "HfsimError", "Run", "UnfinishedRunError", "Verification", "check",
+    "compare", "load", "run", "verify",
 ]  # fmt: skip
 
 

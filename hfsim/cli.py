@@ -24,6 +24,7 @@ COMMANDS = {
     "bench": "Error against run time: methods, tolerances, models, meshes.",
     "stability": "Where methods and models hold: maps over stiffness, speed, step and any entry.",
     "extreme": "The decks at the edge of what can be solved, held against what is expected.",
+    "verify": "Published values against what is found: benchmarks, and decks of one's own.",
     "plan": "What is built of a scene and what is left out: reasons, savings, cost.",
     "check": "Validate and assemble decks; run nothing, write nothing.",
     "init": "Write a commented deck to start from.",

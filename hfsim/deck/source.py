@@ -91,13 +91,7 @@ class DeckSource:
 
     def path_of(self, name: str) -> Path:
         """Return the path that a dotted name stands for; digits count list entries."""
-        path: Path = ()
-        here: Any = self.data
-        for word in name.split("."):
-            step: str | int = int(word) if isinstance(here, list) and _INDEX.fullmatch(word) else word
-            here = _child(here, step)
-            path += (step,)
-        return path
+        return path_in(self.data, name)
 
     def is_overridden(self, path: Path) -> bool:
         """Tell whether an override set the entry or something that contains it."""
@@ -224,19 +218,38 @@ def _set_entry(source: DeckSource, override: str) -> OverrideProblem | None:
     wrong = [reader] if isinstance(reader, DeckProblem) else reader.problems
     if isinstance(reader, DeckProblem) or wrong:
         return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint)
+    if why := why_unset(source.data, name):
+        return OverrideProblem(name, why[0], why[1])
     path = source.path_of(name)
-    for depth in range(1, len(path)):
-        if not _child_exists(source.data, path[:depth]):
-            known = entry_at(source.data, path[: depth - 1])
-            hint = did_you_mean(str(path[depth - 1]), known if isinstance(known, dict) else ())
-            return OverrideProblem(name, f"there is no {dotted(path[:depth])} in the deck", hint)
     parent = entry_at(source.data, path[:-1])
-    if isinstance(parent, list) and not _child_exists(source.data, path):
-        return OverrideProblem(name, f"{dotted(path[:-1])} has {len(parent)} entries, counted from 0")
-    if not isinstance(parent, dict | list):
-        return OverrideProblem(name, f"{dotted(path[:-1])} is a value and has no entries")
-    parent[path[-1]] = reader.data  # type: ignore[index]
+    parent[path[-1]] = reader.data
     source.overridden.add(path)
+    return None
+
+
+def path_in(data: Any, name: str) -> Path:
+    """Return the path that a dotted name stands for in plain data; digits count list entries."""
+    path: Path = ()
+    for word in name.split("."):
+        step: str | int = int(word) if isinstance(data, list) and _INDEX.fullmatch(word) else word
+        data = _child(data, step)
+        path += (step,)
+    return path
+
+
+def why_unset(data: Any, name: str) -> tuple[str, str] | None:
+    """Return why nothing can be set at a dotted name in plain data and what would be; None if it can."""
+    path = path_in(data, name)
+    for depth in range(1, len(path)):
+        if not _child_exists(data, path[:depth]):
+            known = entry_at(data, path[: depth - 1])
+            hint = did_you_mean(str(path[depth - 1]), known if isinstance(known, dict) else ())
+            return f"there is no {dotted(path[:depth])} in the deck", hint
+    parent = entry_at(data, path[:-1])
+    if isinstance(parent, list) and not _child_exists(data, path):
+        return f"{dotted(path[:-1])} has {len(parent)} entries, counted from 0", ""
+    if not isinstance(parent, dict | list):
+        return f"{dotted(path[:-1])} is a value and has no entries", ""
     return None
 
 

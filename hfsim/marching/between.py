@@ -63,18 +63,30 @@ class Between:
 
     def _parts(self) -> Iterator[Array]:
         for leg in self.legs:
-            path, angles = leg.done.trajectory, leg.record.begin_angles
+            path = leg.done.trajectory
             room = int(min(MOST, MOST_NUMBERS / max(1, leg.scene.system.n)))
-            times = times_between(path, self.t, room)
-            turns = count_turns(leg.scene, path, times, angles)
-            for k in range(0, len(times), AT_ONCE):
-                some = slice(k, k + AT_ONCE)
-                with np.errstate(all="ignore"):
-                    q, v = leg.scene.system.project(times[some], *path.at(times[some]))
-                    counted = {name: one[some] for name, one in turns.items()}
-                    samples = SceneSamples(leg.scene, times[some], q, v, counted)
-                    columns = [one.values for one in compute_channels(samples)]
-                yield np.column_stack([times[some], *columns])
+            yield from _read(leg, times_between(path, self.t, room))
+
+    def at(self, times: Array) -> Array:
+        """Return the channels at sorted times within the run, shape (n_times, n_channels)."""
+        ends = np.array([leg.done.trajectory.t_end for leg in self.legs[:-1]])
+        owner = np.searchsorted(ends, times)
+        parts = [one for k, leg in enumerate(self.legs) for one in _read(leg, times[owner == k])]
+        return np.concatenate(parts)[:, 1:]
+
+
+def _read(leg: Leg, times: Array) -> Iterator[Array]:
+    """Yield rows, times [s] and channels, read from the steps at sorted times."""
+    path = leg.done.trajectory
+    turns = count_turns(leg.scene, path, times, leg.record.begin_angles)
+    for k in range(0, len(times), AT_ONCE):
+        some = slice(k, k + AT_ONCE)
+        with np.errstate(all="ignore"):
+            q, v = leg.scene.system.project(times[some], *path.at(times[some]))
+            counted = {name: one[some] for name, one in turns.items()}
+            samples = SceneSamples(leg.scene, times[some], q, v, counted)
+            columns = [one.values for one in compute_channels(samples)]
+        yield np.column_stack([times[some], *columns])
 
 
 def times_between(path: Trajectory, rows: Array, room: int) -> Array:

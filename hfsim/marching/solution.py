@@ -61,6 +61,9 @@ class Fine(Protocol):
     def curves(self) -> tuple[ndarray, tuple[Channel, ...]]:
         """Times [s] in order, the output's among them, and the channels there."""
 
+    def at(self, times: ndarray) -> ndarray:
+        """Return the channels at sorted times within the run, shape (n_times, n_channels)."""
+
 
 @dataclass(frozen=True, eq=False)
 class Run:

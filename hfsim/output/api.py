@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from hfsim.output.recording import Recording
     from hfsim.output.stream import Stream
     from hfsim.studies.compare import Comparison
+    from hfsim.studies.verify import Verification
 
 Deck = LoadedDeck
 """A checked deck: ``deck`` has its entries, ``resolved()`` of it plain data, `changed` gives another one."""
@@ -272,6 +273,49 @@ def compare(
     if found.interrupted:
         raise KeyboardInterrupt
     return found
+
+
+def verify(
+    decks: AnyDeck | Sequence[AnyDeck] = (), *, jobs: int = 1, progress: Progress | None = None
+) -> Verification:
+    """Hold what is found against published values; what ``hfsim verify`` does.
+
+    Parameters
+    ----------
+    decks : deck or sequence of decks
+        As in `load`, with an entry ``verify``; or names of shipped benchmarks, all of them without any.
+    jobs : int
+        Processes at a time.
+    progress : callable, optional
+        Called with the share of the work that is done, 0 to 1.
+
+    Returns
+    -------
+    Verification
+        ``rows`` with ``quantity``, ``published``, ``found``, ``difference``, ``bound`` and ``verdict``
+        (``held``, ``missed``, ``failed``); ``held``, how many; ``exit_code``, 0 where all are held.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If a deck is bad, or has no such entry.
+    KeyboardInterrupt
+        If the keyboard or a signal ends it.
+    """
+    from hfsim.studies import verify as study
+
+    shipped = study.published_decks()
+    one = isinstance(decks, LoadedDeck | Mapping | str | os.PathLike)
+    named: Sequence[Any] = [decks] if one else list(decks) or list(shipped)  # type: ignore[arg-type]
+    found = (shipped.get(each, each) if isinstance(each, str) else each for each in named)
+    result = study.verify([study.entry_of(load(each)) for each in found], jobs, progress or _no_progress)
+    if result.interrupted:
+        raise KeyboardInterrupt
+    return result
+
+
+def _no_progress(share: float) -> None:
+    """Take a share that nobody has asked for."""
 
 
 def _silent(line: str) -> None:

@@ -12,7 +12,7 @@ from hfsim.scene.declared import Declared
 
 
 class ChannelNames:
-    """The check of ``output.channels``.
+    """The check of ``output.channels``, and of channels elsewhere in a deck.
 
     Attributes
     ----------
@@ -37,9 +37,10 @@ class ChannelNames:
             if channel in seen:
                 yield Complaint(path, f"'{channel}' is listed twice", "remove one of the two")
             seen.add(channel)
-            yield from self._channel_complaint(path, channel)
+            yield from self.channel_complaint(path, channel)
 
-    def _channel_complaint(self, path: Path, channel: str) -> Iterator[Complaint]:
+    def channel_complaint(self, path: Path, channel: str) -> Iterator[Complaint]:
+        """Yield what is wrong with a channel that stands at a path."""
         owner, _, rest = channel.partition(".")
         points, joints = self.declared.points, self.declared.names("joints")
         subject = owner if owner in scene_words() else ""
@@ -90,7 +91,6 @@ class ChannelNames:
             yield Complaint(path, message, "take shape: rectangle, circle or tube")
         else:
             yield from self.declared.point_complaint(path, point)
-
 
     def _sections(self, body: dict[str, Any]) -> list[dict[str, Any]]:
         """Return the sections of a beam."""

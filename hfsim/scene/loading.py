@@ -23,6 +23,9 @@ from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
 from hfsim.scene.checks import complaints_of, slips_of
 from hfsim.scene.schema import Deck
 
+if typing.TYPE_CHECKING:
+    from hfsim.scene.published import VerifySpec
+
 DEFAULT_TARGET = 1e-2
 """Target error of decks that leave elements to `run` and state no target [-]."""
 
@@ -41,11 +44,14 @@ class LoadedDeck:
     source : DeckSource
     auto_elements : tuple of str
         Beams whose elements the deck leaves to `hfsim run`; it has a target error then.
+    published : VerifySpec or None
+        Values that the deck states for itself; ``deck.verify`` is None.
     """
 
     deck: Deck
     source: DeckSource = field(repr=False, compare=False)
     auto_elements: tuple[str, ...] = ()
+    published: "VerifySpec | None" = None
 
     @property
     def deck_sha256(self) -> str:
@@ -199,6 +205,10 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         complaints = explained(Deck, error)
         entries = _readable_entries(data)
     complaints += islice(complaints_of(data, entries), MOST_PROBLEMS + 1)
+    if "verify" in data and all(path[0] == "verify" for path in source.overridden):
+        from hfsim.scene.published import complaints_of_rows
+
+        complaints += complaints_of_rows(source.data, entries)
     if deck is not None and not complaints and deck.dimension == 3:
         from hfsim.scene.spatial_lines import refusals
 
@@ -211,7 +221,9 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         # What follows from a problem at the very same place is left out.
         distinct = {(one.path, one.file, one.line, one.column): one for one in reversed(problems)}
         raise source.error(distinct.values())
-    return LoadedDeck(deck, source, auto)
+    if deck.verify is None:
+        return LoadedDeck(deck, source, auto)
+    return LoadedDeck(deck.model_copy(update={"verify": None}), source, auto, deck.verify)
 
 
 def _loads_beyond(deck: Deck) -> Iterator[Complaint]:

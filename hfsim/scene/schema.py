@@ -35,7 +35,7 @@ from hfsim.deck.materials import MaterialSpec
 from hfsim.deck.reader import Path
 from hfsim.deck.sections import SectionSpec
 from hfsim.deck.source import did_you_mean
-from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, named_in, refusal, shown
+from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, entry_of, named_in, refusal, shown
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.maths.arrays import Array
 from hfsim.maths.memory import available, in_bytes
@@ -321,6 +321,9 @@ class Deck(Spec):
 
     output: OutputSpec = Field(default_factory=OutputSpec.model_construct)
     """What is written."""
+
+    verify: Annotated[Any, entry_of("hfsim.scene.published.VerifySpec")] = Field(default=None, exclude=True)
+    """Published values that `hfsim verify` holds the deck against."""
 
     def model_post_init(self, context: Any, /) -> None:
         """Put the defaults that depend on other entries into the output."""

@@ -1,0 +1,91 @@
+"""`hfsim verify`: published values against what hfsim finds."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hfsim.commands.decks import load_decks
+from hfsim.commands.options import jobs_option, setting_options, talk_options
+from hfsim.output.study import Study
+from hfsim.output.talk import Destination, Talk, print_error
+
+if TYPE_CHECKING:
+    from hfsim.studies.verify import Entry, Verification
+
+
+@click.command()
+@click.argument("names", metavar="[NAME or DECK...]", nargs=-1)
+@click.option("--list", "listing", is_flag=True, help="Tell what there is, and run nothing.")
+@click.option("--markdown", is_flag=True, help="Print the tables as Markdown.")
+@jobs_option(os.cpu_count() or 1)
+@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Write tables there.")
+@click.option("--force", is_flag=True, help="Replace the results of a finished study.")
+@setting_options()
+@talk_options
+def verify(
+    names: tuple[str, ...],
+    listing: bool,
+    markdown: bool,
+    jobs: int,
+    output: Path | None,
+    force: bool,
+    overrides: tuple[str, ...],
+    talk: Talk,
+) -> None:
+    """Hold what hfsim finds against published values: of the shipped benchmarks, those NAMEd, or a DECK.
+
+    A deck says under 'verify' what is known of it, also one of your own: see 'hfsim help verify'. Runs are
+    made twice at least, each time tighter, until their error in time is small beside the bounds. Exit code
+    4: a value is missed; 3: something could not be computed.
+    """
+    from hfsim.studies.verify import published_decks
+
+    entries = _entries(names or tuple(published_decks()), overrides, talk)
+    if listing:
+        _tell_list(entries, talk)
+        return
+    study = Study.claim("verify", Destination(output, force), "", talk) if output else Study("verify", talk)
+    raise click.exceptions.Exit(_carry_out(entries, jobs, markdown, study))
+
+
+def _entries(names: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> list[Entry]:
+    """Load all decks; names of shipped benchmarks go before files of the same name."""
+    from hfsim.studies.verify import entry_of, published_decks
+
+    shipped = published_decks()
+    files = [str(shipped.get(name, name)) for name in names]
+    return [entry_of(one) for one in load_decks(files, overrides, talk, entry_of)]
+
+
+def _tell_list(entries: list[Entry], talk: Talk) -> None:
+    from hfsim.output.verify import as_list, list_facts
+
+    talk.facts(list_facts(entries))
+    talk.result(as_list(entries))
+
+
+def _carry_out(entries: list[Entry], jobs: int, markdown: bool, study: Study) -> int:
+    """Find, write and tell all values; return the exit code."""
+    from hfsim.output.progress import Progress
+    from hfsim.output.verify import COLUMNS, as_markdown, as_text
+    from hfsim.studies.verify import as_facts, verify
+
+    with Progress("verify", sys.stderr, study.talk.quiet) as progress:
+        result = verify(entries, jobs, progress)
+    text = (as_markdown if markdown else as_text)(result)
+    study.publish(as_facts(result), {"verify": (COLUMNS, result.rows)}, text)
+    _tell_misses(result)
+    return result.exit_code
+
+
+def _tell_misses(result: Verification) -> None:
+    if result.interrupted:
+        print_error("interrupted; what was found until then is told")
+    missed, count = len(result.rows) - result.held, len(result.rows)
+    if missed:
+        print_error(f"error: {missed} of {count} published values are not found within their bounds")

@@ -1,0 +1,108 @@
+"""How a verification is shown: as text, as a table of Markdown, as columns of a file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import groupby
+from typing import TYPE_CHECKING, Any
+
+from hfsim.output.text import Column, brief, plural, table, wrapped
+
+if TYPE_CHECKING:
+    from hfsim.studies.verify import Entry, Row, Verification
+
+_SPOKEN = {"held": "ok", "missed": "MISSED", "failed": "FAILED"}
+_DIGITS = 12
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.{_DIGITS}g}"
+
+
+def _what(row: Row) -> str:
+    """Return a quantity with what is set for it, by the last words of the paths."""
+    changed = ", ".join(f"{path.rpartition('.')[2]} {_plain(value)}" for path, value in row.variant.items())
+    study = "" if row.study == "run" else f"{row.study}: "
+    return f"{study}{row.quantity}{f' [{changed}]' if changed else ''}"
+
+
+def _plain(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+COLUMNS = (
+    Column("deck"), Column("quantity"),
+    Column("set", lambda row: "; ".join(f"{path}={value}" for path, value in row.variant.items())),
+    *map(Column, ("study", "published", "found", "difference", "bound", "unit", "time_error")),
+    *map(Column, ("verdict", "grade", "source", "reason")),
+)  # fmt: skip
+"""Columns of ``verify.csv``."""
+
+_TEXT = (
+    Column("quantity", _what),
+    Column("published", "published", _number),
+    Column("found", "found", _number),
+    Column("difference", "difference", brief),
+    Column("bound", "bound", brief),
+    Column("unit", lambda row: row.unit or "-"),
+    Column("in time", "time_error", brief, spare=1),
+    Column("", lambda row: _SPOKEN.get(row.verdict, row.verdict)),
+)
+
+
+def as_text(result: Verification) -> str:
+    """Return a table for each deck, and how many values hold."""
+    blocks = []
+    for name, rows in _by_deck(result):
+        misses = [wrapped(f"{_what(row)}: {row.reason}") for row in rows if row.reason]
+        blocks.append("\n".join([_head(name, rows[0]), table(_TEXT, rows), *misses]))
+    return "\n\n".join([*blocks, _last(result)])
+
+
+def _by_deck(result: Verification) -> Iterator[tuple[str, list[Row]]]:
+    yield from ((name, list(rows)) for name, rows in groupby(result.rows, lambda row: row.deck))
+
+
+def _head(name: str, row: Row) -> str:
+    return f"{name}: {row.source}{f' (grade {row.grade})' if row.grade else ''}"
+
+
+def _last(result: Verification) -> str:
+    count = plural(len(result.rows), "published value")
+    return f"{result.held} of {count} within their bounds; {result.used:.3g} s used"
+
+
+def as_markdown(result: Verification) -> str:
+    """Return the same for pages."""
+    blocks = [f"## {_head(name, rows[0])}\n\n{_table(rows)}" for name, rows in _by_deck(result)]
+    return "\n\n".join(blocks)
+
+
+def _table(rows: Sequence[Row]) -> str:
+    columns = [Column("quantity", lambda row: f"`{_what(row)}`"), *_TEXT[1:6], _TEXT[-1]]
+    cells = [[one.name for one in columns], ["---"] * len(columns)]
+    cells += [[one.text(row) for one in columns] for row in rows]
+    return "\n".join(f"| {' | '.join(one)} |" for one in cells)
+
+
+_LIST = (
+    Column("deck", "name"),
+    Column("values", lambda entry: len(entry.rows)),
+    Column("grade", lambda entry: entry.grades or None),
+    Column("about [s]", lambda entry: entry.published.seconds, ".3g"),
+    Column("source", lambda entry: entry.published.source),
+)
+
+
+def as_list(entries: Sequence[Entry]) -> str:
+    """Return what there is to be verified."""
+    return table(_LIST, entries)
+
+
+def list_facts(entries: Sequence[Entry]) -> list[dict[str, Any]]:
+    """Return the same as JSON-ready facts."""
+    return [
+        {"name": one.name, "file": one.file, "source": one.published.source, "grade": one.grades,
+         "seconds": one.published.seconds, "quantities": [row.quantity for row in one.rows]}
+        for one in entries
+    ]  # fmt: skip

@@ -1,0 +1,164 @@
+"""What a deck is checked against: published values of its quantities, ``verify`` in a deck."""
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from hfsim.deck.fields import EmptyAllowed, PositiveTime, measures, read_text
+from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
+from hfsim.deck.reader import Path
+from hfsim.deck.source import why_unset
+from hfsim.deck.spec import Complaint, ReadBy, Spec, entry_of, refusal, shown
+from hfsim.scene.channel_names import ChannelNames
+from hfsim.scene.declared import Declared
+from hfsim.scene.schema import space_of
+
+_Text = Annotated[str, ReadBy(read_text, type="string")]
+_Bound = Annotated[float, measures(above=0)]
+
+
+def _read_quantity(value: object) -> Quantity:
+    if isinstance(value, Quantity):
+        return value
+    text = read_text(value)
+    try:
+        return read_quantity(text)
+    except QuantityError as error:
+        raise refusal(f"{shown(text)}: {error}", error.hint) from None
+
+
+class RowSpec(Spec):
+    """One published value."""
+
+    quantity: Annotated[Quantity, ReadBy(_read_quantity, type="string")]
+    """What is published: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency(NUMBER) [Hz],
+    damping(NUMBER), critical(NUMBER)."""
+
+    published: Annotated[float, measures()]
+    """Its value, in the SI unit of the quantity."""
+
+    bound: _Bound | None = None
+    """Largest difference from it, in the same unit."""
+
+    relative: _Bound | None = None
+    """The same as a share of the published value [-]."""
+
+    set: Annotated[dict[_Text, Any], EmptyAllowed] = Field(default_factory=dict)
+    """Entries of the deck that this row has otherwise, by dotted paths as of `--set`."""
+
+    study: Literal["run", "static", "modes"] | None = None
+    """What finds it; without it the one that has such quantities, for channels a run."""
+
+    grade: Literal["A", "B", "C", "D", "E"] | None = None
+    """How far the value can be trusted, where that is not as of the others."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield two bounds, a share of nothing, and a study that has no such quantity."""
+        if self.bound is not None and self.relative is not None:
+            yield Complaint(("relative",), "bound says this already", "leave one of them out", True)
+        if self.relative is not None and self.published == 0.0:
+            yield Complaint(("relative",), "a share of a value of 0 allows no difference", "state bound")
+        if self.study is not None and self.study not in self.quantity.studies:
+            known = " and ".join(self.quantity.studies)
+            yield Complaint(("study",), f"{self.study} has no {self.quantity.kind}", f"{known} has it")
+
+    @property
+    def variant(self) -> tuple[str, ...]:
+        """What is set, as overrides ``KEY=VALUE``."""
+        return tuple(f"{path}={json.dumps(value)}" for path, value in self.set.items())
+
+
+class VerifySpec(Spec):
+    """Published values that the deck is checked against by `hfsim verify`."""
+
+    source: _Text
+    """Where they are from."""
+
+    grade: Literal["A", "B", "C", "D", "E"] | None = None
+    """How far they can be trusted. A: closed form or high precision; B: converged, by an independent code;
+    C: of another code, not recomputed; D: measured; E: read off a picture."""
+
+    bound: _Bound | None = None
+    """Bound of the rows that have none."""
+
+    relative: _Bound | None = None
+    """The same as a share of the published value [-]."""
+
+    seconds: PositiveTime | None = None
+    """About how long all of it takes [s]: what takes long is begun first."""
+
+    rows: Annotated[
+        tuple[Annotated[RowSpec, entry_of("hfsim.scene.published.RowSpec")], ...], Field(min_length=1)
+    ]
+    """Quantities and their values."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield rows without a bound."""
+        if self.bound is not None and self.relative is not None:
+            yield Complaint(("relative",), "bound says this already", "leave one of them out", True)
+        for number, row in enumerate(self.rows):
+            if self.bound is None and self.relative is None and row.bound is None and row.relative is None:
+                hint = "state bound or relative, here or for all rows"
+                yield Complaint(("rows", number), "missing key: no bound on the difference", hint)
+            elif self.relative is not None and row.bound is None and row.published == 0.0:
+                why = "a share of a value of 0 allows no difference"
+                yield Complaint(("rows", number, "published"), why, "state the bound of this row")
+
+    def study_of(self, row: RowSpec) -> str:
+        """Return what finds the quantity of a row."""
+        return row.study or row.quantity.studies[0]
+
+    def bound_of(self, row: RowSpec) -> float:
+        """Return the largest difference that a row allows, in the unit of its quantity."""
+        if row.bound is not None:
+            return row.bound
+        share = row.relative if row.relative is not None else self.relative if self.bound is None else None
+        return share * abs(row.published) if share is not None else self.bound or 0.0
+
+
+def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iterator[Complaint]:
+    """Yield rows that do not fit the rest of a deck: what is no channel, comes too late or cannot be set.
+
+    Parameters
+    ----------
+    data : dict
+        Plain data of the deck, its parameters included.
+    entries : mapping
+        Of each top-level key what could be read.
+    """
+    said = entries if "gravity" in data else {**entries, "gravity": ()}
+    names = ChannelNames(Declared(data), space_of(said)[0])
+    for number, row in _rows_in(data):
+        at = ("verify", "rows", number)
+        changed = row["set"] if isinstance(row.get("set"), dict) else {}
+        for path in changed:
+            if why := why_unset(data, path):
+                yield Complaint((*at, "set", path), why[0], why[1], True)
+        text = row.get("quantity")
+        with suppress(QuantityError):
+            quantity = read_quantity(text if isinstance(text, str) else "")
+            if quantity.channel and not any(path.startswith(_WHAT_THERE_IS) for path in changed):
+                yield from names.channel_complaint((*at, "quantity"), quantity.channel)
+            if not changed and row.get("study", "run") == "run":
+                yield from _too_late((*at, "quantity"), quantity, entries["solve"])
+
+
+def _too_late(path: Path, quantity: Quantity, solve: Any) -> Iterator[Complaint]:
+    if solve is not None and quantity.time is not None and quantity.time > solve.duration:
+        why = f"{quantity.time:g} s is after the end of the run, {solve.duration:g} s"
+        yield Complaint(path, why)
+
+
+_WHAT_THERE_IS = ("bodies", "joints", "sections", "gravity")
+"""Parts of a deck that decide which channels there are."""
+
+
+def _rows_in(data: Mapping[str, Any]) -> Iterator[tuple[int, Mapping[str, Any]]]:
+    """Yield those rows of a deck's plain data that are maps, with their numbers."""
+    verify = data.get("verify")
+    rows = verify.get("rows") if isinstance(verify, dict) else None
+    numbered = enumerate(rows if isinstance(rows, list) else ())
+    yield from ((number, row) for number, row in numbered if isinstance(row, dict))

@@ -1,0 +1,143 @@
+"""How the values of one variant of a deck are found, in a worker process."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from hfsim.deck.quantities import Quantity
+from hfsim.errors import HfsimError
+from hfsim.scene.loading import LoadedDeck, parse_deck
+from hfsim.scene.schema import SolveSpec
+from hfsim.simulate import simulate
+from hfsim.studies.collect import CollectError, collect
+
+_SHARE = 0.25
+"""Part of its bound that the error in time of a value may be."""
+_TIGHTER = (1.0, 0.1, 1e-3, 1e-5)
+"""Tolerances of the runs of one variant, as parts of the deck's; two, more where that is not enough."""
+_SHORTER = (1.0, 0.5, 0.25, 0.125)
+"""The same of fixed steps."""
+_LEAST = 1e-13
+"""Tolerance of the tightest run [-]: beyond, its error is rounding."""
+
+
+class Answer(NamedTuple):
+    """What was found of one quantity.
+
+    Attributes
+    ----------
+    value : float or None
+    time_error : float or None
+    reason : str
+        Why there is no value.
+    """
+
+    value: float | None
+    time_error: float | None = None
+    reason: str = ""
+
+
+@dataclass(frozen=True)
+class Order:
+    """One variant of a deck to be solved.
+
+    Attributes
+    ----------
+    study : str
+        A key of `FINDERS`.
+    text, file : str
+        The deck as written.
+    overrides : tuple of str
+    quantities : tuple of Quantity
+    bounds : tuple of float
+        How far each may be off [SI].
+    """
+
+    study: str
+    text: str
+    file: str
+    overrides: tuple[str, ...]
+    quantities: tuple[Quantity, ...]
+    bounds: tuple[float, ...]
+
+    def load(self) -> LoadedDeck:
+        """Return the deck.
+
+        Raises
+        ------
+        DeckError
+        """
+        return parse_deck(self.text, self.file, self.overrides)
+
+
+def answer(order: Order) -> tuple[tuple[Answer, ...], float]:
+    """Return what was found of each quantity, and the CPU time it took [s]."""
+    start = time.process_time()
+    try:
+        found = FINDERS[order.study](order)
+    except HfsimError as error:
+        found = _without(order, str(error).splitlines()[0])
+    told = tuple(
+        one if one.value is None or math.isfinite(one.value) else Answer(None, reason="is not finite")
+        for one in found
+    )
+    return told, time.process_time() - start
+
+
+def _without(order: Order, reason: str) -> tuple[Answer, ...]:
+    return tuple(Answer(None, reason=reason) for _ in order.quantities)
+
+
+# --- runs ----------------------------------------------------------------------------------------
+
+
+def _by_run(order: Order) -> tuple[Answer, ...]:
+    """Run the scene, then again more tightly until what that changes is small beside the bounds."""
+    loaded = order.load()
+    best = _without(order, "no run")
+    for number, update in enumerate(_tighter(loaded.deck.solve)):
+        found = _run(order, loaded.with_solve(update))
+        if number and all(one.value is None for one in found):
+            break  # tighter than rounding allows: what there is counts
+        best = tuple(map(_compared, found, best))
+        pairs = zip(best, order.bounds, strict=True)
+        if number and all((one.time_error or 0.0) <= _SHARE * bound for one, bound in pairs):
+            break
+    return best
+
+
+def _compared(one: Answer, looser: Answer) -> Answer:
+    if one.value is None or looser.value is None:
+        return one
+    return one._replace(time_error=abs(one.value - looser.value))
+
+
+def _tighter(solve: SolveSpec) -> Iterator[dict[str, Any]]:
+    if solve.step is not None:
+        yield from ({"step": share * solve.step} for share in _SHORTER)
+        return
+    tolerances = [max(share * solve.tolerance, _LEAST) for share in _TIGHTER]
+    if tolerances[1] == tolerances[0]:
+        tolerances.insert(0, 10.0 * tolerances[0])
+    yield from ({"tolerance": one} for one in dict.fromkeys(tolerances))
+
+
+def _run(order: Order, loaded: LoadedDeck) -> tuple[Answer, ...]:
+    run = simulate(loaded, error_estimate=False, outlines=True)
+    if run.status != "done":
+        return _without(order, f"{run.status} at t = {run.stop_time:.6g} s: {run.reason}")
+    found = []
+    for quantity in order.quantities:
+        try:
+            found.append(Answer(collect(quantity, run)))
+        except CollectError as error:
+            found.append(Answer(None, reason=str(error)))
+    return tuple(found)
+
+
+FINDERS: dict[str, Callable[[Order], tuple[Answer, ...]]] = {"run": _by_run}
+"""What finds the quantities of each study."""

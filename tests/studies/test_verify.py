@@ -1,0 +1,199 @@
+"""Published values: the grammar of quantities, what is found of a run, verdicts, the command."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.deck.quantities import FORMS, QuantityError, read_quantity
+from hfsim.errors import DeckError
+from hfsim.output import api
+from hfsim.output.manual import decks_in, topics
+from hfsim.scene.loading import parse_deck
+from hfsim.studies.collect import CollectError, collect
+from hfsim.studies.verify import entry_of, published_decks, verify
+from hfsim.studies.verify.result import FAILED, HELD, MISSED
+
+# A mass on a spring: x = cos(3 t) / 2 about the wall
+MASS = """
+hfsim: 1
+name: mass
+parameters: {m: 2.0}
+bodies: {mass: {type: rigid, mass: "${m}", inertia: 1.0}}
+joints: {rail: {type: prismatic, between: [ground, mass]}}
+springs: {coil: {type: two_point, between: [ground, mass], stiffness: 18.0, rest_length: 0.0}}
+initial: {mass: {position: [0.5, 0.0]}}
+solve: {duration: 2.5, tolerance: 1.0e-6}
+output: {interval: 0.5, channels: [mass.vx]}
+verify:
+  source: closed form
+  grade: A
+  bound: 1.0e-9
+  rows:
+    - {quantity: "at(0.8, mass.x)", published: "${0.5 * cos(3 * 0.8)}"}
+    - {quantity: "final(mass.vx)", published: "${-1.5 * sin(7.5)}", grade: B}
+    - {quantity: "min(mass.x)", published: -0.5}
+    - {quantity: "max(mass.vx)", published: 1.5, relative: 1.0e-8}
+    - {quantity: "at(1, mass.x)", published: "${0.5 * cos(6)}", set: {parameters.m: 0.5, solve.duration: 1}}
+"""
+
+
+def rows_of(text, *settings):
+    return verify([entry_of(parse_deck(text, "mass.yaml", settings))]).rows
+
+
+def command(*words):
+    return CliRunner().invoke(app, ["verify", *map(str, words)])
+
+
+# --- quantities ----------------------------------------------------------------------------------
+
+
+WRITTEN = [form.replace("NUMBER", "3").replace("TIME", "2.5") for form, _ in FORMS.values()]
+
+
+@pytest.mark.parametrize("text", WRITTEN)
+def test_quantities_come_back_as_they_are_written(text):
+    assert str(read_quantity(f" {text.replace('(', '( ')} ")) == text
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["final", "final()", "final(a, b)", "at(a.x)", "at(2 m, a.x)", "at(-1 s, a.x)", "at(nan, a.x)",
+     "mean(a.x)", "frequency(0)", "damping(x)", "critical(1.5)", "max(max(a.x))", "3 * max(a.x)"],
+)  # fmt: skip
+def test_what_is_no_quantity_is_refused(text):
+    with pytest.raises(QuantityError):
+        read_quantity(text)
+
+
+@pytest.fixture(scope="module")
+def swing():
+    from hfsim.simulate import simulate
+
+    loaded = parse_deck(MASS, "mass.yaml", ["output.channels=[mass.x]", "solve.tolerance=1e-10"])
+    return simulate(loaded, error_estimate=False, outlines=True)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "value"),
+    [
+        ("final(mass.x)", 0.5 * np.cos(7.5)),
+        ("at(1.5, mass.x)", 0.5 * np.cos(4.5)),  # a row
+        ("at(1.37, mass.x)", 0.5 * np.cos(4.11)),
+        ("max(mass.x)", 0.5),
+        ("min(mass.x)", -0.5),
+        ("rms(mass.x)", np.sqrt(0.125 * (1.0 + np.sin(15.0) / 15.0))),
+    ],
+)
+def test_quantities_of_a_run(swing, quantity, value):
+    assert collect(read_quantity(quantity), swing) == pytest.approx(value, abs=1e-10)
+
+
+@pytest.mark.parametrize("quantity", ["at(2.6, mass.x)", "final(mass.y)"])
+def test_what_a_run_does_not_have_is_told(swing, quantity):
+    with pytest.raises(CollectError):
+        collect(read_quantity(quantity), swing)
+
+
+# --- verdicts ------------------------------------------------------------------------------------
+
+
+def test_values_hold_though_output_names_other_channels():
+    rows = rows_of(MASS)
+    assert [row.verdict for row in rows] == [HELD] * 5
+    assert [row.grade for row in rows] == ["A", "B", "A", "A", "A"]
+    assert all(row.time_error < row.bound and row.unit in ("m", "m/s") for row in rows)
+    assert rows[3].bound == pytest.approx(1.5e-8)
+
+
+def test_loose_runs_are_tightened_until_time_does_not_matter():
+    """At the deck's own tolerance, and at a tenth of it, the error is beyond the bounds."""
+    rows = rows_of(MASS, "solve.tolerance=1e-2")
+    assert all(row.time_error <= 0.25 * row.bound for row in rows)
+    assert {row.verdict for row in rows} == {HELD}
+
+
+def test_a_fixed_step_that_is_too_long_is_told():
+    (row, *_) = rows_of(MASS, "solve.step=0.1", "solve.method=generalized_alpha")
+    assert row.verdict == MISSED
+    assert "error in time" in row.reason
+
+
+def test_a_run_that_fails_is_a_failed_row():
+    rows = rows_of(MASS, "solve.max_steps=3", "solve.step=0.01")
+    assert {row.verdict for row in rows} == {FAILED}
+    assert "limit" in rows[0].reason
+
+
+def test_what_a_row_sets_must_make_a_deck():
+    with pytest.raises(DeckError, match=r"mass\.yaml:\d+:\d+: error: verify\.rows\.4.*greater than 0"):
+        rows_of(MASS.replace("parameters.m: 0.5", "bodies.mass.mass: -1"))
+
+
+# --- the command, and from Python ----------------------------------------------------------------
+
+
+@pytest.fixture
+def deck(tmp_path):
+    path = tmp_path / "mass.yaml"
+    path.write_text(MASS)
+    return path
+
+
+def test_the_command_writes_tables_and_says_what_is_missed(deck, tmp_path):
+    done = command(deck, "-o", tmp_path / "out", "--jobs", 2)
+    assert done.exit_code == 0, done.output
+    assert "5 of 5 published values" in done.output
+    done = command(deck, "-o", tmp_path / "out", "--force", "--set", "verify.rows.2.published=-0.51")
+    assert done.exit_code == 4
+    assert "MISSED" in done.output
+    facts = json.loads((tmp_path / "out" / "verify.json").read_text())
+    assert (facts["held"], facts["count"]) == (4, 5)
+    with (tmp_path / "out" / "verify.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [row["verdict"] for row in rows] == ["held", "held", "missed", "held", "held"]
+    assert float(rows[2]["difference"]) == pytest.approx(0.01)
+    assert rows[4]["set"] == "parameters.m=0.5; solve.duration=1"
+
+
+def test_a_deck_without_published_values_is_refused(deck):
+    deck.write_text(MASS[: MASS.index("verify:")])
+    done = command(deck)
+    assert done.exit_code == 2
+    assert "nothing is published" in done.output
+
+
+def test_shipped_benchmarks_are_listed():
+    done = command("--list", "--json", "-q")
+    found = {one["name"]: one for one in json.loads(done.output)}
+    assert list(found) == list(published_decks())
+    assert all(one["source"] and one["grade"] and one["seconds"] for one in found.values())
+
+
+def test_one_of_them_by_name():
+    done = command("pendulum_rigid", "--markdown")
+    assert done.exit_code == 0
+    assert "| `at(0.25, bob.end.x)` | 0.953664612211 |" in done.output
+
+
+def test_from_python():
+    found = api.verify(yaml.safe_load(MASS))
+    assert (found.held, found.exit_code) == (5, 0)
+
+
+def test_the_deck_of_the_manual_holds():
+    assert {row.verdict for row in rows_of(decks_in(topics()["verify"])["bob"])} == {HELD}
+
+
+@pytest.mark.slow
+def test_all_shipped_benchmarks_hold():
+    done = command("--json")
+    facts = json.loads(done.stdout)
+    assert [row for row in facts["rows"] if row["verdict"] != "held"] == []
+    assert done.exit_code == 0
+    assert facts["count"] >= 40
