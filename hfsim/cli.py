@@ -34,6 +34,7 @@ COMMANDS = {
 """Sub-command: its line in ``hfsim --help``; a module of `hfsim.commands` has a function of that name."""
 
 
+_HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 INTERRUPTED = 130
 
 SELDOM = 10_000
@@ -75,7 +76,7 @@ class LazyGroup(click.Group):
             ctx.exit(report_error(error))
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=LazyGroup, context_settings=_HELP)
 @click.version_option(__version__, prog_name="hfsim")
 def app() -> None:
     """Simulate flexible multibody systems: four models of one scene, with their error and cost.

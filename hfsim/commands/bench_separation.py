@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from hfsim.commands.options import refuse_unknown
 from hfsim.output.study import Study
 from hfsim.output.talk import print_error
-from hfsim.output.text import as_table
+from hfsim.output.text import as_table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench
@@ -90,7 +90,7 @@ def as_text(result: SeparationBench, folder: Path) -> str:
         blocks += [f"  {cell.size}: {cell.status}: {cell.reason}" for cell in mine if not cell.forms]
     lines = [
         f"the paper reports {100 * PAPER_RATIO:g} % for separated over direct, in a whole run",
-        *result.verdicts,
+        *(wrapped(one, "", "  ") for one in result.verdicts),
         f"  results: {folder}/",
     ]
     return "\n\n".join([*blocks, "\n".join(lines)])

@@ -12,7 +12,7 @@ from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import setting_options, talk_options
 from hfsim.errors import HfsimError
 from hfsim.output.talk import Talk
-from hfsim.output.text import plural
+from hfsim.output.text import plural, wrapped
 
 _NOUNS = {
     "joints": "joint",
@@ -53,8 +53,9 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
         return code
     warnings = [*loaded.warnings, *facts.get("warnings", ())]
     talk.facts({"deck": argument, "ok": True, **facts, "warnings": warnings})
-    lines = [describe(facts), *_assembled(facts.get("assembly") or {}), *free_motions(facts)]
-    talk.result(f"{argument}: ok: " + "\n  ".join(lines))
+    lines = [*_assembled(facts.get("assembly") or {}), *free_motions(facts)]
+    every = [wrapped(f"ok: {describe(facts)}", f"{argument}: ", "    "), *(wrapped(line) for line in lines)]
+    talk.result("\n".join(every))
     talk.warn(argument, facts.get("warnings", ()))
     for key, value in facts.items():
         talk.detail(f"  {key}: {value}")

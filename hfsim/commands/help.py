@@ -15,14 +15,14 @@ def help(topic: str | None) -> None:
     from hfsim.deck.source import did_you_mean
     from hfsim.output.manual import for_terminal, title_of, topics
     from hfsim.output.talk import print_out
+    from hfsim.output.text import listed
 
     context, pages = click.get_current_context().find_root(), topics()
     program = cast(click.Group, context.command)
     commands = program.list_commands(context)
     if topic is None:
-        width = max(map(len, pages))
-        lines = [f"  {name.ljust(width)}  {title_of(page)}" for name, page in pages.items()]
-        print_out("\n".join(["Topics of the manual (hfsim help TOPIC):", "", *lines]))
+        lines = listed({name: title_of(page) for name, page in pages.items()}, "  ")
+        print_out(f"Topics of the manual (hfsim help TOPIC):\n\n{lines}")
     elif topic in pages:
         text = for_terminal(pages[topic].read_text(encoding="utf-8"))
         click.echo_via_pager(text) if sys.stdout.isatty() else print_out(click.unstyle(text))

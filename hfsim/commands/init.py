@@ -22,11 +22,11 @@ def init(name: str | None, listing: bool, output: Path | None, force: bool) -> N
     from hfsim.output.disk import disk, write_text
     from hfsim.output.runfolder import FolderError
     from hfsim.output.talk import print_out
+    from hfsim.output.text import listed
 
     decks = starters()
     if listing:
-        width = max(map(len, decks))
-        print_out("\n".join(f"{one.ljust(width)}  {_about(text)}" for one, text in decks.items()))
+        print_out(listed({one: _about(text) for one, text in decks.items()}))
         return
     name = name or "swing"
     if name not in decks:

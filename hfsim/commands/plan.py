@@ -84,9 +84,14 @@ def as_text(name: str, facts: Mapping[str, Any], verbose: bool = False) -> str:
     sizes, every = facts["sizes"], facts["keep_all"]["sizes"]
     columns = [entry for entry in facts["kept"] if "columns" in entry]
     lines = [
-        f"{name}: model {facts['model']}, {sizes['unknowns']} unknowns, {sizes['multipliers']} multipliers "
-        f"(with --keep-all: {every['unknowns']}, {every['multipliers']})",
-        "  unknowns: coordinates that steps solve for; multipliers: unknown forces and moments in joints",
+        wrapped(
+            f"model {facts['model']}, {sizes['unknowns']} unknowns, {sizes['multipliers']} multipliers "
+            f"(with --keep-all: {every['unknowns']}, {every['multipliers']})",
+            f"{name}: ",
+        ),
+        wrapped(
+            "unknowns: coordinates that steps solve for; multipliers: unknown forces and moments in joints"
+        ),
         "\n" + "\n".join(free_motions(facts)),
         "\ncomputed in every step",
         *(_kept_line(entry, verbose) for entry in facts["kept"] if entry not in columns),

@@ -25,7 +25,7 @@ from hfsim.commands.options import (
 )
 from hfsim.output.report import as_text, headline, method_lines, tell
 from hfsim.output.talk import Destination, Talk
-from hfsim.output.text import plural
+from hfsim.output.text import for_a_file, plural
 
 if TYPE_CHECKING:
     from hfsim.output.checkpoint import Checkpoint
@@ -306,14 +306,16 @@ def do_job(
         except BaseException as error:
             recording.abandon(error)
             raise
-        for line in method_lines(result.statistics.get("refinement")):
-            log.add(line.strip())
+        with for_a_file():
+            for line in method_lines(result.statistics.get("refinement")):
+                log.add(line.strip())
         log.add(f"model {result.model}, method {result.method}")
         result, summary = recording.finish(result, Extras() if result.exit_code in (130, 143) else wanted)
     if settings.report:
         from hfsim.output.page import add_page
 
-        text = f"{headline(result)}\n{as_text(result, summary, job.folder.path)}"
+        with for_a_file():
+            text = f"{headline(result)}\n{as_text(result, summary, job.folder.path)}"
         summary = add_page(job.folder.path, summary, text, loaded.source.text)
     tell(result, summary, job.folder.path, settings.talk, job.loaded.warnings)
     return result.exit_code

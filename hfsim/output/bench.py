@@ -81,7 +81,7 @@ def _cell_text(cell: Cell, points: Sequence[Point]) -> str:
     else:
         floors = ", ".join(f"{tidy(floor)} ({group})" for group, floor in cell.group_floors.items())
         cost = f"  error floor {floors or tidy(cell.floor)}, {cell.reference_cpu:.2g} s CPU"
-        lines = [f"{head}; reference: {cell.reference},", cost]
+        lines = [wrapped(f"{head}; reference: {cell.reference},", "", "  "), wrapped(cost.lstrip())]
     return "\n".join([*lines, *_point_table(points), *_remarks(points)])
 
 
@@ -138,23 +138,25 @@ def _remarks(points: Sequence[Point]) -> list[str]:
         left = [p for p in points if p.method == method and p.status == "skipped"]
         if left:
             until = "" if len(left) == 1 else f" and {len(left) - 1} tighter"
-            lines.append(f"  {method}, {left[0].level}{until}: skipped: {left[0].reason}")
+            lines.append(wrapped(f"{method}, {left[0].level}{until}: skipped: {left[0].reason}"))
     return lines
 
 
 def _mesh_tables(result: Bench) -> str:
     """Return the mesh errors: the worst of each mesh with what suffices for it, and each channel's."""
     columns = (
-        *map(Column, ("model", "elements", "degree", "unknowns")),
+        *map(Column, ("model", "elements")),
+        Column("degree", spare=3),
+        Column("unknowns", spare=2),
         Column("mesh error", "mesh_error", brief),
         Column("in", "mesh_channel"),
-        Column("order", "mesh_order", ".1f"),
+        Column("order", "mesh_order", ".1f", 1),
         Column("reached within a tenth by", lambda cell: _enough(cell, result)),
     )
     meshed = [cell for cell in result.cells if cell.mesh_error is not None]
     finest = dict.fromkeys(f"{c.mesh_reference_words} ({c.model})" for c in meshed)
     head = f"mesh errors, against {', '.join(finest)}; tighter tolerances than the last column's"
-    blocks = [f"{head} are wasted", table(columns, meshed)]
+    blocks = [wrapped(f"{head} are wasted", "", "  "), table(columns, meshed)]
     for model in dict.fromkeys(cell.model for cell in meshed):
         for degree in result.degrees(model):
             cells = result.meshed(model, degree)
@@ -188,7 +190,7 @@ def _stubborn(cells: Sequence[Cell]) -> list[str]:
     orders = {name: order for name, order in orders.items() if not first or _group(name) == first[0]}
     names = [name for name, order in orders.items() if order is not None and order < _NO_ORDER]
     what = f"the mesh error of {', '.join(names)} hardly falls from mesh to mesh"
-    return [f"  {what}; to judge by the others: --set output.channels=[...]"] if names else []
+    return [wrapped(f"{what}; to judge by the others: --set output.channels=[...]")] if names else []
 
 
 def _group(channel: str) -> str:

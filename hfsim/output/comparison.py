@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hfsim.marching.distance import ChannelScale
-from hfsim.output.text import WIDTH, Column, table, wrapped
+from hfsim.output.text import Column, for_a_file, line_width, table, wrapped
 from hfsim.studies.compare import Comparison, Difference, ModelResult, ending, how_it_ended, percent
 from hfsim.studies.timing import Spread
 
@@ -124,12 +124,14 @@ def _difference_table(comparison: Comparison) -> str:
     head, others = difference_columns(comparison)
     if not others or not comparison.scales:
         return ""
+    room = line_width()
     for beside in range(len(others), 0, -1):  # as many models side by side as there is room for
         groups = [others[n : n + beside] for n in range(0, len(others), beside)]
-        tables = [table((*head, *group), comparison.scales) for group in groups]
-        if max(len(line) for text in tables for line in text.split("\n")) <= WIDTH:
+        with for_a_file():  # no name is cut yet
+            tables = [table((*head, *group), comparison.scales) for group in groups]
+        if max(len(line) for text in tables for line in text.split("\n")) <= room:
             break
-    return "\n\n".join(tables) + "\n"
+    return "\n\n".join(table((*head, *group), comparison.scales) for group in groups) + "\n"
 
 
 def _mark(scale: ChannelScale) -> str:

@@ -36,8 +36,12 @@ def _one_model(result: Limits) -> str:
     said = [f"{one.method}: {one.words}" for one in result.limits]
     lost = [f"{name}: not measured: {why}" for name, why in result.lost.items()]
     blocks = [
-        f"{result.name}, {result.model}: fastest period {first.period:.4g} s, slowest frequency "
-        f"{first.slowest:.4g} rad/s at the start",
+        wrapped(
+            f"{result.name}, {result.model}: fastest period {first.period:.4g} s, slowest frequency "
+            f"{first.slowest:.4g} rad/s at the start",
+            "",
+            "  ",
+        ),
         _growing(result),
         "T: fastest period\n" + table(_TEXT, result.limits),
         *map(wrapped, said + lost),
@@ -62,8 +66,8 @@ def _growing(result: Limits) -> str:
     if not growing:
         return f"  no growing motion in {count} states along the run"
     worst = max(growing, key=lambda s: s.growth)
-    return (
-        f"  linearised, motions grow in {len(growing)} of {count} states along the run, fastest by "
-        f"{worst.growth:.3g}/s at {worst.time:.3g} s\n  (an instability where the state lasts; "
+    return wrapped(
+        f"linearised, motions grow in {len(growing)} of {count} states along the run, fastest by "
+        f"{worst.growth:.3g}/s at {worst.time:.3g} s (an instability where the state lasts; "
         "elsewhere a state passed through)"
     )

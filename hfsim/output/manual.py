@@ -10,10 +10,12 @@ from pathlib import Path
 
 import click
 
+from hfsim.output.text import WIDTH
+
 FOLDER = Path(__file__).resolve().parent.parent / "manual"
 """Where the pages are."""
-_NARROWEST, _WIDEST = 40, 110
-"""Columns of a page."""
+_NARROWEST = 40
+"""Characters of a line at least."""
 _ITEM = re.compile(r"(\s*(?:[-*]|\d+\.)\s+)(.*)", re.DOTALL)
 _FENCED = re.compile(r"^```\w*\n(.*?)^```\n?", re.DOTALL | re.MULTILINE)
 _LINK = re.compile(r"\[([^\]]+)\]\([^)]+\)")
@@ -38,7 +40,8 @@ def decks_in(page: Path) -> dict[str, str]:
 
 
 def for_terminal(text: str, width: int | None = None) -> str:
-    r"""Return a page as a terminal shows it: paragraphs and tables as wide as there is room.
+    r"""Return a page as a terminal shows it: tables as wide as there is room, sentences of no longer lines
+    than can be read.
 
     Examples
     --------
@@ -47,7 +50,7 @@ def for_terminal(text: str, width: int | None = None) -> str:
     <BLANKLINE>
         hfsim plan
     """
-    width = width or min(max(shutil.get_terminal_size().columns, _NARROWEST), _WIDEST)
+    width = width or max(shutil.get_terminal_size().columns, _NARROWEST)
     return "\n\n".join(_shown(kind, block, width) for kind, block in _blocks(text))
 
 
@@ -75,6 +78,7 @@ def _shown(kind: str, block: str, width: int) -> str:
         return textwrap.indent(block, "    ")
     if kind == "table":
         return _table(block, width)
+    width = min(width, WIDTH)
     if kind == "heading":
         return "\n".join(click.style(line, bold=True) for line in textwrap.wrap(block.lstrip("# "), width))
     if kind == "items":

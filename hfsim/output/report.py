@@ -125,12 +125,13 @@ def level_table(found: Mapping[str, Any]) -> list[str]:
     chosen = found["chosen"]
     level = Column("level", lambda one: f"{one['number']}{'*' * (one['number'] == chosen['number'])}")
     where = f" in {chosen['channel']}" if chosen["channel"] else ""
+    came = f"target error {found['target']:g}: {found['status']}, estimate {brief(found['estimate'])}{where}"
+    marks = "mesh: elements x degree; change: of the level refined, relative to the channel's range"
     return [
-        f"  target error {found['target']:g}: {found['status']}, estimate {brief(found['estimate'])}{where}; "
-        f"{found['cpu_s']:.2f} s CPU in {len(found['levels'])} levels",
+        wrapped(f"{came}; {found['cpu_s']:.2f} s CPU in {len(found['levels'])} levels"),
         table([level, *_LEVELS], found["levels"], "    "),
-        "    mesh: elements x degree; change: of the level refined, relative to the channel's range",
-        f"    * {chosen['why']}",
+        wrapped(marks, "    "),
+        wrapped(f"* {chosen['why']}", "    "),
         *(one if "  " in one.lstrip() else wrapped(one.lstrip(), "    ") for one in method_lines(found)),
         *_fixed_meshes(found["fixed_meshes"]),
     ]

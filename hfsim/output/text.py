@@ -3,12 +3,44 @@
 from __future__ import annotations
 
 import json
+import shutil
+import sys
 import textwrap
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from typing import Any, NamedTuple
 
 WIDTH = 110
-"""Characters of a line of text."""
+"""Characters of a line where there is no terminal, and of sentences at most."""
+_NARROWEST = 50
+"""Characters of a line at least."""
+_NAME, _SENTENCE = 10, 30
+"""Characters that are always shown of a name, and beyond which a text may be cut, too."""
+_LONG = 18
+"""Characters from which a word is a long name."""
+_file = ContextVar("file", default=False)
+
+
+def line_width() -> int:
+    """Return how many characters a line may have: those of the terminal, or of ``COLUMNS``; else `WIDTH`."""
+    if not _terminal():
+        return WIDTH
+    return max(_NARROWEST, shutil.get_terminal_size((WIDTH, 24)).columns)
+
+
+def _terminal() -> bool:
+    return not _file.get() and sys.stdout is not None and sys.stdout.isatty()
+
+
+@contextmanager
+def for_a_file() -> Iterator[None]:
+    """Make text inside the block that is the same whatever the terminal."""
+    before = _file.set(True)
+    try:
+        yield
+    finally:
+        _file.reset(before)
 
 
 class Column(NamedTuple):
@@ -62,7 +94,7 @@ def table(columns: Sequence[Column], rows: Iterable[Any], indent: str = "  ") ->
     cells = {column: [column.name, *(column.text(row) for row in every)] for column in columns}
     widths = {column: 2 + max(map(len, texts)) for column, texts in cells.items()}
     for column in sorted((one for one in columns if one.spare), key=lambda one: -one.spare):
-        if len(indent) - 2 + sum(widths[one] for one in cells) <= WIDTH:
+        if len(indent) - 2 + sum(widths[one] for one in cells) <= line_width():
             break
         del cells[column]
     return as_table(list(zip(*cells.values(), strict=True)), indent)
@@ -84,6 +116,8 @@ def plural(count: int, word: str) -> str:
 def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
     """Return rows of cells as lines with aligned columns; the first column is left-aligned, the others right.
 
+    Where a terminal has no room for them, long names are cut in the middle, but no numbers.
+
     Examples
     --------
     >>> print(as_table([["model", "cpu"], ["ancf", "0.1 s"]]))
@@ -91,11 +125,50 @@ def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
       ancf   0.1 s
     """
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    if _terminal():
+        whole = [max(map(_uncut, column)) for column in zip(*rows, strict=True)]
+        widths = _fitting(widths, whole, line_width() - len(indent) - 2 * (len(widths) - 1))
     lines = []
-    for first, *others in rows:
+    for row in rows:
+        first, *others = (cut(cell, width) for cell, width in zip(row, widths, strict=True))
         cells = [first.ljust(widths[0]), *(c.rjust(w) for c, w in zip(others, widths[1:], strict=True))]
         lines.append((indent + "  ".join(cells)).rstrip())
     return "\n".join(lines)
+
+
+def _uncut(cell: str) -> int:
+    """Return how much of a cell is always shown."""
+    longest = max(map(len, cell.split()), default=0)
+    return min(len(cell), _NAME) if longest >= _LONG or len(cell) > _SENTENCE else len(cell)
+
+
+def _fitting(widths: Sequence[int], least: Sequence[int], room: int) -> list[int]:
+    """Return widths of columns that fit, none below its least: the widest give way.
+
+    Examples
+    --------
+    >>> _fitting([30, 8, 20], [18, 8, 18], 50), _fitting([30, 8, 20], [18, 8, 18], 20)
+    ([22, 8, 20], [18, 8, 18])
+    """
+    found, most = list(widths), max(widths, default=0)
+    while most > min(least, default=0) and sum(found) > room:
+        most -= 1
+        found = [max(low, min(one, most)) for one, low in zip(widths, least, strict=True)]
+    return found
+
+
+def cut(text: str, width: int) -> str:
+    """Return a text no longer than stated: where it is, without its middle.
+
+    Examples
+    --------
+    >>> cut("left_front_upper_arm.tip.deflection", 20), cut("b1.tip.x", 20)
+    ('left_fr...deflection', 'b1.tip.x')
+    """
+    if len(text) <= width:
+        return text
+    end = (width - 2) * 3 // 5
+    return f"{text[: width - 3 - end]}...{text[len(text) - end :]}"
 
 
 def printable(text: str) -> str:
@@ -119,9 +192,23 @@ def brief(value: float | None) -> str:
 def wrapped(text: str, head: str = "  ", indent: str = "") -> str:
     """Return a remark after a head broken into lines, all but the first indented; no name is broken."""
     return textwrap.fill(
-        text, WIDTH, initial_indent=head, subsequent_indent=indent or head + "  ",
+        text, min(line_width(), WIDTH), initial_indent=head, subsequent_indent=indent or head + "  ",
         break_long_words=False, break_on_hyphens=False,
     )  # fmt: skip
+
+
+def listed(lines: Mapping[str, str], indent: str = "") -> str:
+    """Return what there is with a word on each, the words below one another.
+
+    Examples
+    --------
+    >>> print(listed({"rod": "swings", "chain": "falls"}))
+    rod    swings
+    chain  falls
+    """
+    width = max(map(len, lines), default=0)
+    below = " " * (len(indent) + width + 2)
+    return "\n".join(wrapped(words, f"{indent}{one.ljust(width)}  ", below) for one, words in lines.items())
 
 
 def number(value: object) -> str:

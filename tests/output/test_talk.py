@@ -1,5 +1,6 @@
 """What reaches the terminal: nothing raw, and nothing at all where its streams are closed."""
 
+import io
 import os
 import subprocess
 import sys
@@ -9,7 +10,7 @@ import pytest
 from hfsim.output.progress import Progress
 from hfsim.output.runfolder import RunLog
 from hfsim.output.talk import Talk
-from hfsim.output.text import Column, printable, table
+from hfsim.output.text import WIDTH, Column, as_table, for_a_file, printable, table, wrapped
 
 RED = "\x1b[31m"
 
@@ -118,3 +119,39 @@ def test_of_many_warnings_the_first_are_told(capsys):
     assert lines[0] == "deck: warning: warning 0"
     assert lines[-1] == "deck: and 2950 more warnings (--json lists them)"
     assert len(lines) == 51
+
+
+class Terminal(io.StringIO):
+    """A stream that says that it is a terminal."""
+
+    def isatty(self):
+        return True
+
+
+LONG = "left_front_upper_flexible_arm.tip.deflection"
+ROWS = [["channel", "why", "error"], [LONG, "no time was left for it, nor any memory", "0.000113 (0.56 %)"]]
+
+
+@pytest.mark.parametrize("width", [50, 80, 100, 200])
+def test_tables_are_as_wide_as_the_terminal_and_cut_names_but_no_numbers(monkeypatch, width):
+    piped = as_table(ROWS)
+    monkeypatch.setattr(sys, "stdout", Terminal())
+    monkeypatch.setenv("COLUMNS", str(width))
+    lines = as_table(ROWS).split("\n")
+    assert max(map(len, lines)) <= width
+    assert lines[1].endswith(" 0.000113 (0.56 %)") and lines[1].lstrip().startswith("left")
+    assert (LONG in lines[1]) == (width > 100)
+    assert all(len(line) <= min(width, WIDTH) for line in wrapped("a sentence of words " * 30).split("\n"))
+    with for_a_file():
+        assert as_table(ROWS) == piped
+
+
+def test_tables_in_pipes_are_of_one_width_whatever_the_terminal(monkeypatch):
+    columns = [Column("name"), *(Column(f"number {k}", lambda row: "x" * 20, spare=k) for k in range(1, 6))]
+    found = set()
+    for width in ("60", "300"):
+        monkeypatch.setenv("COLUMNS", width)
+        found.add(table(columns, [{"name": "one"}]))
+        assert LONG in as_table(ROWS)
+    (text,) = found
+    assert "number 4" in text and "number 5" not in text
