@@ -3,6 +3,7 @@
 import numpy as np
 
 from hfsim.maths.matrices import assemble, dense
+from hfsim.mechanics.acting import acting_on
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -35,6 +36,15 @@ def _balanced(system, t, z, multipliers):
         if np.abs(step[:n]).max() < CONVERGED * max(1.0, np.abs(z).max()):
             return z, multipliers
     raise AssertionError(f"no equilibrium at t = {t[0]:g}")
+
+
+def inside(scene, x, places, name="b", u=None):
+    """Return the internal forces of a beam in a state (1, n) at t = 1, (n_places, 6); at rest without rates."""
+    system, t, u = scene.system, np.ones(1), np.zeros_like(x) if u is None else u
+    a, multipliers = system.solved(t, x, u)
+    body = scene.bodies[name]
+    acting = acting_on(system, body.columns, t, x, u, multipliers)
+    return body.section_forces(x, u, a, acting, np.asarray(places))[0]
 
 
 def cantilever(section, length, force, moment=None, elements=4, degree=3, material=None, more=""):

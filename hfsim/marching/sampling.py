@@ -30,7 +30,7 @@ class SceneSamples(Samples):
         some = SceneSamples(self.scene, self.t[rows], self.q[rows], self.v[rows], {})
         for name, body in self.scene.bodies.items() if len(rows) else ():
             if len(body.outline_places):
-                forces = body.section_forces(some.x, some.u, body.outline_places)
+                forces = some.forces_along(name, body.outline_places)
                 columns = force_columns(body, forces, body.outline_places, len(body.origin))
                 yield from ((kind, name, values) for kind, values in columns.items())
 

@@ -182,3 +182,50 @@ def lagrange(xi: Array | float, nodes: Array, derivative: int = 0) -> Array:
         left_out = [others] if derivative == 0 else [np.delete(others, j) for j in range(len(others))]
         out[:, k] = sum(np.prod(gaps[:, one], axis=1) for one in left_out) / scale
     return out
+
+
+def rest_of(rule: tuple[Array, Array], start: float) -> tuple[Array, Array]:
+    """Return points and weights of a rule for the unit interval as one from a place in it on."""
+    points, weights = rule
+    return start + (1.0 - start) * points, (1.0 - start) * weights
+
+
+def shares_beyond(edges: Array, points: Array, weights: Array, places: Array) -> Array:
+    """Return which share of each point of a quadrature, cell by cell, is in the integral from a place on.
+
+    In the cell of the place it is that of the polynomial through the points there.
+
+    Parameters
+    ----------
+    edges : ndarray, shape (n_cells + 1,)
+        Ends of the cells, rising.
+    points, weights : ndarray, shape (n_points,)
+        Of the unit interval, the same in all cells.
+    places : ndarray, shape (n_places,)
+
+    Returns
+    -------
+    ndarray, shape (n_places, n_cells * n_points)
+
+    Examples
+    --------
+    >>> shares_beyond(np.array([0.0, 1.0, 2.0]), np.array([0.5]), np.array([1.0]), np.array([0.25]))
+    array([[0.75, 1.  ]])
+    """
+    last = len(edges) - 2
+    cell = np.clip(np.searchsorted(edges, places, side="right") - 1, 0, last)
+    start = np.clip((places - edges[cell]) / np.diff(edges)[cell], 0.0, 1.0)
+    shares = np.repeat((np.arange(last + 1) > cell[:, None]).astype(float)[..., None], len(points), axis=2)
+    shares[np.arange(len(places)), cell] = weights_beyond(points, start) / weights
+    return shares.reshape(len(places), -1)
+
+
+def weights_beyond(points: Array, start: Array) -> Array:
+    """Return integrals from places of the unit interval to its end of the polynomials of `lagrange`.
+
+    Shape (n_starts, n_points).
+    """
+    x, w = gauss_legendre((len(points) + 1) // 2)
+    rest = 1.0 - start
+    rows = lagrange((start[:, None] + rest[:, None] * x).ravel(), points).reshape(len(start), len(x), -1)
+    return np.asarray(rest[:, None] * np.einsum("g,sgk->sk", w, rows))

@@ -8,13 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
+from hfsim.maths.rotations import lever
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
@@ -26,11 +27,27 @@ from hfsim.mechanics.pose import Pose, Twist
 
 if TYPE_CHECKING:
     from hfsim.mechanics.carried import Carried
+    from hfsim.mechanics.line_force import LineForce
 
 Place = tuple[float, ...]
 """A point in the undeformed body frame [m]."""
 Load = tuple[Marker, Array]
 """A point of a body, and the force of something else there on the body's coordinates."""
+
+
+class Acting(NamedTuple):
+    """All that other parts do to a body, weight apart.
+
+    Attributes
+    ----------
+    points : tuple of Load
+        Of joints, springs and loads on points.
+    lines : tuple of (LineForce, list of Array)
+        With the forces at their places [N], (n_batch, n_dim).
+    """
+
+    points: tuple[Load, ...] = ()
+    lines: tuple[tuple[LineForce, list[Array]], ...] = ()
 
 
 def places(points: Mapping[str, Sequence[float]]) -> dict[str, Place]:
@@ -149,8 +166,16 @@ class Body:
         """Return what normal stresses at distances from the root [m] follow from; None if not known."""
         return None
 
-    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
-        """Return what its part beyond a section does to that before it, at distances from the root [m].
+    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
+        """Return what its part beyond a section does to that before it.
+
+        Parameters
+        ----------
+        x, u, a : ndarray, shape (n_batch, n)
+            Coordinates, rates and accelerations.
+        acting : Acting
+        places : ndarray, shape (n_places,)
+            Distances from the root [m]; what acts there itself is before the section, at the tip beyond it.
 
         Returns
         -------
@@ -333,6 +358,19 @@ class VectorBody(Body):
         turned, shifts = pose.turned(vectors), self.positions[:, None]
         rates = twist.turning(turned) + shifts * twist.velocity
         return (turned + shifts * pose.origin).ravel(), rates.ravel()
+
+    def arms(self, x: Array) -> Array:
+        """Return its vectors in states (n_batch, n), positions from that of its origin on."""
+        vectors = self.vectors(x)
+        return np.asarray(vectors - self.positions[:, None] * vectors[:, :1])
+
+    def resultant(self, x: Array, force: Array) -> tuple[Array, Array]:
+        """Return force, (n_batch, n_dim), and moment about its origin, (n_batch, n_spin).
+
+        Of generalised forces (n_batch, n_columns).
+        """
+        own = force.reshape(len(force), -1, self.n_dim)
+        return self.positions @ own, lever(self.arms(x), own).sum(axis=1)
 
     def vectors(self, x: Array) -> Array:
         """Return its vectors, shape (..., n_vectors, n_dim), in states (..., n)."""

@@ -8,7 +8,7 @@ asked.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Self
@@ -86,11 +86,6 @@ class ForcePart:
     def markers(self) -> tuple[Marker, ...]:
         """Points that it acts on; none where it acts all along a body."""
         return ()
-
-    @property
-    def pieces(self) -> tuple[ForcePart, ...]:
-        """The forces on points that it consists of: itself, in the base."""
-        return (self,)
 
     @property
     def counter(self) -> TurnCount | None:
@@ -180,6 +175,16 @@ class ForcePart:
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the generalised force to ``out``, shape (n_batch, n)."""
         raise NotImplementedError
+
+    def on_points(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
+        """Yield its points, with its force there on the coordinates of their bodies, (n_batch, n_columns).
+
+        In the base for one point; nothing where it acts all along a body.
+        """
+        for marker in self.markers:
+            whole = np.zeros_like(x)
+            self.add_force(t, x, u, whole)
+            yield marker, whole[:, marker.columns]
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state, (1,) and (1, n); by differences."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -10,9 +11,9 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import NOTHING, Entries
-from hfsim.mechanics.force import ForcePart
+from hfsim.maths.shapes import gauss_legendre, shares_beyond
 from hfsim.mechanics.markers import LinearMarker, Marker, joint_support
-from hfsim.mechanics.point_loads import Load, PointForce
+from hfsim.mechanics.point_loads import Load
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
@@ -27,20 +28,32 @@ class LineForce(Load):
     places : tuple of Marker
     forces : ndarray, shape (n_places, n_dim)
         [N]
+    cells : ndarray, shape (n_cells + 1,)
+        Distances from the root [m] between which places are Gauss points, as many in each cell.
     follower : bool
     """
 
     places: tuple[Marker, ...]
     forces: Array
+    cells: Array
     follower: bool
     law: Law | None
     told: ClassVar[str] = "force along a beam"
 
-    @property
-    def pieces(self) -> tuple[ForcePart, ...]:
-        """Those at each place."""
-        pairs = zip(self.places, self.forces.tolist(), strict=True)
-        return tuple(PointForce(marker, self.law, tuple(force), self.follower) for marker, force in pairs)
+    def on_points(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
+        """Yield its places, with its force there on the coordinates of the body."""
+        for marker, force in zip(self.places, self.at_places(t, x), strict=True):
+            yield marker, (force[:, None] @ marker.position_jacobian(x))[:, 0]
+
+    def at_places(self, t: Array, x: Array) -> list[Array]:
+        """Return its force at each place [N], (n_batch, n_dim)."""
+        factor = np.ones((len(x), 1)) if self.law is None else self.law.value(t)[:, None]
+        return [factor * force for force in self._turned(x)]
+
+    def beyond(self, places: Array) -> Array:
+        """Return the share of each of its own places beyond distances from the root, (n, n_places)."""
+        rule = gauss_legendre(len(self.places) // (len(self.cells) - 1))
+        return shares_beyond(self.cells, *rule, places)
 
     @cached_property
     def support(self) -> IntArray:
@@ -72,15 +85,19 @@ class LineForce(Load):
         return whole if self.law is None else whole * self.law.value(t)[:, None]
 
     def _unscaled(self, x: Array) -> Array:
-        pairs = list(zip(self.places, self.forces, strict=True))
-        turned = [marker.turned(x, force) if self.follower else force[None] for marker, force in pairs]
+        turned = self._turned(x)
         if self._rows is not None:
             return np.asarray(self._rows.T @ np.stack(turned, axis=1)).reshape(len(x), -1)
         parts = (
             (force[:, None] @ marker.position_jacobian(x))[:, 0]
-            for (marker, _), force in zip(pairs, turned, strict=True)
+            for marker, force in zip(self.places, turned, strict=True)
         )
         return np.asarray(sum(parts))
+
+    def _turned(self, x: Array) -> list[Array]:
+        """Return the force at each place without its law, in ground axes, (n_batch or 1, n_dim)."""
+        pairs = zip(self.places, self.forces, strict=True)
+        return [marker.turned(x, force) if self.follower else force[None] for marker, force in pairs]
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus its derivative, by differences; nothing where it does not change."""

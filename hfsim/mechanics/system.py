@@ -208,9 +208,10 @@ class System:
             power += np.sum(multipliers * self.equations.phi.rate(t), axis=-1)
         return power
 
-    def multipliers(self, t: Array, x: Array, u: Array) -> Array:
-        """Return the multipliers of constraints, shape (n_batch, n_rows of `unreduced`)."""
-        return self.unreduced.solve(t, x, u, self.force(t, x, u))[1]
+    def solved(self, t: Array, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return x'', (n_batch, n_x), and multipliers of constraints, (n_batch, n_rows of `unreduced`)."""
+        a, multipliers = self.unreduced.solve(t, x, u, self.force(t, x, u))
+        return self.unreduced.reduction.expand_rates(a), multipliers
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return Phi of all constraints: rows of `unreduced`, then redundant ones, shape (n_batch, ...)."""

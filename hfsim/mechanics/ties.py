@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
@@ -114,10 +115,15 @@ class Tie(PointPart):
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the forces of all resistances on both ends."""
+        for marker, force in self.on_points(t, x, u):
+            out[:, marker.columns] += force
+
+    def on_points(self, t: Array, x: Array, u: Array) -> Iterator[tuple[Marker, Array]]:
+        """Yield the ends that can move, with the forces of all resistances there."""
         s, w, rows = self._all(t, x, u)
-        force = self._sum(t, s, w)
+        force = -self._sum(t, s, w)[:, None]
         for (_, marker), J in zip(self._ends, rows, strict=True):
-            out[:, marker.columns] -= force[:, None] * J
+            yield marker, force * J
 
     def _sum(self, t: Array, s: Array, w: Array) -> Array:
         forces = [one.force(t, s, w) for one in self.resistances]

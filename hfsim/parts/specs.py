@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from hfsim.deck.fields import split_point
-from hfsim.deck.spec import Complaint, Spec
+from hfsim.deck.spec import Around, Complaint, Spec
 from hfsim.maths.arrays import Array
 
 if TYPE_CHECKING:
@@ -96,6 +96,14 @@ class JointSpec(Spec):
     def carries(self) -> bool:
         """Whether it resists shifts of its bodies, not turns alone."""
         return True
+
+    def complaints_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an axis of an angle in the plane."""
+        yield from super().complaints_in(around)
+        axis = getattr(self, "axis", None)
+        if around.n_dim == 2 and not self.carries and axis is not None and len(axis) == 2:
+            why = "in a planar scene angles and torques are about the axis across the plane"
+            yield Complaint(("axis",), why, "remove this key", True)
 
     @property
     def stands(self) -> bool:

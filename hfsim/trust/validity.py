@@ -5,8 +5,8 @@ both, and leaves out the third order in the inertia and the quadratic terms of i
 deformation that the model itself computes these terms follow, and from them an estimate of the error of
 the beam's tip, relative to the largest range of a coordinate of the tip over the run:
 
-    linear     (s + |N v'^2| / |EI v''^2| |v|) / range      s = 1/2 int v'^2, N = EA u1'
-    lowOrder   (`CURVATURE` max v'^2 + `TWIST` phi (phi + 1 - EI_2 / EI_1)) |v| / range
+    linear     (s + (|N v'^2| / |EI v''^2| + T) |v|) / range      s = 1/2 int v'^2, N = EA u1'
+    lowOrder   (`CURVATURE` max v'^2 + T) |v| / range       T = `TWIST` phi (phi + 1 - EI_2 / EI_1),
                                                             v deflection of the tip in the body frame,
                                                             phi largest twist, EI_2 about the softer axis
     rigid      2 (|v| (1 + pi/2 n) + |u| (1 + 2 theta)) / range     after n half periods and theta turned

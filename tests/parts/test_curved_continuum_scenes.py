@@ -74,7 +74,7 @@ def test_points_and_frames_of_the_undeformed_beam():
         assert scene.marker(f"b1.{name}").position(x)[0] == pytest.approx(place, abs=1e-12)
         for marker in (beam.marker(beam.points[name]), beam.grip(beam.points[name])):
             assert marker.frame(x)[0] == pytest.approx(np.eye(3), abs=1e-12)
-    turned = beam._section_axes(x, np.array([0.0, 1.2]))[0]
+    turned = beam.section_axes(x, np.array([0.0, 1.2]))[0]
     assert turned[0] == pytest.approx(rotation(np.array([0.3, 0.0, 0.0])), abs=1e-12)
     end = rotation(np.array([0.0, 0.0, 0.6])) @ rotation(np.array([0.7, 0.0, 0.0]))
     assert turned[1] == pytest.approx(end, abs=1e-12)

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from analytical import jacobian
-from equilibrium import equilibrium
+from equilibrium import equilibrium, inside
 
 from hfsim.errors import DeckError
 from hfsim.maths.matrices import assemble
@@ -85,24 +85,21 @@ def test_in_space_too(element, models):
         assert found[2] == pytest.approx(2e-6 * (1 / (8 * E * I_z[1]) + shear), rel=1e-5)
 
 
-@pytest.mark.parametrize(("degree", "tolerance"), [(3, 4e-3), (5, 1e-6)])
-def test_sections_hold_what_lies_beyond_them(degree, tolerance):
-    """w (L - x) and w (L - x)^2 / 2; elements of degree 3 miss w h^2 / 12 of it, 5 holds the curve."""
-    scene = scene_of(f"bodies.b.degree={degree}")
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("shape", ["null", "[[0.3, 1.0], [0.8, 2.0]]"])
+def test_sections_hold_what_lies_beyond_them(model, shape):
+    """Resultant and moment of the load beyond, at every place: w (L - x) and w (L - x)^2 / 2 if constant."""
+    scene = scene_of(f"solve.model={model}", f"loads.wind.shape={shape}")
     x, places = equilibrium(scene, 1), np.linspace(0.0, 1.0, 9)
-    found = scene.bodies["b"].section_forces(x, 0.0 * x, places)[0]
-    assert found[:, 5] == pytest.approx(-0.5e-6 * (1.0 - places) ** 2, abs=0.5e-6 * tolerance * (4 if degree == 3 else 1))
-    if degree == 5:
-        assert found[:, 1] == pytest.approx(-1e-6 * (1.0 - places), abs=1e-12)
-
-
-def test_section_forces_converge_with_the_square_of_the_elements():
-    errors = []
-    for elements in (4, 8, 16):
-        scene = scene_of(f"bodies.b.elements={elements}")
-        x = equilibrium(scene, 1)
-        errors.append(abs(scene.bodies["b"].section_forces(x, 0.0 * x, np.zeros(1))[0, 0, 5] / 0.5e-6 + 1.0))
-    assert np.array(errors[:-1]) / errors[1:] == pytest.approx(4.0, rel=0.02)
+    found = inside(scene, x, places)
+    s, w = np.linspace(0.0, 1.0, 20001), np.ones(20001)
+    if shape != "null":
+        w = np.interp(s, [0.3, 0.8], [1.0, 2.0], left=0.0, right=0.0)
+    beyond = [s >= place - 1e-12 for place in places]
+    force = [np.trapezoid(w[b], s[b]) for b in beyond]
+    moment = [np.trapezoid((w * (s - place))[b], s[b]) for b, place in zip(beyond, places, strict=True)]
+    assert found[:, 1] == pytest.approx(-1e-6 * np.array(force), abs=1.01e-10)
+    assert found[:, 5] == pytest.approx(-1e-6 * np.array(moment), abs=1.01e-10)
 
 
 SWING = PLANAR.replace("fixed", "revolute").replace("[0.0, -1.0e-6]", "[0.1, -0.3]").replace("1.0e4", "1.0e6")
@@ -152,7 +149,7 @@ def test_work_tangent_and_resultant(deck, model, follower):
 
     force = forces(x)[0]
     assert force @ u[0] == pytest.approx(part.power(t, x, u)[0], rel=1e-12)
-    pieces = sum(piece.power(t, x, u)[0] for piece in part.pieces)
+    pieces = sum(load[0] @ u[0, marker.columns] for marker, load in part.on_points(t, x, u))
     assert pieces == pytest.approx(part.power(t, x, u)[0], rel=1e-10)
     slope = jacobian(forces, x[0])
     assert assemble([part.tangent(t, x, u)], (n, n), False) == pytest.approx(-slope, abs=1e-5 * (1e-9 + np.abs(slope).max()))

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from equilibrium import cantilever, equilibrium
+from equilibrium import cantilever, equilibrium, inside
 
 from hfsim.errors import DeckError
-from hfsim.parts.bodies.frame_forces import section_axes
-from hfsim.parts.bodies.line_forces import along_the_line, in_axes, in_the_plane
+from hfsim.parts.bodies.section_axes import along_the_line, in_axes, in_the_plane, square_axes
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -35,7 +34,7 @@ def axes_and_places(body, x):
         return axes[:, np.searchsorted(grid, PLACES)], slopes_of(body, x, 0)
     rows = np.array([body.mesh.shape(float(a))[0] for a in PLACES])
     points = np.pad(rows @ body.vectors(x), ((0, 0), (0, 0), (0, 3 - body.n_dim)))
-    return section_axes(body.mesh, body.vectors(x), PLACES), points
+    return square_axes(body.mesh, body.vectors(x), PLACES), points
 
 
 def balanced(body, x, force):
@@ -53,10 +52,9 @@ def balanced(body, x, force):
         ("element: cable, curvature: exact", 2, 6, 1e-9),
         ("element: continuum", 4, 3, 1e-9),
         ("element: continuum, section_degree: 4", 2, 5, 1e-9),
-        ("element: cosserat", 4, 1, 0.08),
-        ("element: cosserat", 16, 1, 0.005),
-        ("element: cosserat, section_angle: 0.7", 5, 3, 2e-4),
-        ("element: cosserat", 3, 6, 1e-6),
+        ("element: cosserat", 4, 1, 1e-9),
+        ("element: cosserat, section_angle: 0.7", 5, 3, 1e-9),
+        ("element: cosserat", 3, 6, 1e-9),
     ],
 )
 def test_a_cantilever_holds_the_force_at_its_tip(more, elements, degree, moment_error):
@@ -66,7 +64,7 @@ def test_a_cantilever_holds_the_force_at_its_tip(more, elements, degree, moment_
         section, 1.0, force, elements=elements, degree=degree, material=f"youngs_modulus: {E}", more=more
     )
     body, x = scene.bodies["b"], equilibrium(scene)
-    found, expected = body.section_forces(x, 0.0 * x, PLACES)[0], balanced(body, x, force)
+    found, expected = inside(scene, x, PLACES), balanced(body, x, force)
     assert found[:, :3] == pytest.approx(expected[:, :3], abs=1e-8)
     assert found[:, 3:] == pytest.approx(expected[:, 3:], abs=moment_error)
     if "cosserat" not in more:
@@ -87,12 +85,12 @@ solve: {{duration: 1.0, model: {model}}}
 
 @pytest.mark.parametrize(
     ("more", "error"),
-    [(", degree: 5", 1e-9), (", element: continuum", 1e-9), (", element: cosserat, degree: 6", 1e-7)],
+    [(", degree: 5", 1e-9), (", element: continuum", 1e-9), (", element: cosserat, degree: 6", 1e-9)],
 )
 def test_a_planar_cantilever_holds_the_force_at_its_tip(more, error):
     scene = build(parse_deck(PLANAR.format(damping="", elements=4, more=more, model="ancf")))
     body, x = scene.bodies["b"], equilibrium(scene)
-    found, expected = body.section_forces(x, 0.0 * x, PLACES)[0], balanced(body, x, (-0.3, 1.5, 0.0))
+    found, expected = inside(scene, x, PLACES), balanced(body, x, (-0.3, 1.5, 0.0))
     assert found[:, :3] == pytest.approx(expected[:, :3], abs=1e-9)
     assert found[:, 3:] == pytest.approx(expected[:, 3:], abs=error)
     assert np.abs(expected[:, [0, 1, 5]]).max(axis=0) == pytest.approx([1.0, 1.5, 1.3], rel=0.4)
@@ -104,13 +102,18 @@ E, EI = 1e4, 1e4 * 0.1**3 / 12
 @pytest.mark.parametrize("model", ["linear", "lowOrder", "exact"])
 @pytest.mark.parametrize("damping", [0.0, 0.3])
 def test_models_of_small_deformation_agree_with_beam_theory(model, damping):
-    """v = P x^2 (3 L - x) / (6 EI) and u = N x / EA, and their rates, which cubics hold exactly."""
-    times = f", axial_damping: {damping}, bending_damping: {2 * damping}"
-    scene = build(parse_deck(PLANAR.format(damping=times, elements=3, more="", model=model)))
-    body, pull, push, rate = scene.bodies["b"], 1e-7, 1e-7, 0.5
+    """v = P x^2 (3 L - x) / (6 EI) and u = N x / EA, and their rates, which cubics hold exactly.
+
+    Where damping is what holds part of the load, nothing accelerates, and sections hold all of it.
+    """
+    times, pull, push, rate = f", axial_damping: {damping}, bending_damping: {2 * damping}", 1e-7, 1e-7, 0.5
+    load = [pull * (1.0 + damping * rate), push * (1.0 + 2 * damping * rate)]
+    text = PLANAR.format(damping=times, elements=3, more="", model=model)
+    scene = build(parse_deck(text.replace("[-0.3, 1.5]", str(load))))
+    body = scene.bodies["b"]
     x = state(body, pull, push)
     u = rate * (x - state(body, 0.0, 0.0))
-    found = body.section_forces(x[None], u[None], PLACES)[0]
+    found = inside(scene, x[None], PLACES, u=u[None])
     expected = np.zeros((len(PLACES), 6))
     expected[:, 0] = pull * (1.0 + damping * rate)
     expected[:, 1] = push * (1.0 + 2 * damping * rate)
@@ -138,7 +141,7 @@ def test_roll_up_bends_by_its_moment_alone(element):
         section, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0, moment), 4, degree, "youngs_modulus: 1.0", more
     )
     x = equilibrium(scene, 12)
-    found = scene.bodies["b"].section_forces(x, 0.0 * x, PLACES)[0]
+    found = inside(scene, x, PLACES)
     assert found == pytest.approx(np.tile([0, 0, 0, 0, 0, moment], (len(PLACES), 1)), abs=5e-6)
 
 
@@ -147,7 +150,7 @@ def test_torsion_and_stress():
     section, b, h = "{shape: rectangle, width: 0.2, height: 0.1}", 0.2, 0.1
     scene = cantilever(section, 1.0, (3.0, 0.0, 0.0), (0.4, 0.3, -0.2), 2, 3, "youngs_modulus: 1.0e9")
     body, x = scene.bodies["b"], equilibrium(scene, 2)
-    found = body.section_forces(x, 0.0 * x, PLACES)[0]
+    found = inside(scene, x, PLACES)
     assert found == pytest.approx(np.tile([3.0, 0.0, 0.0, 0.4, 0.3, -0.2], (len(PLACES), 1)), abs=1e-4)
     size = 3.0 / (b * h) + 0.3 * (b / 2) / (h * b**3 / 12) + 0.2 * (h / 2) / (b * h**3 / 12)
     assert body.fibres(PLACES[:1]).stress(*found[0, [0, 4, 5]]) == pytest.approx(size, rel=1e-3)
@@ -244,7 +247,7 @@ solve: {{duration: 1.0}}
 """
     scene = build(parse_deck(text))
     x = equilibrium(scene, 1)
-    found = scene.bodies["b"].section_forces(x, 0.0 * x, PLACES)[0]
+    found = inside(scene, x, PLACES)
     left = 1e-6 * (1.0 - PLACES)
     assert found[:, 1] == pytest.approx(-left, abs=1e-11)
     assert found[:, 5] == pytest.approx(-0.5 * left * (1.0 - PLACES), abs=1e-11)

@@ -12,13 +12,13 @@ from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross, normal, turned
-from hfsim.mechanics.body import Place, VectorBody
+from hfsim.mechanics.body import Acting, Place, VectorBody
 from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.mechanics.markers import GroundMarker, LinearMarker
+from hfsim.mechanics.markers import GroundMarker, LinearMarker, Marker
 from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
 from hfsim.mechanics.pose import Pose, Twist
@@ -115,19 +115,42 @@ class CosseratBeam(VectorBody):
         """Return those of its sections."""
         return self.mesh.at(places).fibres
 
-    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
-        """Return those of the strains, and of their rates, in the sections' own axes."""
-        from hfsim.parts.bodies.frame_forces import frame_forces, section_axes
-        from hfsim.parts.bodies.line_forces import in_axes
+    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
+        """Return those of the balance, in the sections' own axes."""
+        from hfsim.parts.bodies.balance import balanced
 
-        vectors, rates = self.vectors(x), self.vectors(u)
-        axes = section_axes(self.mesh, vectors, places)
-        return in_axes(axes, *frame_forces(self.mesh, vectors, rates, places))
+        return balanced(self, x, u, a, acting, places)
+
+    @property
+    def length(self) -> float:
+        """Undeformed [m]."""
+        return self.mesh.length
+
+    def along(self, marker: Marker) -> float:
+        """Return how far from the root the section of one of its points is [m]."""
+        from hfsim.parts.bodies.balance import along_vectors
+
+        return along_vectors(self.mesh, marker)
+
+    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
+        """Return weight less inertia of its parts beyond places, and their moment about the root."""
+        from hfsim.parts.bodies.balance import carried_by_vectors
+
+        return carried_by_vectors(self, self.mesh, self.gravity, x, a, places)
+
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
+        from hfsim.parts.bodies.section_axes import square_axes
+
+        return square_axes(self.mesh, self.vectors(x), places)
+
+    def line(self, x: Array, places: Array) -> Array:
+        """Return points of its line, (n_batch, n_places, n_dim)."""
+        return np.asarray(np.array([self.mesh.shape(float(a))[0] for a in places]) @ self.vectors(x))
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
-        rows = [self.mesh.shape(float(a))[0] for a in self.outline_places]
-        return np.asarray(np.array(rows) @ self.vectors(x))
+        return self.line(x, self.outline_places)
 
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return how its line and sections change, in the frame at the root and undeformed sections' axes."""

@@ -34,13 +34,11 @@ class LinearBeam(NodalBeam):
     def _elastic(self) -> LinearElasticForce:
         return linearised(self.beam, self._kind)
 
-    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
-        """Return those of the linear law, in the axes of the body frame."""
-        from hfsim.parts.bodies.line_forces import small_forces
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of the body frame: those of the undeformed sections."""
+        from hfsim.parts.bodies.section_axes import in_the_plane
 
-        force, shape = self._elastic, (len(x), *self.beam.undeformed.shape)
-        moved, rates = force.displacements(x).reshape(shape), force.rates(x, u).reshape(shape)
-        return small_forces(self.beam, self.beam.measures.curvature, moved, rates, places)
+        return in_the_plane(np.repeat(self.vectors(x)[:, 1:2], len(places), axis=1))
 
     @property
     def _kind(self) -> type[LinearElasticForce]:

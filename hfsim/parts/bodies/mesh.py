@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.body import Place
 from hfsim.parts.elements import ElasticLaw, Element, Measures, elastic_form
@@ -115,8 +115,27 @@ class BeamMesh:
     @cached_property
     def element_masses(self) -> Array:
         """Mass matrix of one component of each element, or of all, shape (n_elements or 1, n, n) [kg]."""
-        M = self.element.mass(self.properties, self.count)
+        return self.masses_from(0.0)
+
+    def masses_from(self, start: float) -> Array:
+        """Return the same of the part of each element beyond a share of its length."""
+        M = self.element.mass(self.properties, self.count, start)
         return M.reshape(-1, *M.shape[-2:])
+
+    @property
+    def spans(self) -> IntArray:
+        """Which vectors each element has, shape (n_elements, n)."""
+        own = np.arange(self.element.stride + self.element.per_node)
+        return np.asarray(self.element.stride * np.arange(self.count)[:, None] + own)
+
+    @property
+    def distances(self) -> Array:
+        """Nodal vectors of the distance from the root along the beam, shape (n_vectors,)."""
+        stride = self.element.stride
+        found = np.zeros(self.n_vectors)
+        found[::stride] = self.element.length * np.arange(self.count + 1)
+        found[1::stride] = 1.0
+        return found
 
     def at(self, places: Array) -> BeamProperties:
         """Return the properties at distances from the root [m], arrays of their shape where they vary."""

@@ -111,7 +111,7 @@ MODELS: dict[str, Model] = {
         "linear:LinearBeam",
         frame=True,
         strain="linear",
-        leaves_out=("foreshortening", "stiffening"),
+        leaves_out=("foreshortening", "stiffening", "twist"),
         rung=1,
         alone=True,
         spatial="spatial_linear:SpatialLinearBeam",

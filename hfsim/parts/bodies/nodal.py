@@ -15,7 +15,7 @@ from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray, cumulative
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex
-from hfsim.mechanics.body import Place, VectorBody
+from hfsim.mechanics.body import Acting, Place, VectorBody
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.deformation import Deformation, size
 from hfsim.mechanics.force import ForcePart
@@ -112,19 +112,36 @@ class NodalBeam(VectorBody):
         """Return those of its sections."""
         return self.mesh.at(places).fibres
 
-    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
-        """Return those of the strains, and of their rates, in axes along the line."""
-        from hfsim.parts.bodies.line_forces import in_axes, line_forces
+    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
+        """Return those of the balance, in axes along the line."""
+        from hfsim.parts.bodies.balance import balanced
 
-        beam, V = self.beam, self.beam.difference_vectors(self.vectors(x))
-        dU = beam.law(beam.measures).gradient(V)
-        if beam.properties.damped:
-            dU = dU + beam.kelvin_voigt(0).gradient(V, beam.difference_vectors(self.vectors(u)))
-        return in_axes(self._section_axes(x, places), *line_forces(beam, V, dU, places))
+        return balanced(self, x, u, a, acting, places)
 
-    def _section_axes(self, x: Array, places: Array) -> Array:
+    @property
+    def length(self) -> float:
+        """Undeformed [m]."""
+        return self.mesh.length
+
+    def along(self, marker: Marker) -> float:
+        """Return how far from the root the section of one of its points is [m]."""
+        from hfsim.parts.bodies.balance import along_vectors
+
+        return along_vectors(self.mesh, marker)
+
+    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
+        """Return weight less inertia of its parts beyond places, and their moment about the root."""
+        from hfsim.parts.bodies.balance import carried_by_vectors
+
+        return carried_by_vectors(self, self.mesh, self.beam.gravity, x, a, places)
+
+    def line(self, x: Array, places: Array) -> Array:
+        """Return points of its line, (n_batch, n_places, n_dim)."""
+        return np.asarray(np.array([self.mesh.shape(float(a)) for a in places]) @ self.vectors(x))
+
+    def section_axes(self, x: Array, places: Array) -> Array:
         """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
-        from hfsim.parts.bodies.line_forces import in_the_plane
+        from hfsim.parts.bodies.section_axes import in_the_plane
 
         return in_the_plane(self._slopes(x, places))
 
@@ -135,8 +152,7 @@ class NodalBeam(VectorBody):
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
-        rows = np.array([self.mesh.shape(float(a)) for a in self.mesh.outline_places])
-        return np.asarray(rows @ self.vectors(x))
+        return self.line(x, self.mesh.outline_places)
 
     @property
     def coordinates(self) -> str:

@@ -13,7 +13,7 @@ from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import normal, rotate
-from hfsim.mechanics.body import Body, Place
+from hfsim.mechanics.body import Acting, Body, Place
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
@@ -185,22 +185,52 @@ class LowOrderBody(Body):
         """Return those of its sections."""
         return self.blueprint.mesh.at(places).fibres
 
-    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
-        """Return those of the linear law in w and v, in the axes of the sections."""
-        from hfsim.parts.bodies.line_forces import small_forces
+    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
+        """Return those of the balance, in axes along the line."""
+        from hfsim.parts.bodies.balance import balanced
 
-        moved, rates = (self._displacements(state) for state in (x, u))
-        return small_forces(self.blueprint, "exact", moved, rates, places)
+        return balanced(self, x, u, a, acting, places)
 
-    def _displacements(self, x: Array) -> Array:
-        """Return w and v of all nodal vectors, (n_batch, n_vectors, 2)."""
-        _, _, w, v = self.beam.split(x)
-        return np.stack([np.pad(w, ((0, 0), (1, 0))), np.pad(v, ((0, 0), (2, 0)))], axis=-1)
+    @property
+    def length(self) -> float:
+        """Undeformed [m]."""
+        return self.beam.mesh.length
+
+    def along(self, marker: Marker) -> float:
+        """Return how far from the root the section of one of its points is [m]."""
+        assert isinstance(marker, LowOrderMarker)
+        return marker.place
+
+    def line(self, x: Array, places: Array) -> Array:
+        """Return points of its line, (n_batch, n_places, n_dim)."""
+        return np.stack([self.marker((float(a), 0.0)).position(x) for a in places], axis=1)
+
+    def resultant(self, x: Array, force: Array) -> tuple[Array, Array]:
+        """Return force and moment about its root of a generalised force (n_batch, n_columns)."""
+        return force[:, PLACE], force[:, TURN : TURN + 1]
+
+    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
+        """Return weight less inertia of its parts beyond places, and their moment about the root."""
+        from hfsim.parts.bodies.balance import carried_by_points
+
+        return carried_by_points(self.beam, self._at_points, x, u, a, places)
+
+    @cached_property
+    def _at_points(self) -> list[Marker]:
+        """Markers of its root and of its quadrature points."""
+        return [self.marker((float(a), 0.0)) for a in (0.0, *self.beam.points[0])]
+
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes along and across its line, (n_batch, n_places, 3, 3), as columns."""
+        from hfsim.parts.bodies.section_axes import in_the_plane
+
+        first = np.array([1.0, 0.0])
+        slopes = [self.marker((float(a), 0.0)).turned(x, first) for a in places]
+        return in_the_plane(np.stack(slopes, axis=1))
 
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
-        places = self.beam.mesh.outline_places
-        return np.stack([self.marker((float(a), 0.0)).position(x) for a in places], axis=1)
+        return self.line(x, self.beam.mesh.outline_places)
 
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return that of w and v."""

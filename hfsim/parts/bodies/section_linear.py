@@ -65,25 +65,15 @@ class LinearSectionBeam(CosseratBeam):
         own = self.columns.stop - self.columns.start
         return 8.0 * TABLES * float(own) ** 2
 
-    def strains(self, x: Array, u: Array) -> Array:
-        """Return strains and their rates at Gauss points, shape (2, n_strains, n_batch, n_points)."""
-        changes = np.stack([self.elastic.displacements(x), self.elastic.rates(x, u)])
-        rows = self.elastic.small.reshape(-1, self.mesh.points[0].size, changes.shape[-1])
-        return np.asarray(np.einsum("spa,kba->ksbp", rows, changes))
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of undeformed sections, carried along by the body frame."""
+        from hfsim.parts.bodies.section_axes import square_axes
 
-    def stressed(self, x: Array, strains: Array) -> tuple[Array, Array]:
-        """Return nodal vectors, (n_batch, n_vectors, n_dim), and which section forces balance there."""
-        still = np.broadcast_to(self.undeformed, (len(x), *self.undeformed.shape))
-        return still, np.sum(self.mesh.resisting[:, :, None] * strains, axis=0)
-
-    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
-        """Return those of the law, in the axes of the sections where these forces balance."""
-        from hfsim.parts.bodies.frame_forces import balanced_forces, section_axes
-        from hfsim.parts.bodies.line_forces import in_axes
-
-        vectors, S = self.stressed(x, self.strains(x, u))
-        parts = balanced_forces(self.mesh, vectors, S, places)
-        return in_axes(section_axes(self.mesh, vectors, places), *parts)
+        own = square_axes(self.mesh, self.undeformed[None], places)
+        frame = np.zeros((len(x), 1, 3, 3))
+        frame[..., 2, 2] = 1.0
+        frame[:, 0, : self.n_dim, : self.n_dim] = self.elastic.frame(x)
+        return np.asarray(frame @ own)
 
 
 def small_strains(mesh: SectionMesh) -> Array:
@@ -177,6 +167,10 @@ class LinearSectionForce(LinearElasticForce):
         X = self._nodes(x)
         d = X[:, 1 : X.shape[2]]
         return X - self.positions[:, None] * X[:, :1], triad(d) @ self.axes.T, d
+
+    def frame(self, x: Array) -> Array:
+        """Return the body frame's axes as columns, (n_batch, n_dim, n_dim)."""
+        return self._relative(x)[1]
 
     def displacements(self, x: Array) -> Array:
         """Return p - p0 flattened, (n_batch, n_vectors * n_dim)."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
+from hfsim.parts.bodies.cosserat import CosseratBeam
 from hfsim.parts.bodies.section_linear import LinearSectionBeam, LinearSectionForce
 
 
@@ -36,18 +37,9 @@ class LowOrderSectionBeam(LinearSectionBeam):
         rows = across.reshape(*across.shape[:2], -1)
         return self.linearised(LowOrderSectionForce, across=rows, damped=damped)
 
-    def strains(self, x: Array, u: Array) -> Array:
-        """Return strains and their rates, of which the first are with the foreshortening."""
-        force, found = self.elastic, super().strains(x, u)
-        slopes, found[0, 0] = force.stretched(force.displacements(x))
-        found[1, 0] = force.stretching(slopes, force.rates(x, u))
-        return found
-
-    def stressed(self, x: Array, strains: Array) -> tuple[Array, Array]:
-        """Return its nodal vectors, and the section forces: the tension is along the line, which shears."""
-        _, S = super().stressed(x, strains)
-        S[1 : self.n_dim] += S[0] * strains[0, 1 : self.n_dim]
-        return self.vectors(x), S
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of its sections as they are: these carry the tension along the line."""
+        return CosseratBeam.section_axes(self, x, places)
 
 
 @dataclass(frozen=True, eq=False)

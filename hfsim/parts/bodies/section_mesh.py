@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, component_rows
-from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange
+from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange, weights_beyond
 from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
 from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw, point_rows, vector_rows
@@ -84,14 +84,42 @@ class SectionMesh:
 
         By Gauss-Lobatto quadrature in each element, whose nodes are its points.
         """
-        places, weights = gauss_lobatto(self.degree + 1)
-        own = self.properties.in_elements(places, self.count)
+        own = self._masses(gauss_lobatto(self.degree + 1)[1])
+        at_nodes = np.bincount(self.spans.ravel(), own.ravel(), self.n_dim * self.n_nodes)
+        return np.asarray(at_nodes, dtype=float)
+
+    def masses_from(self, start: float) -> Array:
+        """Return the mass matrix of one component of the part of each element beyond a share of its length.
+
+        Shape (count, n, n) [kg], [kg m^2]: integrals of the polynomials through the nodes.
+        """
+        own = self._masses(weights_beyond(gauss_lobatto(self.degree + 1)[0], np.array([start]))[0])
+        return np.asarray(own[..., None] * np.eye(own.shape[1]))
+
+    def _masses(self, weights: Array) -> Array:
+        """Return what the vectors of each element have by weights at its nodes, (count, n)."""
+        own = self.properties.in_elements(gauss_lobatto(self.degree + 1)[0], self.count)
         about_y, about_z = own.rotary_inertia
         each = [own.mass_per_length, about_z, about_y][: self.n_dim]
-        lengths, nodes = weights * self._element_length, self._nodes
-        per_element = (np.broadcast_to(one * lengths, nodes.shape).ravel() for one in each)
-        at_nodes = [np.bincount(nodes.ravel(), one, self.n_nodes) for one in per_element]
-        return np.stack(at_nodes, axis=1, dtype=float).ravel()
+        lengths, shape = weights * self._element_length, self._nodes.shape
+        found = np.stack([np.broadcast_to(one * lengths, shape) for one in each], axis=-1, dtype=float)
+        return found.reshape(self.count, -1)
+
+    @property
+    def spans(self) -> IntArray:
+        """Which vectors each element has, shape (count, n)."""
+        own = np.arange(self.n_dim * (self.degree + 1))
+        return np.asarray(self.n_dim * self.degree * np.arange(self.count)[:, None] + own)
+
+    @property
+    def distances(self) -> Array:
+        """Nodal vectors of the distance from the root along the beam, (n_dim n_nodes,)."""
+        return np.kron(self.node_places, np.eye(self.n_dim)[0])
+
+    @property
+    def length(self) -> float:
+        """Undeformed length [m]."""
+        return self.axis.length
 
     @property
     def _nodes(self) -> IntArray:

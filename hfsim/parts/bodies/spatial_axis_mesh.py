@@ -68,12 +68,11 @@ class AxisMesh(BeamMesh):
         """The vectors of each element, shape (n_elements, n, 3)."""
         return np.array([self.undeformed[self._span(e)] for e in range(self.count)])
 
-    @cached_property
-    def element_masses(self) -> Array:
-        """Mass matrix of one component of each element, or of all, shape (n_elements or 1, n, n) [kg]."""
+    def masses_from(self, start: float) -> Array:
+        """Return those of the part of each element beyond a share of its length."""
         if self._turned_only:
-            return super().element_masses
-        return curved_masses(self.element, uniform(self.properties), self._of_elements)
+            return super().masses_from(start)
+        return curved_masses(self.element, uniform(self.properties), self._of_elements, start)
 
     def law(self, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""

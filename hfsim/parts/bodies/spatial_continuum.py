@@ -110,6 +110,7 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         marker = GradientMarker(self.columns, self.mesh.shape(x, y, (0, 0, 0), z), rows, order)
         return marker if self.mesh.line is None else marker.level_in(self.undeformed)
 
-    def _section_axes(self, x: Array, places: Array) -> Array:
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
         markers = (replace(self.marker((float(a), 0.0, 0.0)), own=np.eye(3)) for a in places)
         return np.stack([marker.frame(x) for marker in markers], axis=1)

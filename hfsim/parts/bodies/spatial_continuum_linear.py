@@ -18,11 +18,10 @@ from hfsim.parts.bodies.spatial_continuum import SpatialContinuumBeam
 class LinearContinuumBeam(LinearBeam, SpatialContinuumBeam):
     """A fully parameterised beam whose elastic force is linearised about the undeformed state."""
 
-    def section_forces(self, x: Array, u: Array, places: Array) -> Array:
-        """Return those of the linear law, in the axes of the undeformed sections."""
-        found = super().section_forces(x, u, places)
-        parts = found.reshape(*found.shape[:2], 2, 3) @ self._undeformed_axes(places)
-        return np.asarray(parts.reshape(found.shape))
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of undeformed sections, carried along by the body frame."""
+        frame = self.marker(self.origin).frame(x)
+        return np.asarray(frame[:, None] @ self._undeformed_axes(places))
 
     @property
     def _kind(self) -> type[LinearElasticForce]:

@@ -19,6 +19,11 @@ from hfsim.parts.elements.forces import ROLL
 class SpatialLinearBeam(LinearBeam, SpatialNodalBeam):
     """A cable whose elastic force is linearised about the undeformed state in the body frame."""
 
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of the body frame: those of the undeformed sections."""
+        frame = self.marker(self.origin).turned(x, np.eye(3))
+        return np.repeat(frame[:, None], len(places), axis=1)
+
     @property
     def _kind(self) -> type[LinearElasticForce]:
         return SpatialLinearElasticForce

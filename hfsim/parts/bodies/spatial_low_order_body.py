@@ -20,6 +20,7 @@ from hfsim.parts.bodies.planar_low_order_body import FIELDS
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
 from hfsim.parts.bodies.spatial_linear import SpatialLinearBeam, SpatialLinearElasticForce
 from hfsim.parts.bodies.spatial_low_order import SpatialLowOrderBeam
+from hfsim.parts.bodies.spatial_nodal import SpatialNodalBeam
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,10 +218,34 @@ class SpatialLowOrderBody(SpatialLinearBeam):
         """Return the marker of a point of the centre line."""
         return SpatialLowOrderMarker(self.variable_mass, place[0])
 
-    def outline(self, x: Array) -> Array:
-        """Return points of the centre line."""
-        places = self.mesh.outline_places
+    def along(self, marker: Marker) -> float:
+        """Return how far from the root one of its points is [m]."""
+        assert isinstance(marker, SpatialLowOrderMarker)
+        return marker.place
+
+    def line(self, x: Array, places: Array) -> Array:
+        """Return points of its line, (n_batch, n_places, 3)."""
         return np.stack([self.marker((float(a), 0.0, 0.0)).position(x) for a in places], axis=1)
+
+    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
+        """Return weight less inertia of its parts beyond places, and their moment about the root."""
+        from hfsim.parts.bodies.balance import carried_by_points
+
+        return carried_by_points(self.variable_mass, self._at_points, x, u, a, places)
+
+    @cached_property
+    def _at_points(self) -> list[Marker]:
+        """Markers of its root and of its quadrature points."""
+        return [self.marker((float(a), 0.0, 0.0)) for a in (0.0, *self.variable_mass.points[0])]
+
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of the root, carried along its line without turning about it."""
+        return SpatialNodalBeam.section_axes(self, x, places)
+
+    def _slopes(self, x: Array, places: Array) -> Array:
+        """Return those of the foreshortened line."""
+        first = np.eye(3)[0]
+        return np.stack([self.marker((float(a), 0.0, 0.0)).axis(x, first) for a in places], axis=1)
 
     def third_order_inertia(self, x: Array) -> float:
         """Return that of the beam."""

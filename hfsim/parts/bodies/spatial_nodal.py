@@ -35,8 +35,9 @@ class SpatialNodalBeam(NodalBeam):
         """Return the same."""
         return self.marker(place)
 
-    def _section_axes(self, x: Array, places: Array) -> Array:
-        from hfsim.parts.bodies.line_forces import along_the_line
+    def section_axes(self, x: Array, places: Array) -> Array:
+        """Return the axes of sections: those of the root, carried without turning about the line."""
+        from hfsim.parts.bodies.section_axes import along_the_line
 
         grid = np.union1d(self.outline_places, places)
         axes = along_the_line(self.marker(self.origin).turned(x, np.eye(3)), self._slopes(x, grid))

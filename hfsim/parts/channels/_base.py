@@ -12,7 +12,7 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import wrap
-from hfsim.mechanics.body import Body
+from hfsim.mechanics.body import Acting, Body
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.system import System
 
@@ -66,9 +66,14 @@ class Samples:
         return self.scene.system.absolute_velocity(self.q, self.v)
 
     @cached_property
+    def solved(self) -> tuple[Array, Array]:
+        """Accelerations of the absolute coordinates, and multipliers of all joints, (n_times, n_rows)."""
+        return self.scene.system.solved(self.t, self.x, self.u)
+
+    @property
     def multipliers(self) -> Array:
         """Lagrange multipliers of all joints, shape (n_times, n_rows)."""
-        return self.scene.system.multipliers(self.t, self.x, self.u)
+        return self.solved[1]
 
     def frame_angle(self, body: str) -> Array:
         """Return the angle of a body frame [rad], continuous over full turns."""
@@ -83,13 +88,27 @@ class Samples:
     def _known_forces(self) -> dict[str, Array]:
         return {}
 
+    @cached_property
+    def _acting(self) -> dict[str, Acting]:
+        return {}
+
     def section_forces(self, point: str) -> Array:
         """Return the internal forces of a beam at a point, shape (n_times, 6), as `Body.section_forces`."""
         if point not in self._known_forces:
             name, at = split_point(point)
-            body = self.scene.bodies[name]
-            self._known_forces[point] = body.section_forces(self.x, self.u, body_places(body, at))[:, 0]
+            places = body_places(self.scene.bodies[name], at)
+            self._known_forces[point] = self.forces_along(name, places)[:, 0]
         return self._known_forces[point]
+
+    def forces_along(self, name: str, places: Array) -> Array:
+        """Return the internal forces of a beam at distances from its root, (n_times, n_places, 6)."""
+        from hfsim.mechanics.acting import acting_on
+
+        body, (accelerations, multipliers) = self.scene.bodies[name], self.solved
+        if name not in self._acting:
+            states = self.t, self.x, self.u
+            self._acting[name] = acting_on(self.scene.system, body.columns, *states, multipliers)
+        return body.section_forces(self.x, self.u, accelerations, self._acting[name], places)
 
     def frame(self, body: str) -> Array:
         """Return the axes of a body frame in space as columns, shape (n_times, 3, 3)."""

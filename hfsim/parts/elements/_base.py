@@ -127,8 +127,11 @@ class Element(Protocol):
     ) -> Array:
         """Return the shape row, shape (n,), at x = xi le, (eta, zeta) [m], or a derivative by (x, y[, z])."""
 
-    def mass(self, properties: BeamAlong, count: int = 1) -> Array:
-        """Return the mass matrix of one vector component [kg], (n, n), or that of each of some elements."""
+    def mass(self, properties: BeamAlong, count: int = 1, start: float = 0.0) -> Array:
+        """Return the mass matrix of one vector component [kg], (n, n), or that of each of some elements.
+
+        Of the part beyond ``start``, a share of the length.
+        """
 
     def law(self, properties: BeamAlong, count: int, measures: Measures = USUAL) -> ElasticLaw:
         """Return the elastic law of ``count`` elements in a row."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
-from hfsim.maths.shapes import gauss_legendre, hierarchic
+from hfsim.maths.shapes import gauss_legendre, hierarchic, rest_of
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 from hfsim.parts.elements.polynomial import exact_points, green_linear_law
 from hfsim.parts.elements.quadrature import QuadratureLaw
@@ -78,9 +78,9 @@ class Cable:
         row = hierarchic(xi, self.degree, derivative[0])[0]
         return np.asarray(row * self._scale / self.length ** derivative[0])
 
-    def mass(self, properties: BeamAlong, count: int = 1) -> Array:
+    def mass(self, properties: BeamAlong, count: int = 1, start: float = 0.0) -> Array:
         """Return the consistent mass matrix [kg]; section rotary inertia acts on the slopes if given."""
-        x, w = gauss_legendre(self.degree + 1)
+        x, w = rest_of(gauss_legendre(self.degree + 1), start)
         N = hierarchic(x, self.degree) * self._scale
         Nx = hierarchic(x, self.degree, 1) * self._scale / self.length
         own = properties.in_elements(x, count)

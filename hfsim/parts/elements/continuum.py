@@ -15,7 +15,7 @@ import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.shapes import bubbles, gauss_legendre, gauss_lobatto, hierarchic
+from hfsim.maths.shapes import bubbles, gauss_legendre, gauss_lobatto, hierarchic, rest_of
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 
 if TYPE_CHECKING:
@@ -117,10 +117,10 @@ class Continuum:
         inner = bubbles(xi, self.section_degree, derivative)[0]
         return np.array([ends[0], *inner, ends[1]]) / self.length**derivative
 
-    def mass(self, properties: BeamAlong, count: int = 1) -> Array:
+    def mass(self, properties: BeamAlong, count: int = 1, start: float = 0.0) -> Array:
         """Return the consistent mass matrix of the rectangular section [kg]."""
         properties = uniform(properties)
-        x, wx = gauss_legendre(max(self.degree, self.section_degree) + 1)
+        x, wx = rest_of(gauss_legendre(max(self.degree, self.section_degree) + 1), start)
         M = np.zeros((self._n_vectors, self._n_vectors))
         for xi, a in zip(x, wx, strict=True):
             for y, z, b in zip(*section_points(properties, self.n_dim, 2), strict=True):

@@ -13,7 +13,7 @@ import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
-from hfsim.maths.shapes import gauss_legendre
+from hfsim.maths.shapes import gauss_legendre, rest_of
 from hfsim.parts.elements.continuum import Continuum, section_points
 from hfsim.parts.elements.points import PointLaw
 from hfsim.parts.elements.varied import VariedGramLaw
@@ -81,9 +81,14 @@ def curved_law(element: Continuum, properties: BeamProperties, undeformed: Array
     return PointLaw(VariedGramLaw.green_lagrange(material, each, own, properties), to_points)
 
 
-def curved_masses(element: Continuum, properties: BeamProperties, undeformed: Array) -> Array:
-    """Return the mass matrices of one vector component of these elements, (n_elements, n, n) [kg]."""
-    x, wx = gauss_legendre((3 * element.degree + 2 * element.section_degree) // 2 + 1)
+def curved_masses(
+    element: Continuum, properties: BeamProperties, undeformed: Array, start: float = 0.0
+) -> Array:
+    """Return the mass matrices of one vector component of these elements, (n_elements, n, n) [kg].
+
+    Of their parts beyond ``start``, a share of the length.
+    """
+    x, wx = rest_of(gauss_legendre((3 * element.degree + 2 * element.section_degree) // 2 + 1), start)
     y, z, across = section_points(properties, 3, 2)
     places = [(float(xi), float(a), float(b)) for xi in x for a, b in zip(y, z, strict=True)]
     units = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))

@@ -64,13 +64,13 @@ class DistributedSpec(LoadSpec):
     def build_on(self, marker: Callable[[str], Marker], body: Body, spec: Any) -> LineForce:
         """Return the force: at Gauss points whose work is that of the load along each element."""
         degree = spec.degree + 2 * FOLLOWING * self.follower
-        places, weights = self._points(spec.length, spec.elements, degree)
+        edges, places, weights = self._points(spec.length, spec.elements, degree)
         markers = tuple(body.grip((float(a), *(0.0,) * (body.n_dim - 1))) for a in places)
         law = self.law.build() if self.law else None
-        return LineForce(markers, np.outer(weights, self.force), self.follower, law)
+        return LineForce(markers, np.outer(weights, self.force), edges, self.follower, law)
 
-    def _points(self, length: float, elements: int, degree: int) -> tuple[Array, Array]:
-        """Return places and weights, the factor included, that are exact for shapes of a degree."""
+    def _points(self, length: float, elements: int, degree: int) -> tuple[Array, Array, Array]:
+        """Return cells, and places there with weights, the factor included, exact for shapes of a degree."""
         ends = np.linspace(0.0, length, elements + 1)
         rows = np.array(self.shape or ((0.0, 1.0), (length, 1.0)))
         kinks = np.clip(rows[:, 0], 0.0, length)
@@ -80,7 +80,7 @@ class DistributedSpec(LoadSpec):
         xi, w = gauss_legendre((degree + 3) // 2)
         steps = np.diff(grid)
         places = (grid[:-1, None] + steps[:, None] * xi).ravel()
-        return places, (steps[:, None] * w).ravel() * np.interp(places, kinks, rows[:, 1])
+        return grid, places, (steps[:, None] * w).ravel() * np.interp(places, kinks, rows[:, 1])
 
 
 _ROUNDING = 1e-9
