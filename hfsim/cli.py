@@ -22,6 +22,7 @@ COMMANDS = {
     "run": "Simulate decks: CSV, plots, summary.",
     "compare": "One scene with several models: differences, run times, verdict.",
     "bench": "Error against run time: methods, tolerances, models, meshes.",
+    "sweep": "Many runs of one deck: grids, samples, tables; a row for each.",
     "stability": "Where methods and models hold: maps over stiffness, speed, step and any entry.",
     "extreme": "The decks at the edge of what can be solved, held against what is expected.",
     "verify": "Published values against what is found: benchmarks, and decks of one's own.",

@@ -143,13 +143,14 @@ def assess(
     if found.interruption is not None:
         told["exit_code"] = interruption_code(found.interruption)
         told["reason"] = run.reason or AFTER_ITS_END
+    run = replace(run, fine=Between(legs, run.t, run.channels), **told)
     if scene.left_out.fires("plots") if outlines is None else not outlines:
-        return replace(run, **told)
+        return run
     seen = outlines_of(samples)
-    run = replace(run, outline_t=seen.t, outlines=seen.points, outline_forces=seen.forces)
     with np.errstate(all="ignore"):
         shots = tuple(shot for leg in legs for shot in leg.record.shots.snapshots())
-    return replace(run, snapshots=shots, fine=Between(legs, run.t, run.channels), **told)
+    run = replace(run, outline_t=seen.t, outlines=seen.points, outline_forces=seen.forces)
+    return replace(run, snapshots=shots)
 
 
 def _solved(legs: Sequence[Leg], record: Record, clock: PhaseClock, course: Course | None) -> Run:

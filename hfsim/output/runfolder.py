@@ -25,7 +25,9 @@ from hfsim.output.text import printable
 
 SUMMARY = "summary.json"
 _OWN_FILES = ("history.csv", SUMMARY, "resolved.yaml", "run.log", "checkpoint.npz")
-_OWN_NAME = re.compile(r"((plots|vtk)/)?[\w+-][\w.+-]*\.(csv|json|yaml|log|png|svg|pdf|gif|html|npz|pvd|vtu)")
+_OWN_NAME = re.compile(
+    r"((plots|vtk)/)?[\w+-][\w.+-]*\.(csv|jsonl?|yaml|log|png|svg|pdf|gif|html|npz|pvd|vtu)"
+)
 _UNFINISHED = ("failed", "interrupted", "running")
 
 

@@ -14,7 +14,7 @@ one method
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -98,6 +98,7 @@ class Study:
         text: str,
         draw: Callable[[Path], Iterable[str]] | None = None,
         page: Page | None = None,
+        also: Sequence[str] = (),
     ) -> dict[str, Any]:
         """Write the study and tell it: as JSON on one line or as text, as the user wishes.
 
@@ -113,6 +114,8 @@ class Study:
             Draws the pictures into a folder and returns their names; not called if none are wanted.
         page : callable, optional
             Makes the page that shows all of it.
+        also : sequence of str
+            Files that are there already.
 
         Returns
         -------
@@ -126,7 +129,7 @@ class Study:
         KeyboardInterrupt
             If a signal ends the drawing; all else has been written and told then.
         """
-        plain = self._save(facts, tables)
+        plain = self._save(facts, tables, also)
         signal: KeyboardInterrupt | None = None
         if draw and self.plots and self.folder:
             try:
@@ -174,11 +177,13 @@ class Study:
             write_json(self.path / f"{self.kind}.json", plain)
         return plain
 
-    def _save(self, facts: Mapping[str, Any], tables: Mapping[str, Table]) -> dict[str, Any]:
+    def _save(
+        self, facts: Mapping[str, Any], tables: Mapping[str, Table], also: Sequence[str]
+    ) -> dict[str, Any]:
         from hfsim.output.disk import disk, write_json
         from hfsim.output.writers import json_ready, versions, write_table
 
-        files = [*(f"{stem}.csv" for stem in tables), f"{self.kind}.json"]
+        files = [*(f"{stem}.csv" for stem in tables), *also, f"{self.kind}.json"]
         if self.folder is None:
             return dict(json_ready({**facts, **self.about, "versions": versions(), "files": files})[0])
         self.begin()

@@ -8,23 +8,17 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import reduce
 from itertools import product
 from typing import Any, TypeAlias
 
-import numpy as np
-
+from hfsim.deck.ranges import RangeError, Value, read_values, written
 from hfsim.parts.bodies.beam import BeamSpec
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.schema import Deck
 
-Value = float | str
-"""A number, or a word such as a method's name."""
-
-_RANGE = re.compile(r"\s*(log|lin)\s*\(([^,()]+),([^,()]+),([^,()]+)\)\s*")
 _MOST = 1000
 """Values of one axis at most."""
 
@@ -98,49 +92,13 @@ def parse_values(text: str) -> tuple[tuple[Value, ...], bool]:
     >>> parse_values("2, 4, 8"), parse_values("gauss,gear")
     (((2.0, 4.0, 8.0), False), (('gauss', 'gear'), False))
     """
-    found = _RANGE.fullmatch(text)
-    if found:
-        return _spaced(found[1], found[2], found[3], found[4], text)
-    words = [word.strip() for word in text.strip().removeprefix("[").removesuffix("]").split(",")]
-    if not all(words) or len(words) > _MOST:
-        raise AxisError(f"'{text}' is no list of values; write log(1e5,1e12,8), lin(1,5,9) or 1,2,5")
-    values = tuple(dict.fromkeys(_number(word) for word in words))
-    if any(isinstance(value, float) and not math.isfinite(value) for value in values):
-        raise AxisError(f"'{text}': values are finite")
-    return values, False
-
-
-def _spaced(kind: str, first: str, last: str, count: str, text: str) -> tuple[tuple[Value, ...], bool]:
     try:
-        a, b, n = float(first), float(last), int(count)
-    except ValueError:
-        raise AxisError(f"'{text}': {kind}(first, last, count) takes three numbers") from None
-    if not 1 <= n <= _MOST or not (math.isfinite(a) and math.isfinite(b)):
-        raise AxisError(f"'{text}': 1 to {_MOST} finite values")
-    if kind == "log" and min(a, b) <= 0.0:
-        raise AxisError(f"'{text}': a logarithmic axis has positive ends")
-    spaced = np.geomspace(a, b, n) if kind == "log" else np.linspace(a, b, n)
-    return tuple(dict.fromkeys(float(f"{value:.12g}") for value in spaced)), kind == "log"
-
-
-def _number(word: str) -> Value:
-    try:
-        return float(word)
-    except ValueError:
-        return word
-
-
-def written(value: Value) -> str:
-    """Return a value as an override has it: whole numbers without a point.
-
-    Examples
-    --------
-    >>> written(4.0), written(0.1), written("gear")
-    ('4', '0.1', 'gear')
-    """
-    if isinstance(value, str):
-        return value
-    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
+        found = read_values(text, _MOST)
+    except RangeError as error:
+        raise AxisError(str(error)) from None
+    if found.kind:
+        raise AxisError(f"'{text}' is random; an axis has values, random ones are for hfsim sweep")
+    return found.listed, found.logarithmic
 
 
 # --- kinds of axes -------------------------------------------------------------------------------

@@ -1,7 +1,7 @@
 """Jobs in worker processes: each has its own time limit, all share a deadline, and none can end the study.
 
-One process serves one job and is gone: a crash, a hang or a lack of memory there costs that job only.
-However the study ends, killed without a word included, its workers end with it.
+A process serves one job after the other; a crash or a hang costs the job it has at the time, and another
+process takes its place.  However the study ends, killed without a word included, its workers end with it.
 """
 
 from __future__ import annotations
@@ -9,17 +9,21 @@ from __future__ import annotations
 import multiprocessing
 import multiprocessing.connection
 import os
+import pickle
 import signal
 import threading
 import time
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Callable, Generator, Iterator
-from contextlib import closing
-from dataclasses import dataclass, field
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing, suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 _GRACE = 2.0
 """Time a worker gets beyond its limit to end by itself [s]; then it is ended."""
+_AHEAD = 2
+"""Jobs that are kept ready for each worker, of those that are made as they are needed."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +40,15 @@ class Task:
         Can be pickled.
     limit : float
         Wall time it may take [s].
+    tries : int
+        How often it is begun where workers are lost with it.
     """
 
     key: Any
     function: Callable[[Any], Any]
     argument: Any
-    limit: float
+    limit: float = float("inf")
+    tries: int = 1
 
 
 @dataclass(frozen=True)
@@ -64,21 +71,13 @@ class Outcome:
 
 
 @dataclass
-class _Worker:
-    task: Task
-    process: Any
-    pipe: Any
-    end: float
-
-
-@dataclass
-class Farm:
-    """A queue of tasks and the processes that serve it.
+class Executor(ABC):
+    """A queue of tasks and those that serve it.
 
     Attributes
     ----------
     jobs : int
-        Processes at a time.
+        Tasks at a time.
     deadline : float
         Reading of ``time.perf_counter`` at which all is ended [s].
     interrupted : bool
@@ -89,7 +88,7 @@ class Farm:
     deadline: float = float("inf")
     interrupted: bool = False
     _queue: deque[Task] = field(default_factory=deque)
-    _workers: list[_Worker] = field(default_factory=list)
+    _more: Iterator[Task] = field(default_factory=lambda: iter(()))
 
     def add(self, task: Task, first: bool = False) -> None:
         """Queue a task, at the end or (`first`) before all others."""
@@ -98,20 +97,16 @@ class Farm:
         else:
             self._queue.append(task)
 
+    def feed(self, tasks: Iterable[Task]) -> None:
+        """Let tasks come after those that are queued, each made when it is needed: there may be very many."""
+        self._more = iter(tasks)
+
+    @abstractmethod
     def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue, also what is added meanwhile; yield outcomes as they come in.
 
         Ends when nothing is left or the deadline has come; what had no result by then is `unreached`.
         """
-        try:
-            while self._queue or self._workers:
-                if time.perf_counter() >= self.deadline:
-                    return
-                while self._queue and len(self._workers) < self.jobs:
-                    self._start(self._queue.popleft())
-                yield from self._finished()
-        finally:
-            self._stop()
 
     def serve(self, take: Callable[[Outcome], None]) -> None:
         """Hand every outcome to a function as it comes in; a signal ends that, and is noted."""
@@ -123,7 +118,7 @@ class Farm:
             self.interrupted = True
 
     def unreached(self) -> list[Any]:
-        """Return the keys of tasks that were still waiting, or cut off, at the end."""
+        """Return the keys of tasks that were queued and still waiting, or cut off, at the end."""
         return [task.key for task in self._queue]
 
     @property
@@ -131,39 +126,98 @@ class Farm:
         """Why there are any."""
         return "interrupted" if self.interrupted else "the budget was used up"
 
-    def _start(self, task: Task) -> None:
+    def _next(self) -> Task | None:
+        """Take the next task from the queue; None if there is none."""
+        while len(self._queue) < self.jobs * _AHEAD and (task := next(self._more, None)) is not None:
+            self._queue.append(task)
+        return self._queue.popleft() if self._queue else None
+
+    def _lost(self, task: Task, why: str) -> Iterator[Outcome]:
+        """Queue a task once more whose worker was lost, or yield that it has no result."""
+        if task.tries > 1:
+            self._queue.appendleft(replace(task, tries=task.tries - 1))
+        else:
+            yield Outcome(task.key, lost=why)
+
+
+@dataclass
+class _Worker:
+    process: Any
+    pipe: Any
+    task: Task | None = None
+    end: float = float("inf")
+
+
+@dataclass
+class Farm(Executor):
+    """Processes of this machine; ``jobs`` is how many."""
+
+    _workers: list[_Worker] = field(default_factory=list)
+
+    def outcomes(self) -> Generator[Outcome, None, None]:
+        """Serve the queue; see `Executor.outcomes`."""
+        try:
+            while time.perf_counter() < self.deadline:
+                self._hand_out()
+                if not any(worker.task for worker in self._workers):
+                    return
+                yield from self._finished()
+        finally:
+            self._stop()
+
+    def _hand_out(self) -> None:
+        """Give every worker that has none a task; there are no more workers than tasks."""
+        while True:
+            idle = next((worker for worker in self._workers if worker.task is None), None)
+            if idle is None and len(self._workers) >= self.jobs:
+                return
+            task = self._next()
+            if task is None:
+                return
+            worker = idle or self._hire()
+            worker.task, worker.end = task, time.perf_counter() + task.limit + _GRACE
+            with suppress(BrokenPipeError):  # it has died meanwhile, which shows when its answer is read
+                worker.pipe.send((task.function, task.argument))
+
+    def _hire(self) -> _Worker:
         kinds = multiprocessing.get_all_start_methods()
         context: Any = multiprocessing.get_context("fork" if "fork" in kinds else "spawn")
-        ours, theirs = context.Pipe(duplex=False)
-        process = context.Process(target=_serve, args=(theirs, task.function, task.argument), daemon=True)
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs,), daemon=True)
         process.start()
         theirs.close()
-        end = time.perf_counter() + task.limit + _GRACE
-        self._workers.append(_Worker(task, process, ours, end))
+        self._workers.append(_Worker(process, ours))
+        return self._workers[-1]
 
     def _finished(self) -> Iterator[Outcome]:
         now = time.perf_counter()
-        soonest = min([self.deadline, *(worker.end for worker in self._workers)])
-        pipes = [worker.pipe for worker in self._workers]
-        ready = multiprocessing.connection.wait(pipes, min(max(soonest - now, 0.0), 1e6))
-        for worker in list(self._workers):
+        busy = [worker for worker in self._workers if worker.task is not None]
+        soonest = min([self.deadline, *(worker.end for worker in busy)])
+        ready = multiprocessing.connection.wait(
+            [worker.pipe for worker in busy], min(max(soonest - now, 0.0), 1e6)
+        )
+        for worker in busy:
             if worker.pipe in ready:
-                yield self._collect(worker)
-            elif time.perf_counter() >= worker.end:
-                self._end(worker)
-                yield Outcome(worker.task.key, lost=f"no answer within {worker.task.limit:.3g} s")
+                yield from self._collect(worker)
+            elif time.perf_counter() >= worker.end and (task := worker.task):
+                self._dismiss(worker)
+                yield Outcome(task.key, lost=f"no answer within {task.limit:.3g} s")
 
-    def _collect(self, worker: _Worker) -> Outcome:
-        key = worker.task.key
+    def _collect(self, worker: _Worker) -> Iterator[Outcome]:
+        task = worker.task
+        assert task is not None
         try:
             value, lost = worker.pipe.recv()
-        except EOFError:
+        except (EOFError, ConnectionError):
             worker.process.join(_GRACE)
-            value, lost = None, _death(worker.process.exitcode)
-        self._end(worker)
-        return Outcome(key, value, lost)
+            why = _death(worker.process.exitcode)
+            self._dismiss(worker)
+            yield from self._lost(task, why)
+            return
+        worker.task = None
+        yield Outcome(task.key, value, lost)
 
-    def _end(self, worker: _Worker) -> None:
+    def _dismiss(self, worker: _Worker) -> None:
         self._workers.remove(worker)
         worker.pipe.close()
         worker.process.join(0.0)
@@ -172,10 +226,11 @@ class Farm:
             worker.process.join(_GRACE)
 
     def _stop(self) -> None:
-        """End what still runs and put it back into the queue."""
+        """End all workers and put what they had back into the queue."""
         for worker in reversed(list(self._workers)):
-            self._queue.appendleft(worker.task)
-            self._end(worker)
+            if worker.task is not None:
+                self._queue.appendleft(worker.task)
+            self._dismiss(worker)
 
 
 def _death(code: int | None) -> str:
@@ -184,18 +239,31 @@ def _death(code: int | None) -> str:
     return f"the worker ended without an answer (exit code {code})"
 
 
-def _serve(pipe: Any, function: Callable[[Any], Any], argument: Any) -> None:
-    """Do one job; what goes wrong is an answer too."""
+def _serve(pipe: Any) -> None:
+    """Do one job after the other."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the study decides what an interrupt ends
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    with suppress(EOFError, ConnectionError):
+        while True:
+            pipe.send_bytes(_answer(*pipe.recv()))
+
+
+def _answer(function: Callable[[Any], Any], argument: Any) -> bytes:
+    """Return the pickled result of a job, and why there is none: what goes wrong is an answer too."""
     try:
-        answer: tuple[Any, str] = function(argument), ""
-    except MemoryError:
-        answer = None, "not enough memory"
+        return pickle.dumps(attempt(function, argument))
     except Exception as error:
-        answer = None, f"{type(error).__name__}: {error}"
-    pipe.send(answer)
-    pipe.close()
+        return pickle.dumps((None, f"{type(error).__name__}: {error}"))
+
+
+def attempt(function: Callable[[Any], Any], argument: Any) -> tuple[Any, str]:
+    """Return what a function makes of an argument, and why that is nothing; empty if it is something."""
+    try:
+        return function(argument), ""
+    except MemoryError:
+        return None, "not enough memory"
+    except Exception as error:
+        return None, f"{type(error).__name__}: {error}"
 
 
 def _end_with_parent() -> None:

@@ -7,10 +7,11 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
+from hfsim.deck.ranges import Value, written
 from hfsim.errors import DeckError
 from hfsim.integrators import import_for
 from hfsim.scene.loading import LoadedDeck
-from hfsim.studies.axes import Value, point_overrides, written
+from hfsim.studies.axes import point_overrides
 from hfsim.studies.farm import Farm, Outcome, Task
 from hfsim.studies.stability.results import MapPoint, Plan, Wanted
 from hfsim.studies.stability.trials import Job, solve_point, solve_reference

@@ -10,9 +10,10 @@ from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import Any
 
+from hfsim.deck.ranges import Value
 from hfsim.errors import DeckError
 from hfsim.scene.loading import LoadedDeck
-from hfsim.studies.axes import Axis, Value, point_overrides
+from hfsim.studies.axes import Axis, point_overrides
 from hfsim.studies.stability.bisection import bisected
 from hfsim.studies.stability.mapper import Mapper, Report
 from hfsim.studies.stability.results import Boundary, MapPoint, Plan, StabilityMap, Wanted

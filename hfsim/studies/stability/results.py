@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from hfsim.studies.axes import Axis, Value
+from hfsim.deck.ranges import Value
+from hfsim.studies.axes import Axis
 from hfsim.studies.stability.verdict import CLASSES, NO_TRIAL, Bounds, Trial, Verdict
 
 Wanted: TypeAlias = "tuple[tuple[Value, ...], str, str]"

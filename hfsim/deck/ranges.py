@@ -1,0 +1,232 @@
+"""Values that an entry is to have in many runs: ``lin(1, 5, 9)``, ``2, 4, 8``, ``normal(1, 0.1)``."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, TypeAlias
+
+from hfsim.deck.source import did_you_mean
+
+Value: TypeAlias = "float | str"
+"""A number, or a word such as a method's name."""
+
+MOST = 100_000
+"""Values of one entry at most."""
+_CALL = re.compile(r"\s*([A-Za-z_]\w*)\s*\(([^()]*)\)\s*")
+_DIGITS = 12
+"""Digits of values that are computed: text of them reads back the same everywhere."""
+
+
+class RangeError(ValueError):
+    """A text names no values; `hint` says what would be right."""
+
+    def __init__(self, message: str, hint: str = "") -> None:
+        self.hint = hint
+        super().__init__(f"{message} ({hint})" if hint else message)
+        self.message = message
+
+
+class Distribution(NamedTuple):
+    """A kind of random values.
+
+    Attributes
+    ----------
+    form : str
+        How it is written.
+    wrong : callable
+        Its numbers -> what is wrong with them; empty if nothing is.
+    at : callable
+        (share, numbers) -> the value below which this share of all is; the share is inside 0 to 1.
+    """
+
+    form: str
+    wrong: Callable[[Sequence[float]], str]
+    at: Callable[[float, Sequence[float]], float]
+
+
+def _normal(share: float) -> float:
+    from statistics import NormalDist
+
+    return NormalDist().inv_cdf(share)
+
+
+def _ordered(n: Sequence[float]) -> str:
+    return "" if n[0] < n[1] else "the first number is below the second"
+
+
+def _wide(n: Sequence[float]) -> str:
+    return "" if n[1] > 0.0 else "the second number, the standard deviation, is above 0"
+
+
+def _triangle(share: float, n: Sequence[float]) -> float:
+    low, peak, high = n
+    if share < (peak - low) / (high - low):
+        return low + math.sqrt(share * (high - low) * (peak - low))
+    return high - math.sqrt((1.0 - share) * (high - low) * (high - peak))
+
+
+DISTRIBUTIONS = {
+    "uniform": Distribution("uniform(low, high)", _ordered, lambda s, n: n[0] + s * (n[1] - n[0])),
+    "loguniform": Distribution(
+        "loguniform(low, high)",
+        lambda n: _ordered(n) or ("" if n[0] > 0.0 else "both numbers are above 0"),
+        lambda s, n: n[0] * (n[1] / n[0]) ** s,
+    ),
+    "normal": Distribution("normal(mean, deviation)", _wide, lambda s, n: n[0] + n[1] * _normal(s)),
+    "lognormal": Distribution(
+        "lognormal(median, deviation)",  # of the logarithm
+        lambda n: _wide(n) or ("" if n[0] > 0.0 else "the median is above 0"),
+        lambda s, n: n[0] * math.exp(n[1] * _normal(s)),
+    ),
+    "triangular": Distribution(
+        "triangular(low, peak, high)",
+        lambda n: "" if n[0] <= n[1] <= n[2] and n[0] < n[2] else "the numbers are in order",
+        _triangle,
+    ),
+    "integers": Distribution(
+        "integers(low, high)",
+        lambda n: "" if n[0] <= n[1] and all(x == int(x) for x in n) else "two whole numbers in order",
+        lambda s, n: n[0] + math.floor(s * (n[1] - n[0] + 1.0)),
+    ),
+}
+"""Kinds of random values: all of a range alike, and so of its logarithm; about a mean; about a median, its
+logarithm with a standard deviation; between ends with a peak; whole numbers, both ends included."""
+_SPACED = {"lin": "lin(first, last, count)", "log": "log(first, last, count)"}
+
+
+@dataclass(frozen=True)
+class Values:
+    """What a text names: a list of values, or a distribution.
+
+    Attributes
+    ----------
+    listed : tuple of float or str
+        Empty for a distribution.
+    logarithmic : bool
+        Whether they are spaced so.
+    kind : str
+        A key of `DISTRIBUTIONS`; empty for a list.
+    numbers : tuple of float
+        Of the distribution.
+    """
+
+    listed: tuple[Value, ...]
+    logarithmic: bool = False
+    kind: str = ""
+    numbers: tuple[float, ...] = ()
+
+    @property
+    def numeric(self) -> bool:
+        """Whether all values are numbers."""
+        return all(not isinstance(value, str) for value in self.listed)
+
+    def at(self, share: float) -> Value:
+        """Return the value below which a share of all is, 0 < share < 1; those of a list count alike."""
+        if not self.kind:
+            return self.listed[min(int(share * len(self.listed)), len(self.listed) - 1)]
+        return float(f"{DISTRIBUTIONS[self.kind].at(share, self.numbers):.{_DIGITS}g}")
+
+
+def read_values(text: str, most: int = MOST) -> Values:
+    """Return the values that a text names.
+
+    Parameters
+    ----------
+    text : str
+        ``lin(first, last, count)``, ``log(first, last, count)``, a distribution or values between commas.
+    most : int
+        Values at most.
+
+    Raises
+    ------
+    RangeError
+        If it names none.
+
+    Examples
+    --------
+    >>> read_values("log(1, 100, 3)").listed, read_values("gauss, gear").listed
+    ((1.0, 10.0, 100.0), ('gauss', 'gear'))
+    >>> read_values("[0, -9.81], [0, -1.6]").listed
+    ('[0, -9.81]', '[0, -1.6]')
+    >>> read_values("normal(1, 0.1)").at(0.5)
+    1.0
+    """
+    called = _CALL.fullmatch(text)
+    if called:
+        return _called(called[1], [part.strip() for part in called[2].split(",")], text, most)
+    words = _between_commas(text)
+    if not all(words) or len(words) > most:
+        raise RangeError(f"'{text}' is no list of values", "write log(1e5,1e12,8), lin(1,5,9) or 1,2,5")
+    values = tuple(dict.fromkeys(_number(word) for word in words))
+    if any(isinstance(value, float) and not math.isfinite(value) for value in values):
+        raise RangeError(f"'{text}': values are finite")
+    return Values(values)
+
+
+def _called(name: str, parts: list[str], text: str, most: int) -> Values:
+    """Return what a name with numbers in brackets means."""
+    forms = {**_SPACED, **{key: one.form for key, one in DISTRIBUTIONS.items()}}
+    if name not in forms:
+        raise RangeError(f"'{text}': there is no '{name}'", did_you_mean(name, forms))
+    form = forms[name]
+    try:
+        numbers = [float(part) for part in parts]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 1 + form.count(",") or not all(map(math.isfinite, numbers)):
+        raise RangeError(f"'{text}': {name} takes {1 + form.count(',')} numbers", f"write {form}")
+    if name in DISTRIBUTIONS:
+        if wrong := DISTRIBUTIONS[name].wrong(numbers):
+            raise RangeError(f"'{text}': {form}: {wrong}")
+        return Values((), False, name, tuple(numbers))
+    return Values(_spaced(name, numbers, text, most), name == "log")
+
+
+def _spaced(name: str, numbers: Sequence[float], text: str, most: int) -> tuple[Value, ...]:
+    first, last, count = numbers
+    if count != int(count) or not 1 <= count <= most:
+        raise RangeError(f"'{text}': the count is a whole number from 1 to {most}")
+    if name == "log" and min(first, last) <= 0.0:
+        raise RangeError(f"'{text}': a logarithmic axis has positive ends")
+    import numpy as np
+
+    space = np.geomspace if name == "log" else np.linspace
+    return tuple(dict.fromkeys(float(f"{x:.{_DIGITS}g}") for x in space(first, last, int(count))))
+
+
+def _between_commas(text: str) -> list[str]:
+    """Return the parts of a text between commas in no brackets; brackets around all are taken off."""
+    words, depth = [""], 0
+    for char in text:
+        depth += (char in "[{(") - (char in "]})")
+        if char == "," and depth == 0:
+            words.append("")
+        else:
+            words[-1] += char
+    words = [word.strip() for word in words]
+    if len(words) == 1 and words[0].startswith("[") and words[0].endswith("]"):
+        return _between_commas(words[0][1:-1])
+    return words
+
+
+def _number(word: str) -> Value:
+    try:
+        return float(word)
+    except ValueError:
+        return word
+
+
+def written(value: Value) -> str:
+    """Return a value as an override has it: whole numbers without a point.
+
+    Examples
+    --------
+    >>> written(4.0), written(0.1), written("gear")
+    ('4', '0.1', 'gear')
+    """
+    if isinstance(value, str):
+        return value
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))

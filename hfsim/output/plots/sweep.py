@@ -1,0 +1,287 @@
+"""Pictures of a sweep: a response over one variable, maps over two, a matrix and main effects over more."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from hfsim.maths.arrays import Array
+from hfsim.output.plots.style import (
+    BLUE,
+    RED,
+    TIME_COLOURS,
+    colour,
+    new_figure,
+    save,
+    scaled,
+    slug,
+    with_unit,
+)
+from hfsim.parts.channels import kind_of
+from hfsim.studies.sweep.effects import groups, main_effects, mean_curve
+from hfsim.studies.sweep.result import Sweep
+
+_MOST = 12
+"""Quantities that are drawn."""
+_CURVES = 6
+"""Values of a second variable up to which each has a curve of its own, not a row of a map."""
+_POINTS = 4000
+"""Points of one panel."""
+_PANELS = 6
+"""Rows and columns of a matrix."""
+
+
+def draw(sweep: Sweep, folder: Path) -> list[str]:
+    """Draw the pictures of a sweep; return their names."""
+    drawn = [name for name in sweep.collected if not np.isnan(sweep[name]).all()]
+    figures: dict[str, Figure | None] = {}
+    varied = [path for path in sweep.paths if len(set(sweep[path].tolist())) > 1]
+    if len(varied) == 1 and drawn:
+        for name in drawn[:_MOST]:
+            figures[f"response_{_slug(name)}"] = _response(sweep, varied[0], name)
+    if len(varied) == 2 and sweep.plan.kind == "grid":
+        figures |= {f"map_{_slug(name)}": _over_two(sweep, varied, name) for name in drawn[:_MOST]}
+    elif len(varied) > 1 and drawn:
+        figures["scatter"] = _matrix(sweep, varied[:_PANELS], drawn[:_PANELS])
+        figures["effects"] = _effects(sweep, varied[:_PANELS], drawn[:_PANELS])
+    return save(figures, folder)
+
+
+def _slug(name: str) -> str:
+    """Return what is collected as it may stand in the name of a file."""
+    return slug(name.replace("(", "_").replace(")", "").replace(", ", "_"))
+
+
+def label_of(name: str) -> str:
+    """Return what is collected with its unit."""
+    channel = name.split("(")[-1].rstrip(")").split(", ")[-1]
+    try:
+        return with_unit(name, kind_of(channel).unit)
+    except KeyError:
+        return name
+
+
+def _title(sweep: Sweep, words: str) -> str:
+    done = sweep.counts.get("done", 0)
+    some = "" if done == len(sweep) else f" ({done} of {len(sweep)} runs)"
+    return f"{sweep.name}: {words}{some}"
+
+
+def _response(sweep: Sweep, path: str, name: str) -> Figure:
+    """Draw what is collected over the one entry that is varied."""
+    figure = new_figure()
+    axes = figure.subplots()
+    places, ticks = _placed(sweep, path)
+    values = sweep[name]
+    order = np.argsort(places, kind="stable")
+    known = order[~np.isnan(values[order])]
+    line = "" if ticks or (sweep.plan.kind == "sample" and len(sweep) > 50) else "-"
+    axes.plot(places[known], values[known], f"o{line}", color=BLUE, markersize=4.5, linewidth=1.4)
+    _mark_failed(axes, places[np.isnan(values)])
+    _dress(axes, sweep, path, ticks)
+    scaled(axes.yaxis, label_of(name))
+    axes.set_title(_title(sweep, f"{name} over {path}"), fontsize=12, loc="left", pad=10)
+    return figure
+
+
+def _mark_failed(axes: Axes, places: Array) -> None:
+    """Mark at the lower edge where runs gave nothing."""
+    if len(places):
+        where = axes.get_xaxis_transform()
+        axes.plot(places, np.full(len(places), 0.02), "x", color=RED, transform=where, label="no value")
+        axes.legend(frameon=False)
+
+
+def _placed(sweep: Sweep, path: str) -> tuple[Array, list[str]]:
+    """Return where the values of an entry stand on an axis, and the words there if they are no numbers."""
+    values = sweep[path]
+    if values.dtype != object:
+        return values, []
+    words = list(dict.fromkeys(values.tolist()))
+    return np.array([float(words.index(value)) for value in values.tolist()]), [str(word) for word in words]
+
+
+def _is_logarithmic(sweep: Sweep, path: str) -> bool:
+    values = sweep.plan.values[sweep.paths.index(path)]
+    return values.logarithmic or values.kind in ("loguniform", "lognormal")
+
+
+def _dress(axes: Axes, sweep: Sweep, path: str, ticks: list[str]) -> None:
+    axes.grid(True, color="0.9", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    if ticks:
+        axes.set_xticks(range(len(ticks)), ticks)
+        axes.set_xlim(-0.5, len(ticks) - 0.5)
+        axes.set_xlabel(path)
+    elif _is_logarithmic(sweep, path):
+        axes.set(xscale="log", xlabel=path)
+        _tick_log(axes.xaxis)
+    else:
+        axes.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]))
+        scaled(axes.xaxis, path)
+
+
+def _tick_log(axis: Axis) -> None:
+    """Give a logarithmic axis few ticks: powers of ten, or 1, 2 and 5 where it has less than two of them."""
+    low, high = axis.get_data_interval()
+    short = high < 50.0 * low
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if short else (1.0,), numticks=8))
+    axis.set_minor_formatter(NullFormatter())
+    if short:
+        axis.set_major_formatter(FuncFormatter(_tick))
+
+
+# --- two entries ---------------------------------------------------------------------------------
+
+
+def _over_two(sweep: Sweep, paths: list[str], name: str) -> Figure:
+    """Draw a map over two entries, or curves over one where the other has few values or words."""
+    counts = [len(set(sweep[path].tolist())) for path in paths]
+    words = [sweep[path].dtype == object for path in paths]
+    if not any(words) and min(counts) > _CURVES:
+        return _heat_map(sweep, paths, name)
+    other = 0 if words[0] and not words[1] else 1 if words[1] and not words[0] else int(counts[1] < counts[0])
+    return _curves(sweep, paths[1 - other], paths[other], name)
+
+
+def _curves(sweep: Sweep, path: str, other: str, name: str) -> Figure:
+    """Draw what is collected over one entry, a curve for each value of the other."""
+    figure = new_figure()
+    axes = figure.subplots()
+    places, ticks = _placed(sweep, path)
+    values, kinds = sweep[name], sweep[other]
+    distinct = list(dict.fromkeys(kinds.tolist()))
+    shades = TIME_COLOURS(np.linspace(0.0, 1.0, len(distinct)))
+    for k, kind in enumerate(distinct):
+        mine = np.flatnonzero(kinds == kind)
+        mine = mine[np.argsort(places[mine], kind="stable")]
+        mine = mine[~np.isnan(values[mine])]
+        own = colour(k) if len(distinct) <= _CURVES else shades[k]
+        shown = kind if isinstance(kind, str) else f"{kind:.4g}"
+        shown = shown if len(mine) else f"{shown}: no value"
+        axes.plot(places[mine], values[mine], "o-", color=own, markersize=4.5, linewidth=1.4, label=shown)
+    _dress(axes, sweep, path, ticks)
+    scaled(axes.yaxis, label_of(name))
+    axes.set_title(_title(sweep, f"{name} over {path}"), fontsize=12, loc="left", pad=10)
+    figure.legend(loc="outside right upper", frameon=False, title=other.split(".")[-1])
+    return figure
+
+
+def _heat_map(sweep: Sweep, paths: list[str], name: str) -> Figure:
+    """Draw what is collected as colours over two entries; what gave no value is grey."""
+    figure = new_figure()
+    axes = figure.subplots()
+    x, y = (np.unique(sweep[path]) for path in paths)
+    table = np.full((len(y), len(x)), math.nan)
+    rows = np.searchsorted(y, sweep[paths[1]]), np.searchsorted(x, sweep[paths[0]])
+    table[rows] = sweep[name]
+    axes.set_facecolor("0.8")
+    edges = [_edges(one, _is_logarithmic(sweep, path)) for one, path in zip((x, y), paths, strict=True)]
+    mesh = axes.pcolormesh(*edges, np.ma.masked_invalid(table), cmap="viridis", rasterized=True)
+    for axis, path in ((axes.xaxis, paths[0]), (axes.yaxis, paths[1])):
+        if _is_logarithmic(sweep, path):
+            (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
+            axis.set_label_text(path)
+            _tick_log(axis)
+        else:
+            scaled(axis, path)
+    bar = figure.colorbar(mesh, ax=axes, pad=0.02)
+    scaled(bar.ax.yaxis, label_of(name))
+    axes.set_title(_title(sweep, name), fontsize=12, loc="left", pad=10)
+    return figure
+
+
+def _edges(values: Array, logarithmic: bool) -> Array:
+    """Return the borders of the cells around values, shape (n + 1,)."""
+    at = np.log(values) if logarithmic else values
+    middle = 0.5 * (at[1:] + at[:-1])
+    edges = np.concatenate([[2.0 * at[0] - middle[0]], middle, [2.0 * at[-1] - middle[-1]]])
+    return np.exp(edges) if logarithmic else edges
+
+
+# --- more entries, and samples -------------------------------------------------------------------
+
+
+def _matrix(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
+    """Draw what is collected, in rows, over each entry that is varied, in columns."""
+    size = (1.2 + 2.3 * len(paths), 0.9 + 1.7 * len(names))
+    figure = new_figure((max(6.0, size[0]), max(3.2, size[1])))
+    panels = figure.subplots(len(names), len(paths), squeeze=False, sharex="col", sharey="row")
+    some = np.linspace(0, len(sweep) - 1, min(len(sweep), _POINTS)).astype(int)
+    for j, path in enumerate(paths):
+        places, ticks = _placed(sweep, path)
+        if ticks:
+            places = places + np.random.default_rng(1).uniform(-0.15, 0.15, len(places))
+        for i, name in enumerate(names):
+            axes, values = panels[i, j], sweep[name][some]
+            dot = 5.0 if len(some) < 500 else 3.0
+            axes.plot(places[some], values, "o", color=BLUE, markersize=dot, alpha=0.5, markeredgewidth=0.0)
+            _mark_panel(axes, places[some][np.isnan(values)])
+            _dress_panel(axes, sweep, path, ticks)
+            if i == len(names) - 1:
+                axes.set_xlabel(path, fontsize=9)
+            if j == 0:
+                axes.set_ylabel(_short(name), fontsize=9)
+    figure.suptitle(_title(sweep, "all runs"), fontsize=12, x=0.01, ha="left")
+    return figure
+
+
+def _short(name: str) -> str:
+    """Return a label in two lines where it is long."""
+    label = label_of(name)
+    return label.replace("(", "(\n", 1) if len(label) > 24 else label
+
+
+def _mark_panel(axes: Axes, places: Array) -> None:
+    if len(places):
+        where = axes.get_xaxis_transform()
+        axes.plot(places, np.full(len(places), 0.02), "x", color=RED, markersize=4.0, transform=where)
+
+
+def _dress_panel(axes: Axes, sweep: Sweep, path: str, ticks: list[str]) -> None:
+    _dress(axes, sweep, path, ticks)
+    axes.set_xlabel("")
+    axes.tick_params(labelsize=8)
+    if not ticks and not _is_logarithmic(sweep, path):
+        axes.xaxis.set_major_locator(MaxNLocator(4))
+        axes.xaxis.set_major_formatter(FuncFormatter(_tick))
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    axes.yaxis.set_major_formatter(FuncFormatter(_tick))
+
+
+def _tick(value: float, _: Any) -> str:
+    return f"{value:.4g}".replace("e+0", "e").replace("e-0", "e-").replace("-", "\N{MINUS SIGN}")
+
+
+def _effects(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
+    """Draw the mean of what is collected over each entry, with the share of the variance that explains."""
+    figure = new_figure((max(6.0, 1.2 + 2.3 * len(paths)), max(3.2, 0.9 + 1.7 * len(names))))
+    panels = figure.subplots(len(names), len(paths), squeeze=False, sharex="col", sharey="row")
+    shares = main_effects(sweep)
+    for j, path in enumerate(paths):
+        place, centres = groups(sweep[path])
+        _, ticks = _placed(sweep, path)
+        at = np.arange(len(centres), dtype=float) if ticks else np.array(centres)
+        for i, name in enumerate(names):
+            axes: Axes = panels[i, j]
+            axes.plot(at, mean_curve(sweep[name], place, len(centres)), "o-", color=colour(j), markersize=4.0)
+            _dress_panel(axes, sweep, path, ticks)
+            share = shares[name][path]
+            if share is not None:
+                words = f"{100 * share:.0f} %"
+                axes.text(0.03, 0.9, words, transform=axes.transAxes, fontsize=8, color="0.35")
+            if i == len(names) - 1:
+                axes.set_xlabel(path, fontsize=9)
+            if j == 0:
+                axes.set_ylabel(_short(name), fontsize=9)
+    words = "means over each entry, and the share of the variance they explain"
+    figure.suptitle(_title(sweep, words), fontsize=12, x=0.01, ha="left")
+    return figure

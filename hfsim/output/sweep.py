@@ -1,0 +1,200 @@
+"""A sweep from its options to its results: what is asked for, done, kept and told."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfsim import __version__
+from hfsim.deck.ranges import written
+from hfsim.marching.solution import Run
+from hfsim.output.disk import rows_as_text
+from hfsim.output.runfolder import RunFolder, RunLog, Stopwatch
+from hfsim.output.sweep_folder import FOLDER_FILES
+from hfsim.output.text import as_table, number, plural
+from hfsim.output.writers import Provenance
+from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.sweep.effects import main_effects
+from hfsim.studies.sweep.plan import Plan
+from hfsim.studies.sweep.result import Sweep
+from hfsim.studies.sweep.study import Keep
+from hfsim.studies.sweep.work import Setting
+
+_TOLD = 12
+"""Quantities whose range is told, and failures."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is asked for, ready to be done.
+
+    Attributes
+    ----------
+    loaded : LoadedDeck
+    plan : Plan
+    setting : Setting
+    keep : str
+        What is kept of each run: ``nothing``, ``histories`` or ``folders``.
+    """
+
+    loaded: LoadedDeck
+    plan: Plan
+    setting: Setting
+    keep: str = "nothing"
+    source: str = field(default="deck", compare=False)
+
+    @property
+    def collected(self) -> tuple[str, ...]:
+        """Names of what is collected."""
+        return tuple(map(str, self.setting.quantities))
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """What must be the same where a sweep is gone on with: deck, plan and all that rows depend on."""
+        setting = self.setting
+        told = {
+            "error_estimate": setting.error_estimate,
+            "mesh_estimate": setting.mesh_estimate,
+            "diagnosis": setting.diagnosis,
+            "limit": setting.limit,
+            "keep": self.keep,
+        }
+        facts: dict[str, Any] = {
+            "hfsim": __version__,
+            "plan": self.plan.facts,
+            "count": self.plan.count,
+            "collect": list(self.collected),
+            "setting": told,
+            "resolved": self.loaded.deck.resolved(),
+        }
+        if any(path.startswith("parameters.") for path in self.plan.paths):
+            texts = "\n".join([setting.text, *self.loaded.source.others.values()])
+            facts["text_sha256"] = hashlib.sha256(texts.encode()).hexdigest()
+        return facts
+
+
+def keeper(what: str) -> Keep | None:
+    """Return what makes the files that are kept of a run."""
+    return {"nothing": None, "histories": keep_history, "folders": keep_folder}[what]
+
+
+def keep_history(loaded: LoadedDeck, run: Run) -> dict[str, bytes]:
+    """Return the rows of a run as a CSV file."""
+    head = ",".join(["t", *(channel.name for channel in run.channels)]) + "\n"
+    return {"histories/{number:06}.csv": (head + "".join(rows_as_text(run.table.tolist()))).encode()}
+
+
+def keep_folder(loaded: LoadedDeck, run: Run) -> dict[str, bytes]:
+    """Return what `hfsim run` writes of a run, without pictures."""
+    from hfsim.output.extras import Extras
+    from hfsim.output.recording import save_run
+
+    provenance = Provenance.of(loaded, loaded.source.file, loaded.overrides)
+    with tempfile.TemporaryDirectory() as made:
+        path = Path(made)
+        save_run(RunFolder(path), run, provenance, Stopwatch(), RunLog(), Extras())
+        return {f"runs/{{number:06}}/{name}": (path / name).read_bytes() for name in FOLDER_FILES}
+
+
+# --- what is told --------------------------------------------------------------------------------
+
+
+def sweep_facts(sweep: Sweep, wall: float, jobs: int) -> dict[str, Any]:
+    """Return a sweep as JSON-ready facts, without its rows."""
+    cpu = sweep["cpu_s"]
+    return {
+        "status": sweep.status,
+        "runs": len(sweep),
+        "missing": sweep.missing,
+        "counts": sweep.counts,
+        "classes": _counted(sweep["class"]),
+        "jobs": jobs,
+        "wall_s": wall,
+        "cpu_s": float(np.nansum(cpu)),
+        "ranges": {name: _range(sweep, name) for name in sweep.collected},
+        "main_effects": main_effects(sweep),
+    }
+
+
+def _counted(words: Iterable[str]) -> dict[str, int]:
+    names, counts = np.unique([word for word in words if word], return_counts=True)
+    return {str(name): int(count) for name, count in zip(names, counts, strict=True)}
+
+
+def _range(sweep: Sweep, name: str) -> dict[str, Any] | None:
+    """Return the smallest and largest value of what is collected, with their runs, mean and deviation."""
+    values = sweep[name]
+    if np.isnan(values).all():
+        return None
+    low, high = int(np.nanargmin(values)), int(np.nanargmax(values))
+    return {
+        "min": values[low],
+        "min_run": low + 1,
+        "max": values[high],
+        "max_run": high + 1,
+        "mean": float(np.nanmean(values)),
+        "deviation": float(np.nanstd(values)),
+    }
+
+
+def sweep_text(sweep: Sweep, path: Path, wall: float, there: int) -> str:
+    """Return a sweep as people read it: how many runs, ranges of what is collected, what went wrong."""
+    counts = ", ".join(f"{count} {status}" for status, count in sweep.counts.items())
+    before = f" ({there} were there)" if there else ""
+    lines = [f"{sweep.name}: {plural(len(sweep), 'run')}{before}: {counts}"]
+    lines += [f"  varied       {_shown(sweep, name)}" for name in sweep.paths]
+    lines += [f"  took         {wall:.3g} s, CPU time of the runs {np.nansum(sweep['cpu_s']):.3g} s"]
+    lines += [f"  results      {path}/"]
+    told = sweep.collected[:_TOLD]
+    rows = [["collected", "least", "in run", "most", "in run", "mean"]]
+    for name in told:
+        facts = _range(sweep, name)
+        if facts is not None:
+            cells = (facts["min"], facts["min_run"], facts["max"], facts["max_run"], facts["mean"])
+            rows.append([name, *(f"{one:.6g}" if isinstance(one, float) else str(one) for one in cells)])
+    if len(rows) > 1:
+        lines.append(as_table(rows))
+    if len(sweep.collected) > _TOLD:
+        lines.append(f"  and {len(sweep.collected) - _TOLD} more (sweep.json has their ranges)")
+    lines += _failures(sweep)
+    return "\n".join(lines)
+
+
+def _shown(sweep: Sweep, name: str) -> str:
+    values = sweep[name]
+    if values.dtype == object:
+        words = list(dict.fromkeys(values.tolist()))
+        return f"{name}: {', '.join(written(word) for word in words[:_TOLD])}"
+    distinct = len(np.unique(values))
+    return f"{name}: {plural(distinct, 'value')} from {number(values.min())} to {number(values.max())}"
+
+
+def _failures(sweep: Sweep) -> list[str]:
+    """Return lines on runs that gave nothing, those of one reason together."""
+    found: dict[tuple[str, str, str], list[int]] = {}
+    facts = zip(sweep["status"], sweep["class"], sweep["reason"], strict=True)
+    for k, (status, kind, reason) in enumerate(facts):
+        if status not in ("done", ""):
+            found.setdefault((status, kind, reason.split(" at t =")[0]), []).append(k + 1)
+    lines = []
+    for (status, kind, reason), runs in [*found.items()][:_TOLD]:
+        which = f"run {runs[0]}" + (f" and {len(runs) - 1} more" if len(runs) > 1 else "")
+        lines.append(f"  {which}: {status}{f' ({kind})' if kind else ''}: {reason}")
+    if len(found) > _TOLD:
+        lines.append(f"  and {len(found) - _TOLD} more reasons (sweep.csv)")
+    return lines
+
+
+def draw_sweep(sweep: Sweep, folder: Path) -> list[str]:
+    """Draw the pictures of a sweep into a folder; return their names."""
+    from hfsim.output.plots.sweep import draw
+
+    return draw(sweep, folder)
+
+

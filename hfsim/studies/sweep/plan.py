@@ -1,0 +1,241 @@
+"""Which runs a sweep consists of: values of entries for each, by number, none of them kept as a deck."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import math
+import warnings
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hfsim.deck.ranges import RangeError, Value, Values, read_values, written
+from hfsim.errors import HfsimError
+from hfsim.maths.arrays import Array
+
+SAMPLERS = ("lhs", "sobol", "random")
+"""Ways to choose samples: a Latin hypercube, Sobol's sequence (scrambled), independent ones."""
+MOST_RUNS = 10_000_000
+"""Runs of a sweep."""
+_INSIDE = 1e-12
+"""Shares keep this distance from 0 and 1, where a distribution may have no value."""
+
+
+class SweepError(HfsimError):
+    """A sweep that cannot be made as it is asked for."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The runs of a sweep.
+
+    Attributes
+    ----------
+    paths : tuple of str
+        Entries that are varied, dotted.
+    count : int
+        Runs.
+    kind : str
+        ``grid``, ``sample`` or ``table``.
+    facts : dict
+        JSON-ready: what was asked for; plans with equal facts are equal.
+    values : tuple of Values
+        Of each path; of a table those that occur.
+    """
+
+    paths: tuple[str, ...]
+    count: int
+    kind: str
+    facts: dict[str, Any]
+    values: tuple[Values, ...]
+    _row: Callable[[int], tuple[Value, ...]] = field(repr=False)
+
+    def row(self, number: int) -> tuple[Value, ...]:
+        """Return the values of a run; runs count from 0."""
+        return self._row(number)
+
+    def overrides(self, number: int) -> tuple[str, ...]:
+        """Return what a run sets, ``KEY=VALUE``."""
+        pairs = zip(self.paths, self.row(number), strict=True)
+        return tuple(f"{path}={written(value)}" for path, value in pairs)
+
+    @property
+    def axes(self) -> tuple[tuple[Value, ...], ...]:
+        """The values of each path of a grid."""
+        return tuple(one.listed for one in self.values)
+
+
+def read_vary(text: str) -> tuple[str, str]:
+    """Return path and values of ``PATH=VALUES``.
+
+    Raises
+    ------
+    SweepError
+    """
+    path, equals, values = text.partition("=")
+    if not equals or not path.strip() or not values.strip():
+        raise SweepError(f"--vary {text}: write PATH=lin(first,last,count), PATH=log(...) or PATH=a,b,c")
+    return path.strip(), values.strip()
+
+
+def read_all(vary: Mapping[str, str]) -> dict[str, Values]:
+    """Return the values of each path.
+
+    Raises
+    ------
+    SweepError
+        Naming the path whose values cannot be read.
+    """
+    found = {}
+    for path, text in vary.items():
+        try:
+            found[path] = read_values(text)
+        except RangeError as error:
+            raise SweepError(f"--vary {path}: {error}") from None
+    return found
+
+
+def grid(vary: Mapping[str, str]) -> Plan:
+    """Return the plan with all combinations of some values, the last path fastest.
+
+    Raises
+    ------
+    SweepError
+        If values cannot be read, are random, or are too many.
+    """
+    values = read_all(vary)
+    if not values:
+        raise SweepError("nothing is varied: say --vary PATH=VALUES, or --table FILE")
+    for path, one in values.items():
+        if one.kind:
+            raise SweepError(f"--vary {path}: {vary[path]} is random: say how many runs, --sample N")
+    lengths = [len(one.listed) for one in values.values()]
+    listed = [one.listed for one in values.values()]
+
+    def row(number: int) -> tuple[Value, ...]:
+        return tuple(one[int(k)] for one, k in zip(listed, _places(number, lengths), strict=True))
+
+    facts = {"kind": "grid", "vary": dict(vary)}
+    return Plan(tuple(values), _few(math.prod(lengths)), "grid", facts, tuple(values.values()), row)
+
+
+def _places(number: int, lengths: Sequence[int]) -> list[int]:
+    """Return the place on each axis of a run of a grid."""
+    places = []
+    for length in reversed(lengths):
+        number, place = divmod(number, length)
+        places.append(place)
+    return places[::-1]
+
+
+def sample(vary: Mapping[str, str], count: int, sampler: str = SAMPLERS[0], seed: int = 1) -> Plan:
+    """Return a plan of random runs; of lists, every value is as likely as any other.
+
+    Raises
+    ------
+    SweepError
+        If values cannot be read, or there are none.
+    """
+    values = read_all(vary)
+    if not values:
+        raise SweepError("nothing is varied: say --vary PATH=VALUES for what is to be sampled")
+    if sampler not in SAMPLERS:
+        raise SweepError(f"there is no sampler '{sampler}'; there are {', '.join(SAMPLERS)}")
+    shares = _shares(_few(count), len(values), sampler, seed)
+    spread = tuple(values.values())
+
+    def row(number: int) -> tuple[Value, ...]:
+        return tuple(one.at(float(share)) for one, share in zip(spread, shares[number], strict=True))
+
+    digest = hashlib.sha256(np.round(shares, 9).tobytes()).hexdigest()
+    facts = {"kind": "sample", "vary": dict(vary), "count": count, "sampler": sampler, "seed": seed}
+    return Plan(tuple(values), count, "sample", {**facts, "sha256": digest}, spread, row)
+
+
+def _shares(count: int, n_axes: int, sampler: str, seed: int) -> Array:
+    """Return points of the unit cube, shape (count, n_axes)."""
+    random = np.random.default_rng(seed)
+    if sampler == "random":
+        shares = random.random((count, n_axes))
+    else:
+        from scipy.stats import qmc
+
+        kind = {"lhs": qmc.LatinHypercube, "sobol": qmc.Sobol}[sampler]
+        try:
+            made = kind(n_axes, rng=random)
+        except TypeError:  # older SciPy
+            made = kind(n_axes, seed=random)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # numbers of points that are no power of two
+            shares = made.random(count)
+    return np.clip(shares, _INSIDE, 1.0 - _INSIDE)
+
+
+def table(path: Path) -> Plan:
+    """Return the plan that a CSV file states: paths in the first row, then a row for each run.
+
+    Raises
+    ------
+    SweepError
+        With the place in the file.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SweepError(f"{path} cannot be read: {getattr(error, 'strerror', '') or error}") from None
+    lines = csv.reader(io.StringIO(text), skipinitialspace=True)
+    paths = tuple(name.strip() for name in next(lines, []))
+    if not paths or not all(paths):
+        raise SweepError(f"{path}:1: the first row names the entries that are varied, e.g. bodies.arm.length")
+    if len(set(paths)) < len(paths):
+        twice = next(name for name in paths if paths.count(name) > 1)
+        raise SweepError(f"{path}:1: two columns are called {twice}")
+    columns: list[list[Value]] = [[] for _ in paths]
+    for line, cells in _filled(lines):
+        if len(cells) != len(paths):
+            raise SweepError(f"{path}:{line}: {len(cells)} values for {len(paths)} columns")
+        for name, cell, column in zip(paths, cells, columns, strict=True):
+            column.append(_value(cell.strip(), f"{path}:{line}: {name}"))
+    if not columns[0]:
+        raise SweepError(f"{path}: there are no rows below the first")
+    packed = [np.array(one) if all(isinstance(v, float) for v in one) else one for one in columns]
+
+    def row(number: int) -> tuple[Value, ...]:
+        found = (one[number] for one in packed)
+        return tuple(value if isinstance(value, str) else float(value) for value in found)
+
+    facts = {"kind": "table", "table": str(path), "sha256": hashlib.sha256(text.encode()).hexdigest()}
+    spread = tuple(Values(tuple(dict.fromkeys(one))) for one in columns)
+    return Plan(paths, _few(len(columns[0])), "table", facts, spread, row)
+
+
+def _filled(lines: Any) -> Iterator[tuple[int, list[str]]]:
+    """Yield the rows that are not empty, with their line."""
+    yield from ((lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells))
+
+
+def _value(text: str, place: str) -> Value:
+    if not text:
+        raise SweepError(f"{place}: the value is missing")
+    try:
+        value = float(text)
+    except ValueError:
+        return text
+    if not math.isfinite(value):
+        raise SweepError(f"{place}: '{text}' is not finite")
+    return value
+
+
+def _few(count: int) -> int:
+    if count < 1:
+        raise SweepError("a sweep has one run at least")
+    if count > MOST_RUNS:
+        raise SweepError(f"{count} runs are too many; a sweep has at most {MOST_RUNS}")
+    return count

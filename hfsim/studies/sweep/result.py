@@ -1,0 +1,124 @@
+"""What comes of a sweep: its rows as columns of numbers."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from hfsim.deck.ranges import Value
+from hfsim.deck.source import did_you_mean
+from hfsim.maths.arrays import Array
+from hfsim.studies.sweep.plan import Plan
+from hfsim.studies.sweep.work import FACTS, Row
+
+_NUMBERS = ("error_estimate", "energy_drift", "warnings", "cpu_s")
+"""Facts that are numbers."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The runs of a sweep in the order of its plan; ``sweep["max(b1.tip.x)"]`` are the values of a column.
+
+    Attributes
+    ----------
+    name : str
+        Of the deck.
+    status : str
+        ``done`` or ``interrupted``.
+    plan : Plan
+    columns : dict of str to ndarray, shape (n_runs,)
+        What is varied (words as objects), what is collected (NaN where a run gave nothing), ``status``,
+        ``class``, ``reason``, and ``error_estimate``, ``energy_drift``, ``warnings``, ``cpu_s`` [s].
+    collected : tuple of str
+        What is collected.
+    missing : int
+        Runs that have not been done.
+    """
+
+    name: str
+    status: str
+    plan: Plan
+    columns: dict[str, Array]
+    collected: tuple[str, ...]
+    missing: int = 0
+
+    def __repr__(self) -> str:
+        """Return what it is in a line: its arrays would fill the screen."""
+        return f"<Sweep {self.name}: {self.status}, {len(self)} runs of {', '.join(self.plan.paths)}>"
+
+    def __len__(self) -> int:
+        return self.plan.count
+
+    def __getitem__(self, name: str) -> Array:
+        """Return a column, shape (n_runs,).
+
+        Raises
+        ------
+        KeyError
+            If there is none of that name.
+        """
+        if name not in self.columns:
+            raise KeyError(f"no column '{name}': {did_you_mean(name, list(self.columns))}")
+        return self.columns[name]
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """Entries that are varied."""
+        return self.plan.paths
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many runs have each status."""
+        return dict(Counter(status or "missing" for status in self.columns["status"].tolist()))
+
+    def to_dataframe(self) -> Any:
+        """Return the columns as a pandas DataFrame.
+
+        Raises
+        ------
+        ImportError
+            If pandas is not installed: hfsim does not need it.
+        """
+        pandas: Any = import_module("pandas")
+        return pandas.DataFrame(self.columns)
+
+
+def gathered(
+    name: str, status: str, plan: Plan, collected: Sequence[str], rows: Iterable[Row | None]
+) -> Sweep:
+    """Return rows as columns; None stands for a run that is missing."""
+    wanted = [*collected, *_NUMBERS]
+    numbers = {key: np.full(plan.count, math.nan) for key in wanted}
+    words = {key: np.full(plan.count, "", dtype=object) for key in FACTS if key not in _NUMBERS}
+    told: dict[str, str] = {}
+    missing = 0
+    for k, row in enumerate(rows):
+        if row is None:
+            missing += 1
+            continue
+        for key, value in zip(collected, row["collected"], strict=True):
+            numbers[key][k] = math.nan if value is None else value
+        for key in _NUMBERS:
+            numbers[key][k] = math.nan if row[key] is None else row[key]
+        for key, column in words.items():
+            column[k] = told.setdefault(row[key] or "", row[key] or "")  # each text once
+    varied = _varied(plan)
+    return Sweep(name, status, plan, {**varied, **numbers, **words}, tuple(collected), missing)
+
+
+def _varied(plan: Plan) -> dict[str, Array]:
+    """Return the values of what is varied, by path."""
+    found: dict[str, Array] = {}
+    for path, values in zip(plan.paths, plan.values, strict=True):
+        found[path] = np.empty(plan.count, dtype=float if values.numeric else object)
+    for k in range(plan.count):
+        row: tuple[Value, ...] = plan.row(k)
+        for path, value in zip(plan.paths, row, strict=True):
+            found[path][k] = value
+    return found

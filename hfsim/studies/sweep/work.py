@@ -1,0 +1,144 @@
+"""One run of a sweep, in a worker process: from overrides to a row."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+from hfsim.deck.quantities import Quantity
+from hfsim.errors import DeckError
+from hfsim.marching.solution import Run
+from hfsim.marching.stop import Budget
+from hfsim.scene.loading import LoadedDeck, parse_deck
+from hfsim.simulate import simulate
+from hfsim.studies.collect import CollectError, collect_all
+
+Row = dict[str, Any]
+"""Facts of a run, JSON-ready: the attributes of `FACTS`, and ``collected``, a number or None each."""
+FACTS = ("status", "class", "reason", "error_estimate", "energy_drift", "warnings", "cpu_s")
+"""What is known of every run beside what is collected."""
+REFUSED = "refused"
+"""Status of a run whose deck is refused."""
+LOST = "lost"
+"""Status of a run whose workers died; taking a sweep up again repeats it."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all runs of a sweep share.
+
+    Attributes
+    ----------
+    text, file : str
+        The deck as written.
+    overrides : tuple of str
+        Before those of each run.
+    quantities : tuple of Quantity
+        What is collected.
+    error_estimate, mesh_estimate, diagnosis : bool
+        As of `hfsim.simulate.simulate`.
+    limit : float
+        Wall time that a run may take [s].
+    """
+
+    text: str
+    file: str
+    overrides: tuple[str, ...]
+    quantities: tuple[Quantity, ...]
+    error_estimate: bool = True
+    mesh_estimate: bool = False
+    diagnosis: bool = False
+    limit: float = math.inf
+
+    def load(self, overrides: tuple[str, ...]) -> LoadedDeck:
+        """Return the deck of a run.
+
+        Raises
+        ------
+        DeckError
+        """
+        return parse_deck(self.text, self.file, (*self.overrides, *overrides))
+
+
+class Order(NamedTuple):
+    """A run to be done.
+
+    Attributes
+    ----------
+    setting : Setting
+    overrides : tuple of str
+        Of this run.
+    keep : callable or None
+        (deck, run) -> files that are kept of it, bytes by their names.
+    """
+
+    setting: Setting
+    overrides: tuple[str, ...]
+    keep: Callable[[LoadedDeck, Run], dict[str, bytes]] | None = None
+
+
+def solve_row(order: Order) -> tuple[Row, dict[str, bytes]]:
+    """Do one run; return its row and the files that are kept of it."""
+    setting, start = order.setting, time.process_time()
+    try:
+        loaded = setting.load(order.overrides)
+        run = _run(setting, loaded)
+    except DeckError as error:
+        wrong = error.problems[0]
+        why = f"{wrong.path}: {wrong.message}" if wrong.path else wrong.message
+        return row_without(REFUSED, why, setting, "deck"), {}
+    collected = _collected(setting, run)
+    row = {
+        "status": run.status,
+        "class": (run.failure or {}).get("class", ""),
+        "reason": run.reason,
+        "error_estimate": _finite(run.statistics["error_estimate"]),
+        "energy_drift": _finite(run.statistics["energy_drift"]),
+        "warnings": len(run.statistics.get("warnings") or ()),
+        "cpu_s": 0.0,
+        "collected": collected,
+    }
+    if setting.mesh_estimate:
+        row["mesh_error_estimate"] = _finite(run.statistics["mesh_error_estimate"])
+    files = order.keep(loaded, run) if order.keep else {}
+    row["cpu_s"] = round(time.process_time() - start, 6)
+    return row, files
+
+
+def _run(setting: Setting, loaded: LoadedDeck) -> Run:
+    """Return the run; but for diagnosis, what is found out about it does not depend on time."""
+    progress = None
+    if math.isfinite(setting.limit):
+        progress = Budget(setting.limit).limiting(lambda share: None)
+    return simulate(
+        loaded,
+        progress=progress,
+        error_estimate=setting.error_estimate,
+        mesh_estimate=setting.mesh_estimate,
+        diagnosis=setting.diagnosis,
+        outlines=False,
+        after=None if setting.diagnosis else math.inf,
+    )
+
+
+def _collected(setting: Setting, run: Run) -> list[float | None]:
+    """Return what is collected; nothing of a run that did not reach its end."""
+    if run.status != "done":
+        return [None] * len(setting.quantities)
+    try:
+        return [_finite(value) for value in collect_all(setting.quantities, run)]
+    except CollectError:
+        return [None] * len(setting.quantities)
+
+
+def row_without(status: str, reason: str, setting: Setting, kind: str = "") -> Row:
+    """Return the row of a run that gave nothing."""
+    told = {"status": status, "class": kind, "reason": reason, "warnings": 0, "cpu_s": 0.0}
+    return {**dict.fromkeys(FACTS), **told, "collected": [None] * len(setting.quantities)}
+
+
+def _finite(value: object) -> float | None:
+    return float(value) if isinstance(value, (int, float)) and math.isfinite(value) else None

@@ -1,0 +1,314 @@
+"""`hfsim sweep`: values, plans, rows, folders that are gone on with, refusals."""
+
+import csv
+import json
+import os
+import random
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.deck.ranges import RangeError, read_values
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+from hfsim.studies.sweep import plan as plans
+
+WHEEL = """
+hfsim: 1
+name: wheel
+bodies: {hub: {type: rigid, mass: 1.0, inertia: 1.0, points: {rim: [1.0, 0.0]}}}
+joints: {pin: {type: revolute, between: [ground, hub]}}
+springs: {coil: {type: rotational, between: [ground, hub], stiffness: 100.0}}
+initial: {hub: {angular_velocity: 1.0}}
+solve: {duration: 0.5, tolerance: 1.0e-8}
+output: {channels: [hub.angle, hub.rim.x]}
+"""
+STIFF = "springs.coil.stiffness"
+
+
+@pytest.fixture
+def wheel(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wheel.yaml").write_text(WHEEL)
+    return tmp_path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, ["sweep", *(str(argument) for argument in arguments)])
+
+
+def rows_of(folder):
+    with (Path(folder) / "sweep.csv").open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def without_times(folder):
+    return [{key: value for key, value in row.items() if key != "cpu_s"} for row in rows_of(folder)]
+
+
+# --- values and plans ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "share", "value"),
+    [
+        ("uniform(2, 6)", 0.25, 3.0),
+        ("loguniform(1, 100)", 0.5, 10.0),
+        ("normal(3, 2)", 0.841344746069, 5.0),
+        ("lognormal(2, 1)", 0.5, 2.0),
+        ("triangular(0, 1, 2)", 0.5, 1.0),
+        ("integers(2, 4)", 0.99, 4.0),
+        ("linear, exact", 0.51, "exact"),
+    ],
+)
+def test_values_below_which_a_share_of_all_is(text, share, value):
+    assert read_values(text).at(share) == (pytest.approx(value, rel=1e-9) if value != "exact" else value)
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("normal(1, 0)", "above 0"),
+        ("uniform(3, 1)", "below the second"),
+        ("loguniform(-1, 1)", "above 0"),
+        ("normal(1)", "takes 2 numbers"),
+        ("norml(1, 2)", "did you mean 'normal'"),
+        ("lin(1, 2, 2.5)", "whole number"),
+        ("1,,2", "no list"),
+        ("integers(0.5, 2)", "whole numbers"),
+    ],
+)
+def test_wrong_values_are_refused(text, why):
+    with pytest.raises(RangeError, match=why):
+        read_values(text)
+
+
+def test_a_grid_has_all_combinations_the_last_path_fastest():
+    plan = plans.grid({"a": "1,2", "b": "x,y,z"})
+    assert [plan.row(k) for k in range(plan.count)] == [(a, b) for a in (1.0, 2.0) for b in "xyz"]
+
+
+@pytest.mark.parametrize("sampler", plans.SAMPLERS)
+def test_samples_repeat_and_fill_what_they_are_of(sampler):
+    vary = {"a": "uniform(0, 1)", "b": "normal(5, 1)"}
+    one, again, other = (plans.sample(vary, 64, sampler, seed) for seed in (1, 1, 2))
+    rows = np.array([one.row(k) for k in range(64)])
+    assert (rows == np.array([again.row(k) for k in range(64)])).all()
+    assert one.facts == again.facts != other.facts
+    assert abs(rows.mean(axis=0) - [0.5, 5.0]).max() < (0.2 if sampler == "random" else 0.03)
+    if sampler == "lhs":
+        assert sorted(np.floor(rows[:, 0] * 64)) == list(range(64))
+
+
+# --- rows ----------------------------------------------------------------------------------------
+
+
+def test_rows_say_what_runs_of_their_own_say(wheel):
+    told = call("wheel.yaml", "--vary", f"{STIFF}=lin(50,150,3)", "--jobs", 2, "--collect", "max(hub.angle)",
+                "final(hub.rim.x)", "at(0.25, hub.angle)", "--no-plots")  # fmt: skip
+    assert told.exit_code == 0, told.output
+    for row, stiffness in zip(rows_of("wheel.sweep"), (50.0, 100.0, 150.0), strict=True):
+        assert float(row[STIFF]) == stiffness and row["status"] == "done"
+        run = simulate(parse_deck(WHEEL, "wheel.yaml", [f"{STIFF}={stiffness}"]))
+        rate = np.sqrt(stiffness)
+        assert float(row["final(hub.rim.x)"]) == run["hub.rim.x"][-1]
+        assert float(row["max(hub.angle)"]) == pytest.approx(1.0 / rate, rel=1e-7)
+        assert float(row["at(0.25, hub.angle)"]) == pytest.approx(np.sin(0.25 * rate) / rate, rel=1e-6)
+        assert float(row["error_estimate"]) == run.statistics["error_estimate"]
+        assert float(row["energy_drift"]) == run.statistics["energy_drift"]
+
+
+def test_without_collect_last_values_and_extremes_of_all_channels(wheel):
+    assert call("wheel.yaml", "--vary", "initial.hub.angular_velocity=1,2", "-q", "--no-plots").exit_code == 0
+    names = [name for name in rows_of("wheel.sweep")[0] if "(" in name]
+    assert names == [f"{what}({c})" for c in ("hub.angle", "hub.rim.x") for what in ("final", "min", "max")]
+
+
+def test_a_failed_run_is_a_row(wheel):
+    two = ("--vary", "bodies.hub.mass=1,-1", "--vary", "solve.max_steps=1,1000")
+    told = call("wheel.yaml", *two, "--no-plots", "--set", "solve.duration=20")
+    assert told.exit_code == 0, told.output
+    assert [row["status"] for row in rows_of("wheel.sweep")] == ["limit", "done", "refused", "refused"]
+    assert "bodies.hub.mass=-1 is refused" in told.stderr
+    facts = json.loads((wheel / "wheel.sweep/sweep.json").read_text())
+    assert facts["counts"] == {"limit": 1, "done": 1, "refused": 2} and facts["status"] == "done"
+
+
+def test_a_table_has_a_run_a_row(wheel):
+    (wheel / "runs.csv").write_text(f"{STIFF}, solve.method\n100, gauss\n\n200, radau\n")
+    assert call("wheel.yaml", "--table", "runs.csv", "--no-plots", "--keep", "histories").exit_code == 0
+    assert [row["solve.method"] for row in rows_of("wheel.sweep")] == ["gauss", "radau"]
+    history = (wheel / "wheel.sweep/histories/000002.csv").read_text().splitlines()
+    assert history[0] == "t,hub.angle,hub.rim.x" and len(history) > 10
+
+
+def test_parameters_are_varied_and_folders_kept(wheel):
+    (wheel / "wheel.yaml").write_text(
+        WHEEL.replace("stiffness: 100.0", "stiffness: '${10*k}'") + "parameters: {k: 10}\n"
+    )
+    kept = ("--keep", "folders", "--no-plots")
+    assert call("wheel.yaml", "--vary", "parameters.k=10,20", *kept).exit_code == 0
+    for number, stiffness in (("000001", 100.0), ("000002", 200.0)):
+        text = (wheel / f"wheel.sweep/runs/{number}/resolved.yaml").read_text()
+        assert f"stiffness: {stiffness}" in text
+    assert call("wheel.yaml", "--vary", "parameters.k=10", "--force", "--no-plots").exit_code == 0
+    assert not list((wheel / "wheel.sweep").glob("runs/*"))
+
+
+def test_pictures(wheel):
+    most = ("--collect", "max(hub.angle)")
+    call("wheel.yaml", "--vary", f"{STIFF}=lin(50,150,3)", "-o", "one", *most)
+    steps = ("--vary", "solve.step=lin(1e-2,2e-2,7)")
+    call("wheel.yaml", "--vary", f"{STIFF}=lin(50,150,7)", *steps, "-o", "two", *most)
+    call("wheel.yaml", "--vary", f"{STIFF}=normal(100,5)", "--vary", "bodies.hub.inertia=1,2", "--sample", 20,
+         "-o", "many", *most)  # fmt: skip
+    assert [path.name for path in (wheel / "one/plots").iterdir()] == ["response_max_hub.angle.png"]
+    assert [path.name for path in (wheel / "two/plots").iterdir()] == ["map_max_hub.angle.png"]
+    assert {path.name for path in (wheel / "many/plots").iterdir()} == {"scatter.png", "effects.png"}
+    effects = json.loads((wheel / "many/sweep.json").read_text())["main_effects"]["max(hub.angle)"]
+    assert effects["bodies.hub.inertia"] > 0.9 > 0.2 > effects[STIFF]
+
+
+# --- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        ((), "nothing is varied"),
+        (("--vary", "springs.coil.stifness=1,2"), "stifness.*did you mean 'stiffness'"),
+        (("--vary", "sprongs.coil.stiffness=1,2"), "there is no sprongs"),
+        (("--vary", f"{STIFF}=-1,-2"), "--vary: error: springs.coil.stiffness"),
+        (("--vary", f"{STIFF}=normal(1,2)"), "--sample N"),
+        (("--vary", f"{STIFF}=normal(1,-2)", "--sample", 5), "standard deviation"),
+        (("--vary", f"{STIFF}=1", "--vary", f"{STIFF}=2"), "twice"),
+        (("--vary", STIFF), "write PATH="),
+        (("--vary", "parameters.k=1,2"), "there is no parameters"),
+        (("--vary", f"{STIFF}=1,2", "--collect", "peak(hub.angle)"), "there is no quantity 'peak'"),
+        (("--vary", f"{STIFF}=1,2", "--collect", "max(hub.angel)"), "angel"),
+        (("--vary", f"{STIFF}=1,2", "--collect", "at(0.6, hub.angle)"), "ends at 0.5 s"),
+        (("--vary", f"{STIFF}=1,2", "--collect", "frequency(1)"), "no frequency"),
+        (("--vary", f"{STIFF}=lin(1,2,1001)", "--vary", "bodies.hub.mass=lin(1,2,1000)"), "say --yes"),
+        ((*(f"--vary={a}=lin(1,2,9000)" for a in (STIFF, "bodies.hub.mass")), "--yes"), "at most"),
+        (("--vary", f"{STIFF}=1,2", "--sample", 5, "--sampler", "halton"), "there is no sampler"),
+        (("--table", "none.csv"), "none.csv cannot be read"),
+        (("--table", "bad.csv"), r"bad.csv:3: 1 values for 2 columns"),
+        (("--table", "empty.csv"), "no rows"),
+        (("--table", "hole.csv"), "hole.csv:2: a: the value is missing"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_told_before_anything_runs(wheel, options, why):
+    (wheel / "bad.csv").write_text("a,b\n1,2\n3\n")
+    (wheel / "empty.csv").write_text("a,b\n")
+    (wheel / "hole.csv").write_text("a,b\n,2\n")
+    told = call("wheel.yaml", *options)
+    assert told.exit_code == 2, told.output
+    assert re.search(why, " ".join(told.stderr.split())), told.stderr
+    assert not (wheel / "wheel.sweep").exists()
+
+
+# --- going on ------------------------------------------------------------------------------------
+
+GRID = ("--vary", f"{STIFF}=lin(50,150,6)", "--vary", "solve.method=gauss,radau", "--no-plots")
+
+
+def test_a_sweep_goes_on_and_its_table_is_the_same(wheel):
+    assert call("wheel.yaml", *GRID, "-o", "whole").exit_code == 0
+    assert call("wheel.yaml", *GRID, "-o", "cut").exit_code == 0
+    lines = (wheel / "cut/runs.jsonl").read_text().splitlines(keepends=True)
+    (wheel / "cut/runs.jsonl").write_text("".join(lines[:5]) + lines[5][:20])
+    (wheel / "cut/sweep.csv").unlink()
+    told = call("wheel.yaml", *GRID, "-o", "cut", "--resume")
+    assert told.exit_code == 0 and "5 of 12 runs are there" in told.stderr
+    assert without_times("cut") == without_times("whole")
+    assert (wheel / "cut/runs.jsonl").read_text().startswith("".join(lines[:5]))
+    assert call("wheel.yaml", *GRID, "-o", "cut").exit_code == 2
+    assert "12 of 12 runs are there" in call("wheel.yaml", *GRID, "-o", "cut", "--resume").stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "difference"),
+    [
+        (("--set", "bodies.hub.mass=2"), "resolved.bodies.hub.mass: 1.0 there, 2.0 here"),
+        (("--collect", "max(hub.angle)"), "collect"),
+        (("--vary", "solve.duration=1,2"), "count: 12 there, 24 here"),
+        (("--no-error-estimate",), "setting.error_estimate: true there, false here"),
+    ],
+)
+def test_a_changed_deck_or_plan_is_refused_with_the_difference(wheel, options, difference):
+    assert call("wheel.yaml", *GRID).exit_code == 0
+    before = (wheel / "wheel.sweep/runs.jsonl").read_bytes()
+    told = call("wheel.yaml", *GRID, *options, "--resume")
+    assert told.exit_code == 2
+    assert difference in told.stderr
+    assert (wheel / "wheel.sweep/runs.jsonl").read_bytes() == before
+
+
+def start(*arguments):
+    words = [sys.executable, "-m", "hfsim", "sweep", *map(str, arguments)]
+    own = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # else as of who calls
+    return subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, **own)
+
+
+def wait_for_lines(path, count):
+    end = time.monotonic() + 30.0
+    while time.monotonic() < end:
+        if path.exists() and path.read_bytes().count(b"\n") >= count:
+            return
+        time.sleep(0.005)
+    pytest.fail("no runs came")
+
+
+def test_an_interrupt_keeps_what_is_there(wheel):
+    many = (*GRID, "--vary", "bodies.hub.inertia=lin(1,2,400)", "-o", "many")
+    with start("wheel.yaml", *many) as sweep:
+        wait_for_lines(wheel / "many/runs.jsonl", 20)
+        sweep.send_signal(signal.SIGINT)
+        _, told = sweep.communicate(timeout=60.0)
+    assert sweep.returncode == 130 and "--resume" in told
+    facts = json.loads((wheel / "many/sweep.json").read_text())
+    assert facts["status"] == "interrupted"
+    assert 20 <= len(rows_of("many")) == facts["runs"] - facts["missing"]
+
+
+@pytest.mark.slow
+def test_kills_at_random_moments_lose_nothing(wheel):
+    many = (*GRID, "--vary", "bodies.hub.inertia=lin(1,2,30)", "--jobs", 2)
+    assert call("wheel.yaml", *many, "-o", "whole").exit_code == 0
+    done, moments = 0, random.Random(1)
+    for _ in range(20):
+        with start("wheel.yaml", *many, "-o", "killed", "--resume") as sweep:
+            time.sleep(moments.uniform(0.3, 1.2))
+            sweep.kill()
+            sweep.communicate(timeout=30.0)
+        path = wheel / "killed/runs.jsonl"
+        now = path.read_bytes().count(b"\n") if path.exists() else 0
+        assert now >= done
+        done = now
+    assert call("wheel.yaml", *many, "-o", "killed", "--resume").exit_code == 0
+    assert without_times("killed") == without_times("whole")
+    assert (wheel / "killed/runs.jsonl").read_bytes().count(b"\n") == 360
+
+
+def die_once(path):
+    if not os.path.exists(path):
+        Path(path).touch()
+        os._exit(9)
+    return "there"
+
+
+def test_a_run_whose_worker_dies_is_done_again(tmp_path):
+    from hfsim.studies.farm import Farm, Task
+
+    farm = Farm(1)
+    farm.add(Task("a", die_once, str(tmp_path / "mark"), tries=2))
+    (outcome,) = farm.outcomes()
+    assert outcome.value == "there"
