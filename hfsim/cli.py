@@ -13,6 +13,7 @@ import importlib
 import os
 import signal
 import sys
+from types import ModuleType
 
 import click
 
@@ -39,7 +40,7 @@ _HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 110}
 INTERRUPTED = 130
 
 SELDOM = 10_000
-"""New objects after which Python looks for cycles: the 100 000 that a start makes are there to stay."""
+"""New objects after which Python looks for cycles."""
 
 
 class LazyGroup(click.Group):
@@ -97,7 +98,8 @@ def main() -> None:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the matrices are small: more threads only cost CPU time
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # or it looks for them in all that is installed
+    if os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1") == "1":
+        _leave_out("pydantic.plugin._loader", get_plugins=tuple)
     gc.set_threshold(SELDOM)
     _open_closed_streams()
     taken = _take_signals()
@@ -109,6 +111,23 @@ def main() -> None:
         raise
     finally:
         gc.freeze()  # or Python would look for cycles in all there is once more before it ends
+
+
+def _leave_out(name: str, **known: object) -> None:
+    """Let what is known of a module stand in for it; it is imported if anything else is asked of it.
+
+    The module by which pydantic looks for plug-ins in all that is installed imports more than hfsim does of
+    the standard library, if only to find that they are switched off.
+    """
+
+    def ask(rest: str) -> object:
+        if rest.startswith("__"):  # the import system looks whether it is a package
+            raise AttributeError(rest)
+        del sys.modules[name]
+        return getattr(importlib.import_module(name), rest)
+
+    sys.modules[name] = ModuleType(name)
+    vars(sys.modules[name]).update(known, __getattr__=ask)
 
 
 def _open_closed_streams() -> None:

@@ -23,7 +23,6 @@ from hfsim.commands.options import (
     talk_options,
     time_option,
 )
-from hfsim.output.report import as_text, headline, method_lines, tell
 from hfsim.output.talk import Destination, Talk
 from hfsim.output.text import for_a_file, plural
 
@@ -280,6 +279,7 @@ def do_job(
     from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
     from hfsim.output.recording import Recording
+    from hfsim.output.report import as_text, headline, method_lines, tell
     from hfsim.output.runfolder import RunLog, Stopwatch
     from hfsim.output.writers import Provenance
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -35,6 +34,8 @@ class OverrideProblem(DeckProblem):
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return the known name most like a word; none is like a very long one."""
+    import difflib
+
     by_lower = {name.lower(): name for name in islice(known, COMPARED)}
     close = difflib.get_close_matches(word.lower(), by_lower, n=1) if len(word) <= LONGEST_WORD else []
     return by_lower[close[0]] if close else ""

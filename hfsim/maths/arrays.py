@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import random
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -49,6 +48,8 @@ def distinct(values: _Numbers) -> _Numbers:
 
 def random_signs(shape: tuple[int, ...]) -> Array:
     """Return -1 and 1 in no order, always the same: `numpy.random` would take long to import."""
+    import random
+
     bits = np.frombuffer(random.Random(0).randbytes(math.prod(shape)), dtype=np.uint8) & 1
     return np.asarray(2.0 * bits - 1.0).reshape(shape)
 

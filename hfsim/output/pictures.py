@@ -5,9 +5,7 @@ What goes wrong costs no results, and nobody else's files.
 
 from __future__ import annotations
 
-import logging
 import os
-import shutil
 from collections.abc import Callable, Iterable
 from contextvars import ContextVar
 from pathlib import Path
@@ -24,6 +22,8 @@ def put_pictures(
     draw: Callable[[Path], Iterable[str]], folder: Path, kind: str = FORMATS[0]
 ) -> list[str]:
     """Draw pictures of a format aside and put them into ``plots`` of a folder; as `put_files`."""
+    import logging
+
     # where it cannot keep its cache is nothing to tell of a scene
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     before = _format.set(kind)
@@ -55,6 +55,8 @@ def put_files(make: Callable[[Path], Iterable[str]], folder: Path, place: Callab
     OSError
         If the system refuses, or there are other files of these names; none is put there then.
     """
+    import shutil
+
     aside = folder / _ASIDE
     shutil.rmtree(aside, ignore_errors=True)
     aside.mkdir()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import os
 from pathlib import Path
 
@@ -43,6 +42,8 @@ def find_deck(name: str) -> Path:
 
 
 def _near(path: Path, cases: list[str]) -> str:
+    import difflib
+
     if path.stem in cases:
         return f" (a shipped case has that name: use '{path.stem}')"
     folder = path.parent if os.path.isdir(path.parent) else Path()
