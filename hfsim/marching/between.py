@@ -25,8 +25,9 @@ INSIDE = 16
 """Times in one of few steps at most."""
 STAGES = 2
 """Times in one long step among many at most, over the number of its polynomials."""
-AT_ONCE = 512
-"""Times that are read in one go: bounds the memory that takes."""
+AT_ONCE, IN_CACHE = (64, 512), 1e6
+"""Least and most times that are read in one go, and squares of coordinates in them: more numbers would be
+fetched from memory over and over."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,8 +80,9 @@ def _read(leg: Leg, times: Array) -> Iterator[Array]:
     """Yield rows, times [s] and channels, read from the steps at sorted times."""
     path = leg.done.trajectory
     turns = count_turns(leg.scene, path, times, leg.record.begin_angles)
-    for k in range(0, len(times), AT_ONCE):
-        some = slice(k, k + AT_ONCE)
+    count = int(np.clip(IN_CACHE / max(1, leg.scene.system.n) ** 2, *AT_ONCE))
+    for k in range(0, len(times), count):
+        some = slice(k, k + count)
         with np.errstate(all="ignore"):
             q, v = leg.scene.system.project(times[some], *path.at(times[some]))
             counted = {name: one[some] for name, one in turns.items()}
