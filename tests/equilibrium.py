@@ -39,7 +39,7 @@ def _balanced(system, t, z, multipliers):
 
 
 def inside(scene, x, places, name="b", u=None):
-    """Return the internal forces of a beam in a state (1, n) at t = 1, (n_places, 6); at rest without rates."""
+    """Return the internal forces of a beam in a state (1, n) at t = 1, (n_places, 6); at rest if no rates."""
     system, t, u = scene.system, np.ones(1), np.zeros_like(x) if u is None else u
     a, multipliers = system.solved(t, x, u)
     body = scene.bodies[name]

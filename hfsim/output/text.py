@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,6 +25,8 @@ def line_width() -> int:
     """Return how many characters a line may have: those of the terminal, or of ``COLUMNS``; else `WIDTH`."""
     if not _terminal():
         return WIDTH
+    import shutil
+
     return max(_NARROWEST, shutil.get_terminal_size((WIDTH, 24)).columns)
 
 
