@@ -98,6 +98,11 @@ class Stepper(Remembering):
     first: float
     """First step length to try [s]."""
 
+    @property
+    def label(self) -> str:
+        """Its name and, after a colon, the number of stages or the order where a method has several."""
+        return self.name
+
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h."""
         raise NotImplementedError

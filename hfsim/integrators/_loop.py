@@ -263,8 +263,8 @@ class Stepping:
         return self._stepper
 
     def _name(self, stepper: Stepper) -> None:
-        if stepper.name not in self.path.methods:
-            self.path.methods.append(stepper.name)
+        if stepper.label not in self.path.methods:
+            self.path.methods.append(stepper.label)
 
     def _started(self) -> Stepper:
         path = self.path

@@ -91,7 +91,7 @@ class Trajectory:
         State at ``t_end``.
     segments : list of Segment
     methods : list of str
-        Names of what made the steps, in the order in which they were first used.
+        Labels of what made the steps, in the order in which they were first used; see `Stepper.label`.
     condensed : bool
         Whether some steps are right at their ends only.
     """
@@ -126,6 +126,20 @@ class Trajectory:
         _, once, twice = legendre(theta, max(len(s.series) for s in own.values()))
         for step, mine in zip(own.values(), map(slice, edges[:-1], edges[1:]), strict=True):
             q[mine], v[mine] = step.read(theta[mine], once[mine], twice[mine])
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the methods that made the steps."""
+        return list(dict.fromkeys(label.partition(":")[0] for label in self.methods))
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """Most stages, or the highest order, of the steps of each method that has several."""
+        found: dict[str, int] = {}
+        for name, _, number in (label.partition(":") for label in self.methods):
+            if number:
+                found[name] = max(found.get(name, 0), int(number))
+        return found
 
     @property
     def size(self) -> int:

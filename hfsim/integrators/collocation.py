@@ -122,6 +122,11 @@ class CollocationStepper(Stepper):
         The time in which the fastest mode turns by one radian a stage.
     """
 
+    @property
+    def label(self) -> str:
+        """Name and number of stages of its steps now."""
+        return f"{self.name}:{self.table.stages}"
+
     growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
     remembers: ClassVar[tuple[str, ...]] = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known")
 

@@ -110,6 +110,11 @@ class GearStepper(Stepper):
         self._same = 0
         """Steps made with this order and length."""
 
+    @property
+    def label(self) -> str:
+        """Name and order of its steps now."""
+        return f"{self.name}:{self._k}"
+
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step of the current order."""
         if abs(h - self._h) > 1e-12 * h:
@@ -235,6 +240,11 @@ class _StartedByGauss(Stepper):
         self._states = np.concatenate([self._states, [[q, v]]])
         if self._started:
             self._now = self._differentiating(self._problem.single(t, q, v))
+
+    @property
+    def label(self) -> str:
+        """Name and order."""
+        return f"{self.name}:{self._order}"
 
     @property
     def _started(self) -> bool:

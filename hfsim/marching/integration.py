@@ -97,7 +97,7 @@ def run_integration(
         stop = steps.stop
     else:
         stop = _recorded(steps, scene, record)
-    method = ", ".join(steps.path.methods) or _method(scene, solve).name
+    method = ", ".join(steps.path.names) or _method(scene, solve).name
     return Integration(steps.path, steps.problem, method, stop)
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+from hfsim.integrators import integrator
 from hfsim.marching.integration import Leg
 
 _SUMS = (
@@ -26,6 +27,7 @@ def leg_statistics(leg: Leg) -> dict[str, Any]:
         "factorisations": counts.factorisations,
         "unknowns": system.n,
         "multipliers": system.n_rows,
+        **_numbers(leg.done.trajectory.numbers),
         "models": leg.scene.models,
         "assembly": leg.scene.assembly.facts(),
         **leg.record.balance.facts(),
@@ -38,4 +40,13 @@ def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     facts |= {key: sum(part[key] for part in parts) for key in _SUMS}
     facts |= {key: max(part[key] for part in parts) for key in _LARGEST}
     warnings = list(dict.fromkeys(warning for part in parts for warning in part["warnings"]))
+    for key in ("stages", "order"):
+        every = {name: n for part in parts for name, n in (part[key] or {}).items()}
+        facts[key] = every or None
     return facts | {"energy_initial": parts[0]["energy_initial"], "warnings": warnings}
+
+
+def _numbers(most: Mapping[str, int]) -> dict[str, dict[str, int] | None]:
+    """Return the stages and the orders of methods that have several."""
+    orders = {name: n for name, n in most.items() if integrator(name).orders}
+    return {"stages": {n: most[n] for n in most if n not in orders} or None, "order": orders or None}

@@ -65,7 +65,7 @@ def headline(run: Run) -> str:
 def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     """Return the table of results that people read; without a folder they went to standard output."""
     facts = {
-        "model": f"{run.model}; {'methods' if ',' in run.method else 'method'} {run.method}",
+        "model": f"{run.model}; {'methods' if ',' in run.method else 'method'} {_method(run, summary)}",
         **_models(summary),
         "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
         "steps": _steps(summary),
@@ -78,13 +78,30 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     width = max(map(len, facts))
     lines = [wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items()]
     levels = level_table(summary["refinement"]) if summary.get("refinement") else []
-    return "\n".join([*lines, *levels, *_last_values(run, _known_error(summary))])
+    return "\n".join([*lines, *levels, *_last_values(run, summary)])
+
+
+def _method(run: Run, summary: Mapping[str, Any]) -> str:
+    """Return the methods of a run, each with its stages or its order."""
+    told = {name: f"{name} ({n} stages)" for name, n in (summary.get("stages") or {}).items()}
+    told |= {name: f"{name} (order {n})" for name, n in (summary.get("order") or {}).items()}
+    return ", ".join(told.get(name, name) for name in run.method.split(", "))
 
 
 def _known_error(summary: Mapping[str, Any]) -> float | None:
     """Return the larger of the errors of time and mesh in their worst channels; None where none is known."""
     known = (summary["error_estimate"], summary["mesh_error_estimate"])
     return max((error for error in known if error is not None), default=None)
+
+
+def error_of(channel: Channel, summary: Mapping[str, Any]) -> float | None:
+    """Return the error of a channel in its unit: its own where it is known, else what the worst one tells."""
+    each = (summary.get(f"{name}_by_channel") or {} for name in ("error", "mesh_error"))
+    own = [float(errors[channel.name]) for errors in each if channel.name in errors]
+    if own:
+        return max(own)
+    worst = _known_error(summary)
+    return None if worst is None else worst * float(channel.values.max() - channel.values.min())
 
 
 def errors(summary: Mapping[str, Any]) -> str:
@@ -247,11 +264,14 @@ _LEAST_TIME = 5e-4
 """Phases that take less are not told [s]."""
 
 
-def _last_values(run: Run, error: float | None) -> list[str]:
+def _last_values(run: Run, summary: Mapping[str, Any]) -> list[str]:
     if not len(run.t):
         return ["  no output time was reached"]
     sizes = sizes_of(run.channels, run.outlines)
-    rows = [[f"  {one.name}", _last(one, sizes.get(one.unit, 0.0), error), one.unit] for one in run.channels]
+    rows = [
+        [f"  {one.name}", _last(one, sizes.get(one.unit, 0.0), error_of(one, summary)), one.unit]
+        for one in run.channels
+    ]
     if not rows:
         return []
     return [f"  at t = {run.end_time:.9g} s", as_table(rows)]
@@ -261,8 +281,7 @@ def _last(channel: Channel, size: float, error: float | None) -> str:
     """Return the last value of a channel; zero where it is rounding, but not of a residual."""
     value = float(channel.values[-1])
     rounded = is_judged(channel.name) and abs(value) <= max(ROUNDING * size, LEAST)
-    reach = float(channel.values.max() - channel.values.min())
-    return "0" if rounded else sensible(value, None if error is None else error * reach)
+    return "0" if rounded else sensible(value, error)
 
 
 _UNKNOWN_DIGITS, _MOST_DIGITS, _LEAST_DIGITS = 6, 9, 4

@@ -33,6 +33,8 @@ _SUMMARY_KEYS = (
     "factorisations",
     "unknowns",
     "multipliers",
+    "stages",
+    "order",
     "energy_drift",
     "constraint_position",
     "constraint_velocity",

@@ -191,7 +191,7 @@ def test_a_run_put_down_in_stiff_steps_goes_on_to_the_last_bit():
     for _ in range(10):
         next(first)
     again.recall(first.memory())
-    assert first.path.t_end < 0.4 and "radau" in first.path.methods
+    assert first.path.t_end < 0.4 and "radau" in first.path.names
     ends = [list(steps) and steps.path.q for steps in (first, again)]
     assert np.array_equal(*ends)
 
