@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
     from hfsim.marching.solution import Run
     from hfsim.output.api import Deck, check, compare, load, run, verify
+    from hfsim.output.sweep_api import sweep
     from hfsim.studies.compare import Comparison
+    from hfsim.studies.sweep.result import Sweep
     from hfsim.studies.verify import Verification
 
 __version__ = "0.1.0"
@@ -26,13 +28,15 @@ _PLACES = {
     **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
     "Run": "hfsim.marching.solution",
     "Comparison": "hfsim.studies.compare",
+    "Sweep": "hfsim.studies.sweep.result",
     "Verification": "hfsim.studies.verify",
+    "sweep": "hfsim.output.sweep_api",
 }
 """Where each public name stands."""
 
 __all__ = [
-    "Comparison", "Deck", "DeckError", "HfsimError", "Run", "UnfinishedRunError", "Verification", "check",
-    "compare", "load", "run", "verify",
+    "Comparison", "Deck", "DeckError", "HfsimError", "Run", "Sweep", "UnfinishedRunError", "Verification",
+    "check", "compare", "load", "run", "sweep", "verify",
 ]  # fmt: skip
 
 

@@ -33,6 +33,7 @@ SHARED = {"orientation": "Orientations", "law": "Laws of time"}
 SPECIAL = {
     **{"quaternion": [1, 0, 0, 0], "expression": "2 * sin(3 * t)", "unit": "rpm", "column": "torque", "time_column": "t"},
     **{"table": "motor.csv", "second_moments": [1e-8, 4e-8], "transition": 1e-3, "velocity": 1e-3, "section_degree": 2},
+    **{"vary": {"bodies.arm.length": "lin(0.5, 2, 7)"}, "sample": 200, "seed": 2, "runs": "runs.csv", "collect": ["max(arm.tip.x)"]},
     **{"rows": [{"quantity": "final(arm.tip.x)", "published": 0.9}]},
     **{"include": "parts/arm.yaml", "keep": ["damping"], "points": [[0, 0, 0], [1, 0, 0.1], [2, 0, 0.3]]},
 }

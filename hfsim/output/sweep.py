@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterable
+import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +18,26 @@ from hfsim.deck.ranges import written
 from hfsim.marching.solution import Run
 from hfsim.output.disk import rows_as_text
 from hfsim.output.runfolder import RunFolder, RunLog, Stopwatch
-from hfsim.output.sweep_folder import FOLDER_FILES
+from hfsim.output.study import Study
+from hfsim.output.sweep_folder import (
+    FOLDER_FILES,
+    KIND,
+    RUNS,
+    SweepFolder,
+    claim_sweep,
+    refuse_changed,
+)
+from hfsim.output.talk import Destination, Talk
 from hfsim.output.text import as_table, number, plural
 from hfsim.output.writers import Provenance
 from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.farm import Executor
+from hfsim.studies.sweep.asked import Asked
 from hfsim.studies.sweep.effects import main_effects
 from hfsim.studies.sweep.plan import Plan
-from hfsim.studies.sweep.result import Sweep
-from hfsim.studies.sweep.study import Keep
-from hfsim.studies.sweep.work import Setting
+from hfsim.studies.sweep.result import Sweep, gathered
+from hfsim.studies.sweep.study import Keep, do_runs, refuse_hopeless
+from hfsim.studies.sweep.work import Row, Setting
 
 _TOLD = 12
 """Quantities whose range is told, and failures."""
@@ -100,6 +113,99 @@ def keep_folder(loaded: LoadedDeck, run: Run) -> dict[str, bytes]:
         path = Path(made)
         save_run(RunFolder(path), run, provenance, Stopwatch(), RunLog(), Extras())
         return {f"runs/{{number:06}}/{name}": (path / name).read_bytes() for name in FOLDER_FILES}
+
+
+# --- doing it ------------------------------------------------------------------------------------
+
+
+class Rows:
+    """The rows of a sweep that is written nowhere; in memory, as `SweepFolder` is on disk."""
+
+    there = 0
+
+    def __init__(self, plan: Plan) -> None:
+        self._rows: list[Row | None] = [None] * plan.count
+
+    def missing(self, number: int) -> bool:
+        """Tell whether a run is yet to be done."""
+        return self._rows[number] is None
+
+    def add(self, number: int, row: Row, files: Mapping[str, bytes]) -> None:
+        """Take what has come of a run."""
+        self._rows[number] = row
+
+    def rows(self) -> Iterable[Row | None]:
+        """Return what is known of each run in the order of the plan."""
+        return self._rows
+
+
+def wanted_of(
+    asked: Asked, loaded: LoadedDeck, note: Callable[[str], None], keep: str = "nothing", source: str = "deck"
+) -> Wanted:
+    """Return what is asked for, ready to be done; refuse what cannot be.
+
+    Raises
+    ------
+    SweepError, DeckError
+    """
+    asked = asked.completed(loaded)
+    plan = asked.plan()
+    setting = asked.setting(loaded)
+    refuse_hopeless(setting, plan, note)
+    return Wanted(loaded, plan, setting, keep, source)
+
+
+def perform(
+    wanted: Wanted, executor: Executor, store: Rows | SweepFolder, progress: Callable[[float], None]
+) -> Sweep:
+    """Do the runs that are missing and put them down; return all there are."""
+    plan, done = wanted.plan, store.there
+
+    def take(number: int, row: Row, files: Mapping[str, bytes]) -> None:
+        nonlocal done
+        store.add(number, row, files)
+        done += 1
+        progress(done / plan.count)
+
+    interrupted = do_runs(wanted.setting, plan, executor, store.missing, take, keeper(wanted.keep))
+    status = "interrupted" if interrupted else "done"
+    return gathered(wanted.loaded.deck.name, status, plan, wanted.collected, store.rows())
+
+
+def into_folder(
+    wanted: Wanted,
+    executor: Executor,
+    to: Destination,
+    talk: Talk,
+    progress: Callable[[float], None],
+    resume: bool = False,
+) -> Sweep:
+    """Do a sweep, write and tell it.
+
+    Raises
+    ------
+    FolderError, ResumeError, WriteError
+    """
+    start = time.perf_counter()
+    granted, going_on = claim_sweep(to, wanted.loaded.deck.name, resume)
+    if going_on:
+        refuse_changed(granted.path, wanted.identity)
+    about = Provenance.of(wanted.loaded, wanted.source, wanted.loaded.overrides).facts()
+    folder = SweepFolder(granted, wanted.plan, wanted.identity, going_on)
+    if going_on:
+        talk.note(f"{folder.path}: going on, {folder.there} of {wanted.plan.count} runs are there")
+    result = perform(wanted, executor, folder, progress)
+    wall = time.perf_counter() - start
+    folder.write_table(wanted.collected)
+    Study(KIND, talk, granted, to.plots, about, to.format).publish(
+        {**sweep_facts(result, wall, executor.jobs), **wanted.identity},
+        {},
+        sweep_text(result, folder.path, wall, folder.there),
+        partial(draw_sweep, result),
+        also=("sweep.csv", RUNS),
+    )
+    folder.close()
+    return result
 
 
 # --- what is told --------------------------------------------------------------------------------

@@ -209,6 +209,10 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         from hfsim.scene.published import complaints_of_rows
 
         complaints += complaints_of_rows(source.data, entries)
+    if data.get("sweep") is not None:
+        from hfsim.scene.swept import complaints_of_sweep
+
+        complaints += complaints_of_sweep(source.data, entries)
     if deck is not None and not complaints and deck.dimension == 3:
         from hfsim.scene.spatial_lines import refusals
 

@@ -325,6 +325,9 @@ class Deck(Spec):
     verify: Annotated[Any, entry_of("hfsim.scene.published.VerifySpec")] = Field(default=None, exclude=True)
     """Published values that `hfsim verify` holds the deck against."""
 
+    sweep: Annotated[Any, entry_of("hfsim.scene.swept.SweepSpec")] = Field(default=None, exclude=True)
+    """Values that `hfsim sweep` gives entries of the deck in many runs."""
+
     def model_post_init(self, context: Any, /) -> None:
         """Put the defaults that depend on other entries into the output."""
         super().model_post_init(context)

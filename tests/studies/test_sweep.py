@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import hfsim
 from hfsim.cli import app
 from hfsim.deck.ranges import RangeError, read_values
 from hfsim.scene.loading import parse_deck
@@ -312,3 +313,37 @@ def test_a_run_whose_worker_dies_is_done_again(tmp_path):
     farm.add(Task("a", die_once, str(tmp_path / "mark"), tries=2))
     (outcome,) = farm.outcomes()
     assert outcome.value == "there"
+
+
+# --- decks and Python ----------------------------------------------------------------------------
+
+IN_DECK = f"sweep: {{vary: {{{STIFF}: [50, 100]}}, collect: [max(hub.angle)], seed: 3}}\n"
+
+
+def test_a_deck_says_its_own_sweep_and_options_win(wheel):
+    (wheel / "wheel.yaml").write_text(WHEEL + IN_DECK)
+    assert call("wheel.yaml", "--no-plots").exit_code == 0
+    assert [float(row[STIFF]) for row in rows_of("wheel.sweep")] == [50.0, 100.0]
+    assert "max(hub.angle)" in rows_of("wheel.sweep")[0]
+    options = ("--vary", "bodies.hub.inertia=1,2,3", "--collect", "final(hub.angle)", "-o", "other")
+    assert call("wheel.yaml", "--no-plots", *options).exit_code == 0
+    assert [row["bodies.hub.inertia"] for row in rows_of("other")] == ["1", "2", "3"]
+    assert not any(name in rows_of("other")[0] for name in (STIFF, "max(hub.angle)"))
+    (wheel / "runs.csv").write_text("bodies.hub.mass\n1\n2\n")
+    (wheel / "wheel.yaml").write_text(WHEEL + "sweep: {runs: runs.csv}\n")
+    assert call("wheel.yaml", "--no-plots", "-o", "tabled").exit_code == 0
+    assert len(rows_of("tabled")) == 2
+
+
+def test_from_python(wheel):
+    found = hfsim.sweep("wheel.yaml", {STIFF: np.array([50.0, 100.0]), "solve.method": ["gauss", "radau"]},
+                        ["max(hub.angle)"], {"bodies.hub.mass": 2.0}, jobs=2)  # fmt: skip
+    assert found.counts == {"done": 4} and len(found) == 4
+    assert found[STIFF].tolist() == [50.0, 50.0, 100.0, 100.0]
+    assert found["max(hub.angle)"] == pytest.approx(1.0 / np.sqrt(found[STIFF]), rel=1e-7)
+    with pytest.raises(KeyError, match="max"):
+        found["max(hub.angel)"]
+    with pytest.raises(hfsim.HfsimError, match="random"):
+        hfsim.sweep("wheel.yaml", {STIFF: "normal(1, 1)"})
+    told = hfsim.sweep("wheel.yaml", {STIFF: "lin(50, 60, 2)"}, output="written", plots=False)
+    assert told["cpu_s"].sum() > 0.0 and len(rows_of("written")) == 2

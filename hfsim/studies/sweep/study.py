@@ -88,7 +88,11 @@ def setting_of(loaded: LoadedDeck, quantities: Sequence[Quantity], base: Setting
         overrides = (*overrides, f"output.channels=[{', '.join([*names, *more])}]")
     source = loaded.source
     return replace(
-        base, text=source.text, file=source.file, overrides=overrides, quantities=tuple(quantities)
+        base,
+        text=source.text,
+        file=source.file,
+        overrides=(*overrides, *base.overrides),
+        quantities=tuple(quantities),
     )
 
 

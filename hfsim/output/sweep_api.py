@@ -1,0 +1,124 @@
+"""Sweeps from Python: many runs of one deck as one object."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hfsim.deck.ranges import written
+from hfsim.marching.stop import Progress
+from hfsim.output.api import AnyDeck, load
+from hfsim.output.sweep import Rows, into_folder, perform, wanted_of
+from hfsim.output.talk import Destination, Talk
+from hfsim.studies.farm import Farm
+from hfsim.studies.sweep.asked import Asked
+
+if TYPE_CHECKING:
+    from hfsim.studies.sweep.result import Sweep
+
+
+def sweep(
+    deck: AnyDeck,
+    vary: Mapping[str, Any] | None = None,
+    collect: Sequence[str] = (),
+    changes: Mapping[str, Any] | None = None,
+    *,
+    sample: int | None = None,
+    sampler: str | None = None,
+    seed: int | None = None,
+    table: str | os.PathLike[str] | None = None,
+    jobs: int = 0,
+    error_estimate: bool = True,
+    mesh_error: bool = False,
+    limit: float | None = None,
+    output: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    resume: bool = False,
+    keep: str = "nothing",
+    plots: bool = True,
+    progress: Progress | None = None,
+) -> Sweep:
+    """Run a deck many times with other values of its entries; what ``hfsim sweep`` does.
+
+    Parameters
+    ----------
+    deck, changes
+        As in `hfsim.load`.
+    vary : mapping, optional
+        By dotted paths, or ``parameters.NAME``: a sequence of values, or text such as ``"lin(0.5, 2, 7)"``.
+        All combinations are run. Without it, and without a table, the deck's own entry ``sweep`` counts.
+    collect : sequence of str
+        Numbers of each run: ``"max(b1.tip.x)"``. Without any, last values and extremes of all channels.
+    sample : int, optional
+        So many random runs instead; ``vary`` may have distributions then. ``sampler`` is ``"lhs"``,
+        ``"sobol"`` or ``"random"``, ``seed`` a whole number.
+    table : path, optional
+        CSV file that has the runs, paths in its first row.
+    jobs : int
+        Processes; 0 for all cores.
+    error_estimate, mesh_error : bool
+        Whether errors of time and mesh are measured.
+    limit : float, optional
+        Wall time that a run may take [s].
+    output : path, optional
+        Folder that gets what ``hfsim sweep`` writes; nothing is written without it. ``force``, ``resume``,
+        ``keep`` and ``plots`` are as the options.
+    progress : callable, optional
+        Called with the share of the runs that is done, 0 to 1.
+
+    Returns
+    -------
+    Sweep
+        ``sweep["max(b1.tip.x)"]``, ``sweep["bodies.b1.length"]``, ``sweep["status"]``: arrays, a value for
+        each run.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If the deck is bad, or refuses what is varied.
+    HfsimError
+        If the sweep cannot be made as it is asked for, or the folder must not be written to.
+    KeyboardInterrupt
+        If the keyboard or a signal ends it.
+    """
+    asked = Asked(
+        {path: _text(values) for path, values in (vary or {}).items()}, sample, sampler, seed,
+        None if table is None else Path(table), collect, True, error_estimate, mesh_error, limit=limit,
+    )  # fmt: skip
+    wanted = wanted_of(asked, load(deck, changes).with_numbers(), _silent, keep)
+    executor, told = Farm(jobs or os.cpu_count() or 1), progress or _no_progress
+    if output is None:
+        result = perform(wanted, executor, Rows(wanted.plan), told)
+    else:
+        to = Destination(Path(output), force, plots)
+        result = into_folder(wanted, executor, to, Talk(quiet=True), told, resume)
+    if result.status == "interrupted":
+        raise KeyboardInterrupt
+    return result
+
+
+def _text(values: Any) -> str:
+    """Return values as the command line has them."""
+    if isinstance(values, str):
+        return values
+    values = values.tolist() if hasattr(values, "tolist") else values
+    every = values if isinstance(values, Sequence) else [values]
+    return ", ".join(_one(value) for value in every)
+
+
+def _one(value: Any) -> str:
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, str):
+        return value
+    return written(float(value)) if isinstance(value, int | float) else json.dumps(value)
+
+
+def _no_progress(share: float) -> None:
+    """Take a share that nobody has asked for."""
+
+
+def _silent(line: str) -> None:
+    """Take a line that nobody has asked for."""

@@ -1,0 +1,100 @@
+"""What is asked of a sweep, by options or by the deck itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.sweep.plan import SAMPLERS, Plan, SweepError, grid, sample, table
+from hfsim.studies.sweep.study import read_collected, setting_of
+from hfsim.studies.sweep.work import Setting
+
+MANY = 100_000
+"""Runs beyond which one is asked whether they are meant."""
+_LEFT_OUT = ("sweep", "verify")
+"""Entries of a deck that its runs go without."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What is asked for; what is None or empty is left to the deck's own entry ``sweep``.
+
+    Attributes
+    ----------
+    vary : mapping of str to str
+        Values by path.
+    sample, seed : int or None
+    sampler : str or None
+    table : Path or None
+    collect : sequence of str
+    many : bool
+        Whether more than `MANY` runs are meant.
+    error_estimate, mesh_error, diagnosis : bool
+    limit : float or None
+        Wall time that a run may take [s].
+    """
+
+    vary: Mapping[str, str] = field(default_factory=dict)
+    sample: int | None = None
+    sampler: str | None = None
+    seed: int | None = None
+    table: Path | None = None
+    collect: Sequence[str] = ()
+    many: bool = False
+    error_estimate: bool = True
+    mesh_error: bool = False
+    diagnosis: bool = False
+    limit: float | None = None
+
+    def completed(self, loaded: LoadedDeck) -> Asked:
+        """Return the same with what the deck says where this says nothing."""
+        said = loaded.deck.sweep
+        if said is None:
+            seed = 1 if self.seed is None else self.seed
+            return replace(self, sampler=self.sampler or SAMPLERS[0], seed=seed)
+        found = self
+        if not self.vary and self.table is None:
+            beside = None if said.runs is None else Path(loaded.source.file).parent / said.runs
+            found = replace(found, vary=said.vary, table=beside, sample=self.sample or said.sample)
+        return replace(
+            found,
+            sampler=self.sampler or said.sampler,
+            seed=said.seed if self.seed is None else self.seed,
+            collect=self.collect or tuple(map(str, said.collect)),
+        )
+
+    def plan(self) -> Plan:
+        """Return the runs.
+
+        Raises
+        ------
+        SweepError
+        """
+        assert self.sampler is not None and self.seed is not None
+        if self.table is not None:
+            if self.vary or self.sample is not None:
+                raise SweepError("--table says all: it takes no --vary and no --sample")
+            plan = table(self.table)
+        elif self.sample is not None:
+            plan = sample(self.vary, self.sample, self.sampler, self.seed)
+        else:
+            plan = grid(self.vary)
+        if plan.count > MANY and not self.many:
+            raise SweepError(f"{plan.count} runs are many: say --yes if you mean it")
+        return plan
+
+    def setting(self, loaded: LoadedDeck) -> Setting:
+        """Return what all runs of a deck share.
+
+        Raises
+        ------
+        SweepError
+        """
+        base = Setting(
+            "", "", tuple(f"{key}=null" for key in _LEFT_OUT if loaded.source.data.get(key) is not None), (),
+            self.error_estimate, self.mesh_error, self.diagnosis, self.limit or math.inf,
+        )  # fmt: skip
+        return setting_of(loaded, read_collected(self.collect, loaded), base)
