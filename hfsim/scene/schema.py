@@ -331,7 +331,8 @@ class Deck(Spec):
     def model_post_init(self, context: Any, /) -> None:
         """Put the defaults that depend on other entries into the output."""
         super().model_post_init(context)
-        if "gravity" not in self.model_fields_set and self._states_space():
+        entries = {key: getattr(self, key) for key in type(self).model_fields}
+        if "gravity" not in self.model_fields_set and space_of(entries)[0] == 3:
             object.__setattr__(self, "gravity", (0.0, 0.0, 0.0))
         beams = {k: b.in_space(self.dimension) for k, b in self.bodies.items() if isinstance(b, BeamSpec)}
         object.__setattr__(self, "bodies", {**self.bodies, **beams})
@@ -339,9 +340,6 @@ class Deck(Spec):
         filled["interval"] = self.output.interval or self.solve.duration / 200
         filled["channels"] = self.output.channels or default_channels(self.bodies, self.dimension)
         object.__setattr__(self, "output", OutputSpec.model_construct(**filled))
-
-    def _states_space(self) -> bool:
-        return space_of({key: getattr(self, key) for key in type(self).model_fields})[0] == 3
 
     @property
     def dimension(self) -> int:
