@@ -72,7 +72,7 @@ _DEGREES = (
 @_words("element", "With --separation: kinds of element; all without it.")
 @_numbers("states", int, "N,M,...", "With --separation: beams that move at once; 1 and 64 without it.")
 @_numbers("degrees", int, "P,Q,...", _DEGREES)
-@time_option("budget", "Time all may take, e.g. 90s or 2min.", "60s")
+@time_option("budget", "CPU time all may take, e.g. 90s or 2min.", "60s")
 @repeats_option("Time short points so often and take the median.")
 @output_options
 @setting_options()
@@ -106,7 +106,7 @@ def bench(
     With --separation, the forms of the elastic force (solve.elastic_form in decks) are timed,
     each evaluation and a whole run; results go to 'separation.bench'. Exit code 4: the forms disagree.
     """  # fmt: skip
-    started = time.perf_counter()
+    started = time.process_time()
     if separation:
         unfit = {"DECK": deck, "--methods": methods, "--tolerances": tolerances, "--steps": steps,
                  "--models": models, "--set": overrides}  # fmt: skip
@@ -181,7 +181,7 @@ def do_bench(loaded: LoadedDeck, sweep: Sweep, seconds: float, started: float, s
     study.begin()
     drawing = min(_DRAWING[0], _DRAWING[1] * seconds) if study.plots else 0.0
     with Progress(f"{loaded.deck.name}, bench", sys.stderr, study.talk.quiet) as progress:
-        result = measure(loaded, sweep, Budget(seconds - drawing, start=started, report=progress))
+        result = measure(loaded, sweep, Budget(seconds - drawing, time.process_time, started, progress))
     tables = {"bench": (COLUMNS, as_rows(result))}
     study.publish(as_facts(result), tables, as_text(result, study.path), lambda to: _draw(result, to))
     return _exit_code(result)

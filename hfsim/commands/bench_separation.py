@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -58,7 +59,7 @@ def do_separation(plan: Plan) -> int:
     study = plan.study
     study.begin()
     with Progress("matrix separation", sys.stderr, study.talk.quiet) as progress:
-        budget = Budget(plan.seconds, start=plan.started, report=progress)
+        budget = Budget(plan.seconds, time.process_time, plan.started, progress)
         result = measure(plan.elements, plan.kinds, plan.repeats, budget, states=plan.states)
 
     def draw(folder: Path) -> list[str]:

@@ -86,7 +86,9 @@ def _bound(name: str, default: float, words: str) -> Callable[[Any], Any]:
     is_flag=True,
     help="Instead of a map: the longest stable step of each method, beside linear theory.",
 )
-@time_option("budget", "Time all may take, e.g. 90s or 2min.", "60s")
+@time_option(
+    "budget", "Time all may take, e.g. 90s or 2min; a first point is computed however long it takes.", "60s"
+)
 @time_option("limit", "Time one point may take; references three times as much.", "20s")
 @jobs_option()
 @output_options

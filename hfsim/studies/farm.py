@@ -82,11 +82,14 @@ class Executor(ABC):
         Reading of ``time.perf_counter`` at which all is ended [s].
     interrupted : bool
         Whether a signal has ended `serve`.
+    patient : bool
+        Whether the deadline does not count yet: tasks have limits of their own.
     """
 
     jobs: int
     deadline: float = float("inf")
     interrupted: bool = False
+    patient: bool = False
     _queue: deque[Task] = field(default_factory=deque)
     _more: Iterator[Task] = field(default_factory=lambda: iter(()))
 
@@ -120,6 +123,11 @@ class Executor(ABC):
     def unreached(self) -> list[Any]:
         """Return the keys of tasks that were queued and still waiting, or cut off, at the end."""
         return [task.key for task in self._queue]
+
+    @property
+    def end(self) -> float:
+        """The deadline, if it counts."""
+        return float("inf") if self.patient else self.deadline
 
     @property
     def why_unreached(self) -> str:
@@ -157,7 +165,7 @@ class Farm(Executor):
     def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue; see `Executor.outcomes`."""
         try:
-            while time.perf_counter() < self.deadline:
+            while time.perf_counter() < self.end:
                 self._hand_out()
                 if not any(worker.task for worker in self._workers):
                     return
@@ -192,7 +200,7 @@ class Farm(Executor):
     def _finished(self) -> Iterator[Outcome]:
         now = time.perf_counter()
         busy = [worker for worker in self._workers if worker.task is not None]
-        soonest = min([self.deadline, *(worker.end for worker in busy)])
+        soonest = min([self.end, *(worker.end for worker in busy)])
         ready = multiprocessing.connection.wait(
             [worker.pipe for worker in busy], min(max(soonest - now, 0.0), 1e6)
         )

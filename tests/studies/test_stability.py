@@ -84,6 +84,20 @@ def test_the_deadline_ends_everything_and_tells_what_was_not_reached():
     assert sorted(farm.unreached()) == [0, 1, 2]
 
 
+def test_a_first_result_is_waited_for_if_asked_for():
+    farm = Farm(1, time.perf_counter() - 1.0, patient=True)
+    for k in range(3):
+        farm.add(Task(k, double, k, 60.0))
+    found = []
+
+    def take(outcome):
+        farm.patient = False
+        found.append(outcome.value)
+
+    farm.serve(take)
+    assert found == [0] and sorted(farm.unreached()) == [1, 2]
+
+
 def test_jobs_run_side_by_side():
     start = time.perf_counter()
     served([Task(k, sleep, 0.6, 60.0) for k in range(4)], jobs=4)
@@ -307,13 +321,13 @@ def test_a_refused_value_is_a_point_and_a_hopeless_map_is_refused():
         stability_map(parse_deck(WHEEL), plan(vary("springs.wire.stiffness=1,2")))
 
 
-def test_what_the_budget_does_not_reach_is_told():
+def test_a_first_point_is_computed_and_what_the_budget_does_not_reach_is_told():
     result = stability_map(parse_deck(WHEEL), plan(NAMED["stiffness"]("1,2,3"), seconds=0.0))
     assert result.status == "over budget"
-    assert {p.outcome for p in result.points} == {"not computed"}
-    assert len(result.points) == 6
+    left = sum(p.outcome == "not computed" for p in result.points)
+    assert len(result.points) == 6 and 4 <= left <= 5, "what two workers had in hand"
     told = [line for line in map_text(result, Path("out")).split("\n") if "not computed" in line]
-    assert len(told) == 2 and "6 points not computed: the budget" in told[1]
+    assert len(told) == 2 and f"{left} points not computed: the budget" in told[1]
 
 
 def test_an_unstable_scene_is_told_from_an_unstable_method():

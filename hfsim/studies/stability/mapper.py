@@ -59,7 +59,7 @@ class Mapper:
         self._plan = plan
         self._report = report
         self._start = time.perf_counter()
-        self._farm = Farm(plan.jobs, self._start + plan.seconds)
+        self._farm = Farm(plan.jobs, self._start + plan.seconds, patient=True)  # for a first point at least
         self._job = Job(loaded.source.text, loaded.source.file, (), TRUTH_MODEL, plan.limit, plan.tolerance)
         self._cells: dict[tuple[str, ...], _Cell] = {}
         self._found: dict[Wanted, MapPoint] = {}
@@ -145,6 +145,7 @@ class Mapper:
         cell.waiting.clear()
 
     def _take_point(self, one: Wanted, cell: _Cell, outcome: Outcome) -> None:
+        self._farm.patient = False
         trial = outcome.value or Trial("lost", reason=outcome.lost)
         truths = cell.truth(one[1]), cell.truth(TRUTH_MODEL)
         verdict = classify(trial, *truths, self._plan.bounds)
