@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
     from hfsim.marching.solution import Run
-    from hfsim.output.api import Deck, check, compare, load, run, verify
+    from hfsim.output.api import Deck, check, compare, load, run, static, verify
     from hfsim.output.sweep_api import sweep
     from hfsim.studies.compare import Comparison
     from hfsim.studies.sweep.result import Sweep
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _PLACES = {
-    **dict.fromkeys(("Deck", "check", "compare", "load", "run", "verify"), "hfsim.output.api"),
+    **dict.fromkeys(("Deck", "check", "compare", "load", "run", "static", "verify"), "hfsim.output.api"),
     **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
     "Run": "hfsim.marching.solution",
     "Comparison": "hfsim.studies.compare",
@@ -36,7 +36,7 @@ _PLACES = {
 
 __all__ = [
     "Comparison", "Deck", "DeckError", "HfsimError", "Run", "Sweep", "UnfinishedRunError", "Verification",
-    "check", "compare", "load", "run", "sweep", "verify",
+    "check", "compare", "load", "run", "static", "sweep", "verify",
 ]  # fmt: skip
 
 

@@ -1,10 +1,11 @@
 """Small motions about scenes that turn steadily: in the frame that turns all coefficients are constant."""
 
 import numpy as np
-from equilibrium import CONVERGED
 
 from hfsim.maths.matrices import assemble, dense
 from hfsim.maths.rotations import skew
+
+CONVERGED = 1e-9
 
 
 class Turning:

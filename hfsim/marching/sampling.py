@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +27,7 @@ class SceneSamples(Samples):
 
     def outline_forces(self, rows: IntArray) -> Iterator[tuple[str, str, Array]]:
         """Yield quantity, body, and internal forces along its outline at some times, (n_rows, n_points)."""
-        some = SceneSamples(self.scene, self.t[rows], self.q[rows], self.v[rows], {})
+        some = replace(self, t=self.t[rows], q=self.q[rows], v=self.v[rows], turns={})
         for name, body in self.scene.bodies.items() if len(rows) else ():
             if len(body.outline_places):
                 forces = some.forces_along(name, body.outline_places)

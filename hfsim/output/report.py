@@ -78,7 +78,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     width = max(map(len, facts))
     lines = [wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items()]
     levels = level_table(summary["refinement"]) if summary.get("refinement") else []
-    return "\n".join([*lines, *levels, *_last_values(run, summary)])
+    return "\n".join([*lines, *levels, *last_values(run, summary)])
 
 
 def _method(run: Run, summary: Mapping[str, Any]) -> str:
@@ -264,7 +264,8 @@ _LEAST_TIME = 5e-4
 """Phases that take less are not told [s]."""
 
 
-def _last_values(run: Run, summary: Mapping[str, Any]) -> list[str]:
+def last_values(run: Run, summary: Mapping[str, Any]) -> list[str]:
+    """Return the last value of each channel, a line each, with the digits that its error leaves."""
     if not len(run.t):
         return ["  no output time was reached"]
     sizes = sizes_of(run.channels, run.outlines)

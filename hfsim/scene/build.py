@@ -100,7 +100,7 @@ class Scene:
         return _linkage(self.deck, self.bodies, Facings(self.deck), self._lines)
 
     @cached_property
-    def _rigid_inertia(self) -> Array:
+    def rigid_inertia(self) -> Array:
         """Mass matrices (n_bodies, k, k) of the bodies' frames at the start, bodies taken as rigid."""
         x, units = self.system.absolute(self.q[None]), list(Twist.units(self.deck.dimension))
         u = np.zeros((len(units), x.shape[1]))
@@ -113,7 +113,7 @@ class Scene:
         """Return the kinetic energy [J] of frames that move at rates (n,) at the start."""
         rows = rates.reshape(len(self.bodies), 1, -1)
         moving = np.flatnonzero(rows.any(axis=2))
-        return float(0.5 * np.sum(rows[moving] @ self._rigid_inertia[moving] * rows[moving]))
+        return float(0.5 * np.sum(rows[moving] @ self.rigid_inertia[moving] * rows[moving]))
 
     @cached_property
     def warnings(self) -> list[str]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.linalg
-from equilibrium import cantilever
+from cantilevers import cantilever
 
 from hfsim.errors import DeckError
 from hfsim.maths.matrices import dense, is_sparse

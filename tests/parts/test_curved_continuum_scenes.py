@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import yaml
 from analytical import jacobian
-from equilibrium import cantilever, displacement, equilibrium
+from cantilevers import at_rest, cantilever, displacement
 from solved import parsed, solved
 
 from hfsim.marching.integration import run_integration
@@ -178,7 +178,7 @@ def test_static_deflections_of_small_loads_are_those_of_exact():
     for load in (2.0, 1.0):
         loads = [tuple((load * np.array(part)).tolist()) for part in ((30.0, 20.0, 10.0), (0.5, 2.0, -3.0))]
         ends = [
-            displacement(scene, equilibrium(scene)) for scene in (bar(m, *loads) for m in ("linear", "ancf"))
+            displacement(scene, at_rest(scene, 1.0)) for scene in (bar(m, *loads) for m in ("linear", "ancf"))
         ]
         missed.append(np.abs(ends[0] - ends[1]).max())
         assert missed[-1] < 0.05 * np.abs(ends[1]).max()
@@ -188,7 +188,7 @@ def test_static_deflections_of_small_loads_are_those_of_exact():
 def test_rigid_beams_tell_how_their_forces_would_deform_them():
     """At rest it is what linear says: tip, and shape to go over to."""
     flexible = bar("linear")
-    x = equilibrium(flexible)
+    x = at_rest(flexible, 1.0)
     expected = flexible.bodies["b"].deformation(x, np.zeros_like(x))
     deck = flexible.loaded.deck
     body = deck.bodies["b"].assemble("b", 0, deck, MODELS["rigid"])

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 from analytical import jacobian
-from equilibrium import equilibrium, inside
+from cantilevers import at_rest, inside
 
 from hfsim.errors import DeckError
 from hfsim.maths.matrices import assemble
@@ -32,7 +32,7 @@ def scene_of(*settings, deck=PLANAR):
 
 
 def tip(scene):
-    return scene.marker("b.tip").position(equilibrium(scene, 1))[0]
+    return scene.marker("b.tip").position(at_rest(scene, 1.0))[0]
 
 
 MODELS = ["linear", "exact", "ancf"]
@@ -90,7 +90,7 @@ def test_in_space_too(element, models):
 def test_sections_hold_what_lies_beyond_them(model, shape):
     """Resultant and moment of the load beyond, at every place: w (L - x) and w (L - x)^2 / 2 if constant."""
     scene = scene_of(f"solve.model={model}", f"loads.wind.shape={shape}")
-    x, places = equilibrium(scene, 1), np.linspace(0.0, 1.0, 9)
+    x, places = at_rest(scene, 1.0), np.linspace(0.0, 1.0, 9)
     found = inside(scene, x, places)
     s, w = np.linspace(0.0, 1.0, 20001), np.ones(20001)
     if shape != "null":

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 import scipy.linalg
+from cantilevers import at_rest, cantilever, displacement
 from damping import check_damping
-from equilibrium import cantilever, displacement, equilibrium
 
 from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw
 from hfsim.scene.build import build
@@ -83,7 +83,7 @@ STEEL = f"youngs_modulus: {E!r}, poisson_ratio: 0.3"
 
 def bent(scene, steps=10):
     """Displacement of the tip and how far its section has turned."""
-    x = equilibrium(scene, steps)
+    x = at_rest(scene, 1.0)
     return (*displacement(scene, x), float(scene.marker("b.tip").angle(x)[0]))
 
 
@@ -146,7 +146,7 @@ def test_errors_at_nodes_fall_with_twice_the_degree(degree):
 
 def tip_of(elements, degree):
     scene = cantilever(rectangle(0.1, 0.5), 2.0, (0.0, 6.25e7), 0.0, elements, degree, STEEL)
-    return displacement(scene, equilibrium(scene, 3))
+    return displacement(scene, at_rest(scene, 1.0))
 
 
 def test_no_locking():
@@ -156,7 +156,7 @@ def test_no_locking():
         h = 1.0 / slenderness
         section = f"{{shape: rectangle, width: {h!r}, height: {h!r}}}"
         tips = [
-            displacement(one, equilibrium(one, 8))
+            displacement(one, at_rest(one, 1.0))
             for n, p in (*meshes, (3, 6))
             for one in [cantilever(section, 1.0, (0.0, h**4 / 6.0), 0.0, n, p, "youngs_modulus: 1.0")]
         ]
@@ -211,7 +211,7 @@ initial: {{b: {{angle: 45 deg}}}}
 solve: {{duration: 1.0}}
 """
     scene = build(parse_deck(deck))
-    found = displacement(scene, equilibrium(scene, 10))
+    found = displacement(scene, at_rest(scene, 1.0))
     assert found == pytest.approx((-1.19737406900, -2.20940844646), abs=1e-8)
 
 
@@ -225,7 +225,7 @@ def test_a_curved_beam_straightens_under_its_own_moment(axis, sense):
     scene = cantilever(stiffness(1e4, 1e4, 3.0), 0.0, (0.0, 0.0), -sense * 1.5, 4, 6, more=more)
     start = scene.marker("b.tip").position(scene.system.absolute(scene.q[None]))[0]
     assert start == pytest.approx((2.0, sense * 2.0), abs=1e-12)
-    x = equilibrium(scene, 4)
+    x = at_rest(scene, 1.0)
     rel = 1e-9 if axis.startswith("arc") else 1e-5
     assert scene.marker("b.tip").position(x)[0] == pytest.approx((np.pi, 0.0), abs=np.pi * rel)
     assert scene.marker("b.tip").angle(x)[0] == pytest.approx(-sense * 0.5 * np.pi, abs=rel)
@@ -257,7 +257,7 @@ def test_section_vectors_keep_their_length(rng):
 def test_deformation_in_the_frame_at_the_root(angle):
     """A small force bends as F (L - x) / EI, and shears a little; turning the whole changes nothing."""
     scene = cantilever(stiffness(1e3, 1e3, 2.0), 1.0, (0.0, 1e-4), elements=2)
-    body, x = scene.bodies["b"], equilibrium(scene, 1)
+    body, x = scene.bodies["b"], at_rest(scene, 1.0)
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     turned = x.copy()
     turned[:, body.columns] = (body.vectors(x) @ turn.T + np.outer(body.positions, [1.0, 2.0])).ravel()

@@ -4,7 +4,7 @@ import numpy as np
 import posed
 import pytest
 import yaml
-from equilibrium import cantilever, equilibrium
+from cantilevers import at_rest, cantilever
 from solved import parsed, solved
 
 from hfsim.errors import DeckError
@@ -49,7 +49,7 @@ def test_rigid_beams_tell_how_their_forces_would_deform_them(more):
     section, material = "{shape: rectangle, width: 0.2, height: 0.1}", "youngs_modulus: 7.0e+9"
     force, moment = (30.0, -20.0), 5.0
     flexible = cantilever(section, length, force, moment, material=material, more=more or "model: linear")
-    x = equilibrium(flexible)
+    x = at_rest(flexible, 1.0)
     expected = flexible.bodies["b"].deformation(x, np.zeros_like(x))
     deck = flexible.loaded.deck
     body = deck.bodies["b"].assemble("b", 0, deck, MODELS["rigid"])

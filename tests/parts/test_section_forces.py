@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from equilibrium import cantilever, equilibrium, inside
+from cantilevers import at_rest, cantilever, inside
 
 from hfsim.errors import DeckError
 from hfsim.parts.bodies.section_axes import along_the_line, in_axes, in_the_plane, square_axes
@@ -63,7 +63,7 @@ def test_a_cantilever_holds_the_force_at_its_tip(more, elements, degree, moment_
     scene = cantilever(
         section, 1.0, force, elements=elements, degree=degree, material=f"youngs_modulus: {E}", more=more
     )
-    body, x = scene.bodies["b"], equilibrium(scene)
+    body, x = scene.bodies["b"], at_rest(scene, 1.0)
     found, expected = inside(scene, x, PLACES), balanced(body, x, force)
     assert found[:, :3] == pytest.approx(expected[:, :3], abs=1e-8)
     assert found[:, 3:] == pytest.approx(expected[:, 3:], abs=moment_error)
@@ -89,7 +89,7 @@ solve: {{duration: 1.0, model: {model}}}
 )
 def test_a_planar_cantilever_holds_the_force_at_its_tip(more, error):
     scene = build(parse_deck(PLANAR.format(damping="", elements=4, more=more, model="ancf")))
-    body, x = scene.bodies["b"], equilibrium(scene)
+    body, x = scene.bodies["b"], at_rest(scene, 1.0)
     found, expected = inside(scene, x, PLACES), balanced(body, x, (-0.3, 1.5, 0.0))
     assert found[:, :3] == pytest.approx(expected[:, :3], abs=1e-9)
     assert found[:, 3:] == pytest.approx(expected[:, 3:], abs=error)
@@ -140,7 +140,7 @@ def test_roll_up_bends_by_its_moment_alone(element):
     scene = cantilever(
         section, 1.0, (0.0, 0.0, 0.0), (0.0, 0.0, moment), 4, degree, "youngs_modulus: 1.0", more
     )
-    x = equilibrium(scene, 12)
+    x = at_rest(scene, 1.0)
     found = inside(scene, x, PLACES)
     assert found == pytest.approx(np.tile([0, 0, 0, 0, 0, moment], (len(PLACES), 1)), abs=5e-6)
 
@@ -149,7 +149,7 @@ def test_torsion_and_stress():
     """Axial force, torsion and both bending moments of a bar, and the stress in its corner."""
     section, b, h = "{shape: rectangle, width: 0.2, height: 0.1}", 0.2, 0.1
     scene = cantilever(section, 1.0, (3.0, 0.0, 0.0), (0.4, 0.3, -0.2), 2, 3, "youngs_modulus: 1.0e9")
-    body, x = scene.bodies["b"], equilibrium(scene, 2)
+    body, x = scene.bodies["b"], at_rest(scene, 1.0)
     found = inside(scene, x, PLACES)
     assert found == pytest.approx(np.tile([3.0, 0.0, 0.0, 0.4, 0.3, -0.2], (len(PLACES), 1)), abs=1e-4)
     size = 3.0 / (b * h) + 0.3 * (b / 2) / (h * b**3 / 12) + 0.2 * (h / 2) / (b * h**3 / 12)
@@ -246,7 +246,7 @@ joints: {{clamp: {{type: fixed, between: [ground, b.root]}}}}
 solve: {{duration: 1.0}}
 """
     scene = build(parse_deck(text))
-    x = equilibrium(scene, 1)
+    x = at_rest(scene, 1.0)
     found = inside(scene, x, PLACES)
     left = 1e-6 * (1.0 - PLACES)
     assert found[:, 1] == pytest.approx(-left, abs=1e-11)

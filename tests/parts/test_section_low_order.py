@@ -6,7 +6,7 @@ import pytest
 import yaml
 from analytical import jacobian
 from blades import FLAP, LAG, frequencies, off, spectrum
-from equilibrium import cantilever, displacement, equilibrium, inside
+from cantilevers import at_rest, cantilever, displacement, inside
 from solved import solved
 
 from hfsim.scene.build import build
@@ -122,7 +122,7 @@ def distances(model, force, moment):
     for part in (0.5, 0.25):
         loads = tuple(part * f for f in force), tuple(part * m for m in moment) if len(force) == 3 else part * moment
         kinds = (cantilever(SECTION, 1.0, *loads, material="youngs_modulus: 7.0e+9, poisson_ratio: 0.3", more=f"model: {one}") for one in (model, "exact"))
-        ends = [displacement(scene, equilibrium(scene)) for scene in kinds]
+        ends = [displacement(scene, at_rest(scene, 1.0)) for scene in kinds]
         found.append(np.abs(ends[0] - ends[1]).max())
     return found
 
@@ -140,7 +140,7 @@ def test_internal_forces_balance_the_load_where_it_is():
     """At the clamp of a beam under tension and a force across, the moment has the arm of the deflected tip."""
     pull, push = 2e5, 2e4
     scene = cantilever(SECTION, 1.0, (pull, push), material="youngs_modulus: 7.0e+9", more="model: lowOrder")
-    x = equilibrium(scene)
+    x = at_rest(scene, 1.0)
     along, across = displacement(scene, x)
     found = inside(scene, x, [0.0])[0]
     assert across > 0.02
@@ -164,8 +164,8 @@ def test_estimates_of_what_is_left_out_are_those_to_exact(model, width, load):
     section = f"{{shape: rectangle, width: {width}, height: 0.1}}"
     material = "youngs_modulus: 7.0e+9, poisson_ratio: 0.3"
     scene, exact = (cantilever(section, 1.0, *load, material=material, more=f"model: {one}") for one in (model, "exact"))
-    x = equilibrium(scene)
-    missed = np.linalg.norm(displacement(scene, x) - displacement(exact, equilibrium(exact)))
+    x = at_rest(scene, 1.0)
+    missed = np.linalg.norm(displacement(scene, x) - displacement(exact, at_rest(exact, 1.0)))
     seen = scene.bodies["b"].deformation(x, np.zeros_like(x))
     told = sum(tip_error(scene, "b", model, seen, np.ones(1)).values())[0]
     assert 0.5 < told / missed < 5.0

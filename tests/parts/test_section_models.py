@@ -9,7 +9,7 @@ import pytest
 import yaml
 from analytical import jacobian
 from blades import AT_REST, FLAP, GROWTH_LINEAR, LAG, frequencies, off, spectrum
-from equilibrium import displacement, equilibrium, inside
+from cantilevers import at_rest, displacement, inside
 from solved import parsed, solved
 
 from hfsim.marching.integration import run_integration
@@ -221,7 +221,7 @@ def test_static_deflections_are_those_of_timoshenko():
     """Bending with shear about both axes, stretch and torsion."""
     scene = cantilever(force=[30.0, 20.0, 10.0], moment=[0.5, 0.0, 0.0])
     p = scene.deck.section_properties("b")
-    x = equilibrium(scene)
+    x = at_rest(scene, 1.0)
     (k_y, k_z), (I_y, I_z) = p.shear_stiffness, p.bending_stiffness
     expected = [30.0 / p.axial_stiffness, 20.0 * (1 / (3 * I_z) + 1 / k_y), 10.0 * (1 / (3 * I_y) + 1 / k_z)]
     assert displacement(scene, x) == pytest.approx(expected, rel=1e-5)
@@ -234,7 +234,7 @@ def test_rigid_beams_tell_how_their_forces_would_deform_them(length):
     """Under weight and loads, at rest, it is what linear says: tip, and shape to go over to."""
     gravity, force, moment = [0.2, 0.4, -0.3], [30.0, -20.0, 10.0], [3.0, 5.0, -2.0]
     flexible = cantilever("linear", length, gravity, force, moment)
-    x = equilibrium(flexible)
+    x = at_rest(flexible, 1.0)
     expected = flexible.bodies["b"].deformation(x, np.zeros_like(x))
     deck = flexible.loaded.deck
     body = deck.bodies["b"].assemble("b", 0, deck, MODELS["rigid"])
@@ -316,7 +316,7 @@ def test_what_takes_over_goes_on_in_the_same_place_with_the_same_forces(curve):
 def test_internal_forces_of_linear_hold_the_load_where_it_is():
     """Of a static load at the tip, in the axes of the undeformed sections: what the clamp bears too."""
     scene = cantilever(force=[30.0, 20.0, 10.0], moment=[5.0, 0.0, 0.0])
-    x, force, places = equilibrium(scene), np.array([30.0, 20.0, 10.0]), [0.0, 0.5]
+    x, force, places = at_rest(scene, 1.0), np.array([30.0, 20.0, 10.0]), [0.0, 0.5]
     found = inside(scene, x, places)
     for place, row in zip(places, found, strict=True):
         points = [scene.bodies["b"].marker((a, 0.0, 0.0)).position(x)[0] for a in (1.0, place)]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 from analytical import jacobian
-from equilibrium import cantilever, displacement, equilibrium, inside
+from cantilevers import at_rest, cantilever, displacement, inside
 from solved import parsed, solved
 
 from hfsim.marching.integration import run_integration
@@ -115,7 +115,7 @@ def test_static_deflections_of_small_loads_are_those_of_exact():
         forces = [load * np.array(part) for part in ((30.0, 20.0, 10.0), (0.5, 2.0, -3.0))]
         force, moment = (tuple(map(float, part)) for part in forces)
         ends = [
-            displacement(scene, equilibrium(scene))
+            displacement(scene, at_rest(scene, 1.0))
             for scene in (bar(model, force, moment) for model in ("linear", "ancf"))
         ]
         missed.append(np.abs(ends[0] - ends[1]).max())
@@ -125,7 +125,7 @@ def test_static_deflections_of_small_loads_are_those_of_exact():
 
 def test_internal_forces_are_those_of_the_load():
     scene = bar("linear", moment=(0.5, 0.0, 0.0))
-    x = equilibrium(scene)
+    x = at_rest(scene, 1.0)
     found = inside(scene, x, [0.0, 0.5])
     assert found[0] == pytest.approx([30.0, 20.0, 10.0, 0.5, -10.0, 20.0], rel=2e-3)
     assert found[1] == pytest.approx([30.0, 20.0, 10.0, 0.5, -5.0, 10.0], rel=2e-3)
@@ -136,7 +136,7 @@ def test_internal_forces_are_those_of_the_load():
 def test_rigid_beams_tell_how_their_forces_would_deform_them():
     """At rest it is what linear says, stretch, bending, shear and torsion: tip, and shape to go over to."""
     flexible = bar("linear")
-    x = equilibrium(flexible)
+    x = at_rest(flexible, 1.0)
     expected = flexible.bodies["b"].deformation(x, np.zeros_like(x))
     deck = flexible.loaded.deck
     body = deck.bodies["b"].assemble("b", 0, deck, MODELS["rigid"])

@@ -7,7 +7,7 @@ import posed
 import pytest
 import scipy.linalg
 import yaml
-from equilibrium import displacement, equilibrium, inside
+from cantilevers import at_rest, displacement, inside
 
 from hfsim.deck.materials import SectionProperties
 from hfsim.maths.rotations import rotation
@@ -104,12 +104,12 @@ def test_a_tapered_cantilever_bends_and_stretches_by_its_flexibility(element, n_
     force = np.zeros(n_dim)
     force[1] = 1e-3
     scene = scene_of(stations, n_dim, model, force.tolist(), element=element, elements=5, **more)
-    assert displacement(scene, equilibrium(scene, 1))[1] == pytest.approx(1e-3 * bent, rel=1e-6)
+    assert displacement(scene, at_rest(scene, 1.0))[1] == pytest.approx(1e-3 * bent, rel=1e-6)
     if (element, model) == ("cable", "linear"):
         return  # its iteration along the axis does not settle, on uniform beams likewise
     force = np.roll(force, -1)
     scene = scene_of(stations, n_dim, model, force.tolist(), element=element, elements=5, **more)
-    assert displacement(scene, equilibrium(scene, 1))[0] == pytest.approx(1e-3 * pulled, rel=1e-6)
+    assert displacement(scene, at_rest(scene, 1.0))[0] == pytest.approx(1e-3 * pulled, rel=1e-6)
 
 
 @pytest.mark.parametrize("stations", ["circles", "numbers", "shapes", "materials"])
@@ -213,7 +213,7 @@ def test_a_stepped_beam_is_two_beams_clamped_together(element, n_dim, force):
     moved = []
     for data in (whole, cut):
         scene = build(parse_deck(yaml.safe_dump(data)))
-        moved.append(displacement(scene, equilibrium(scene)))
+        moved.append(displacement(scene, at_rest(scene, 1.0)))
     assert np.abs(moved[0] - moved[1]).max() < 1e-6 * np.linalg.norm(moved[1])
     assert np.linalg.norm(moved[0]) > 0.1
 
@@ -278,7 +278,7 @@ def test_forces_go_on_over_steps_and_stress_is_that_of_the_section(element, n_di
     """Small load: Q = P, M = P (L - x) also at the step; stress = M / W + N / A of each section."""
     force = np.array([pull, push, 0.0][:n_dim]).tolist()
     scene = scene_of(MADE, n_dim, "ancf", force, element=element, elements=4, degree=6)
-    body, x = scene.bodies["b"], equilibrium(scene, 1)
+    body, x = scene.bodies["b"], at_rest(scene, 1.0)
     s = np.array([0.1, 0.5 - 1e-6, 0.5, 0.6, 0.95])
     places, h = s * L, np.array([0.02, 0.02, 0.01, 0.01, 0.01])
     b = np.array([0.1, 0.1, 0.1, 0.084, 0.028])
@@ -297,11 +297,11 @@ def test_a_step_under_tension_costs_a_cable_accuracy():
     errors = []
     for elements in (2, 4, 8):
         scene = scene_of(STEP, 2, "ancf", [1e-3, 0.0], element="cable", elements=elements)
-        errors.append(displacement(scene, equilibrium(scene, 1))[0] / (1e-3 * pulled) - 1.0)
+        errors.append(displacement(scene, at_rest(scene, 1.0))[0] / (1e-3 * pulled) - 1.0)
     assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(1.0, abs=0.1)
     assert abs(errors[0]) < 0.1
     scene = scene_of(STEP, 2, "ancf", [1e-3, 0.0], element="cosserat", elements=2)
-    assert displacement(scene, equilibrium(scene, 1))[0] == pytest.approx(1e-3 * pulled, rel=1e-6)
+    assert displacement(scene, at_rest(scene, 1.0))[0] == pytest.approx(1e-3 * pulled, rel=1e-6)
 
 
 def test_damping_follows_the_material_along_the_beam():

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from equilibrium import displacement, equilibrium
+from cantilevers import at_rest, displacement
 from scipy.integrate import solve_ivp
 from turning import Turning
 
@@ -32,7 +32,7 @@ def run(case, *settings):
 
 def test_45_degree_bend():
     scene = scene_of("bend_45", "bodies.bend.elements=4", "bodies.bend.degree=4")
-    tip = scene.marker("bend.tip").position(equilibrium(scene))[0]
+    tip = scene.marker("bend.tip").position(at_rest(scene, 1.0))[0]
     expected = (15.6846894790, 47.1500962403, 53.4754779982)
     assert tip == pytest.approx(expected, rel=2e-7)
     _, values = run("bend_45")
@@ -42,7 +42,7 @@ def test_45_degree_bend():
 def test_45_degree_bend_of_fully_parameterised_elements():
     """Beside a geometrically exact beam with plane sections: 1.3e-4 of the chord; at rest all along."""
     scene = scene_of("bend_45_continuum")
-    tip = scene.marker("bend.tip").position(equilibrium(scene))[0]
+    tip = scene.marker("bend.tip").position(at_rest(scene, 1.0))[0]
     assert np.linalg.norm(tip - [15.6848005, 47.1504386, 53.4748588]) == pytest.approx(0.0102, abs=2e-4)
     _, values = run("bend_45_continuum")
     assert [values[f"bend.tip.{axis}"][-1] for axis in "xyz"] == pytest.approx(tip, abs=2e-6)
@@ -51,7 +51,7 @@ def test_45_degree_bend_of_fully_parameterised_elements():
 @pytest.mark.slow
 def test_princeton_beam():
     scene = scene_of("princeton", "bodies.beam.elements=4", "bodies.beam.degree=4")
-    moved = displacement(scene, equilibrium(scene, 4), "beam.tip")
+    moved = displacement(scene, at_rest(scene, 1.0), "beam.tip")
     expected = (-0.014389320, -0.008888858, 0.109041568)
     assert moved == pytest.approx(expected, abs=2e-9)
     _, values = run("princeton")
@@ -64,7 +64,7 @@ def test_torsion_with_bending():
     """At rest, and by the run, which is damped until it rests; its section forces are the moments put on."""
     expected = (-1.0943798558e-4, -1.8643645616e-4, -1.81174027438e-2)
     scene = scene_of("torsion")
-    assert displacement(scene, equilibrium(scene, 4), "beam.tip") == pytest.approx(expected, rel=1e-7)
+    assert displacement(scene, at_rest(scene, 1.0), "beam.tip") == pytest.approx(expected, rel=1e-7)
     found, values = run("torsion")
     tip = [values[f"beam.tip.{axis}"] for axis in "xyz"]
     assert [one[-1] - one[0] for one in tip] == pytest.approx(expected, abs=1e-6)

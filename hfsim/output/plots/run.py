@@ -34,6 +34,10 @@ def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
     """
     if not len(run.t):
         return []
+    if run.statistics.get("kind") == "static":
+        from hfsim.output.plots.static import draw_static
+
+        return draw_static(run, folder)
     run = run.drawn
     figures: dict[str, Figure | None] = {**time_figures(run)}
     if run.dimension == 3:

@@ -1,41 +1,19 @@
-"""Equilibrium of small scenes by Newton iteration on their forces, tangents and constraints."""
+"""Clamped beams along x with loads at their tips, and scenes at rest."""
 
 import numpy as np
 
-from hfsim.maths.matrices import assemble, dense
 from hfsim.mechanics.acting import acting_on
 from hfsim.scene.build import build
+from hfsim.scene.equilibrium import equilibrium_of, problem_of, why_not
 from hfsim.scene.loading import parse_deck
 
-CONVERGED = 1e-9
-"""Last step, relative to the largest coordinate: quadratic convergence has made the error far smaller."""
 
-
-def equilibrium(scene, steps=10):
-    """Return absolute coordinates (1, n) at rest at t = 1; loads that grow with time are put on in steps."""
-    system = scene.system
-    z, multipliers = scene.q[None], np.zeros((1, system.n_rows))
-    for t in np.linspace(0.0, 1.0, steps + 1)[1:]:
-        z, multipliers = _balanced(system, np.array([t]), z, multipliers)
-    return system.absolute(z)
-
-
-def _balanced(system, t, z, multipliers):
-    equations, B, n = system.equations, system.reduction, system.n
-    for _ in range(60):
-        x = system.absolute(z)
-        u = np.zeros_like(x)
-        parts = [part.tangent(t, x, u) for part in system.forces]
-        parts += equations.phi.stiffness(x, multipliers)
-        basis, J = dense(B.basis), dense(equations.phi.jacobian_at(x))
-        J, K = J @ basis, basis.T @ assemble(parts, (system.n_x, system.n_x), False) @ basis
-        left = B.free_force(system.force(t, x, u)) - multipliers @ J
-        matrix = np.block([[K, J.T], [J, np.zeros((len(J), len(J)))]])
-        step = np.linalg.solve(matrix, np.concatenate([left, -equations.phi.residual(t, x)], axis=1)[0])
-        z, multipliers = z + step[:n], multipliers + step[n:]
-        if np.abs(step[:n]).max() < CONVERGED * max(1.0, np.abs(z).max()):
-            return z, multipliers
-    raise AssertionError(f"no equilibrium at t = {t[0]:g}")
+def at_rest(scene, t=0.0):
+    """Return absolute coordinates (1, n_x) of a scene at rest at a time."""
+    found = equilibrium_of(scene, problem_of(scene, t))
+    if found.reason:
+        raise why_not(scene, t, found)
+    return scene.system.reduction.expand(found.state.z)
 
 
 def inside(scene, x, places, name="b", u=None):

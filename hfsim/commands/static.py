@@ -1,0 +1,85 @@
+"""`hfsim static`: where scenes come to rest, and how."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from hfsim.commands import STARTED, import_libraries, report_error, worst
+from hfsim.commands.decks import command_line, load_numbered
+from hfsim.commands.options import output_options, setting_options, talk_options
+from hfsim.output.talk import Destination, Talk
+
+if TYPE_CHECKING:
+    from hfsim.output.runfolder import RunFolder, Stopwatch
+    from hfsim.scene.loading import LoadedDeck
+
+
+@click.command()
+@click.argument("deck", metavar="DECK")
+@output_options
+@setting_options("model", "keep_all")
+@click.option(
+    "--at", type=float, default=0.0, show_default=True, metavar="T",
+    help="Time at which loads and drivers are taken [s].",
+)
+@click.option("--vtk", is_flag=True, help="Write start and equilibrium for ParaView.")
+@talk_options
+def static(
+    deck: str, to: Destination, overrides: tuple[str, ...], at: float, vtk: bool, talk: Talk
+) -> None:
+    """Find where the scene of a DECK comes to rest, under the loads that act at t = 0 or --at T.
+
+    Loads and weight are put on in steps, and a scene that nothing holds at first, such as a pendulum, is
+    let down to where it hangs. Results are those of a run with one row: history.csv, summary.json, pictures;
+    --set output.shapes=true writes the shapes. Rates, dampers and friction count for nothing.
+
+    Exit code 3: there is no equilibrium, or none is found; what was reached is kept.
+    """
+    import_libraries()
+    from hfsim.output.runfolder import Stopwatch
+
+    watch = Stopwatch(wall_start=STARTED)
+    try:
+        loaded = load_numbered(deck, overrides, talk)
+        code = _do(deck, loaded, to, overrides, at, vtk, talk, watch)
+    except Exception as error:
+        code = report_error(error)
+    raise click.exceptions.Exit(worst([code]))
+
+
+def _do(
+    argument: str,
+    loaded: LoadedDeck,
+    to: Destination,
+    overrides: tuple[str, ...],
+    at: float,
+    vtk: bool,
+    talk: Talk,
+    watch: Stopwatch,
+) -> int:
+    from hfsim.output.extras import Extras
+    from hfsim.output.progress import Progress
+    from hfsim.output.recording import save_run
+    from hfsim.output.runfolder import RunLog, claim, folder_name
+    from hfsim.output.static import tell
+    from hfsim.output.writers import Provenance
+    from hfsim.studies.static import run_static
+
+    name = loaded.deck.name
+    folder: RunFolder = claim(to.output or Path(folder_name(name, ".out")), to.force)
+    if folder.replaces:
+        talk.note(f"{folder.path}: replacing {folder.replaces}")
+    provenance = Provenance.of(loaded, argument, overrides)
+    log = RunLog(talk.detail)
+    log.add(command_line())
+    with Progress(name, sys.stderr, talk.quiet) as shown:
+        shown(0.0)
+        found = run_static(loaded, at)
+    wanted = Extras(to.plots, vtk=vtk, format=to.format).of(loaded.deck.output)
+    run, summary = save_run(folder, found, provenance, watch, log, wanted)
+    tell(run, summary, folder.path, talk, loaded.warnings)
+    return run.exit_code

@@ -1,0 +1,1 @@
+"""Equilibrium of a system: the problem, ways to solve it, and whether what is found is stable."""

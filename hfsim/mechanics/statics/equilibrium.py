@@ -1,0 +1,123 @@
+"""Where a scene comes to rest: loads put on step by step, or relaxation where nothing holds it at first."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.statics.newton import Effort, NotFoundError, stepped
+from hfsim.mechanics.statics.problem import Problem, State
+from hfsim.mechanics.statics.relaxation import relaxed
+from hfsim.mechanics.statics.stability import lowest, neutral
+
+KICK = 0.02
+"""Size of a push out of a place of rest that is not stable [rad]."""
+KICKS = 8
+"""Of them, at most."""
+STAYED = 0.05
+"""Way from the start up to which a place of rest is where the scene was put [rad]."""
+
+Rigid = Callable[[Array], Array]
+"""From coordinates (1, n_x) to the rigid motions of each body by itself, (n_motions, n_x)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equilibrium:
+    """A place of rest, or what was reached on the way to it.
+
+    Attributes
+    ----------
+    state : State
+    share : float
+        Of the loads that is on: 1 at a place of rest.
+    values, motions : ndarray, shape (k,) and (k, n)
+        Smallest stiffnesses over masses [1/s^2], and motions, that joints allow and something resists.
+    neutral : ndarray, shape (k, n)
+        Motions that nothing resists; without a place of rest those that it goes on in.
+    relaxed : bool
+        Whether it was found by relaxation.
+    limit : float or None
+        Share of the loads beyond which there is no rest near by: what was found lies beyond a snap.
+    effort : Effort
+    reason : str
+        Why there is none; empty where there is.
+    lost : State or None
+        Where the search was then.
+    """
+
+    state: State
+    share: float
+    values: Array
+    motions: Array
+    neutral: Array
+    relaxed: bool
+    limit: float | None
+    effort: Effort
+    reason: str = ""
+    lost: State | None = None
+
+    @property
+    def stable(self) -> bool:
+        """Whether small pushes along all that something resists come to nothing."""
+        return not len(self.values) or bool(self.values[0] >= 0.0)
+
+
+@dataclass(eq=False)
+class Search:
+    """The search for a place of rest.
+
+    Attributes
+    ----------
+    problem : Problem
+    rigid : Rigid
+    effort : Effort
+    """
+
+    problem: Problem
+    rigid: Rigid
+    effort: Effort = field(default_factory=Effort)
+
+    def found(self) -> Equilibrium:
+        """Return the place of rest, or what was reached."""
+        start = self.problem.begin()
+        if len(self._neutral(start, 0.0)):
+            return self._downhill(start, None)
+        share, state = stepped(self.problem, self.effort)
+        if share < 1.0:
+            return self._downhill(state, share)
+        return self._judged(state, False, None)
+
+    def _neutral(self, state: State, load: float) -> Array:
+        return neutral(self.problem, state, load, self.rigid(self.problem.expand(state.z)))
+
+    def _downhill(self, begin: State, limit: float | None) -> Equilibrium:
+        """Return the place of rest that relaxation leads to."""
+        state = begin
+        for _ in range(KICKS):
+            try:
+                state = relaxed(self.problem, state, self.effort)
+            except NotFoundError as error:
+                share = 0.0 if limit is None else limit
+                nothing = np.zeros((0, state.z.shape[1]))
+                held = self._neutral(error.state, 1.0)
+                held = held if len(held) or error.motion is None else error.motion
+                args = (begin, share, np.zeros(0), nothing, held, True, limit, self.effort)
+                return Equilibrium(*args, reason=str(error), lost=error.state)
+            found = self._judged(state, True, limit)
+            if found.stable or self.problem.moved(state.z - begin.z) < STAYED:
+                return found
+            push = found.motions[:1]
+            state = state._replace(z=state.z + push * (KICK / self.problem.moved(push)))
+        return found
+
+    def _judged(self, state: State, relaxed_: bool, limit: float | None) -> Equilibrium:
+        free = self._neutral(state, 1.0)
+        values, motions = lowest(self.problem, state, 1.0)
+        if len(free):
+            kept = np.sort(np.argsort(np.abs(values))[len(free) :])
+            values, motions = values[kept], motions[kept]
+        return Equilibrium(state, 1.0, values, motions, free, relaxed_, limit, self.effort)
+

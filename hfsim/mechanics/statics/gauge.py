@@ -1,0 +1,47 @@
+"""How large changes of a state are: for each body as against a turn of it by one radian."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.matrices import Matrix, is_sparse
+
+
+@dataclass(frozen=True, eq=False)
+class Gauge:
+    """Measures changes of absolute coordinates by the mass they move, body by body, without a unit.
+
+    Attributes
+    ----------
+    metric : Matrix, shape (n_x, n_x)
+        Mass matrix of the start, with an inverse; no entries between bodies.
+    starts : ndarray of int, shape (n_bodies,)
+        First coordinate of each body that moves.
+    sizes : ndarray, shape (n_bodies,)
+        What twice the energy of a body is when it turns with 1 rad/s or shifts by its size in a second [J].
+    """
+
+    metric: Matrix
+    starts: IntArray
+    sizes: Array
+
+    def size(self, dx: Array) -> float:
+        """Return how far the body that moves most does in changes (1, n_x): about an angle [rad]."""
+        each = np.add.reduceat((dx * np.asarray(dx @ self.metric))[0], self.starts)
+        return float(np.sqrt(np.abs(each / self.sizes).max(initial=0.0)))
+
+    @cached_property
+    def whole(self) -> Matrix:
+        """The metric with each body's share over its size, (n_x, n_x)."""
+        n = self.metric.shape[0]
+        lengths = np.diff(np.append(self.starts, n))
+        weights = np.repeat(1.0 / self.sizes, lengths)
+        if is_sparse(self.metric):
+            from scipy.sparse import diags_array
+
+            return (diags_array(weights) @ self.metric).tocsr()
+        return weights[:, None] * self.metric

@@ -1,0 +1,105 @@
+"""Newton's iteration for an equilibrium, and the path along which loads are put on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.statics.problem import Level, Problem, State
+
+ENOUGH = 1e-13
+"""Size of a correction after which nothing is left but rounding."""
+ROUGH = 1e-8
+"""Size of a correction that may be rounding, where they get no smaller."""
+SHRINKING = 0.25
+"""What a correction is of the one before, at most, as long as an iteration converges."""
+MOST = 40
+"""Iterations."""
+FAR = 3.0
+"""Size of a correction from which an iteration is given up [rad]."""
+MOVE = 0.4
+"""Largest change of a state in a step of the load [rad]."""
+SHORTEST = 1e-5
+"""Step of the load, relative to all of it, below which the path has come to its end."""
+
+
+class NotFoundError(Exception):
+    """A search that has found nothing: where it was, and how (1, n) it went on, if known."""
+
+    def __init__(self, why: str, state: State, motion: Array | None = None) -> None:
+        self.state, self.motion = state, motion
+        super().__init__(why)
+
+
+@dataclass
+class Effort:
+    """What has been done: iterations (factorisations) and steps."""
+
+    iterations: int = 0
+    steps: int = 0
+
+
+def balanced(problem: Problem, state: State, level: Level, effort: Effort, most: int = MOST) -> State:
+    """Return the equilibrium near a state, by Newton's iteration with expected strains.
+
+    Raises
+    ------
+    NotFoundError
+        If it does not converge.
+    """
+    before = np.inf
+    for _ in range(most):
+        effort.iterations += 1
+        force, gap = problem.missing(state, level)
+        try:
+            dz, change = problem.tangent(state, level.load).solved(force, -gap)
+        except np.linalg.LinAlgError as error:
+            raise NotFoundError("the tangent is singular", state) from error
+        size = problem.moved(dz)
+        if not size < FAR:
+            raise NotFoundError("the iteration diverges", state)
+        expected = problem.expecting(state, dz)
+        state = State(state.z + dz, state.multipliers + change, expected)
+        if size < ENOUGH or (before < ROUGH and size > SHRINKING * before):
+            return problem.at(state)
+        before = size
+    raise NotFoundError("the iteration does not converge", state)
+
+
+def _move(problem: Problem, state: State, level: Level) -> float:
+    """Return how large the first correction towards a level is; infinite where there is none."""
+    force, gap = problem.missing(state, level)
+    try:
+        dz, _ = problem.tangent(state, level.load).solved(force, -gap)
+    except np.linalg.LinAlgError:
+        return np.inf
+    return problem.moved(dz)
+
+
+def stepped(problem: Problem, effort: Effort) -> tuple[float, State]:
+    """Put the loads on in steps; return the share that could be put on, and the equilibrium there.
+
+    Steps are as long as changes stay moderate, and shorter where the iteration does not converge.
+    """
+    state, share, step = problem.begin(), 0.0, 1.0
+    while share < 1.0 and step > SHORTEST:
+        to = share + step if 1.0 - share - step > SHORTEST else 1.0
+        level = Level(to, 1.0 - to)
+        move = _move(problem, state, level)
+        if move > MOVE:
+            step = (to - share) * (max(0.1, 0.9 * MOVE / move) if move < np.inf else 0.25)
+            continue
+        try:
+            found = balanced(problem, state, level, effort)
+        except NotFoundError:
+            step = 0.25 * (to - share)
+            continue
+        if problem.moved(found.z - state.z) > 2.0 * MOVE:
+            step = 0.25 * (to - share)
+            continue
+        state, share, step = found, to, 2.0 * (to - share)
+        effort.steps += 1
+        problem.note(share, state)
+    return share, state

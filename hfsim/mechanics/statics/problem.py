@@ -1,0 +1,277 @@
+"""The equations of equilibrium: forces on the free coordinates, gaps of the joints, and their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.statics.gauge import Gauge
+from hfsim.mechanics.system import System
+
+_STEP = 1e-5
+"""Of central differences, relative to coordinates larger than 1."""
+
+
+class Weighted(NamedTuple):
+    """A force with a factor that grows with the load factor s: fixed + growing s.
+
+    Attributes
+    ----------
+    part : ForcePart
+    fixed, growing : float
+    """
+
+    part: ForcePart
+    fixed: float
+    growing: float
+
+    def at(self, s: float) -> float:
+        """Return the factor."""
+        return self.fixed + self.growing * s
+
+
+class Level(NamedTuple):
+    """How much of what acts is put on.
+
+    Attributes
+    ----------
+    load : float
+        Factor of the loads that are varied.
+    rest : float
+        Share of what is out of balance without them at the start that is held by auxiliary forces.
+    """
+
+    load: float = 1.0
+    rest: float = 0.0
+
+
+class State(NamedTuple):
+    """A state of a system at rest.
+
+    Attributes
+    ----------
+    z : ndarray, shape (1, n)
+        Free coordinates.
+    multipliers : ndarray, shape (1, n_rows)
+    expected : list of ndarray or None
+        Strains of each force to which the last correction was to lead; see `hfsim.mechanics.strained`.
+    """
+
+    z: Array
+    multipliers: Array
+    expected: list[Array | None] | None = None
+
+
+Watch = Callable[[float, State], None]
+
+
+class Tangent(NamedTuple):
+    """Derivatives at a state.
+
+    Attributes
+    ----------
+    stiffness : Matrix, shape (n, n)
+    jacobian : Matrix, shape (n_rows, n)
+    """
+
+    stiffness: Matrix
+    jacobian: Matrix
+
+    def solved(self, force: Array, gap: Array) -> tuple[Array, Array]:
+        """Return changes (k, n) and multipliers (k, n_rows) that answer forces (k, n) and close gaps.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the matrix is singular.
+        """
+        n, m = self.stiffness.shape[0], self.jacobian.shape[0]
+        rhs = np.concatenate([force, gap], axis=1)
+        size = float(np.abs(self.stiffness.diagonal()).max(initial=0.0)) or 1.0
+        rhs[:, n:] *= size
+        if is_sparse(self.stiffness):
+            matrix = saddle_point(self.stiffness, size * self.jacobian) if m else self.stiffness
+            found = factorised(matrix)(rhs)
+        else:
+            found = np.linalg.solve(self.bordered(size), rhs.T).T
+        if not np.isfinite(found).all():
+            raise np.linalg.LinAlgError("singular")
+        return found[:, :n], found[:, n:] * size
+
+    def bordered(self, size: float = 1.0) -> Array:
+        """Return [[K, s J^T], [s J, 0]], dense."""
+        n, m = self.stiffness.shape[0], self.jacobian.shape[0]
+        matrix = np.zeros((n + m, n + m))
+        matrix[:n, :n] = dense(self.stiffness)
+        matrix[n:, :n] = size * dense(self.jacobian)
+        matrix[:n, n:] = matrix[n:, :n].T
+        return matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A system whose equilibrium is sought at a time at which all rates are zero.
+
+    Attributes
+    ----------
+    system : System
+    t : ndarray, shape (1,)
+        [s]
+    start : State
+    forces : tuple of Weighted
+    gauge : Gauge
+    counted : list
+        The angles whose turns are counted, where they were at the start.
+    watch : callable
+        Told the load factor and each state that is kept on the way.
+    """
+
+    system: System
+    t: Array
+    start: State
+    forces: tuple[Weighted, ...]
+    gauge: Gauge
+    counted: list[tuple[ForcePart, float]] = field(default_factory=list)
+    watch: Watch = lambda load, state: None
+
+    @classmethod
+    def of(
+        cls, system: System, t: float, z: Array, forces: Sequence[Weighted], gauge: Gauge, watch: Watch
+    ) -> Problem:
+        """Return the problem of a system that starts from free coordinates (1, n)."""
+        time, x = np.array([t]), system.reduction.expand(z)
+        every = [one.part for one in forces if one.part.counter is not None]
+        angles = [float(part.counter.counted(time, part.angle(x))[0]) for part in every if part.counter]
+        state = State(z, np.zeros((1, system.n_rows)))
+        return cls(system, time, state, tuple(forces), gauge, list(zip(every, angles, strict=True)), watch)
+
+    def begin(self) -> State:
+        """Return the start, with all turns as they were there."""
+        for part, angle in self.counted:
+            if part.counter is not None:
+                part.counter.suppose(float(self.t[0]), angle)
+        return self.start
+
+    def note(self, load: float, state: State) -> None:
+        """Keep a state: count the turns of angles, and tell of it."""
+        x = self.expand(state.z)
+        for part, _ in self.counted:
+            if part.counter is not None:
+                angle = float(part.counter.counted(self.t, part.angle(x))[0])
+                part.counter.suppose(float(self.t[0]), angle)
+        self.watch(load, state)
+
+    def expand(self, z: Array) -> Array:
+        """Return the coordinates of free ones (n_batch, n)."""
+        return self.system.reduction.expand(z)
+
+    def moved(self, dz: Array) -> float:
+        """Return how large changes (1, n) of free coordinates are; see `Gauge`."""
+        return self.gauge.size(self.system.reduction.expand_rates(dz))
+
+    # ------------------------------------------------------------------ forces
+
+    def force(self, x: Array, load: float) -> Array:
+        """Return the generalised force of all parts at rest, (n_batch, n_x)."""
+        t, u, out = np.repeat(self.t, len(x)), np.zeros_like(x), np.zeros_like(x)
+        for one in self.forces:
+            factor = one.at(load)
+            if factor == 1.0:
+                one.part.add_force(t, x, u, out)
+            elif factor:
+                own = np.zeros_like(x)
+                one.part.add_force(t, x, u, own)
+                out += factor * own
+        return out
+
+    def load(self, z: Array) -> Array:
+        """Return the derivative of the forces on free coordinates by the load factor, (1, n)."""
+        x = self.expand(z)
+        u, out = np.zeros_like(x), np.zeros_like(x)
+        for one in self.forces:
+            if one.growing:
+                own = np.zeros_like(x)
+                one.part.add_force(self.t, x, u, own)
+                out += one.growing * own
+        return self.system.reduction.free_force(out)
+
+    def held(self, level: Level) -> tuple[Array, Array]:
+        """Return the auxiliary forces (1, n) and gaps (1, n_rows) of a level."""
+        if not level.rest:
+            return np.zeros_like(self.start.z), np.zeros_like(self.start.multipliers)
+        x = self.expand(self.start.z)
+        force = self.system.reduction.free_force(self.force(x, 0.0))
+        return level.rest * force, level.rest * self.system.equations.phi.residual(self.t, x)
+
+    def missing(self, state: State, level: Level) -> tuple[Array, Array]:
+        """Return forces (1, n) that are out of balance, and gaps (1, n_rows) of the joints."""
+        held, gap = self.held(level)
+        found, own = self._missing(state.z, state.multipliers, level.load)
+        return found - held, own - gap
+
+    def _missing(self, z: Array, multipliers: Array, load: float) -> tuple[Array, Array]:
+        """Return both in states (n_batch, n), without auxiliary forces."""
+        x, equations = self.expand(z), self.system.equations
+        force = self.system.reduction.free_force(self.force(x, load))
+        if not equations.n_rows:
+            return force, np.zeros((len(z), 0))
+        if len(z) == 1:
+            pull = np.asarray(multipliers @ equations.phi.jacobian_at(x))
+        else:
+            pull = (multipliers[:, None] @ equations.phi.jacobians(x))[:, 0]
+        gap = equations.phi.residual(np.repeat(self.t, len(z)), x)
+        return force - self.system.reduction.free_force(pull), gap
+
+    # ------------------------------------------------------------------ derivatives
+
+    def tangent(self, state: State, load: float) -> Tangent:
+        """Return the derivatives of what is missing, with the strains that are expected."""
+        if self.system.variable_mass:
+            return self._by_differences(state, load)
+        x, system = self.expand(state.z), self.system
+        u, parts = np.zeros_like(x), list[Entries]()
+        for k, one in enumerate(self.forces):
+            if factor := one.at(load):
+                strains = None if state.expected is None else state.expected[k]
+                part = one.part if strains is None else one.part.strained(strains)
+                own = part.tangent(self.t, x, u)
+                parts.append(own if factor == 1.0 else own._replace(values=factor * own.values))
+        equations = system.equations
+        if not equations.phi.constant:
+            parts += equations.phi.stiffness(x, state.multipliers)
+        sparse = is_sparse(equations.constant_mass)
+        K = system.reduction.reduced(assemble(parts, (system.n_x, system.n_x), sparse))
+        return Tangent(K, equations.phi.jacobian_at(x) @ system.reduction.basis)
+
+    def _by_differences(self, state: State, load: float) -> Tangent:
+        z, n = state.z, state.z.shape[1]
+        step = _STEP * np.maximum(1.0, np.abs(z[0]))
+        moved = np.concatenate([z + np.diag(step), z - np.diag(step)])
+        multipliers = np.repeat(state.multipliers, 2 * n, axis=0)
+        force = self._missing(moved, multipliers, load)[0]
+        K = ((force[n:] - force[:n]) / (2.0 * step[:, None])).T
+        jacobian = self.system.equations.phi.jacobian_at(self.expand(z)) @ self.system.reduction.basis
+        return Tangent(K, np.asarray(jacobian))
+
+    def expecting(self, state: State, dz: Array) -> list[Array | None]:
+        """Return the strains of each force to which changes (1, n) of a state are to lead."""
+        x, dx = self.expand(state.z), self.system.reduction.expand_rates(dz)
+        found: list[Array | None] = []
+        for one in self.forces:
+            if not one.part.strain_stiffness.size:
+                found.append(None)
+                continue
+            rows, columns, slopes = one.part.strain_slopes(x)
+            changes = np.bincount(rows, slopes * dx[0, columns], one.part.strain_stiffness.size)
+            found.append(one.part.strain(x) + changes)
+        return found
+
+    def at(self, state: State) -> State:
+        """Return a state with the strains that it has, not others that were expected."""
+        return state._replace(expected=None)

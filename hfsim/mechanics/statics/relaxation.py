@@ -1,0 +1,79 @@
+"""Rest by relaxation: the scene creeps downhill, slower than it could swing, until nothing moves it any more.
+
+What is solved is W z' = f - Phi_z^T lambda with Phi = 0, W the metric of the gauge, by implicit steps that
+grow as the forces fade: with long ones they are Newton's iteration (pseudo-transient continuation; Kelley and
+Keyes, SIAM Journal on Numerical Analysis 35, 1998).  A step that would lead uphill is taken shorter: then
+only stable places of rest are come to, but for a start that is exactly between.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfsim.maths.matrices import Matrix
+from hfsim.mechanics.statics.newton import ENOUGH, ROUGH, Effort, NotFoundError
+from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
+
+MOVE = 0.2
+"""Largest change of a state in a step [rad]."""
+MOST = 600
+"""Steps."""
+LONG = 1e13
+"""Of the longest step, times the stiffest of all stiffnesses: what it adds to them is rounding."""
+SAME = 1e-5
+"""Change of a state up to which all within it is the same place of rest [rad]."""
+SHORT = 1e-25
+"""Of the shortest step, over the longest."""
+ASTRAY = 60.0
+"""Way after which nothing will hold it any more [rad]."""
+
+
+def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -> State:
+    """Return a place of rest downhill of a state, under the whole load.
+
+    Raises
+    ------
+    NotFoundError
+        If there is none, or it is not found.
+    """
+    metric = problem.system.reduction.reduced(problem.gauge.whole)
+    level, way = Level(load), 0.0
+    step, before, stiffest = _first(problem, state, level, metric), np.inf, 0.0
+    for _ in range(MOST):
+        force, gap = problem.missing(state, level)
+        K, J = problem.tangent(state, load)
+        effort.iterations += 1
+        stiffest = max(stiffest, float((np.abs(K.diagonal()) / metric.diagonal()).max(initial=0.0)))
+        longest = LONG / stiffest if stiffest else np.inf
+        try:
+            dz, change = Tangent(K + metric / step, J).solved(force, -gap)
+        except np.linalg.LinAlgError:
+            step *= 0.3
+            continue
+        size = problem.moved(dz)
+        # the curvature of the potential along it, with that of the metric over the step
+        uphill = size > SAME and float((force * dz).sum() + (gap * change).sum()) < 0.0
+        if not size < MOVE or uphill:
+            step *= 0.25 if uphill or not size < 1e3 else max(0.1, 0.7 * MOVE / size)
+            if step < SHORT * min(longest, 1e6):
+                raise NotFoundError("no way downhill is found", state)
+            continue
+        state = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
+        problem.note(load, state)
+        effort.steps += 1
+        way += size
+        if size < ENOUGH or (before < ROUGH and size > 0.25 * before and step >= longest):
+            return problem.at(state)
+        if way > ASTRAY:
+            raise NotFoundError("it goes on and on", state, dz)
+        step = min(longest, step * (2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)))
+        before = size
+    raise NotFoundError("it does not come to rest", state, dz if before > SAME else None)
+
+
+def _first(problem: Problem, state: State, level: Level, metric: Matrix) -> float:
+    """Return the length of the first step."""
+    force, _ = problem.missing(state, level)
+    J = problem.tangent(state, level.load).jacobian
+    push = problem.moved(Tangent(metric, J).solved(force, np.zeros((1, J.shape[0])))[0])
+    return 0.1 * MOVE / push if push > 0.0 else 1.0

@@ -1,0 +1,61 @@
+"""What people read of an equilibrium."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Container, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hfsim.output.report import findings, last_values
+from hfsim.output.talk import Talk, print_error
+from hfsim.output.text import number, wrapped
+
+if TYPE_CHECKING:
+    from hfsim.marching.solution import Run
+
+
+def tell(
+    run: Run, summary: Mapping[str, Any], folder: Path | None, talk: Talk, told: Container[str] = ()
+) -> None:
+    """Print an equilibrium, and what the user should be warned of, save what was told before."""
+    for note in (summary.get("assembly") or {}).get("notes", ()):
+        talk.note(f"{run.name}: {note}")
+    talk.warn(run.name, (one for one in summary["warnings"] if one not in told))
+    if run.status != "done":
+        print_error(f"{run.name}: no equilibrium: {run.reason}")
+        print_error(findings(run.failure or {}))
+    talk.facts(summary)
+    talk.result(f"{run.name}: {_headline(run, summary)}\n{as_text(run, summary, folder)}")
+
+
+def _headline(run: Run, summary: Mapping[str, Any]) -> str:
+    if run.status != "done":
+        return f"no equilibrium; reached with {summary['load']:.4g} of the loads"
+    return "equilibrium, " + ("stable" if summary["stable"] else "not stable")
+
+
+def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
+    """Return the table of results that people read."""
+    how = "steps of relaxation" if summary["relaxed"] else "load steps"
+    facts = {
+        "model": run.model,
+        "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
+        "found by": f"{number(summary['steps'])} {how}, {number(summary['newton_iterations'])} iterations",
+        "slowest motion": _slowest(summary["smallest_eigenvalue"]),
+        "results": f"{folder}/" if folder else "not written",
+    }
+    width = max(map(len, facts))
+    lines = [
+        wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items() if text
+    ]
+    return "\n".join([*lines, *last_values(run, {**summary, "error_estimate": 0.0})])
+
+
+def _slowest(eigenvalue: float | None) -> str:
+    """Return a stiffness over a mass [1/s^2] as a frequency or a time of growth."""
+    if eigenvalue is None:
+        return ""
+    if eigenvalue < 0.0:
+        return f"grows e-fold in {1.0 / math.sqrt(-eigenvalue):.4g} s"
+    return f"{math.sqrt(eigenvalue) / (2.0 * math.pi):.4g} Hz, without damping"

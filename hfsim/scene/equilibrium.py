@@ -1,0 +1,180 @@
+"""A scene at rest: which of its forces are loads, how its bodies turn, and what its equilibrium is."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from hfsim.errors import SolverFailure
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import is_sparse
+from hfsim.maths.rotations import wrap
+from hfsim.mechanics.force import ConstantForce, ForcePart
+from hfsim.mechanics.pose import Pose
+from hfsim.mechanics.resistances import Push
+from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
+from hfsim.mechanics.statics.gauge import Gauge
+from hfsim.mechanics.statics.problem import Problem, State, Watch, Weighted
+from hfsim.mechanics.ties import Tie
+from hfsim.scene.build import Scene
+
+FELT = 1e-6
+"""Part of the fastest rate that counts as motion of a body."""
+GRAVITY = "gravity"
+"""Name of the weight among loads that are varied."""
+
+
+class Turns:
+    """Keeps count of the turns of all bodies on the way of a search.
+
+    Attributes
+    ----------
+    q : ndarray, shape (1, n)
+        State last kept.
+    angles : dict of str to float
+        Angles of the bodies in the plane whose coordinates do not have them [rad].
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene, self.q = scene, scene.q[None]
+        plane = scene.deck.dimension == 2
+        own = (k for k, body in scene.bodies.items() if plane and body.angle_column is None)
+        self.angles = {name: scene.start_angles[name] for name in own}
+
+    def __call__(self, load: float, state: State) -> None:
+        """Go on to a state."""
+        scene, x = self._scene, self._scene.system.reduction.expand(state.z)
+        self.q = scene.system.state(x, np.zeros_like(x), self.q)[0]
+        for name, near in self.angles.items():
+            self.angles[name] = near + float(wrap(scene.marker(name).angle(x) - near)[0])
+
+
+def problem_of(
+    scene: Scene, t: float = 0.0, watch: Watch | None = None, varied: Collection[str] | None = None
+) -> Problem:
+    """Return the static problem of a scene at a time [s].
+
+    Parameters
+    ----------
+    scene : Scene
+    t : float
+    watch : callable, optional
+        Told the load factor and each state that is kept on the way.
+    varied : collection of str, optional
+        Names of the loads and motors that the load factor is of, ``gravity`` among them; all without it.
+    """
+    z = scene.system.reduction.free(scene.system.absolute(scene.q[None]))
+    forces = tuple(_weighted(scene, varied))
+    return Problem.of(scene.system, t, z, forces, gauge_of(scene), watch or (lambda load, state: None))
+
+
+def equilibrium_of(scene: Scene, problem: Problem) -> Equilibrium:
+    """Return where a scene comes to rest."""
+    return Search(problem, lambda x: rigid_motions(scene, x)).found()
+
+
+def _load(part: ForcePart) -> str:
+    """Return the name of a load or motor; empty for what is none."""
+    kind, _, name = part.item.partition(".")
+    if kind == "loads":
+        return name
+    pushes = isinstance(part, Tie) and all(isinstance(one, Push) for one in part.resistances)
+    return name if pushes and kind == "joints" else ""
+
+
+def _weighted(scene: Scene, varied: Collection[str] | None) -> Iterator[Weighted]:
+    """Yield all forces with their factors."""
+    heavy = varied is None or GRAVITY in varied
+    for part in scene.system.forces:
+        name = _load(part)
+        if (name and (varied is None or name in varied)) or (heavy and isinstance(part, ConstantForce)):
+            yield Weighted(part, 0.0, 1.0)
+        elif heavy and hasattr(part, "gravity") and any(part.gravity):
+            # its weight is no force by itself
+            light: Any = part
+            yield Weighted(part, 0.0, 1.0)
+            yield Weighted(replace(light, gravity=(0.0,) * len(light.gravity)), 1.0, -1.0)
+        else:
+            yield Weighted(part, 1.0, 0.0)
+
+
+# --- bodies ---------------------------------------------------------------------------------------
+
+
+def gauge_of(scene: Scene) -> Gauge:
+    """Return by what changes of a scene are measured."""
+    system, x = scene.system, scene.system.absolute(scene.q[None])
+    equations, n_dim = system.equations, scene.deck.dimension
+    if system.variable_mass:
+        metric = equations.mass(x)[0]
+    else:
+        metric = equations.constant_mass
+        metric = metric if equations.ballast is None else metric + equations.ballast
+    bodies = [(k, body) for k, body in enumerate(scene.bodies.values()) if not body.still]
+    outlines = [body.outline(x)[0] for body in scene.bodies.values()]
+    every = np.concatenate([*outlines, *(np.array([p]) for p in scene.deck.ground.points.values())])
+    whole = float(np.ptp(every, axis=0).max()) or 1.0
+    sizes = []
+    for k, _ in bodies:
+        masses = np.diag(scene.rigid_inertia[k])
+        own = max(float(np.ptp(outlines[k], axis=0).max()), 1e-2 * whole)
+        sizes.append(masses[n_dim:].max() + masses[:n_dim].max() * own**2)
+    starts = np.array([body.columns.start for _, body in bodies])
+    return Gauge(metric.tocsr() if is_sparse(metric) else metric, starts, np.array(sizes))
+
+
+def rigid_motions(scene: Scene, x: Array) -> Array:
+    """Return the motions of each body by itself from coordinates (1, n_x) on, (n_motions, n_x)."""
+    found = []
+    for name, body in scene.bodies.items():
+        if not body.still:
+            angle = scene.start_angles[name]
+            plane = len(body.origin) == 2
+            own = body.freedoms(x[0], Pose.planar(body.origin, angle) if plane else Pose.level(body.origin))
+            motions = np.zeros((len(own), x.shape[1]))
+            motions[:, body.columns] = own
+            found.append(motions)
+    return np.concatenate(found)
+
+
+# --- what to say of it ----------------------------------------------------------------------------
+
+
+def held_by_nothing(scene: Scene, motions: Array) -> list[str]:
+    """Return in words the free motions, nearest to the ground, that motions (k, n) are made of."""
+    u = scene.system.reduction.expand_rates(motions)
+    rates = {name: np.abs(u[:, body.columns]).max(initial=0.0) for name, body in scene.bodies.items()}
+    moving = [name for name, rate in rates.items() if rate > FELT * max(rates.values())]
+    told, count = list[str](), 0
+    for one in scene.free_motions or ():
+        if one.body in moving and count < len(motions):
+            told.append(str(one))
+            count += one.number
+    return told or moving
+
+
+def why_not(scene: Scene, t: float, found: Equilibrium) -> SolverFailure:
+    """Return why there is no equilibrium at a time [s], with what to try."""
+    lost = found.lost or found.state
+    x = scene.system.reduction.expand(lost.z)
+    for part in scene.system.forces:
+        if part.runs_away and (away := part.runaway(t, x)) is not None:
+            remedy = "hfsim static with --model exact, or a smaller load"
+            reason = f"{away.reason} and finds no rest"
+            return SolverFailure(reason, t, away.item, "model", away.evidence, remedy, away.cause)
+    if found.limit is not None:
+        reason = f"the loads can be put on to {found.limit:.4g} of their size, and beyond no rest is found"
+        remedy = "--path follows the load through its limit; --set changes a load"
+        return SolverFailure(reason, t, evidence={"load": found.limit, "search": found.reason}, remedy=remedy)
+    if len(found.neutral):
+        names = held_by_nothing(scene, found.neutral)
+        reason = f"nothing holds what the loads push: {'; '.join(names)}"
+        remedy = "a spring, a servo or a joint that holds it, or no load along it"
+        body = names[0].partition(":")[0]
+        return SolverFailure(reason, t, f"bodies.{body}", "deck", {"search": found.reason}, remedy)
+    reason = f"no place of rest is found: {found.reason}"
+    remedy = "start nearer to it (initial), or damp the scene and run it until it rests"
+    return SolverFailure(reason, t, evidence={"search": found.reason}, remedy=remedy)

@@ -1,0 +1,65 @@
+"""`hfsim static` and `hfsim.static`: the folder, the words, the exit codes."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+import hfsim
+from hfsim.commands.static import static
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*arguments):
+    return CliRunner().invoke(static, arguments)
+
+
+def test_the_folder_is_that_of_a_run_with_one_row(here):
+    done = call("pendulum", "--vtk", "--set", "output.shapes=csv")
+    assert done.exit_code == 0 and "equilibrium, stable" in done.stdout
+    folder = here / "pendulum.out"
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["kind"] == summary["method"] == "static" and summary["stable"] is True
+    rows = (folder / "history.csv").read_text().splitlines()
+    assert len(rows) == 2 and rows[0].startswith("t,b1.tip.x")
+    assert summary["final"]["b1.angle"] == pytest.approx(-1.5707963267948966)
+    assert summary["smallest_eigenvalue"] == pytest.approx(11.2745872327)
+    assert {"plots/shapes.png", "plots/along_b1.png", "shapes.npz", "shapes.csv", "pendulum.pvd"} <= set(
+        summary["files"]
+    )
+    assert all((folder / name).exists() for name in summary["files"])
+    assert call("pendulum").exit_code == 2
+    again = call("pendulum", "--force", "--no-plots", "--json")
+    assert again.exit_code == 0 and json.loads(again.stdout)["kind"] == "static"
+    assert not (folder / "plots" / "shapes.png").exists()
+
+
+def test_what_nothing_holds_ends_with_exit_code_3_and_is_kept(here):
+    done = call("flying_spaghetti", "--no-plots")
+    assert done.exit_code == 3
+    assert "nothing holds what the loads push: noodle: floats" in done.stderr
+    summary = json.loads((here / "flying_spaghetti.out" / "summary.json").read_text())
+    assert summary["status"] == "failed" and summary["failure"]["item"] == "bodies.noodle"
+    assert summary["stable"] is None and summary["load"] == 0.0
+
+
+def test_a_bad_deck_writes_nothing(here):
+    assert call("pendulum", "--set", "bodies.b1.length=-1").exit_code == 2
+    assert call("no_such_deck").exit_code == 2
+    assert not list(here.iterdir())
+
+
+def test_from_python_it_is_a_run(here):
+    run = hfsim.static("princeton", {"solve.model": "exact"}, at=1.0)
+    assert run["beam.tip.z"] == pytest.approx(0.109041568, abs=2e-9) and run.t.tolist() == [1.0]
+    assert run.statistics["stable"] and not list(here.iterdir())
+    with pytest.raises(hfsim.UnfinishedRunError) as told:
+        hfsim.static("flying_spaghetti")
+    assert told.value.run.status == "failed"
+    kept = hfsim.static("pendulum", output=here / "out", plots=False)
+    assert (here / "out" / "summary.json").exists() and kept.exit_code == 0

@@ -1,0 +1,224 @@
+"""Equilibrium: closed forms and elliptic integrals, all models; what nothing holds; what is stable."""
+
+import numpy as np
+import pytest
+from cantilevers import at_rest, cantilever, displacement
+from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
+
+from hfsim.errors import SolverFailure
+from hfsim.mechanics.statics.problem import State
+from hfsim.scene.build import build
+from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, why_not
+from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.scene.shipped import find_deck
+
+BEAM = """
+hfsim: 1
+gravity: [0.0, {g}]
+materials: {{m: {{density: 2700.0, youngs_modulus: 7.0e10}}}}
+sections: {{s: {{shape: rectangle, width: 0.02, height: 0.005}}}}
+bodies: {{b: {{type: beam, material: m, section: s, length: 1.0, elements: {elements}{more}}}}}
+joints: {{{joint}}}
+initial: {{b: {{angle: {angle}}}}}
+solve: {{duration: 1.0, model: {model}}}
+"""
+PIN = "pin: {type: revolute, between: [ground, b.root]}"
+CLAMP = "clamp: {type: fixed, between: [ground, b.root]}"
+
+
+def beam(model="exact", g=-9.81, elements=2, joint=PIN, angle=0.0, more=""):
+    text = BEAM.format(model=model, g=g, elements=elements, joint=joint, angle=angle, more=more)
+    return build(parse_deck(text))
+
+
+def search(scene, t=0.0):
+    return equilibrium_of(scene, problem_of(scene, t))
+
+
+# --- values ---------------------------------------------------------------------------------------
+
+
+def elastica(alpha):
+    """Return tip angle, shortening and deflection of an inextensible cantilever, alpha = P L^2 / EI."""
+    from scipy.optimize import brentq
+
+    def first(k):
+        return np.arcsin(1.0 / (k * 2.0**0.5))
+
+    k = brentq(
+        lambda k: ellipk(k * k) - ellipkinc(first(k), k * k) - alpha**0.5, 0.5**0.5 + 1e-12, 1.0 - 1e-15,
+        xtol=1e-15,
+    )  # fmt: skip
+    angle = np.arcsin(2.0 * k * k - 1.0)
+    w = 1.0 - 2.0 * (ellipe(k * k) - ellipeinc(first(k), k * k)) / alpha**0.5
+    return angle, 1.0 - np.sqrt(2.0 * np.sin(angle) / alpha), w
+
+
+@pytest.mark.parametrize("alpha", [0.2, 1.0, 3.0, pytest.param(10.0, marks=pytest.mark.slow)])
+def test_a_transverse_load_bends_a_slender_cantilever_as_the_elastica(alpha):
+    stiff = "{area: 1.0e+9, second_moment: 1.0}"
+    more = "element: cable, strain: green, curvature: exact, quadrature: {axial: 9, bending: 9}"
+    scene = cantilever(stiff, 1.0, [0.0, -alpha], elements=8, degree=7, material=UNIT, more=more)
+    _, u, w = elastica(alpha)
+    assert displacement(scene, at_rest(scene, 1.0)) == pytest.approx((-u, -w), abs=1e-7)
+
+
+UNIT = "youngs_modulus: 1.0"
+EI = 2.07e11 * 0.1**4 / 12.0
+S10 = {
+    ("green", "exact"): (-0.5085374819606, -1.2072393545876),
+    ("engineering", "exact"): (-0.5085373043258, -1.2072398545497),
+}
+
+
+@pytest.mark.parametrize("measures", S10)
+def test_an_extensible_cantilever_has_the_published_tip(measures):
+    strain, curvature = measures
+    square, steel = "{shape: rectangle, width: 0.1, height: 0.1}", "youngs_modulus: 2.07e+11"
+    more = f"element: cable, strain: {strain}, curvature: {curvature}"
+    scene = cantilever(square, 2.0, [0.0, -0.75 * EI], elements=8, degree=7, material=steel, more=more)
+    assert displacement(scene, at_rest(scene, 1.0)) == pytest.approx(S10[measures], rel=1e-7)
+
+
+@pytest.mark.parametrize("model", ["exact", "ancf"])
+def test_an_end_moment_rolls_a_beam_into_a_circle(model):
+    section, more = "{area: 1.0e+4, second_moment: 1.0}", f"element: cable, curvature: exact, model: {model}"
+    scene = cantilever(
+        section, 1.0, [0.0, 0.0], 2.0 * np.pi, elements=8, degree=7, material=UNIT, more=more
+    )
+    assert displacement(scene, at_rest(scene, 1.0)) == pytest.approx((-1.0, 0.0), abs=1e-7)
+
+
+def test_many_elements_take_no_more_iterations_than_few():
+    few, many = (search(beam(elements=n, joint=CLAMP)) for n in (16, 256))
+    assert not few.relaxed and not many.relaxed
+    assert many.effort.iterations <= few.effort.iterations + 2
+    assert many.values[0] == pytest.approx(few.values[0], rel=1e-4)
+
+
+@pytest.mark.parametrize("elements", [16, 256])
+def test_the_smallest_eigenvalue_is_the_square_of_a_frequency(elements):
+    found = search(beam(g=0.0, joint=CLAMP, elements=elements))
+    square = 7e10 * 0.005**2 / 12.0 / 2700.0
+    roots = np.array([1.8751040687119612, 4.6940911329741746])
+    assert found.values[:2] == pytest.approx(square * roots**4, rel=1e-3)
+
+
+# --- mechanisms -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", ["rigid", "linear", "lowOrder", "exact", "ancf"])
+@pytest.mark.parametrize("angle", [0.0, 1.2, -3.0])
+def test_a_pendulum_is_let_down_to_where_it_hangs(model, angle):
+    scene = beam(model, angle=angle)
+    found = search(scene)
+    assert found.relaxed and found.stable and not found.reason
+    x = scene.system.reduction.expand(found.state.z)
+    tip = scene.marker("b.tip").position(x)[0]
+    stretch = 2700.0 * 9.81 / (2.0 * 7e10)
+    assert tip == pytest.approx((0.0, -1.0 - (stretch if model != "rigid" else 0.0)), abs=1e-10)
+    assert found.values[0] == pytest.approx(1.5 * 9.81, rel=1e-3)
+
+
+def test_a_pendulum_that_stands_upright_is_told_to_be_unstable():
+    found = search(beam(angle=0.5 * np.pi))
+    assert not found.reason and not found.stable
+    assert found.values[0] == pytest.approx(-1.5 * 9.81, rel=1e-2)
+
+
+def test_a_column_beyond_its_critical_load_is_told_to_be_unstable():
+    section = "{area: 1.0e+6, second_moment: 1.0}"
+    critical = np.pi**2 / 4.0
+    for share in (0.99, 1.01):
+        scene = cantilever(section, 1.0, [-share * critical, 0.0], material=UNIT, more="element: cable")
+        found = search(scene, 1.0)
+        assert found.stable == (share < 1.0) and not found.relaxed
+
+
+def test_what_nothing_holds_is_named():
+    scene = beam(joint="")
+    found = search(scene)
+    told = why_not(scene, 0.0, found)
+    assert found.reason and "floats: x, y, turn" in str(told) and told.remedy and told.exit_code == 3
+    with pytest.raises(SolverFailure, match="nothing holds"):
+        at_rest(scene)
+
+
+def test_a_motion_along_which_nothing_pushes_is_left_open():
+    found = search(beam(g=0.0))
+    assert not found.reason and found.stable and len(found.neutral) == 1
+    floating = search(beam(g=0.0, joint=""))
+    assert len(floating.neutral) == 3 and floating.values[0] > 1.0
+
+
+def test_a_body_in_space_is_free_about_the_line_it_hangs_by():
+    scene = build(load_deck(find_deck("heavy_top")))
+    found = search(scene)
+    x = scene.system.reduction.expand(found.state.z)
+    assert scene.marker("top").position(x)[0] == pytest.approx((0.0, 0.0, -1.0), abs=1e-10)
+    assert len(found.neutral) == 1
+    spin = rigid_motions(scene, x)[5] @ scene.system.equations.constant_mass
+    assert abs(found.neutral[0] @ spin) > 0.1
+
+
+def test_a_model_without_stiffening_says_why_it_finds_no_rest():
+    scene = build(load_deck(find_deck("pendulum"), ["solve.model=linear"]))
+    with pytest.raises(SolverFailure, match=r"in model linear deflects by .* its length") as told:
+        at_rest(scene)
+    assert told.value.item == "bodies.b1"
+
+
+# --- springs, drivers, turns ----------------------------------------------------------------------
+
+ARM = """
+hfsim: 1
+gravity: [0.0, 0.0{z}]
+bodies: {{arm: {{type: rigid, mass: 1.0, inertia: {inertia}}}}}
+joints:
+  axle: {{type: revolute, between: [ground, arm]}}
+springs: {{coil: {{type: rotational, between: [ground, arm], stiffness: 2.0, damping: 0.1}}}}
+loads: {{turn: {{type: moment, at: arm, moment: {moment}}}}}
+solve: {{duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("space", [False, True])
+def test_turns_of_a_coil_are_counted(space):
+    own = {"z": ", 0.0", "inertia": "[1.0, 1.0, 1.0]", "moment": "[0, 0, 30.0]"}
+    scene = build(parse_deck(ARM.format(**(own if space else {"z": "", "inertia": 1.0, "moment": 30.0}))))
+    x = at_rest(scene)
+    first = scene.marker("arm").turned(x, np.array([1.0, 0.0, 0.0][: 3 if space else 2]))[0]
+    assert first[:2] == pytest.approx((np.cos(15.0), np.sin(15.0)), abs=1e-10)
+
+
+DRIVEN = """
+hfsim: 1
+gravity: [0.0, -9.81]
+bodies: {arm: {type: rigid, mass: 2.0, inertia: 1.0, points: {eye: [-1.0, 0.0]}}}
+joints:
+  pin: {type: revolute, between: [ground, arm.eye]}
+  turn: {type: driver, between: [ground, arm], angle: {type: constant_rate, rate: 0.5}}
+solve: {duration: 4.0}
+output: {channels: [arm.x, arm.y, turn.moment]}
+"""
+
+
+def test_drivers_stand_where_they_are_at_the_time():
+    from hfsim.studies.static import run_static
+
+    run = run_static(parse_deck(DRIVEN), 2.0)
+    assert run["arm.x"] == pytest.approx(np.cos(1.0)) and run["arm.y"] == pytest.approx(np.sin(1.0))
+    assert run["turn.moment"] == pytest.approx(2.0 * 9.81 * np.cos(1.0), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["princeton", "joints", "hub_beams"])
+def test_tangents_are_the_derivatives_of_what_is_missing(name):
+    scene = build(load_deck(find_deck(name)))
+    problem = problem_of(scene, 0.7)
+    rng = np.random.default_rng(3)
+    z = problem.start.z + 0.01 * rng.standard_normal(problem.start.z.shape)
+    multipliers = rng.standard_normal(problem.start.multipliers.shape)
+    own = problem.tangent(State(z, multipliers), 0.6)
+    for one in (own, problem._by_differences(State(z, multipliers), 0.6)):
+        size = np.abs(own.stiffness).max()
+        assert np.abs(one.stiffness - own.stiffness).max() < 1e-6 * size
