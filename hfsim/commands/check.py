@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -69,9 +70,17 @@ def _assembled(facts: Mapping[str, Any]) -> Iterator[str]:
     yield from facts.get("notes", ())
     branches = facts.get("branches", ())
     for branch in branches[:_MOST]:
-        yield f"or with {angles_of(branch)}: a rough angle or orientation under 'initial' takes this one"
+        yield f"or with {angles_of(branch)}: {_taking(branch, facts['closed'])} takes this one"
     if len(branches) > _MOST:
         yield f"or in {len(branches) - _MOST} other ways (--json lists them)"
+
+
+def _taking(branch: Mapping[str, Any], closed: Mapping[str, Any]) -> str:
+    """Return what in a deck takes a way to close: the angle stated otherwise, or that differs most."""
+    if not all(isinstance(turn, float) for turn in branch.values()):
+        return "a rough angle or orientation under 'initial'"
+    body = max(branch, key=lambda name: abs(branch[name] - closed[name]) if name in closed else math.inf)
+    return f"'initial: {{{body}: {{angle: {math.degrees(branch[body]):.4g} deg}}}}'"
 
 
 def free_motions(facts: Mapping[str, Any]) -> Iterator[str]:

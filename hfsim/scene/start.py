@@ -8,7 +8,7 @@ start that fulfils the joints is taken, and what that changes is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,6 +26,8 @@ from hfsim.scene.schema import InitialSpec
 
 GROUND = None
 AT_START = np.zeros(1)
+MOST_STATED = 50
+"""Bodies in scenes of which it is looked for what other stated angles would do."""
 APART = 1e-3
 """Difference of an angle from which two ways to close loops are different ones [rad]."""
 ROUGH_ANGLE = 1.0
@@ -200,11 +202,12 @@ def _settle(start: Start, place: _Stated) -> tuple[dict[str, Turn], Branches]:
     """
     link, x, free = start.linkage, place.values, ~place.stated
     if link.close(x, free & ~link.turns) < CLOSED:
-        return {}, list
+        return {}, lambda: _told_ways(start, _otherwise(start, place, free))
     begin = x.copy()
     starts = link.starts(begin, place.open & link.turns)
     found = link.search(starts[:1], free) or link.search(starts[1:], free)
-    if not found:
+    guessed = not found
+    if guessed:
         found, free = _guesses(start, place, starts), ~place.exact
     x[:] = _near(link, found[0], begin)
 
@@ -222,9 +225,41 @@ def _settle(start: Start, place: _Stated) -> tuple[dict[str, Turn], Branches]:
         for one in link.search(starts, free):
             if all(link.apart(one, way) > APART for way in ways):
                 ways.append(_near(link, one, begin))
-        return [closed(way) for way in ways[1:]]
+        others = _told_ways(start, _otherwise(start, place, ~place.stated), follow)
+        return others if guessed and others else [*(closed(way) for way in ways[1:]), *others]
 
     return closed(x), branches
+
+
+def _told_ways(
+    start: Start, ways: Iterable[tuple[int, Array]], follow: Sequence[int] | IntArray = ()
+) -> list[dict[str, Turn]]:
+    """Return the angle of the body that would be stated otherwise, then those that follow, in each way."""
+    found: list[dict[str, Turn]] = []
+    for k, x in ways:
+        numbers = dict.fromkeys([k, *(int(column) // freedoms(start.n_dim) for column in follow)])
+        turns = {start.names[n]: float(start.linkage.poses(x)[n].turn[0]) for n in numbers}
+        found.append({name: float(wrap(np.array(turn))) for name, turn in turns.items()})
+    return found
+
+
+def _otherwise(start: Start, place: _Stated, free: BoolArray) -> Iterator[tuple[int, Array]]:
+    """Yield the other ways in which planar loops close with one angle stated otherwise, and of which body."""
+    link, x = start.linkage, place.values
+    if start.n_dim != 2 or len(start.names) > MOST_STATED:
+        return
+    turns = (place.stated & ~place.exact & link.turns).reshape(len(start.names), -1)
+    for k in np.flatnonzero(turns.any(axis=1)):
+        mine = np.zeros(turns.shape, dtype=bool)
+        mine[k] = turns[k]
+        freed = free | mine.ravel()
+        if link.moves(x, freed):
+            continue
+        ways = [x]
+        for one in link.search(link.starts(x, (place.open & link.turns) | mine.ravel()), freed):
+            if all(link.apart(one, way) > APART for way in ways):
+                ways.append(_near(link, one, x))
+                yield int(k), ways[-1]
 
 
 def _following(start: Start, free: BoolArray, moved: BoolArray) -> IntArray:

@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pytest
 
+from hfsim.commands.init import starters
 from hfsim.errors import DeckError
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -289,3 +290,14 @@ solve: {duration: 0.1}
 """
     with pytest.raises(DeckError, match=r"motor.*contradict this joint by 21 rad/s"):
         build(parse_deck(deck))
+
+
+def test_a_stated_angle_hides_no_other_way_to_close():
+    bar = starters()["four_bar"]
+    for stated, other in (("${pi - acos(1 / 9)}", -96.379), ("-96.3794 deg", 96.379)):
+        deck = bar.replace("${pi - acos(1 / 9)}", stated)
+        (way,) = build(parse_deck(deck, "deck", [])).assembly.branches()
+        assert next(iter(way)) == "rocker" and np.degrees(way["rocker"]) == pytest.approx(other, abs=1e-3)
+        told = [f"initial.rocker.angle={np.degrees(way['rocker'])} deg"]
+        found = build(parse_deck(deck, "deck", told)).assembly.closed
+        assert found["coupler"] == pytest.approx(way["coupler"], abs=1e-6)
