@@ -28,7 +28,10 @@ Written by `python tests/deck_reference.py` from the classes that read decks. Ev
 (`"12 deg"`, `"7 GPa"`) or an expression of parameters (`"${length / 2}"`); where a unit is named, it is that of a bare
 number. `-`: the key must be there; *none*: nothing is there without it.
 """
-SHARED = {"orientation": "Orientations", "law": "Laws of time"}
+SHARED = {
+    **{"orientation": "Orientations", "law": "Laws of time"},
+    **{"friction": "Friction in joints", "stops": "Stops of joints"},
+}
 """What many entries have: the section that tells of it."""
 SPECIAL = {
     **{"quaternion": [1, 0, 0, 0], "expression": "2 * sin(3 * t)", "unit": "rpm", "column": "torque", "time_column": "t"},
@@ -96,6 +99,10 @@ def family(schema: dict[str, Any]) -> str:
     every = kinds(schema) if "description" in schema else []
     if every and "quaternion" in every[0]["properties"]:
         return "orientation"
+    if len(every) == 1 and "transition" in every[0]["properties"] and "lower" in every[0]["properties"]:
+        return "stops"
+    if len(every) == 1 and set(every[0]["properties"]) in ({"torque", "velocity"}, {"force", "velocity"}):
+        return "friction"
     return "law" if len(every) > 1 and "rate" in str(every) and {"type": "number"} in schema["anyOf"] else ""
 
 
@@ -107,11 +114,18 @@ def told(schema: dict[str, Any], entries: list[Any], name: str) -> Iterator[str]
         title = (kind["properties"].get("type") or kind["properties"].get("shape", {})).get("const")
         yield ""
         if len(every) > 1:
-            yield f"### {name}: {title or ', '.join(kind.get('required', ()))}"
+            yield f"### {name}: {title or _of(kind) or ', '.join(kind.get('required', ()))}"
             yield ""
             yield kind["description"]
             yield ""
         yield from table(kind, own)
+
+
+def _of(kind: dict[str, Any]) -> str:
+    """Return what friction or stops resist; empty for all else."""
+    properties = kind["properties"]
+    rate = properties.get("lower") or (properties.get("velocity") if len(properties) == 2 else None)
+    return "" if rate is None else "of turns" if "[rad" in rate["description"] else "of shifts"
 
 
 def kinds(schema: Any) -> list[dict[str, Any]]:
@@ -153,7 +167,7 @@ def usual(key: str, schema: dict[str, Any], what: str) -> str:
         return shown(schema["const"] if "const" in schema else schema["enum"][-1])
     if key in SPECIAL and what.startswith("text") == isinstance(SPECIAL[key], str):
         return shown(SPECIAL[key])
-    if family(schema):
+    if family(schema) in ("law", "orientation"):
         return shown({"type": "sine", "amplitude": 0.1, "frequency": 2.0} if family(schema) == "law" else {"axis": [0, 0, 1], "angle": "30 deg"})
     if inner := kinds(schema):
         needed = {name: one for name, one in inner[0]["properties"].items() if name in inner[0].get("required", [name])}
@@ -166,8 +180,9 @@ def value_of(schema: dict[str, Any]) -> str:
     """Return in words what a value may be."""
     if "pattern" in schema:
         return ""  # every number may be an expression
-    if family(schema):
-        return "number, text or [law](#laws-of-time)" if family(schema) == "law" else "[orientation](#orientations)"
+    if word := family(schema):
+        link = f"[{word}](#{SHARED[word].lower().replace(' ', '-')})"
+        return f"number, text or {link}" if word == "law" else link
     if "const" in schema:
         return shown(schema["const"])
     if "enum" in schema:
