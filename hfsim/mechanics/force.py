@@ -67,6 +67,10 @@ class ForcePart:
     why: ClassVar[str] = "it acts"
     """Why it is there where it is not idle, in the words of plans."""
 
+    of_strain_rates: ClassVar[bool] = False
+    """Whether it resists rates of strains alone.  Its derivative by x is then that of axes which turn with
+    the body; where forces are linearised for corrections it is left out, as these go along with such axes."""
+
     @property
     def idle(self) -> bool:
         """Whether it is zero in every state."""

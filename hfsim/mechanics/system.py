@@ -287,7 +287,7 @@ class System:
         """Return the equations of motion linearised at a state (n,)."""
         time, x, u = np.array([t]), self.absolute(q[None]), self.absolute_velocity(q[None], v[None])
         equations, reduction = self.equations, self.reduction
-        stiff = [part.tangent(time, x, u) for part in self.forces]
+        stiff = [part.tangent(time, x, u) for part in self.forces if not part.of_strain_rates]
         if not equations.phi.constant:
             multipliers = equations.solve(time, x, u, self.force(time, x, u))[1]
             stiff += equations.phi.stiffness(x, multipliers)

@@ -165,6 +165,7 @@ class MaterialDamping(ForcePart):
     rule: ClassVar[str] = "damping"
     told: ClassVar[str] = "damping of the material"
     why: ClassVar[str] = "materials have retardation times"
+    of_strain_rates: ClassVar[bool] = True
 
     @property
     def idle(self) -> bool:
