@@ -83,7 +83,8 @@ def test_what_was_put_down_has_its_rows_and_then_curves(monkeypatch):
 
 
 def test_refined_runs_have_curves():
-    loaded = load_deck(CASES / "pendulum.yaml", ["solve.target_error=1e-2", "solve.budget=30"])
+    short = ["solve.duration=0.3", "output.interval=0.03"]
+    loaded = load_deck(CASES / "pendulum.yaml", [*short, "solve.target_error=1e-1", "solve.budget=30"])
     wish = {"error_estimate": True, "diagnosis": False, "after": None, "outlines": True}
     result = carry_out(loaded, None, **wish)
     assert len(result.drawn.t) > 1.5 * len(result.t)

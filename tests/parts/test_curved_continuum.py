@@ -5,9 +5,9 @@ import json
 import numpy as np
 import pytest
 from analytical import gauss, homogeneous_energy, jacobian
+from beam_laws import DENSITY, HEIGHT, LAMBDA, MU, OWN, WIDTH
 from cantilevers import at_rest, cantilever, displacement, inside
 
-from hfsim.deck.materials import BeamProperties
 from hfsim.maths.rotations import cross, rotation
 from hfsim.maths.shapes import gauss_lobatto
 from hfsim.parts.bodies.beam_axis import Arc, Axis, Curve, Line
@@ -16,16 +16,6 @@ from hfsim.parts.elements import ELASTIC_FORMS, Continuum, Measures, join_laws
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
-HEIGHT, WIDTH, DENSITY, LAMBDA, MU = 0.3, 0.2, 3.0, 500.0, 400.0
-OWN = BeamProperties(
-    mass_per_length=DENSITY * HEIGHT * WIDTH,
-    axial_stiffness=300.0,
-    lame_lambda=LAMBDA,
-    lame_mu=MU,
-    height=HEIGHT,
-    width=WIDTH,
-    breadth=WIDTH,
-)
 SPLINE = Curve(np.array([[0.0, 0.0, 0.0], [0.4, 0.1, 0.1], [0.8, 0.4, 0.1], [1.0, 0.7, 0.4]]))
 AXES = {
     "arc": Axis(Arc(0.9), 1.4),

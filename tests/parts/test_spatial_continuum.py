@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 from analytical import gauss, homogeneous_energy, jacobian
+from beam_laws import DENSITY, HEIGHT, LAMBDA, MU, OWN, WIDTH
 
-from hfsim.deck.materials import BeamProperties
 from hfsim.maths.rotations import rotation, rotation_vector
 from hfsim.maths.shapes import gauss_lobatto
 from hfsim.parts.bodies.mesh import BeamMesh
@@ -14,17 +14,7 @@ from hfsim.parts.elements import Continuum, join_laws
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 
-LENGTH, HEIGHT, WIDTH = 0.7, 0.3, 0.2
-LAMBDA, MU, DENSITY = 500.0, 400.0, 3.0
-OWN = BeamProperties(
-    mass_per_length=DENSITY * HEIGHT * WIDTH,
-    axial_stiffness=300.0,
-    lame_lambda=LAMBDA,
-    lame_mu=MU,
-    height=HEIGHT,
-    width=WIDTH,
-    breadth=WIDTH,
-)
+LENGTH = 0.7
 DEGREES = [(3, 1), (3, 2), (5, 4)]
 CASES = [(p, q, n_dim) for p, q in DEGREES for n_dim in (2, 3)]
 R = rotation(np.array([0.7, -1.1, 0.4]))
