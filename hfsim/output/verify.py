@@ -20,19 +20,26 @@ def _number(value: float | None) -> str:
 
 
 def _what(row: Row) -> str:
-    """Return a quantity with what is set for it, by the last words of the paths."""
-    changed = ", ".join(f"{path.rpartition('.')[2]} {_plain(value)}" for path, value in row.variant.items())
-    study = "" if row.study == "run" else f"{row.study}: "
-    return f"{study}{row.quantity}{f' [{changed}]' if changed else ''}"
+    """Return a quantity, with its study where that is no run."""
+    return row.quantity if row.study == "run" else f"{row.study}: {row.quantity}"
+
+
+def _set(row: Row) -> str:
+    """Return what is set for a row."""
+    return ", ".join(f"{path}: {_plain(value)}" for path, value in row.variant.items())
 
 
 def _plain(value: Any) -> str:
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{key}: {_plain(one)}' for key, one in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_plain, value))}]"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
 COLUMNS = (
     Column("deck"), Column("quantity"),
-    Column("set", lambda row: "; ".join(f"{path}={value}" for path, value in row.variant.items())),
+    Column("set", _set),
     *map(Column, ("study", "published", "found", "difference", "bound", "unit", "time_error")),
     *map(Column, ("verdict", "grade", "source", "reason")),
 )  # fmt: skip
@@ -55,8 +62,20 @@ def as_text(result: Verification) -> str:
     blocks = []
     for name, rows in _by_deck(result):
         misses = [wrapped(f"{_what(row)}: {row.reason}") for row in rows if row.reason]
-        blocks.append("\n".join([_head(name, rows[0]), table(_TEXT, rows), *misses]))
+        lines = _indented(table(_TEXT, rows).splitlines(), rows)
+        blocks.append("\n".join([_head(name, rows[0]), *lines, *misses]))
     return "\n\n".join([*blocks, _last(result)])
+
+
+def _indented(lines: Sequence[str], rows: Sequence[Row]) -> Iterator[str]:
+    """Yield the lines of a table with a line for what is set before the rows that share it."""
+    yield lines[0]
+    before = ""
+    for line, row in zip(lines[1:], rows, strict=True):
+        if (changed := _set(row)) != before:
+            yield wrapped(f"with {changed}:" if changed else "as it is:")
+            before = changed
+        yield line
 
 
 def _by_deck(result: Verification) -> Iterator[tuple[str, list[Row]]]:
@@ -74,7 +93,12 @@ def _last(result: Verification) -> str:
 
 def as_markdown(result: Verification) -> str:
     """Return the same for pages."""
-    blocks = [f"## {_head(name, rows[0])}\n\n{_table(rows)}" for name, rows in _by_deck(result)]
+    blocks = []
+    for name, rows in _by_deck(result):
+        blocks.append(f"### {_head(name, rows[0])}")
+        for changed, some in groupby(rows, _set):
+            blocks += [f"With `{changed}`:"] if changed else []
+            blocks.append(_table(list(some)))
     return "\n\n".join(blocks)
 
 

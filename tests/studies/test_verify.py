@@ -158,7 +158,7 @@ def test_the_command_writes_tables_and_says_what_is_missed(deck, tmp_path):
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == ["held", "held", "missed", "held", "held"]
     assert float(rows[2]["difference"]) == pytest.approx(0.01)
-    assert rows[4]["set"] == "parameters.m=0.5; solve.duration=1"
+    assert rows[4]["set"] == "parameters.m: 0.5, solve.duration: 1"
 
 
 def test_a_deck_without_published_values_is_refused(deck):
