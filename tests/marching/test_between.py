@@ -90,11 +90,10 @@ def test_refined_runs_have_curves():
     assert len(result.drawn.t) > 1.5 * len(result.t)
 
 
-def test_runs_that_are_not_drawn_have_none_and_what_is_not_finite_is_left_out(monkeypatch):
+def test_runs_without_outlines_have_curves_too_and_what_is_not_finite_is_left_out(monkeypatch):
     loaded = load_deck(CASES / "pendulum.yaml", ["solve.tolerance=1e-4"])
-    plain = run(loaded, outlines=False)
-    assert plain.fine is None and plain.drawn is plain
-    done = run(loaded)
+    done = run(loaded, outlines=False)
+    assert len(run(loaded, outlines=False).drawn.t) > len(done.t)
     monkeypatch.setattr(System, "project", lambda self, t, q, v: (q * np.nan, v * np.nan))
     assert done.drawn.t.tobytes() == done.t.tobytes()
 

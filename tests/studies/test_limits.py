@@ -202,7 +202,9 @@ def test_theory():
     assert theory("radau").longest is None
 
 
-@pytest.mark.parametrize(("method", "order"), [("explicit", None), ("gear", 3), ("gear", 5)])
+@pytest.mark.parametrize(
+    ("method", "order"), [("explicit", None), ("gear", 3), pytest.param("gear", 5, marks=pytest.mark.slow)]
+)
 def test_measured_and_predicted_steps_agree_within_a_per_cent(method, order):
     found = measure(LimitJob(WHEEL, "wheel", (), "exact", method, order, 30.0))
     assert abs(found.deviation) < 0.01, found
