@@ -13,7 +13,7 @@ from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import setting_options, talk_options
 from hfsim.errors import HfsimError
 from hfsim.output.talk import Talk
-from hfsim.output.text import plural, wrapped
+from hfsim.output.text import at_terminal, plural, wrapped
 
 _NOUNS = {
     "joints": "joint",
@@ -55,8 +55,9 @@ def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
     warnings = [*loaded.warnings, *facts.get("warnings", ())]
     talk.facts({"deck": argument, "ok": True, **facts, "warnings": warnings})
     lines = [*_assembled(facts.get("assembly") or {}), *free_motions(facts)]
-    every = [wrapped(f"ok: {describe(facts)}", f"{argument}: ", "    "), *(wrapped(line) for line in lines)]
-    talk.result("\n".join(every))
+    every = [(f"{argument}: ", f"ok: {describe(facts)}"), *(("  ", line) for line in lines)]
+    fit = at_terminal()
+    talk.result("\n".join(wrapped(line, head, "    ") if fit else head + line for head, line in every))
     talk.warn(argument, facts.get("warnings", ()))
     for key, value in facts.items():
         talk.detail(f"  {key}: {value}")

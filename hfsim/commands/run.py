@@ -221,6 +221,8 @@ def _job(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, forc
     folder = claim(path, force or settings.resume)
     if checkpoint is not None:
         settings.talk.note(f"{path}: going on at row {len(checkpoint.memory['table'])}")
+    elif status:
+        settings.talk.note(f"{path}: begun anew, it had not come to its first checkpoint")
     elif folder.replaces:
         hint = "; --resume would go on with it" if (path / "checkpoint.npz").exists() else ""
         settings.talk.note(f"{path}: replacing {folder.replaces}{hint}")

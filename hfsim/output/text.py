@@ -23,14 +23,15 @@ _file = ContextVar("file", default=False)
 
 def line_width() -> int:
     """Return how many characters a line may have: those of the terminal, or of ``COLUMNS``; else `WIDTH`."""
-    if not _terminal():
+    if not at_terminal():
         return WIDTH
     import shutil
 
     return max(_NARROWEST, shutil.get_terminal_size((WIDTH, 24)).columns)
 
 
-def _terminal() -> bool:
+def at_terminal() -> bool:
+    """Return whether text is for a terminal, not for a pipe or a file."""
     return not _file.get() and sys.stdout is not None and sys.stdout.isatty()
 
 
@@ -126,7 +127,7 @@ def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
       ancf   0.1 s
     """
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    if _terminal():
+    if at_terminal():
         whole = [max(map(_uncut, column)) for column in zip(*rows, strict=True)]
         widths = _fitting(widths, whole, line_width() - len(indent) - 2 * (len(widths) - 1))
     lines = []
