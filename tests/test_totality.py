@@ -272,8 +272,8 @@ class CubicSpring(ForcePart):
 class Sandwich(Continuum):
     """An element of one's own: two thirds of the mass lie in the faces."""
 
-    def mass(self, properties, count=1):
-        return super().mass(properties._replace(height=1.5 * properties.height), count)
+    def mass(self, properties, count=1, start=0.0):
+        return super().mass(properties._replace(height=1.5 * properties.height), count, start)
 
 
 @pytest.mark.parametrize(
