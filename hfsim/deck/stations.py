@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -198,8 +198,23 @@ def _steps_of(stations: Sequence[StationSpec]) -> dict[int, float]:
 
 def equal_parts(stations: Sequence[StationSpec]) -> int:
     """Return the fewest equal parts into which a beam is cut so that all steps are nodes."""
-    steps = (Fraction(place).limit_denominator(_MOST_PARTS) for place in _steps_of(stations).values())
-    return math.lcm(1, *(one.denominator for one in steps))
+    return _parts(_steps_of(stations).values())
+
+
+def elements_for(places: Sequence[Any], usual: int) -> int:
+    """Return a number of elements, a usual one or more, with nodes where a deck has two stations at a place.
+
+    The usual one where that takes too many: what is wrong with the stations is told elsewhere.
+    """
+    pairs = ((before, beyond) for before, beyond in pairwise(places) if isinstance(beyond, float))
+    steps = [beyond for before, beyond in pairs if before == beyond and math.isfinite(beyond)]
+    parts = _parts(steps)
+    met = all(abs(one * parts - round(one * parts)) <= _ROUNDING * parts for one in steps)
+    return -(-usual // parts) * parts if met and parts <= _MOST_PARTS else usual
+
+
+def _parts(places: Iterable[float]) -> int:
+    return math.lcm(1, *(Fraction(one).limit_denominator(_MOST_PARTS).denominator for one in places))
 
 
 def _step_complaints(stations: Sequence[StationSpec], elements: int) -> Iterator[Complaint]:

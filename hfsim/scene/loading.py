@@ -19,7 +19,7 @@ from pydantic import TypeAdapter, ValidationError
 from hfsim.deck.source import DeckSource, override, parse_source, read_source
 from hfsim.deck.spec import Complaint, explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
-from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS
+from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS, BeamSpec
 from hfsim.scene.checks import complaints_of, slips_of
 from hfsim.scene.schema import Deck
 
@@ -69,10 +69,14 @@ class LoadedDeck:
         """
         if not self.auto_elements:
             return self
+        bodies = self.deck.bodies.items()
+        beams = {name: body.elements for name, body in bodies if isinstance(body, BeamSpec)}
+        taken = {name: beams[name] for name in self.auto_elements}
         if note is not None:
-            words = f"elements: auto of {', '.join(self.auto_elements)} taken as {DEFAULT_ELEMENTS}"
-            note(f"{self.deck.name}: {words}; only hfsim run chooses them")
-        numbers = [f"bodies.{name}.elements={DEFAULT_ELEMENTS}" for name in self.auto_elements]
+            kinds = {count: [one for one in taken if taken[one] == count] for count in taken.values()}
+            words = ", ".join(f"of {', '.join(names)} taken as {count}" for count, names in kinds.items())
+            note(f"{self.deck.name}: elements: auto {words}; only hfsim run chooses them")
+        numbers = [f"bodies.{name}.elements={count}" for name, count in taken.items()]
         stated = self.source.data["solve"]
         none = [f"solve.{key}=null" for key in ("target_error", "target_channels", "budget") if key in stated]
         return self.changed((*numbers, *none))
@@ -194,6 +198,7 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
     stated = ((key, value) for key, value in source.data.items() if key not in _WORKED_OUT)
     data = {"name": stem, **{key: value for key, value in stated if value is not None}}
     auto = _auto_elements(data)
+    _put_nodes_at_steps(data, auto)
     solve = data.get("solve")
     if auto and isinstance(solve, dict) and solve.get("target_error") is None:
         data["solve"] = {**solve, "target_error": DEFAULT_TARGET}
@@ -242,6 +247,19 @@ def _auto_elements(data: dict[str, Any]) -> tuple[str, ...]:
     bodies = data.get("bodies")
     pairs = bodies.items() if isinstance(bodies, dict) else ()
     return tuple(name for name, body in pairs if isinstance(body, dict) and body.get("elements") == "auto")
+
+
+def _put_nodes_at_steps(data: dict[str, Any], auto: tuple[str, ...]) -> None:
+    """Replace elements that are left open by a number with nodes at the steps of sections, if any."""
+    for name in auto:
+        body = data["bodies"][name]
+        stations = body.get("stations")
+        if isinstance(stations, list) and len(stations) > 2:
+            from hfsim.deck.stations import elements_for
+
+            places = [one.get("at") if isinstance(one, dict) else None for one in stations]
+            body = {**body, "elements": elements_for(places, DEFAULT_ELEMENTS)}
+            data["bodies"] = {**data["bodies"], name: body}
 
 
 def _readable_entries(data: dict[str, Any]) -> dict[str, Any]:

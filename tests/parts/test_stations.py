@@ -10,6 +10,7 @@ import yaml
 from cantilevers import at_rest, displacement, inside
 
 from hfsim.deck.materials import SectionProperties
+from hfsim.errors import DeckError
 from hfsim.maths.rotations import rotation
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.build import build
@@ -325,3 +326,28 @@ def test_damping_follows_the_material_along_the_beam():
 
 def sizes_of_round(s):
     return np.interp(s, [0.0, 0.5, 1.0], [0.02, 0.01, 0.02])
+
+
+@pytest.mark.parametrize(("step", "elements"), [(1 / 3, 6), (0.25, 4), (0.4, 5), (0.1234567, 4)])
+def test_elements_left_open_have_nodes_at_steps(step, elements):
+    """As few as that takes, four or more; a step that no mesh meets is refused as before."""
+    at = ((0, "a"), (step, "a"), (step, "b"), (1, "b"))
+    stations = ", ".join(f"{{at: {place}, section: {section}}}" for place, section in at)
+    text = f"""
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {{stuff: {{density: 1000.0, youngs_modulus: 1.0e7}}}}
+sections: {{a: {{shape: circle, radius: 0.02}}, b: {{shape: circle, radius: 0.01}}}}
+bodies: {{b: {{type: beam, material: stuff, length: 1.0, elements: auto, stations: [{stations}]}}}}
+joints: {{pin: {{type: revolute, between: [ground, b.root]}}}}
+solve: {{duration: 0.3}}
+"""
+    if step == 0.1234567:
+        with pytest.raises(DeckError, match="is inside one of 4 elements"):
+            parse_deck(text)
+        return
+    notes = []
+    loaded = parse_deck(text)
+    assert loaded.deck.bodies["b"].elements == elements
+    assert loaded.with_numbers(notes.append).deck.bodies["b"].elements == elements
+    assert f"elements: auto of b taken as {elements}" in notes[0]

@@ -29,7 +29,7 @@ class CoordinateSpringSpec(SpringSpec):
             hint = "or give a table, damping, friction, stops or a preload"
             yield Complaint(("stiffness",), "missing key", hint, True)
         for key in ("stiffness", "preload"):
-            if self.table is not None and key in self.model_fields_set:
+            if self.table is not None and getattr(self, key):  # zeros stand in resolved decks
                 yield Complaint((key,), "the table says this already", "leave one of them out", True)
 
     @property
