@@ -7,12 +7,15 @@ import os
 import re
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
 import click
 
 from hfsim.output.pictures import FORMATS
 from hfsim.output.talk import Destination, Talk
+
+if TYPE_CHECKING:
+    from hfsim.studies.cluster import Workers
 
 _Option: TypeAlias = Callable[[Any], Any]
 
@@ -149,6 +152,30 @@ def jobs_option(default: int = 0) -> _Option:
         show_default=True,
         help="Processes at a time.",
     )
+
+
+workers_options = _gathered(
+    "workers",
+    lambda jobs, dask, dask_config: _workers(jobs, dask, dask_config),
+    jobs=jobs_option(os.cpu_count() or 1),
+    dask=click.option(
+        "--dask", metavar="ADDRESS", default="",
+        help="Work on a cluster of dask.distributed: its scheduler, tcp://HOST:8786, or local.",
+    ),
+    dask_config=click.option(
+        "--dask-config", type=click.Path(path_type=Path), metavar="FILE",
+        help="Start a cluster as a YAML file says: cluster: dask_jobqueue.SLURMCluster, options, workers.",
+    ),
+)  # fmt: skip
+"""A command gets these as one parameter ``workers``, a `Workers`."""
+
+
+def _workers(jobs: int, dask: str, dask_config: Path | None) -> Workers:
+    from hfsim.studies.cluster import Workers
+
+    if dask and dask_config is not None:
+        raise click.UsageError("--dask and --dask-config are one or the other")
+    return Workers(jobs, dask, dask_config)
 
 
 def names(text: str | None) -> tuple[str, ...]:

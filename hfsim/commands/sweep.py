@@ -2,17 +2,26 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from hfsim.commands import import_libraries
 from hfsim.commands.decks import load_numbered
-from hfsim.commands.options import jobs_option, output_options, setting_options, talk_options, time_option
+from hfsim.commands.options import (
+    output_options,
+    setting_options,
+    talk_options,
+    time_option,
+    workers_options,
+)
 from hfsim.output.talk import Destination, Talk, print_error
+
+if TYPE_CHECKING:
+    from hfsim.studies.cluster import Workers
 
 _MANY = 100_000
 """Runs beyond which one is asked to say --yes."""
@@ -50,7 +59,7 @@ _MANY = 100_000
     show_default=True,
     help="What is kept of each run beside its row.",
 )
-@jobs_option(os.cpu_count() or 1)
+@workers_options
 @click.option("--resume", is_flag=True, help="Go on with what was interrupted; do only what is missing.")
 @click.option("--yes", is_flag=True, help=f"Do more than {_MANY} runs.")
 @click.option("--no-error-estimate", is_flag=True, help="Skip the second integrations that measure errors.")
@@ -69,7 +78,7 @@ def sweep(
     table: Path | None,
     collect: tuple[str, ...],
     keep: str,
-    jobs: int,
+    workers: Workers,
     resume: bool,
     yes: bool,
     no_error_estimate: bool,
@@ -91,7 +100,6 @@ def sweep(
     import_libraries()
     from hfsim.output.progress import Progress
     from hfsim.output.sweep import into_folder, wanted_of
-    from hfsim.studies.farm import Farm
     from hfsim.studies.sweep.asked import Asked
 
     deck, collect = _deck_of(words, collect)
@@ -99,11 +107,15 @@ def sweep(
     estimates = (not no_error_estimate, mesh_error, diagnosis)
     asked = Asked(read_vary(vary), sample, sampler, seed, table, collect, yes, *estimates, limit)
     wanted = wanted_of(asked, loaded, talk.note, keep, deck)
-    with Progress(f"{loaded.deck.name}, sweep", sys.stderr, talk.quiet) as progress:
-        result = into_folder(wanted, Farm(jobs), to, talk, progress, resume)
+    with (
+        workers.executor(wanted.texts) as executor,
+        Progress(f"{loaded.deck.name}, sweep", sys.stderr, talk.quiet) as progress,
+    ):
+        result = into_folder(wanted, executor, to, talk, progress, resume)
     if result.status == "interrupted":
-        print_error("interrupted; what was computed until then is kept, --resume goes on with it")
-        raise click.exceptions.Exit(130)
+        why = executor.lost or "interrupted"
+        print_error(f"{why}; what was computed until then is kept, --resume goes on with it")
+        raise click.exceptions.Exit(5 if executor.lost else 130)
 
 
 def _deck_of(words: Sequence[str], collect: Sequence[str]) -> tuple[str, tuple[str, ...]]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import NamedTuple
 
@@ -14,6 +16,20 @@ MOST_FILES = 100
 """Files of a deck."""
 _LONGEST = 255
 """Characters of a file's name."""
+
+
+_sent: dict[str, str] = {}
+"""Texts of files that came with a job, by their names: they stand for files."""
+
+
+@contextmanager
+def sent(texts: Mapping[str, str]) -> Iterator[None]:
+    """Let texts stand for files of these names inside the block."""
+    _sent.update(texts)
+    try:
+        yield
+    finally:
+        _sent.clear()
 
 
 class FileRefusedError(Exception):
@@ -52,7 +68,7 @@ class Folder:
 
     def __init__(self, deck: str) -> None:
         self.deck = os.path.realpath(deck)
-        self._path = Path(deck).parent if os.path.isfile(deck) else None
+        self._path = Path(deck).parent if deck in _sent or os.path.isfile(deck) else None
         self._left, self._read = LARGEST, 0
 
     def read(self, name: object, beside: str = "") -> Text:
@@ -73,7 +89,10 @@ class Folder:
         if self._path is None:
             why = "a deck that is no file has no folder, and so no other files"
             raise FileRefusedError(why, "save the deck beside them")
-        path = self._inside(name, Path(beside).parent if beside else self._path)
+        folder = Path(beside).parent if beside else self._path
+        if isinstance(name, str) and (found := _sent.get(str(folder / name))) is not None:
+            return Text(str(folder / name), found, str(folder / name))
+        path = self._inside(name, folder)
         self._read += 1
         if self._read > MOST_FILES:
             raise FileRefusedError(f"more than {MOST_FILES} files")

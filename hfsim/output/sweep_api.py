@@ -13,7 +13,7 @@ from hfsim.marching.stop import Progress
 from hfsim.output.api import AnyDeck, load
 from hfsim.output.sweep import Rows, into_folder, perform, wanted_of
 from hfsim.output.talk import Destination, Talk
-from hfsim.studies.farm import Farm
+from hfsim.studies.cluster import ClusterLost, Workers
 from hfsim.studies.sweep.asked import Asked
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def sweep(
     seed: int | None = None,
     table: str | os.PathLike[str] | None = None,
     jobs: int = 0,
+    dask: str = "",
     error_estimate: bool = True,
     mesh_error: bool = False,
     limit: float | None = None,
@@ -59,6 +60,8 @@ def sweep(
         CSV file that has the runs, paths in its first row.
     jobs : int
         Processes; 0 for all cores.
+    dask : str
+        Instead: the address of a scheduler of dask.distributed, or ``"local"``.
     error_estimate, mesh_error : bool
         Whether errors of time and mesh are measured.
     limit : float, optional
@@ -89,12 +92,15 @@ def sweep(
         None if table is None else Path(table), collect, True, error_estimate, mesh_error, limit=limit,
     )  # fmt: skip
     wanted = wanted_of(asked, load(deck, changes).with_numbers(), _silent, keep)
-    executor, told = Farm(jobs or os.cpu_count() or 1), progress or _no_progress
-    if output is None:
-        result = perform(wanted, executor, Rows(wanted.plan), told)
-    else:
-        to = Destination(Path(output), force, plots)
-        result = into_folder(wanted, executor, to, Talk(quiet=True), told, resume)
+    told = progress or _no_progress
+    with Workers(jobs or os.cpu_count() or 1, dask).executor(wanted.texts) as executor:
+        if output is None:
+            result = perform(wanted, executor, Rows(wanted.plan), told)
+        else:
+            to = Destination(Path(output), force, plots)
+            result = into_folder(wanted, executor, to, Talk(quiet=True), told, resume)
+    if executor.lost:
+        raise ClusterLost(executor.lost)
     if result.status == "interrupted":
         raise KeyboardInterrupt
     return result

@@ -84,12 +84,15 @@ class Executor(ABC):
         Whether a signal has ended `serve`.
     patient : bool
         Whether the deadline does not count yet: tasks have limits of their own.
+    lost : str
+        What else has ended it; empty if nothing has.
     """
 
     jobs: int
     deadline: float = float("inf")
     interrupted: bool = False
     patient: bool = False
+    lost: str = ""
     _queue: deque[Task] = field(default_factory=deque)
     _more: Iterator[Task] = field(default_factory=lambda: iter(()))
 
@@ -132,7 +135,7 @@ class Executor(ABC):
     @property
     def why_unreached(self) -> str:
         """Why there are any."""
-        return "interrupted" if self.interrupted else "the budget was used up"
+        return self.lost or ("interrupted" if self.interrupted else "the budget was used up")
 
     def _next(self) -> Task | None:
         """Take the next task from the queue; None if there is none."""

@@ -1,0 +1,168 @@
+"""Sweeps on clusters of dask.distributed: real schedulers and workers, some of which are killed."""
+
+import csv
+import json
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("distributed")
+
+from hfsim.deck.files import sent
+from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.studies.cluster import ClusterError, Workers, _work
+
+DECK = """
+hfsim: 1
+name: wheel
+include: parts/hub.yaml
+joints: {pin: {type: revolute, between: [ground, hub]}}
+springs: {coil: {type: rotational, between: [ground, hub], stiffness: 100.0}}
+initial: {hub: {angular_velocity: 1.0}}
+solve: {duration: 0.5, tolerance: 1.0e-8}
+output: {channels: [hub.angle]}
+"""
+HUB = "bodies: {hub: {type: rigid, mass: 1.0, inertia: 1.0}}\n"
+
+
+@pytest.fixture
+def wheel(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "wheel.yaml").write_text(DECK)
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts/hub.yaml").write_text(HUB)
+    return tmp_path
+
+
+def test_texts_that_came_with_a_job_stand_for_files(tmp_path):
+    deck, hub = str(tmp_path / "far/wheel.yaml"), str(tmp_path / "far/parts/hub.yaml")
+    with sent({deck: DECK, hub: HUB}):
+        assert "hub" in parse_deck(DECK, deck).deck.bodies
+    with pytest.raises(Exception, match="no folder"):
+        parse_deck(DECK, deck)
+
+
+def test_other_versions_are_told():
+    value, _, differences = _work({"hfsim": "0.0.0"}, {}, len, "abc")
+    assert value is None and "not 0.0.0" in differences
+
+
+@pytest.mark.parametrize(
+    ("text", "why"),
+    [
+        ("workers: 3", "write cluster"),
+        ("cluster: dask_jobqueue.NoCluster", "NoCluster|dask_jobqueue"),
+        ("cluster: distributed.LocalCluster\nnodes: 3", "write cluster"),
+    ],
+)
+def test_files_that_describe_no_cluster_are_refused(tmp_path, text, why):
+    (tmp_path / "cluster.yaml").write_text(text)
+    with (
+        pytest.raises(ClusterError, match=why),
+        Workers(1, config=tmp_path / "cluster.yaml").executor(),
+    ):
+        pass
+
+
+# --- real ones -----------------------------------------------------------------------------------
+
+
+def command(*words, **options):
+    return subprocess.Popen([sys.executable, *map(str, words)], stdout=subprocess.DEVNULL, **options)
+
+
+@contextmanager
+def cluster(folder, count=2):
+    """Start a scheduler and workers by hand, in a folder without decks."""
+    place, here = folder / "scheduler.json", {"cwd": folder, "stderr": subprocess.DEVNULL}
+    own = ("--scheduler-file", place, "--host", "127.0.0.1", "--no-dashboard")
+    started = [command("-m", "distributed.cli.dask_scheduler", *own, "--port", 0, **here)]
+    try:
+        end = time.monotonic() + 60.0
+        while not place.exists() and time.monotonic() < end:
+            time.sleep(0.1)
+        address = json.loads(place.read_text())["address"]
+        alone = ("--nthreads", 1, "--no-nanny", "--no-dashboard", "--host", "127.0.0.1")
+        for _ in range(count):
+            started.append(command("-m", "distributed.cli.dask_worker", address, *alone, **here))
+        yield address, started
+    finally:
+        for one in started:
+            one.kill()
+            one.wait()
+
+
+GRID = ("--vary", "springs.coil.stiffness=lin(50,150,100)", "--vary", "solve.method=gauss,radau")
+
+
+def sweep(folder, *options):
+    words = ("-m", "hfsim", "sweep", "wheel.yaml", *GRID, "--no-plots", "-o", folder, *options)
+    return command(*words, stderr=subprocess.PIPE)
+
+
+def table(folder):
+    with (Path(folder) / "sweep.csv").open(newline="") as file:
+        return [{key: value for key, value in row.items() if key != "cpu_s"} for row in csv.DictReader(file)]
+
+
+def lines(folder):
+    path = Path(folder) / "runs.jsonl"
+    return path.read_bytes().count(b"\n") if path.exists() else 0
+
+
+def wait_for(folder, count):
+    end = time.monotonic() + 120.0
+    while lines(folder) < count:
+        assert time.monotonic() < end, "no runs came"
+        time.sleep(0.02)
+
+
+def finished(process, code=0):
+    _, told = process.communicate(timeout=300.0)
+    assert process.returncode == code, told.decode()
+    return told.decode()
+
+
+@pytest.mark.slow
+def test_processes_dask_and_workers_by_hand_give_one_table(wheel, tmp_path_factory):
+    finished(sweep("processes", "--jobs", 2))
+    finished(sweep("local", "--dask", "local", "--jobs", 2))
+    (wheel / "cluster.yaml").write_text(
+        "cluster: distributed.LocalCluster\nworkers: 1\n"
+        "options: {n_workers: 1, threads_per_worker: 2, dashboard_address: null}\n"
+    )
+    finished(sweep("configured", "--dask-config", "cluster.yaml"))
+    with cluster(tmp_path_factory.mktemp("far")) as (address, started):
+        cut = sweep("cut", "--dask", address)
+        wait_for("cut", 30)
+        assert lines("cut") < 200
+        started[-1].send_signal(signal.SIGKILL)
+        finished(cut)
+    assert table("processes") == table("local") == table("configured") == table("cut")
+    assert lines("cut") == 200
+
+
+@pytest.mark.slow
+def test_what_a_lost_scheduler_leaves_is_gone_on_with(wheel, tmp_path_factory):
+    with cluster(tmp_path_factory.mktemp("far")) as (address, started):
+        lost = sweep("lost", "--dask", address)
+        wait_for("lost", 20)
+        started[0].send_signal(signal.SIGKILL)
+        assert "--resume" in finished(lost, 5)
+    assert 20 <= lines("lost") < 200
+    finished(sweep("lost", "--resume"))
+    finished(sweep("whole"))
+    assert table("lost") == table("whole")
+    assert load_deck("wheel.yaml").deck.name == "wheel"
+
+
+@pytest.mark.slow
+def test_no_scheduler_is_told_before_anything_runs(wheel):
+    told = finished(sweep("none", "--dask", "tcp://127.0.0.1:9"), 2)
+    assert "no scheduler answers" in told
+    assert not (wheel / "none").exists()
