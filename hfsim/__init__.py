@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
     from hfsim.marching.solution import Run
     from hfsim.output.api import Deck, check, compare, load, run, static, verify
+    from hfsim.output.modes_api import campbell, modes
     from hfsim.output.sweep_api import sweep
     from hfsim.studies.compare import Comparison
     from hfsim.studies.sweep.result import Sweep
@@ -26,6 +27,7 @@ __version__ = "0.1.0"
 _PLACES = {
     **dict.fromkeys(("Deck", "check", "compare", "load", "run", "static", "verify"), "hfsim.output.api"),
     **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
+    **dict.fromkeys(("campbell", "modes"), "hfsim.output.modes_api"),
     "Run": "hfsim.marching.solution",
     "Comparison": "hfsim.studies.compare",
     "Sweep": "hfsim.studies.sweep.result",
@@ -36,7 +38,7 @@ _PLACES = {
 
 __all__ = [
     "Comparison", "Deck", "DeckError", "HfsimError", "Run", "Sweep", "UnfinishedRunError", "Verification",
-    "check", "compare", "load", "run", "static", "sweep", "verify",
+    "campbell", "check", "compare", "load", "modes", "run", "static", "sweep", "verify",
 ]  # fmt: skip
 
 

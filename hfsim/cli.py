@@ -22,6 +22,7 @@ from hfsim import __version__
 COMMANDS = {
     "run": "Simulate decks: CSV, plots, summary.",
     "static": "Where a scene comes to rest: its equilibrium, stable or not.",
+    "modes": "Frequencies, damping and shapes of small motions; Campbell diagrams.",
     "compare": "One scene with several models: differences, run times, verdict.",
     "bench": "Error against run time: methods, tolerances, models, meshes.",
     "sweep": "Many runs of one deck: grids, samples, tables; a row for each.",

@@ -22,6 +22,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix, assemble, is_sparse
+from hfsim.maths.pencils import Pencil
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import Turning
 
@@ -29,6 +30,11 @@ STEP = 3e-4
 """Step of the differences, relative to the largest coordinate up to one: exact for forces of degree four."""
 AT_ONCE = 2_000_000
 """Numbers of a batch of differences."""
+
+
+_EXACT = float(np.finfo(float).eps)
+_BY_DIFFERENCES = 1e-11
+"""Relative errors of the matrices."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +57,8 @@ class SmallMotions:
         B, with y = B z the changes of the absolute coordinates.
     turning : Turning or None
         The axes that they are seen from, where these turn.
+    precision : float
+        Relative error of the matrices.
     """
 
     mass: Matrix
@@ -62,6 +70,14 @@ class SmallMotions:
     a: Array
     basis: Matrix
     turning: Turning | None
+    precision: float
+
+    @property
+    def pencil(self) -> Pencil:
+        """The same as a problem of eigenvalues."""
+        spin = 0.0 if self.turning is None else float(np.sum(self.turning.spin**2))
+        own = self.mass, self.velocity, self.stiffness, self.jacobian
+        return Pencil(*own, self.precision, 100.0 * _EXACT * spin)
 
 
 def small_motions(
@@ -96,7 +112,8 @@ def small_motions(
         K, D = K + D @ W + MW @ W, D + 2.0 * MW
     J = equations.phi.jacobian_at(x) @ reduction.basis
     M, D, K = (reduction.reduced(one) for one in (M, D, K))
-    return SmallMotions(M, D, K, J, x[0], u[0], a[0], reduction.basis, turning)
+    precision = _BY_DIFFERENCES if system.variable_mass else _EXACT
+    return SmallMotions(M, D, K, J, x[0], u[0], a[0], reduction.basis, turning, precision)
 
 
 def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multipliers: Array) -> Matrix:
@@ -111,10 +128,15 @@ def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multiplier
     """
     equations = system.equations
     if not system.variable_mass:
-        parts = [part.tangent(t, x, u) for part in system.forces]
+        own = [(part.tangent(t, x, u), part.exchanges_power) for part in system.forces]
+        parts = [entries for entries, following in own if following]
+        even = [entries for entries, following in own if not following]
         if not equations.phi.constant:
-            parts += equations.phi.stiffness(x, multipliers)
-        return assemble(parts, (system.n_x, system.n_x), is_sparse(equations.constant_mass))
+            even += equations.phi.stiffness(x, multipliers)
+        shape, sparse = (system.n_x, system.n_x), is_sparse(equations.constant_mass)
+        # what has a potential has a symmetric derivative, but for rounding
+        conserving = assemble(even, shape, sparse)
+        return assemble(parts, shape, sparse) + 0.5 * (conserving + conserving.T)
 
     def missing(moved: Array) -> Array:
         times, (rates, lasting) = np.repeat(t, len(moved)), (np.repeat(one, len(moved), 0) for one in (u, a))

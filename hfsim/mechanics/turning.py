@@ -9,18 +9,24 @@ stands still in an equilibrium of its forces with those of inertia, -M u', about
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import Entries, Matrix, assemble
-from hfsim.maths.rotations import spun
+from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.maths.rotations import freedoms, spun
 from hfsim.mechanics.pose import Twist
 
 if TYPE_CHECKING:
     from hfsim.mechanics.body import Body
+    from hfsim.mechanics.equations import Equations
+
+APART = 1e-2
+"""Part of the energy of rates that may be other than that of a rigid motion which stands for them."""
+SINGULAR = 1e-9
+"""Part of its energy in others from which down a rigid motion is one by itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +84,67 @@ class Turning:
         matrix = assemble([entries for (entries, _), _ in parts], (len(shift), len(shift)), sparse)
         return cls(matrix, shift, travel, spin, centre, moving)
 
+    @classmethod
+    def fitting(
+        cls, bodies: Sequence[Body], equations: Equations, t: float, x: Array, u: Array, a: Array
+    ) -> Turning | None:
+        """Return the rigid motion of everything that is nearest to rates, in the metric of the mass.
+
+        Parameters
+        ----------
+        bodies : sequence of Body
+        equations : Equations
+        t : float
+        x, u, a : ndarray, shape (n_x,)
+            A state and its accelerations, which tell whether the axis moves on where joints allow that.
+
+        Returns
+        -------
+        Turning or None
+            None where nothing turns, or where that leaves more than `APART` of the energy of the rates.
+        """
+        n_dim, sparse = bodies[0].n_dim, is_sparse(equations.constant_mass)
+        origin = np.zeros(n_dim)
+        units = np.eye(freedoms(n_dim) - n_dim)
+        spins = [cls.of(bodies, unit, origin, sparse) for unit in units]
+        shifts = [cls.of(bodies, 0.0 * units[0], origin, sparse, unit).travel for unit in np.eye(n_dim)]
+        columns = np.array([*(one.rates(x[None])[0] for one in spins), *shifts])
+        factors, left = _nearest(equations, x, columns, u)
+        energy = float(equations.momentum(x[None], u[None])[0] @ u)
+        if not energy > 0.0 or left > APART * energy:
+            return None
+        spin, velocity = factors[: len(units)], factors[len(units) :]
+        turning = float(equations.kinetic_energy(x[None], spin @ columns[: len(units)][None])[0])
+        if not turning > APART**2 * energy:
+            return None
+        plain = cls.of(bodies, spin, origin, sparse)
+        # of the velocity across the spin, accelerations tell how much is that of the axis
+        whirls = np.array([(plain.matrix @ one) for one in shifts])
+        own, rest = _nearest(equations, x, whirls, plain.matrix @ u - a)
+        size = float(equations.momentum(x[None], a[None])[0] @ a)
+        along = (velocity @ spin) / (spin @ spin) * spin if n_dim == 3 else 0.0 * velocity
+        for moving in (own + along, along) if rest <= APART**2 * size else (along,):
+            found = cls.of(bodies, spin, spun(spin, velocity - moving) / (spin @ spin), sparse, moving)
+            if found._allowed(equations, t, x):
+                return found
+        return found
+
+    def _allowed(self, equations: Equations, t: float, x: Array) -> bool:
+        """Tell whether the joints allow the accelerations."""
+        a, u, reduction = self.accelerations(x[None]), self.rates(x[None]), equations.reduction
+        missed = reduction.expand_rates(reduction.free_rates(a)) - a
+        gaps = (
+            equations.phi.jacobian_at(x[None]) @ a[0] - equations.phi.curvature(np.array([t]), x[None], u)[0]
+        )
+        size = float(np.abs(a).max(initial=0.0))
+        return max(float(np.abs(one).max(initial=0.0)) for one in (missed, gaps)) <= APART**2 * size
+
+    def at_rate(self, rate: float) -> Turning:
+        """Return the same at another angular velocity, of this size and sense [rad/s]."""
+        factor = rate / float(np.linalg.norm(self.spin))
+        turned = factor * self.matrix, factor * self.shift
+        return replace(self, matrix=turned[0], shift=turned[1], spin=factor * self.spin)
+
     def turned_only(self, x: Array) -> Array:
         """Return W x + w, shape (n_batch, n_x), at coordinates (n_batch, n_x)."""
         return np.asarray((self.matrix @ x.T).T + self.shift)
@@ -101,6 +168,18 @@ class Turning:
         whole = _bordered(self.matrix, self.shift)
         points = np.concatenate([x.T, np.ones((1, len(x)))])
         return np.asarray(expm_multiply(angle * whole, points)[:-1].T)
+
+
+def _nearest(equations: Equations, x: Array, columns: Array, wanted: Array) -> tuple[Array, float]:
+    """Return factors (k,) of rates (k, n_x) that come nearest to wanted ones, and twice the energy left."""
+    momenta = equations.momentum(x[None], columns)
+    sizes = np.sqrt(np.maximum(np.sum(momenta * columns, axis=1), 0.0))
+    there = sizes > SINGULAR * sizes.max()
+    scale = np.where(there, 1.0, 0.0) / np.where(there, sizes, 1.0)
+    gram = (momenta @ columns.T) * np.outer(scale, scale)
+    factors = scale * (np.linalg.pinv(gram, rcond=SINGULAR, hermitian=True) @ (scale * (momenta @ wanted)))
+    left = wanted - factors @ columns
+    return factors, float(equations.momentum(x[None], left[None])[0] @ left)
 
 
 def _bordered(matrix: Matrix, shift: Array) -> Matrix:

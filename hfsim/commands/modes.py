@@ -1,0 +1,180 @@
+"""`hfsim modes`: frequencies, damping ratios and shapes of small motions."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from hfsim.commands import import_libraries
+from hfsim.commands.decks import load_numbered
+from hfsim.commands.options import output_options, setting_options, talk_options
+from hfsim.output.study import Study
+from hfsim.output.talk import Destination, Talk
+
+if TYPE_CHECKING:
+    from hfsim.studies.modes import Campbell, Modes
+
+_COUNT = 12
+
+
+@click.command()
+@click.argument("deck", metavar="DECK")
+@click.option(
+    "--about",
+    "state",
+    type=click.Choice(["start", "equilibrium", "steady"]),
+    default="start",
+    show_default=True,
+    help="State: the deck's start, the equilibrium next to it, or the steady rotation at its rates.",
+)
+@click.option(
+    "--at",
+    type=click.FloatRange(min=0.0),
+    metavar="T",
+    help="Instead: the state of a run at this time [s].",
+)
+@click.option(
+    "--count", type=click.IntRange(min=1, max=2000), default=_COUNT, show_default=True, help="Modes told."
+)
+@click.option(
+    "--spin",
+    metavar="RATES",
+    help="Campbell diagram over these rates [rad/s]: lin(0,30,16) or 0,5,10; about the axis of the start.",
+)
+@click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
+@click.option(
+    "--matrices",
+    type=click.Path(dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Write M, C, G, K, joints and a reduced state space to this .npz file.",
+)
+@output_options
+@setting_options("model")
+@talk_options
+def modes(
+    deck: str,
+    state: str,
+    at: float | None,
+    count: int,
+    spin: str | None,
+    as_csv: bool,
+    matrices: Path | None,
+    to: Destination,
+    overrides: tuple[str, ...],
+    talk: Talk,
+) -> None:
+    """Tell frequencies, damping and shapes of the small motions of the scene DECK.
+
+    It is linearised about its start, an equilibrium, a steady rotation or the state of a run, with joints,
+    dampers, follower loads, servos and gyroscopic terms. Motions that nothing brings back are called
+    rigid, or drift where dampers end them; unstable ones flutter or divergence (the exit code is 0 all the
+    same). Results go to '<deck name>.modes' or to -o DIR.
+    """
+    import_libraries()
+    values = read_rates(spin)
+    if values and (at is not None or matrices is not None):
+        raise click.UsageError("--spin takes neither --at nor --matrices")
+    loaded = load_numbered(deck, overrides, talk)
+    from hfsim.output.progress import Progress
+    from hfsim.output.writers import Provenance
+    from hfsim.studies.modes import campbell, modes_of
+    from hfsim.studies.modes.about import about
+
+    facts = Provenance.of(loaded, deck, overrides).facts()
+    study = Study.claim("modes", to, loaded.deck.name, talk, facts)
+    with Progress(f"{loaded.deck.name}, modes", sys.stderr, talk.quiet) as progress:
+        place = about(loaded, state, at, progress if at else None)
+        if values:
+            result = campbell(place, values, count, progress)
+        else:
+            found = modes_of(place, count)
+    if values:
+        publish_campbell(result, study, as_csv)
+    else:
+        publish_modes(found, study, as_csv, matrices)
+
+
+def read_rates(text: str | None) -> tuple[float, ...]:
+    """Return the rates that a text means, none without one.
+
+    Raises
+    ------
+    click.UsageError
+        If they are no numbers.
+    """
+    from hfsim.studies.axes import AxisError, parse_values
+
+    if text is None:
+        return ()
+    try:
+        values = parse_values(text)[0]
+    except AxisError as error:
+        raise click.UsageError(f"--spin: {error}") from None
+    rates = tuple(value for value in values if isinstance(value, float))
+    if len(rates) < 2 or len(rates) < len(values):
+        raise click.UsageError(f"--spin: '{text}' is not two rates or more; write lin(0,30,16) or 0,5,10")
+    return tuple(sorted(rates))
+
+
+def publish_modes(found: Modes, study: Study, as_csv: bool, matrices: Path | None) -> None:
+    """Write and tell the modes of one state."""
+    from hfsim.output import modes as report
+    from hfsim.output.plots.modes import draw_modes
+
+    rows = report.mode_rows(found)
+    if matrices is not None:
+        write_matrices(found, matrices)
+    _publish(
+        study, found.facts(), "modes", report.MODE_COLUMNS, rows, as_csv,
+        report.modes_text(found, f"{study.path}/"), partial(draw_modes, found),
+    )  # fmt: skip
+
+
+def publish_campbell(result: Campbell, study: Study, as_csv: bool) -> None:
+    """Write and tell the modes at several rates."""
+    from hfsim.output import modes as report
+    from hfsim.output.plots.modes import draw_campbell
+
+    _publish(
+        study, result.facts(), "campbell", report.CAMPBELL_COLUMNS, result.rows(), as_csv,
+        report.campbell_text(result, f"{study.path}/"), partial(draw_campbell, result),
+    )  # fmt: skip
+
+
+def _publish(
+    study: Study,
+    facts: dict[str, Any],
+    stem: str,
+    columns: Sequence[Any],
+    rows: Sequence[Any],
+    as_csv: bool,
+    text: str,
+    draw: Any,
+) -> None:
+    if as_csv:
+        from hfsim.output.modes import csv_text
+
+        text = csv_text(columns, rows)
+    study.publish(facts, {stem: (columns, rows)}, text, draw)
+
+
+def write_matrices(found: Modes, path: Path) -> None:
+    """Write the matrices of small motions.
+
+    Raises
+    ------
+    WriteError
+        If the disk refuses.
+    """
+    import numpy as np
+
+    from hfsim.output.disk import disk
+    from hfsim.studies.modes.matrices import matrices_of
+
+    with disk(path), path.open("wb") as file:
+        np.savez(file, **matrices_of(found))

@@ -1,0 +1,365 @@
+"""Eigenvalues of pencils from the slowest on, what is known of their errors, and whether any is missing.
+
+Where nothing depends on velocities the squares l^2 are looked for, else l itself.  Both come from the inverse
+at a shift, of which motions that the constraints forbid have the eigenvalue zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray
+from hfsim.maths.inertia import count_below
+from hfsim.maths.pencils import EPS, Pencil
+
+_FIRST_SHIFT = 1e-8
+"""First shift over the square of the fastest frequency."""
+_LOWEST_SHIFT = 1e-20
+_FITTING = (1e-6, 1e2)
+"""Sizes of a shift, over the square of the slowest frequency, that are left as they are."""
+_DOUBTFUL = 30.0
+"""Factor on what rounding does to a square of a frequency below which that counts as zero."""
+_CERTAIN = 3.0
+"""The same for what is told of the others."""
+_TOGETHER = 1e-5
+"""Distance of eigenvalues, over their size, at which they may be one with several shapes that are alike."""
+_MORE = 8
+"""Motions that are looked for beyond those asked for."""
+_TRIES = 4
+_SLIGHT = 1e-4
+"""Real part, over the size of an eigenvalue, below which it is asked whether it is rounding."""
+
+
+@dataclass(frozen=True, eq=False)
+class Eigenpairs:
+    """Eigenvalues with their vectors, from slow to fast.
+
+    Attributes
+    ----------
+    values : ndarray of complex, shape (k,)
+        [1/s]; of conjugate pairs those with positive imaginary parts.
+    vectors : ndarray of complex, shape (n, k)
+    uncertainty : ndarray, shape (k,)
+        What errors of the matrices do to them [1/s]; those no larger are zero, and so are real parts.
+    doubled : ndarray of bool, shape (k,)
+        Whether a motion that nothing brings back goes on by itself, too: the eigenvalue zero counts twice.
+    complete : bool or None
+        Whether it was checked that none is missing up to the last; None if that could not be told.
+    """
+
+    values: ComplexArray
+    vectors: ComplexArray
+    uncertainty: Array
+    doubled: BoolArray
+    complete: bool | None
+
+    def part(self, which: IntArray) -> Eigenpairs:
+        """Return some of them, by their numbers."""
+        parts = self.values[which], self.vectors[:, which], self.uncertainty[which], self.doubled[which]
+        return Eigenpairs(*parts, self.complete)
+
+
+def eigenpairs(pencil: Pencil, count: int) -> Eigenpairs:
+    """Return the slowest eigenvalues of a pencil; all of a small one.
+
+    Parameters
+    ----------
+    pencil : Pencil
+    count : int
+        How many of a large one.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the pencil is singular: something moves freely without mass.
+    """
+    if not pencil.free:
+        nothing = np.zeros(0)
+        return Eigenpairs(nothing + 0j, np.zeros((pencil.n, 0), complex), nothing, nothing > 0.0, True)
+    found = _of_squares(pencil, count) if pencil.resting else _of_rates(pencil, count)
+    sizes = np.round(np.log(np.abs(found.values) + np.finfo(float).tiny), 9)
+    return _surely(pencil, found.part(np.lexsort((-found.values.real, found.values.imag, sizes))), count)
+
+
+# --- squares: nothing depends on velocities ------------------------------------------------------------
+
+
+def _of_squares(pencil: Pencil, count: int) -> Eigenpairs:
+    squares, vectors, complete, shift = _squares(pencil, count)
+    noise = _noise(pencil, squares, vectors, shift)
+    zero = _no_more(np.abs(squares), noise)
+    roots = np.sqrt(-np.where(zero, 0.0, squares).astype(complex))
+    roots = np.where(roots.imag < 0.0, -roots, roots)
+    swinging = zero | ((squares.imag == 0.0) & (squares.real > 0.0))
+    # of other squares both roots are motions of their own: what grows, and what decays
+    others = np.flatnonzero(~swinging)
+    upper = np.where(squares.imag[others] == 0.0, -roots[others], -roots[others].conj())
+    which = np.concatenate([np.arange(len(squares)), others])
+    values = np.concatenate([roots, upper])
+    pairs = vectors[:, which]
+    flipped = np.arange(len(values)) >= len(squares)
+    pairs[:, flipped] = pairs[:, flipped].conj()
+    # conjugate squares say the same
+    kept = np.flatnonzero((squares[which].imag <= 0.0) | swinging[which])
+    uncertainty = _of_roots(_CERTAIN * noise[which], values)
+    return Eigenpairs(values, pairs, uncertainty, zero[which], complete).part(kept)
+
+
+def _noise(pencil: Pencil, squares: ComplexArray, vectors: ComplexArray, shift: float) -> Array:
+    """Return what rounding does to squares found by the inverse at a shift."""
+    own = pencil.rounding(np.sqrt(-squares.astype(complex)), vectors)
+    return np.asarray(own + EPS * np.abs(squares - shift) ** 2 / abs(shift))
+
+
+def _no_more(sizes: Array, noise: Array) -> BoolArray:
+    """Tell which sizes of squares are no more than noise; where some are, their vectors are mixed."""
+    clearly = sizes <= _DOUBTFUL * noise
+    return np.asarray(sizes <= _DOUBTFUL * np.maximum(noise, noise[clearly].max(initial=0.0)))
+
+
+def _of_roots(noise: Array, values: ComplexArray) -> Array:
+    """Return the errors of eigenvalues from those of their squares."""
+    return np.minimum(noise / (2.0 * np.abs(values) + 1e-300), np.sqrt(noise))
+
+
+def _squares(pencil: Pencil, count: int) -> tuple[ComplexArray, ComplexArray, bool | None, float]:
+    """Return minus the squares of eigenvalues without velocities, with vectors; then the shift (negative)."""
+    shift = -_FIRST_SHIFT * pencil.fastest
+    for _ in range(2 * _TRIES):
+        squares, vectors = _next_to(pencil, shift, count)
+        noise = _noise(pencil, squares, vectors, shift)
+        stiff = np.abs(squares)[~_no_more(np.abs(squares), noise)]
+        slowest = float(stiff.min(initial=np.inf))
+        low, high = _FITTING
+        if slowest < np.inf and low * slowest <= -shift <= high * slowest:
+            break
+        if slowest == np.inf:
+            if -shift <= _LOWEST_SHIFT * pencil.fastest or not pencil.large:
+                break
+            shift *= 1e-4
+        else:
+            shift = -slowest
+    squares, vectors, complete = _completed(pencil, shift, count, squares, vectors)
+    return squares, vectors, complete, shift
+
+
+def _completed(
+    pencil: Pencil, shift: float, count: int, squares: ComplexArray, vectors: ComplexArray
+) -> tuple[ComplexArray, ComplexArray, bool | None]:
+    """Return the slowest squares, and whether none is missing."""
+    if not pencil.large or len(squares) >= pencil.free:
+        return squares, vectors, True
+    if not pencil.symmetric:
+        again, _ = _next_to(pencil, shift, count, seed=2)
+        size = np.sort(np.abs(again - shift))[:count], np.sort(np.abs(squares - shift))[:count]
+        return squares, vectors, bool(np.allclose(*size, rtol=1e-5)) or None
+    wanted = count
+    for _ in range(_TRIES):
+        order = np.argsort(squares.real)
+        squares, vectors = squares[order], vectors[:, order]
+        last = _gap(squares.real, min(wanted, len(squares)))
+        bound = 0.5 * (squares.real[last - 1] + squares.real[last])
+        below = count_below(pencil, float(bound))
+        if below is None:
+            return squares, vectors, None
+        if below == last:
+            return squares[:last], vectors[:, :last], True
+        count += max(2 * abs(below - last), _MORE)
+        squares, vectors = _next_to(pencil, shift, count, seed=3)
+    return squares, vectors, False
+
+
+def _gap(values: Array, count: int) -> int:
+    """Return a number of the smallest values, about the one asked for, after which there is a gap."""
+    sizes = np.diff(values) / (np.abs(values[1:]) + np.abs(values[:-1]) + 1e-300)
+    wide = np.flatnonzero(sizes > 1e-6) + 1
+    beyond = wide[wide >= min(count, len(values) - 1)]
+    return int(beyond[0] if len(beyond) else wide[-1] if len(wide) else len(values) - 1)
+
+
+def _next_to(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[ComplexArray, ComplexArray]:
+    """Return the squares next to a shift and their vectors."""
+    M, _, K, _ = pencil.matrices
+    solve = pencil.inverse(K - shift * M)
+    if pencil.large:
+        theta, vectors = _large(pencil, solve, count + _MORE, seed)
+    else:
+        theta, vectors = _whole(pencil, solve)
+    kept = np.argsort(-np.abs(theta))[: pencil.free]
+    theta, vectors = theta[kept], vectors[:, kept]
+    squares = shift + 1.0 / theta
+    if pencil.symmetric:
+        return squares.real.astype(complex), vectors
+    # rounding makes no pair of two that are one
+    real = np.abs(squares.imag) <= 1e-9 * np.abs(squares)
+    return np.where(real, squares.real, squares), vectors
+
+
+def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
+    """Return all eigenvalues 1 / (square - shift) and their vectors."""
+    from scipy.linalg import eig, eigh
+
+    M = pencil.matrices[0]
+    if pencil.symmetric:
+        sizes = np.sqrt(np.where(M.diagonal() > 0.0, M.diagonal(), 1.0))
+        own, axes = eigh(M / np.outer(sizes, sizes))
+        if own.min() > -1e-12:
+            root = (sizes[:, None] * axes) * np.sqrt(np.maximum(own, 0.0))
+            spread = solve(root)
+            inverse = root.T @ spread
+            theta, weights = eigh(0.5 * (inverse + inverse.T))
+            return theta.astype(complex), (spread @ weights).astype(complex)
+    theta, vectors = eig(solve(np.asarray(M)))
+    return theta, vectors.astype(complex)
+
+
+def _large(pencil: Pencil, solve: Any, count: int, seed: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return the largest of the same by Lanczos' or Arnoldi's iteration."""
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
+
+    M, n = pencil.matrices[0], pencil.n
+    count = min(count, pencil.free - 2, n - 2)
+    start = solve(M @ np.random.default_rng(seed).standard_normal(n))
+    operator: Any = LinearOperator((n, n), matvec=lambda y: solve(M @ y), dtype=float)
+    try:
+        if pencil.symmetric:
+            inverse: Any = LinearOperator((n, n), matvec=solve, dtype=float)
+            values, vectors = eigsh(M, count, M=M, sigma=0.0, OPinv=inverse, v0=start, tol=1e-12)
+            # the inverse is that at the shift, whatever it is called
+            return 1.0 / values.astype(complex), vectors.astype(complex)
+        return tuple(eigs(operator, k=count, which="LM", v0=start, tol=1e-12))
+    except ArpackError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
+
+
+# --- rates: dampers, gyroscopic terms ------------------------------------------------------------------
+
+
+def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
+    standing = replace(pencil, velocity=0.0 * pencil.velocity)
+    squares, _, _, lowest = _squares(standing, min(count, _MORE))
+    sizes = np.sort(np.abs(squares[np.abs(squares) >= 0.1 * abs(lowest)]))
+    shift = float(np.sqrt(sizes[min(2, len(sizes) - 1)] if len(sizes) else abs(lowest)))
+    values, vectors = _roots(pencil, shift, count)
+    complete: bool | None = True
+    if pencil.large and len(values) < 2 * pencil.free:
+        again, _ = _roots(pencil, shift, count, seed=2)
+        nearest = [np.sort(np.abs(one - shift))[:count] for one in (values, again)]
+        complete = bool(np.allclose(nearest[0], nearest[1], rtol=1e-5)) or None
+    noise = pencil.rounding(values, vectors) + EPS * shift**2
+    zero = _no_more(np.abs(values) ** 2, noise)
+    uncertainty = _of_roots(_CERTAIN * noise, values) + 10.0 * EPS * np.abs(values - shift) ** 2 / shift
+    still, doubled = _standing(pencil, vectors[:, zero])
+    swinging = np.flatnonzero(~zero & (values.imag >= 0.0))
+    return Eigenpairs(
+        np.concatenate([np.zeros(still.shape[1]), values[swinging]]),
+        np.hstack([still, vectors[:, swinging]]),
+        np.concatenate(
+            [np.full(still.shape[1], float(np.sqrt(noise[zero].max(initial=0.0)))), uncertainty[swinging]]
+        ),
+        np.concatenate([doubled, np.zeros(len(swinging), dtype=bool)]),
+        complete,
+    )
+
+
+def _standing(pencil: Pencil, vectors: ComplexArray) -> tuple[ComplexArray, BoolArray]:
+    """Return the motions that nothing brings back, as columns, and which of them go on by themselves."""
+    if not vectors.shape[1]:
+        return vectors, np.zeros(0, dtype=bool)
+    scaled = vectors / np.sqrt(pencil.energies(vectors))
+    both = np.hstack([scaled.real, scaled.imag])
+    left, sizes, _ = np.linalg.svd(both, full_matrices=False)
+    kept = left[:, sizes > 1e-3 * sizes[0]].astype(complex)
+    again = vectors.shape[1] - kept.shape[1]
+    V = pencil.matrices[1]
+    braked = np.abs(np.sum(kept.conj() * (V @ kept), axis=0)) / pencil.energies(kept)
+    doubled = np.zeros(kept.shape[1], dtype=bool)
+    doubled[np.argsort(braked)[:again]] = True
+    return kept, doubled
+
+
+def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[ComplexArray, ComplexArray]:
+    """Return the eigenvalues next to a shift and their vectors, by equations of first order in (y, y'/s)."""
+    M, V, K, _ = pencil.matrices
+    n, solve = pencil.n, pencil.at(shift)
+    VM = V + shift * M
+
+    def forces(y: Any, w: Any) -> Any:
+        return -(VM @ y + shift * (M @ w))
+
+    if not pencil.large:
+        from scipy.linalg import eig
+
+        onto = solve(np.hstack([-VM, -shift * M]))
+        # rates of what constraints forbid are none
+        allowed = solve(K + shift * VM)
+        below = onto + np.hstack([allowed / shift, np.zeros((n, n))])
+        theta, both = eig(np.vstack([onto, below]))
+        kept = np.argsort(-np.abs(theta))[: 2 * pencil.free]
+        return shift + 1.0 / theta[kept], both[:n, kept].astype(complex)
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
+
+    def apply(one: Array) -> Array:
+        y, w = one[:n], one[n:]
+        p = solve(forces(y, w))
+        return np.concatenate([p, p + y / shift])
+
+    rng = np.random.default_rng(seed)
+    y, w = (solve(M @ rng.standard_normal(n)) for _ in range(2))
+    operator: Any = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
+    size = min(2 * (count + _MORE), 2 * pencil.free - 2)
+    try:
+        theta, both = eigs(operator, k=size, which="LM", v0=np.concatenate([y, w]), tol=1e-12)
+    except ArpackError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
+    return shift + 1.0 / theta, both[:n]
+
+
+# --- what is rounding ----------------------------------------------------------------------------------
+
+
+def _surely(pencil: Pencil, found: Eigenpairs, count: int) -> Eigenpairs:
+    """Return the same with real parts that are no more than rounding set to zero.
+
+    What errors of the matrices do depends on left vectors too: much where two eigenvalues are nearly one.
+    """
+    values, uncertainty = found.values.copy(), found.uncertainty.copy()
+    slight = (np.abs(values.real) < _SLIGHT * np.abs(values)) & (np.arange(len(values)) < count)
+    asked = np.flatnonzero((np.abs(values.real) > uncertainty) & (slight | (values.real > 0.0)))
+    for k in asked if not pencil.symmetric else ():
+        values[k], error = _corrected(pencil, values[k], found.vectors[:, k])
+        uncertainty[k] = max(uncertainty[k], error)
+    apart = np.abs(values[:, None] - values)
+    together = apart <= _TOGETHER * np.abs(values)
+    if not pencil.symmetric:
+        uncertainty = np.maximum(uncertainty, np.where(together, apart, 0.0).max(axis=1, initial=0.0))
+    real = np.where(np.abs(values.real) <= uncertainty, 0.0, values.real)
+    imaginary = np.where(np.abs(values.imag) <= uncertainty, 0.0, values.imag)
+    values = real + 1j * imaginary
+    return replace(found, values=values, uncertainty=uncertainty)
+
+
+def _corrected(pencil: Pencil, value: complex, vector: ComplexArray) -> tuple[complex, float]:
+    """Return an eigenvalue by both its vectors, and what errors of the matrices do to it [1/s]."""
+    M, V, K, _ = pencil.matrices
+    near = value * (1.0 + 1e-7)
+    turned = replace(pencil, mass=M.T, velocity=V.T, stiffness=K.T)
+    try:
+        solve = turned.at(near)
+        left = (M @ vector).conj()
+        for _ in range(2):
+            left = solve(left)
+            left = left / np.abs(left).max()
+    except np.linalg.LinAlgError:
+        return value, abs(value)
+    size, other, rate = np.abs(vector), np.abs(left), abs(value)
+    errors = other @ (abs(K) @ size + rate * (abs(V) @ size) + rate**2 * (abs(M) @ size))
+    slope = left @ (2.0 * value * (M @ vector) + V @ vector)
+    if not abs(slope) > 0.0:
+        return value, rate
+    step = left @ (K @ vector + value * (V @ vector) + value**2 * (M @ vector)) / slope
+    better = value - step if abs(step) <= _SLIGHT * rate else value
+    return complex(better), float(_CERTAIN * pencil.precision * errors / abs(slope))

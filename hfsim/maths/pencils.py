@@ -1,0 +1,180 @@
+"""Eigenvalues of (l^2 M + l V + K) x + J^T m = 0, J x = 0: small motions under constraints.
+
+Constraints stay equations of their own: in a basis of the motions that they allow, what is stiff would be
+mixed with what is not.  What is inverted is K + s V + s^2 M at a shift s: dense, or with sparse factors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.matrices import Matrix, dense
+
+EPS = float(np.finfo(float).eps)
+SMALL = 200
+"""Coordinates up to which all eigenvalues are computed."""
+_EQUILIBRATIONS = 4
+_SAME = 1e-11
+"""Asymmetry, over the largest entry, that is rounding."""
+
+Solve = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, eq=False)
+class Pencil:
+    """The matrices.
+
+    Attributes
+    ----------
+    mass, velocity, stiffness : Matrix, shape (n, n)
+    jacobian : Matrix, shape (m, n)
+    precision : float
+        Relative error of the matrices.
+    floor : float
+        Error of squares of eigenvalues beside that [1/s^2].
+    """
+
+    mass: Matrix
+    velocity: Matrix
+    stiffness: Matrix
+    jacobian: Matrix
+    precision: float = EPS
+    floor: float = 0.0
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return int(self.mass.shape[0])
+
+    @property
+    def free(self) -> int:
+        """Number of independent motions."""
+        return self.n - int(self.jacobian.shape[0])
+
+    @property
+    def large(self) -> bool:
+        """Whether only some of the eigenvalues are computed."""
+        return self.n > SMALL
+
+    @cached_property
+    def resting(self) -> bool:
+        """Whether nothing depends on velocities."""
+        return not abs(self.velocity).max()
+
+    @cached_property
+    def symmetric(self) -> bool:
+        """Whether nothing depends on velocities and the stiffness is symmetric."""
+        K = self.stiffness
+        limit = max(_SAME, 30.0 * self.precision) * abs(K).max()
+        return self.resting and bool(abs(K - K.T).max() <= limit)
+
+    @cached_property
+    def matrices(self) -> tuple[Matrix, Matrix, Matrix, Matrix]:
+        """M, V, K and J: dense if small, sparse if large."""
+        parts = self.mass, self.velocity, self.stiffness, self.jacobian
+        if not self.large:
+            M, V, K, J = map(dense, parts)
+            return M, V, K, J
+        from scipy.sparse import csc_array
+
+        M, V, K, J = map(csc_array, parts)
+        return M, V, K, J
+
+    @cached_property
+    def fastest(self) -> float:
+        """The size of the squares of the fastest frequencies, roughly."""
+        stiff, heavy = (np.abs(one.diagonal()) for one in (self.stiffness, self.mass))
+        there = heavy > 0.0
+        return float((stiff[there] / heavy[there]).max(initial=0.0)) or 1.0
+
+    def rounding(self, values: ComplexArray, vectors: ComplexArray) -> Array:
+        """Return what errors of the matrices do to the squares of eigenvalues with vectors (n, k), (k,)."""
+        _, V, K, _ = self.matrices
+        size = np.abs(vectors)
+        errors = np.sum(size * (abs(K) @ size + np.abs(values) * (abs(V) @ size)), axis=0)
+        return np.asarray(self.floor + self.precision * errors / self.energies(vectors))
+
+    def energies(self, vectors: ComplexArray) -> Array:
+        """Return x^H M x of vectors (n, k)."""
+        found = np.sum(vectors.conj() * (self.matrices[0] @ vectors), axis=0).real
+        return np.asarray(np.maximum(found, np.finfo(float).tiny))
+
+    # ------------------------------------------------------------------ solution at a shift
+
+    def at(self, shift: complex) -> Solve:
+        """Return the map from forces (n, k) to motions (n, k) of K + s V + s^2 M under the constraints."""
+        M, V, K, _ = self.matrices
+        return self.inverse(K + shift * V + shift * shift * M)
+
+    def inverse(self, matrix: Matrix) -> Solve:
+        """Return the map from forces to motions of a matrix (n, n) under the constraints.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If it is singular.
+        """
+        n, whole = self.n, self._bordered(matrix)
+
+        def solve(forces: Array) -> Array:
+            padded = np.zeros((n + self.jacobian.shape[0], *forces.shape[1:]), dtype=forces.dtype)
+            padded[:n] = forces
+            return whole(padded)[:n]
+
+        return solve
+
+    def answer(self, matrix: Matrix, force: Array, gap: Array) -> tuple[Array, Array]:
+        """Return the motion (n,) and multipliers (m,) that answer a force (n,) and close a gap (m,).
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the matrix is singular.
+        """
+        size = self._weight(matrix)
+        found = self._bordered(matrix)(np.concatenate([force, size * gap]))
+        return found[: self.n], size * found[self.n :]
+
+    def _weight(self, matrix: Matrix) -> float:
+        """Return what makes constraints as large as a matrix."""
+        J = self.matrices[3]
+        return float(abs(matrix).max()) / (float(abs(J).max()) if J.shape[0] else 1.0) or 1.0
+
+    def _bordered(self, matrix: Matrix) -> Solve:
+        """Return the solutions of [[A, s J^T], [s J, 0]]."""
+        J, size = self.matrices[3], self._weight(matrix)
+        if self.large:
+            from scipy.sparse import block_array, csc_array
+            from scipy.sparse.linalg import splu
+
+            parts = [[matrix, size * J.T], [size * J, None]] if J.shape[0] else [[matrix]]
+            whole = csc_array(block_array(parts))
+            try:
+                factor = splu(whole)
+            except RuntimeError as error:
+                raise np.linalg.LinAlgError(str(error)) from None
+            return lambda given: np.asarray(factor.solve(given.astype(whole.dtype)))
+        from scipy.linalg import lu_factor, lu_solve
+
+        whole = np.block([[matrix, size * J.T], [size * J, np.zeros((len(J), len(J)))]])
+        scale = _equilibrating(whole)
+        factors = lu_factor(whole * np.outer(scale, scale), check_finite=False)
+        if not np.abs(np.diagonal(factors[0])).min(initial=1.0) > 0.0:
+            raise np.linalg.LinAlgError("singular")
+        return lambda given: np.asarray(
+            (lu_solve(factors, (given.T * scale).T, check_finite=False).T * scale).T
+        )
+
+
+def _equilibrating(matrix: Array) -> Array:
+    """Return scales (n,) with which a matrix has entries of size one in all rows and columns."""
+    scale = np.ones(len(matrix))
+    for _ in range(_EQUILIBRATIONS):
+        rows = np.abs(matrix * np.outer(scale, scale)).max(axis=1, initial=0.0)
+        scale /= np.sqrt(np.where(rows > 0.0, rows, 1.0))
+    return scale

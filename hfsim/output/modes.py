@@ -1,0 +1,157 @@
+"""Modes and Campbell diagrams as people read them, and the columns of their tables."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from hfsim.output.text import Column, plural, table, wrapped
+
+if TYPE_CHECKING:
+    from hfsim.studies.modes import Campbell, Mode, Modes
+
+MODE_COLUMNS = (
+    *("mode", "frequency", "damping_ratio", "kind", "natural_frequency", "growth_rate", "uncertainty"),
+    Column("bodies", lambda row: " ".join(f"{name}:{share:.4f}" for name, share in row["bodies"].items())),
+)
+"""Columns of ``modes.csv``: frequencies in Hz, rates in 1/s."""
+CAMPBELL_COLUMNS = ("rate", *MODE_COLUMNS)
+"""Columns of ``campbell.csv``; the rate in rad/s."""
+_TEXT = (
+    Column("mode", "number", "d"),
+    Column("frequency [Hz]", "frequency", lambda value: f"{value:.7g}"),
+    Column("damping ratio", lambda mode: mode, lambda mode: _ratio(mode)),
+    Column("growth [1/s]", "growth", lambda value: f"{value:.4g}" if value else "-", 1),
+    Column("kind"),
+    Column("moves", "mostly"),
+)
+_MOST_TOLD = 6
+
+
+def _ratio(mode: Mode) -> str:
+    return f"{mode.damping_ratio:.4g}" if mode.value.imag and mode.value.real else "-"
+
+
+def modes_text(found: Modes, place: str) -> str:
+    """Return the modes of one state, and where they were written."""
+    motions, scene = found.about.motions, found.about.scene
+    size = f"{plural(motions.mass.shape[0], 'unknown')}, {plural(motions.jacobian.shape[0], 'multiplier')}"
+    lines = [f"{scene.deck.name}, {scene.model}: modes about {_state(found)}; {size}"]
+    lines += [wrapped(one) for one in state_warnings(found)]
+    lines.append(table(_TEXT, found.modes))
+    lines += [wrapped(one) for one in _verdict(found)]
+    return "\n".join([*lines, f"  results: {place}"] if place else lines)
+
+
+def _state(found: Modes) -> str:
+    facts = found.about.facts()
+    words = {"start": "the start", "equilibrium": "the equilibrium", "steady": "a steady rotation"}
+    told = words.get(facts["state"], f"the state of the run at {facts['time']:.6g} s")
+    if facts["spin"] is not None:
+        rate = float(np.linalg.norm(facts["spin"]))
+        told += f", seen from axes that turn at {rate:.6g} rad/s"
+    return told
+
+
+def state_warnings(found: Modes) -> Iterator[str]:
+    """Yield what keeps the frequencies from being those of a lasting state."""
+    facts = found.about.facts()
+    if not facts["steady"]:
+        away = facts["away_from_equilibrium"]
+        far = f", which is about {away:.2g} m away" if away < found.about.size else ""
+        moving = f" and move at {facts['speed']:.3g} m/s" if facts["speed"] > 0.0 else ""
+        yield (
+            f"no equilibrium{far}: bodies accelerate by {facts['acceleration']:.3g} m/s2{moving} (mean "
+            "square by mass); modes are those of the moment: --about equilibrium, or steady, looks for a "
+            "state that lasts"
+        )
+    if facts["uneven"]:
+        yield (
+            "no steady rotation: what acts, such as weight across the axis, is other after a part of a turn; "
+            "modes are those at this angle"
+        )
+
+
+def _verdict(found: Modes) -> Iterator[str]:
+    """Yield what grows, what nothing holds, and whether any mode may be missing."""
+    for mode in found.unstable[:_MOST_TOLD]:
+        how = "swings more and more" if mode.kind == "flutter" else "goes away"
+        yield f"unstable: mode {mode.number}, {mode.kind}: it {how}, by exp({mode.growth:.4g} t)"
+    if len(found.unstable) > _MOST_TOLD:
+        yield f"and {plural(len(found.unstable) - _MOST_TOLD, 'more unstable mode')}"
+    free = [mode.number for mode in found.modes if mode.kind in ("rigid", "drift")]
+    if free:
+        yield f"free: nothing brings back {plural(len(free), 'mode')} ({_listed(free)}), of frequency zero"
+    if not found.unstable:
+        yield "none is unstable" + ("" if found.whole else " among those next to rest")
+    if not found.complete:
+        yield "whether one is missing between them could not be checked: try another --count"
+
+
+def _listed(numbers: Sequence[int]) -> str:
+    shown = ", ".join(map(str, numbers[:_MOST_TOLD]))
+    return shown + (", ..." if len(numbers) > _MOST_TOLD else "")
+
+
+def campbell_text(result: Campbell, place: str) -> str:
+    """Return frequencies against rates, crossings and what is unstable."""
+    scene = result.founds[0].about.scene
+    names = [Column("rate [rad/s]", "rate", ".5g")]
+    names += [
+        Column(f"mode {k}", f"mode {k}", lambda one: "-" if one is None else one, k)
+        for k in range(1, len(result.tracks) + 1)
+    ]
+    rows = [
+        {"rate": rate, **{f"mode {k}": _cell(track[j]) for k, track in enumerate(result.tracks, 1)}}
+        for j, rate in enumerate(result.rates.tolist())
+    ]
+    lines = [
+        f"{scene.deck.name}, {scene.model}: frequencies [Hz] in steady rotation, seen from axes that turn",
+        table(names, rows),
+    ]
+    facts = result.facts()
+    for one in facts["crossings"]:
+        what = f"excited {one['order']} times a revolution" if one["order"] else "no frequency left: critical"
+        lines.append(f"  mode {one['mode']} at {one['rate']:.6g} rad/s, {one['frequency']:.6g} Hz: {what}")
+    for one in facts["unstable"][:_MOST_TOLD]:
+        told = f"by exp({one['growth_rate']:.4g} t)"
+        lines.append(f"  unstable: mode {one['mode']} at {one['rate']:.6g} rad/s, {one['kind']}, {told}")
+    if len(facts["unstable"]) > _MOST_TOLD:
+        lines.append(f"  and {len(facts['unstable']) - _MOST_TOLD} more, see campbell.csv")
+    if facts["unsteady_rates"]:
+        lines.append(
+            wrapped(f"no steady rotation at {_rates(facts['unsteady_rates'])} rad/s: those of the moment")
+        )
+    return "\n".join([*lines, f"  results: {place}"] if place else lines)
+
+
+def _rates(rates: Sequence[float]) -> str:
+    return ", ".join(f"{rate:.4g}" for rate in rates[:_MOST_TOLD]) + (
+        ", ..." if len(rates) > _MOST_TOLD else ""
+    )
+
+
+def _cell(mode: Mode | None) -> str | None:
+    if mode is None:
+        return None
+    return f"{mode.frequency:.6g}" + ("*" if mode.unstable else "")
+
+
+def mode_rows(found: Modes) -> list[dict[str, Any]]:
+    """Return the rows of ``modes.csv``."""
+    return [mode.facts() for mode in found.modes]
+
+
+def csv_text(columns: Sequence[Column | str], rows: Sequence[Any]) -> str:
+    """Return a table as CSV."""
+    import tempfile
+
+    from hfsim.output.writers import write_table
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "table.csv"
+        write_table(path, rows, columns)
+        return path.read_text(encoding="utf-8").rstrip("\n")

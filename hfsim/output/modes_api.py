@@ -1,0 +1,86 @@
+"""Modes and Campbell diagrams from Python."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from hfsim.marching.stop import Progress
+from hfsim.output.api import AnyDeck, load
+
+if TYPE_CHECKING:
+    from hfsim.studies.modes import Campbell, Modes
+
+
+def modes(
+    deck: AnyDeck,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    about: str = "start",
+    at: float | None = None,
+    count: int = 12,
+    progress: Progress | None = None,
+) -> Modes:
+    """Find frequencies, damping and shapes of small motions; what ``hfsim modes`` does.
+
+    Parameters
+    ----------
+    deck, changes
+        As in `load`.
+    about : str
+        ``"start"``, ``"equilibrium"`` next to it, or ``"steady"``, the rotation at its rates.
+    at : float, optional
+        Instead: the state of a run at this time [s].
+    count : int
+        Modes wanted, from slow to fast.
+    progress : callable, optional
+        Called with the share of the run that is done, 0 to 1.
+
+    Returns
+    -------
+    Modes
+        ``found.frequencies`` [Hz], ``found.damping_ratios``, ``found[2]`` with ``frequency``, ``kind``,
+        ``value`` [1/s] and ``shapes`` by body; ``found.about.motions`` with the matrices.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If the deck is bad.
+    HfsimError
+        If the scene cannot be linearised there.
+    """
+    from hfsim.studies.modes import modes_of
+    from hfsim.studies.modes.about import about as state_of
+
+    return modes_of(state_of(load(deck, changes).with_numbers(), about, at, progress), count)
+
+
+def campbell(
+    deck: AnyDeck,
+    rates: Sequence[float],
+    changes: Mapping[str, Any] | None = None,
+    *,
+    count: int = 12,
+    progress: Progress | None = None,
+) -> Campbell:
+    """Find the modes about steady rotations at several rates; what ``hfsim modes --spin`` does.
+
+    Parameters
+    ----------
+    deck, changes
+        As in `load`; the scene turns about the axis at the start.
+    rates : sequence of float
+        [rad/s].
+    count, progress
+        As of `modes`.
+
+    Returns
+    -------
+    Campbell
+        ``found.rates``, ``found.frequencies(1)`` [Hz] of a mode at all rates, ``found.crossings``.
+    """
+    from hfsim.studies.modes import campbell as study
+    from hfsim.studies.modes.about import about
+
+    start = about(load(deck, changes).with_numbers())
+    return study(start, rates, count, progress or (lambda share: None))

@@ -1,0 +1,166 @@
+"""Pictures of modes: both extremes of each shape beside the state, and frequencies against rates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from hfsim.maths.arrays import Array
+from hfsim.output.plots.space import oblique
+from hfsim.output.plots.style import (
+    BLUE,
+    RED,
+    bare,
+    colour,
+    dress,
+    new_figure,
+    outside_legend,
+    save,
+    set_title,
+)
+from hfsim.studies.modes import Campbell, Mode, Modes
+
+_PANELS = 6
+"""Of one picture."""
+_COLUMNS = 3
+_AMPLITUDE = 0.16
+"""Largest displacement drawn, over the size of the scene."""
+_STATE = "0.72"
+_MARGIN = 0.08
+_UNSTABLE = "x"
+
+
+def draw_modes(found: Modes, folder: Path) -> list[str]:
+    """Draw all modes, six to a picture: ``modes``, or ``modes_1`` and so on.
+
+    Returns
+    -------
+    list of str
+        File names written.
+    """
+    pages = [found.modes[k : k + _PANELS] for k in range(0, len(found.modes), _PANELS)]
+    names = ["modes"] if len(pages) == 1 else [f"modes_{k}" for k in range(1, len(pages) + 1)]
+    return save({name: _page(found, page) for name, page in zip(names, pages, strict=True)}, folder)
+
+
+def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
+    outlines = {name: points for name, points in found.outlines.items() if points.size}
+    spatial = found.about.scene.deck.dimension == 3
+    extremes = [_extremes(found, mode) for mode in modes]
+    every = [_seen(points, spatial) for points in outlines.values()]
+    every += [_seen(points, spatial) for pair in extremes for shapes in pair for points in shapes.values()]
+    low, high = _bounds(np.concatenate(every))
+    width, height = high - low
+    columns = min(_COLUMNS, len(modes)) if width < 2.5 * height else min(2, len(modes))
+    rows = -(-len(modes) // columns)
+    size = 3.4 if columns == _COLUMNS else 4.8
+    figure = new_figure((columns * size + 0.4, rows * (size * min(2.0, height / width) + 0.75) + 0.7))
+    panels = figure.subplots(rows, columns, squeeze=False)
+    for axes in panels.flat[len(modes) :]:
+        axes.set_axis_off()
+    for axes, mode, pair in zip(panels.flat, modes, extremes, strict=False):
+        for points in outlines.values():
+            axes.plot(*_seen(points, spatial).T, color=_STATE, linewidth=2.2, label="state")
+        for shapes, own in zip(pair, (BLUE, RED), strict=True):
+            for points in shapes.values():
+                axes.plot(*_seen(points, spatial).T, color=own, linewidth=1.4)
+        axes.set_xlim(low[0], high[0])
+        axes.set_ylim(low[1], high[1])
+        axes.set_aspect("equal")
+        axes.set_title(_title(mode), fontsize=9, loc="left")
+        if spatial:
+            axes.set_axis_off()
+        else:
+            bare(axes)
+            axes.tick_params(labelsize=8)
+    for axes in () if spatial else panels[-1]:
+        axes.set_xlabel("x [m]", fontsize=8)
+    for axes in () if spatial else panels[:, 0]:
+        axes.set_ylabel("y [m]", fontsize=8)
+    about = found.about
+    turning = "" if about.turning is None else ", seen from axes that turn"
+    words = (
+        f"{about.scene.deck.name}, {about.scene.model}: modes; grey: {about.state}{turning}; both extremes"
+    )
+    figure.suptitle(words, fontsize=11, x=0.01, ha="left")
+    return figure
+
+
+def _title(mode: Mode) -> str:
+    told = f"{mode.number}: {mode.frequency:.5g} Hz" if mode.frequency else f"{mode.number}"
+    if mode.kind != "vibration":
+        told += f", {mode.kind}"
+    if mode.value.imag and mode.value.real:
+        told += f", damping ratio {mode.damping_ratio:.3g}"
+    elif mode.value.real:
+        told += f", {mode.growth:+.3g}/s"
+    return told
+
+
+def _extremes(found: Modes, mode: Mode) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Return outlines at both extremes of a mode."""
+    size = _AMPLITUDE * found.about.size
+    largest = max((float(np.abs(shape).max(initial=0.0)) for shape in mode.shapes.values()), default=0.0)
+    factor = size / largest if largest > 1e-6 else size
+    moved = {name: factor * shape.real for name, shape in mode.shapes.items() if shape.size}
+    first = {name: found.outlines[name] + one for name, one in moved.items()}
+    return first, {name: found.outlines[name] - one for name, one in moved.items()}
+
+
+def _seen(points: Array, spatial: bool) -> Array:
+    return oblique(points) if spatial else points
+
+
+def _bounds(points: Array) -> tuple[Array, Array]:
+    low, high = points.min(axis=0), points.max(axis=0)
+    longest = float((high - low).max())
+    middle, half = 0.5 * (low + high), 0.5 * np.maximum(high - low, 0.3 * longest) + _MARGIN * longest
+    return middle - half, middle + half
+
+
+def draw_campbell(result: Campbell, folder: Path) -> list[str]:
+    """Draw ``campbell``: frequencies against rates, with the lines of excitations.
+
+    Returns
+    -------
+    list of str
+        File names written.
+    """
+    from hfsim.studies.modes.campbell import ORDERS
+
+    figure = new_figure((9.0, 5.2))
+    axes: Axes = figure.subplots()
+    rates, top = result.rates, 0.0
+    for k in range(len(result.tracks)):
+        values = result.frequencies(k + 1)
+        axes.plot(
+            rates, values, color=colour(k), linewidth=1.5, marker="o", markersize=3.0, label=f"mode {k + 1}"
+        )
+        top = max(top, float(np.nanmax(values, initial=0.0)))
+        bad = [j for j, mode in enumerate(result.tracks[k]) if mode is not None and mode.unstable]
+        axes.plot(
+            rates[bad], values[bad], _UNSTABLE, color="black", markersize=8, label="unstable" if bad else None
+        )
+    low, high = float(rates.min()), float(rates.max())
+    top *= 1.06
+    for order in ORDERS:
+        ends = np.array([low, high])
+        axes.plot(ends, order * ends / (2.0 * np.pi), color="0.55", linewidth=0.9, linestyle="--")
+        at = min(high, 2.0 * np.pi * top / order)
+        axes.annotate(
+            f"{order} per rev.", (at, order * at / (2.0 * np.pi)), color="0.4", fontsize=8, ha="right",
+            va="bottom", xytext=(-4, -2 if at < high else 2), textcoords="offset points",
+        )  # fmt: skip
+    for one in result.crossings:
+        axes.plot(one.rate, one.frequency, "o", markerfacecolor="none", markeredgecolor="black", markersize=9)
+    axes.set_xlim(low, high)
+    axes.set_ylim(0.0, top or 1.0)
+    dress(axes, "rate [rad/s]", "frequency [Hz]")
+    outside_legend(figure, [axes])
+    about = result.founds[0].about
+    set_title(figure, f"{about.scene.deck.name}, {about.scene.model}: frequencies seen from axes that turn")
+    return save({"campbell": figure}, folder)

@@ -1,0 +1,251 @@
+"""The state about which a scene is linearised, and how steady it is.
+
+Rates of the state are seen from axes that turn with the scene, where it turns as a whole; in these a steady
+rotation is an equilibrium.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hfsim.errors import HfsimError
+from hfsim.marching.integration import run_integration
+from hfsim.marching.stop import Progress
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import is_sparse
+from hfsim.mechanics.small_motions import SmallMotions, small_motions
+from hfsim.mechanics.steady import steady_state
+from hfsim.mechanics.turning import Turning
+from hfsim.scene.build import Scene, build
+from hfsim.scene.loading import LoadedDeck
+
+STATES = ("start", "equilibrium", "steady")
+"""States that can be asked for, beside that of a run at a time."""
+STEADY = 1e-6
+"""Distance from the equilibrium over the size of the scene that counts as none."""
+_HELD = 1e-12
+"""What holds motions that nothing brings back, over the square of the fastest frequency."""
+_FAR = 1e3
+"""Distance, over the size, beyond which it is not told."""
+_EVEN = 1e-6
+"""The same for accelerations after a turn, over those of the rotation."""
+
+
+class ModesError(HfsimError):
+    """The scene cannot be linearised where it was asked for."""
+
+    exit_code = 2
+
+
+@dataclass(frozen=True, eq=False)
+class About:
+    """A scene linearised about a state.
+
+    Attributes
+    ----------
+    scene : Scene
+    state : str
+        ``start``, ``equilibrium``, ``steady`` or ``time``.
+    t : float
+        Of loads and drivers [s].
+    motions : SmallMotions
+    """
+
+    scene: Scene
+    state: str
+    t: float
+    motions: SmallMotions
+
+    @property
+    def turning(self) -> Turning | None:
+        """The axes that the small motions are seen from, where these turn."""
+        return self.motions.turning
+
+    @cached_property
+    def mass(self) -> float:
+        """Of all that moves [kg]."""
+        scene = self.scene
+        bodies, n_dim = list(scene.bodies.values()), scene.deck.dimension
+        shift = Turning.of(
+            bodies, np.zeros(1 if n_dim == 2 else 3), np.zeros(n_dim), velocity=np.eye(n_dim)[0]
+        )
+        return 2.0 * float(scene.system.kinetic_energy(self.motions.x[None], shift.travel[None])[0])
+
+    @cached_property
+    def size(self) -> float:
+        """Largest distance of points of the bodies along an axis [m]."""
+        outlines = [
+            body.outline(self.motions.x[None])[0] for body in self.scene.bodies.values() if not body.still
+        ]
+        return float(np.ptp(np.concatenate(outlines), axis=0).max()) or 1.0
+
+    def _mean(self, rates: Array) -> float:
+        """Return the root of the mean square of rates or accelerations (n_x,), by mass."""
+        energy = float(self.scene.system.kinetic_energy(self.motions.x[None], rates[None])[0])
+        return float(np.sqrt(max(0.0, 2.0 * energy) / self.mass)) if self.mass > 0.0 else 0.0
+
+    @cached_property
+    def acceleration(self) -> float:
+        """What the state accelerates by, seen from the axes, root of mean square by mass [m/s^2]."""
+        x = self.motions.x
+        steady = 0.0 if self.turning is None else self.turning.accelerations(x[None])[0]
+        return self._mean(self.motions.a - steady)
+
+    @cached_property
+    def speed(self) -> float:
+        """How fast it moves, seen from the axes, likewise [m/s]."""
+        x = self.motions.x
+        steady = 0.0 if self.turning is None else self.turning.rates(x[None])[0]
+        return self._mean(self.motions.u - steady)
+
+    @cached_property
+    def unevenness(self) -> float:
+        """How much else accelerations are after a turn by one radian, over those of the rotation [-]."""
+        if self.turning is None:
+            return 0.0
+        system, turning = self.scene.system, self.turning
+        seconds = 1.0 / float(np.linalg.norm(turning.spin))
+        x = turning.turned(self.motions.x[None], seconds) + seconds * turning.travel
+        if not np.allclose(system.reduction.expand(system.reduction.free(x)), x, atol=1e-6 * self.size):
+            return np.inf
+        u, t = turning.rates(x - seconds * turning.travel), np.array([self.t + seconds])
+        found = system.reduction.expand_rates(system.equations.solve(t, x, u, system.force(t, x, u))[0])
+        before = self.motions.a - turning.accelerations(self.motions.x[None])[0]
+        after = found[0] - turning.accelerations(x - seconds * turning.travel)[0]
+        size = self._mean(turning.accelerations(self.motions.x[None])[0]) or 1.0
+        # in the axes, what there is of other accelerations turns with them
+        return abs(self._mean(after) - self._mean(before)) / size
+
+    @cached_property
+    def distance(self) -> float:
+        """How far the equilibrium is by the stiffness of the state, mean square by mass [m]."""
+        x, pencil = self.motions.x, self.motions.pencil
+        steady = 0.0 if self.turning is None else self.turning.accelerations(x[None])[0]
+        force = self.scene.system.equations.momentum(x[None], (self.motions.a - steady)[None])
+        M, _, K, _ = pencil.matrices
+        free = self.scene.system.reduction.free_force(force)[0]
+        gap = np.zeros(pencil.jacobian.shape[0])
+        try:
+            step, _ = pencil.answer(K + _HELD * pencil.fastest * M, free, gap)
+        except np.linalg.LinAlgError:
+            return np.inf
+        return self._mean(self.motions.basis @ step)
+
+    @property
+    def lasting(self) -> bool:
+        """Whether it is an equilibrium or a steady rotation, to `STEADY`."""
+        return self.distance <= STEADY * self.size and self.speed <= STEADY * max(
+            self.size, self._mean(self.motions.u)
+        )
+
+    def facts(self) -> dict[str, Any]:
+        """Return what is known of the state."""
+        turning = self.turning
+        return {
+            "state": self.state,
+            "time": self.t,
+            "spin": None if turning is None else np.atleast_1d(turning.spin).tolist(),
+            "axis_through": None if turning is None else turning.centre.tolist(),
+            "acceleration": self.acceleration,
+            "speed": self.speed,
+            "away_from_equilibrium": min(self.distance, _FAR * self.size),
+            "steady": bool(self.lasting),
+            "uneven": bool(self.unevenness > _EVEN),
+        }
+
+
+def about(
+    loaded: LoadedDeck, state: str = "start", at: float | None = None, progress: Progress | None = None
+) -> About:
+    """Return a scene linearised about a state.
+
+    Parameters
+    ----------
+    loaded : LoadedDeck
+    state : str
+        One of `STATES`, with which the scene starts.
+    at : float, optional
+        Instead: the time of a run from there [s].
+    progress : callable, optional
+
+    Raises
+    ------
+    ModesError
+        If the run does not come so far, or the equations are singular in the state.
+    """
+    scene = build(loaded.with_solve({"duration": at}) if at else loaded)
+    if at is not None:
+        q, v = _after(scene, at, progress)
+        return linearised(scene, q, v, "time", at)
+    if state == "equilibrium":
+        found = linearised(scene, scene.q, 0.0 * scene.v, state)
+        return _settled(found, _standing(scene), state)
+    found = linearised(scene, scene.q, scene.v, state)
+    return found if state != "steady" else turning_at(found, None)
+
+
+def _standing(scene: Scene) -> Turning:
+    """Return axes that stand still."""
+    n_dim, sparse = scene.deck.dimension, is_sparse(scene.system.equations.constant_mass)
+    return Turning.of(scene.bodies.values(), np.zeros(1 if n_dim == 2 else 3), np.zeros(n_dim), sparse)
+
+
+def turning_at(start: About, rate: float | None) -> About:
+    """Return the steady rotation next to a state that turns, at its rate or another [rad/s].
+
+    Raises
+    ------
+    ModesError
+        If nothing turns in the state, or there is no steady rotation next to it.
+    """
+    turning = start.turning
+    if turning is None:
+        raise ModesError(
+            "nothing turns as a whole at the start: give bodies rates with initial, such as angular_velocity"
+        )
+    return _settled(start, turning if rate is None else turning.at_rate(rate), "steady")
+
+
+def _settled(start: About, turning: Turning, state: str) -> About:
+    scene, system, t = start.scene, start.scene.system, start.t
+    try:
+        x = steady_state(system, t, start.motions.x, turning)
+        axes = turning if turning.spin.any() else None
+        return About(scene, state, t, small_motions(system, t, x, turning.rates(x[None])[0], axes))
+    except np.linalg.LinAlgError as error:
+        told = ", ".join(f"{one:.4g}" for one in np.atleast_1d(turning.spin))
+        raise ModesError(f"{state}{f' at {told} rad/s' if turning.spin.any() else ''}: {error}") from None
+
+
+def _after(scene: Scene, at: float, progress: Progress | None) -> tuple[Array, Array]:
+    if not at:
+        return scene.q, scene.v
+    done = run_integration(scene, scene.deck.solve, progress)
+    trajectory = done.trajectory
+    if trajectory.t_end < at * (1.0 - 1e-9):
+        raise ModesError(f"the run ends at {trajectory.t_end:.4g} s: {done.stop}")
+    q, v = scene.system.project(np.array([at]), trajectory.q[None], trajectory.v[None])
+    return q[0], v[0]
+
+
+def linearised(scene: Scene, q: Array, v: Array, state: str, t: float = 0.0) -> About:
+    """Return a scene linearised about coordinates and rates (n,) of its state.
+
+    Raises
+    ------
+    ModesError
+        If its equations are singular there.
+    """
+    system = scene.system
+    x, u = system.absolute(q[None])[0], system.absolute_velocity(q[None], v[None])[0]
+    try:
+        still = small_motions(system, t, x, u)
+    except np.linalg.LinAlgError as error:
+        raise ModesError(f"the equations of motion are singular in this state: {error}") from None
+    turning = Turning.fitting(list(scene.bodies.values()), system.equations, t, x, u, still.a)
+    motions = still if turning is None else small_motions(system, t, x, u, turning)
+    return About(scene, state, t, motions)

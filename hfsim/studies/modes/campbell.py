@@ -1,0 +1,252 @@
+"""Modes of a scene that turns, against the rate of its rotation: the Campbell diagram."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, BoolArray
+from hfsim.studies.modes.about import About, turning_at
+from hfsim.studies.modes.found import Mode, Modes, matched, modes_of
+
+ORDERS = (1, 2, 3)
+"""Excitations per revolution whose lines are drawn."""
+_ALIKE = 0.3
+"""Modal assurance from which two shapes may be those of one mode."""
+_NEAR = 0.2
+"""Weight of the difference of frequencies, over their size, beside the assurance."""
+_SPARE = 6
+"""Modes looked at beyond those asked for: some drop out of the slowest."""
+_CLOSE, _TRIES = 1e-6, 6
+"""Relative width to which crossings are located; rates tried for one at most."""
+_MOST_CROSSINGS = 24
+
+
+@dataclass(frozen=True)
+class Crossing:
+    """Where a mode is excited so many times a revolution, or is turned into a divergence.
+
+    Attributes
+    ----------
+    track : int
+        Number of the mode, from one on.
+    order : int
+        Times per revolution; 0 where the frequency becomes zero.
+    rate : float
+        [rad/s].
+    frequency : float
+        [Hz].
+    """
+
+    track: int
+    order: int
+    rate: float
+    frequency: float
+
+    def facts(self) -> dict[str, Any]:
+        """Return its numbers."""
+        return {"mode": self.track, "order": self.order, "rate": self.rate, "frequency": self.frequency}
+
+
+@dataclass(frozen=True, eq=False)
+class Campbell:
+    """Modes at several rates.
+
+    Attributes
+    ----------
+    founds : tuple of Modes
+        One at each rate.
+    rates : ndarray, shape (n,)
+        [rad/s].
+    tracks : tuple of tuple of Mode or None
+        Each mode at all rates, followed by its shape; None where it was lost.
+    senses : tuple of tuple of int
+        Minus one from where it goes round the other way, its frequency having gone through zero.
+    crossings : tuple of Crossing
+        From slow to fast.
+    """
+
+    founds: tuple[Modes, ...]
+    rates: Array
+    tracks: tuple[tuple[Mode | None, ...], ...]
+    senses: tuple[tuple[int, ...], ...]
+    crossings: tuple[Crossing, ...]
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return a row for each mode at each rate."""
+        return [
+            {"rate": float(rate), **mode.facts(), "mode": number}
+            for number, track in enumerate(self.tracks, 1)
+            for rate, mode in zip(self.rates, track, strict=True)
+            if mode is not None
+        ]
+
+    def frequencies(self, number: int) -> Array:
+        """Return those of a mode, by its number from one on, at all rates [Hz]; NaN where it was lost."""
+        track = self.tracks[number - 1]
+        return np.array([np.nan if mode is None else mode.frequency for mode in track])
+
+    def facts(self) -> dict[str, Any]:
+        """Return all that is known, as plain data."""
+        first = self.founds[0].facts()
+        return {
+            "status": "done",
+            **{key: first[key] for key in ("name", "model", "unknowns", "multipliers")},
+            "about": {"state": "steady", "rates": self.rates.tolist()},
+            "complete": [found.complete for found in self.founds],
+            "unsteady_rates": [
+                float(rate)
+                for rate, found in zip(self.rates, self.founds, strict=True)
+                if not found.about.lasting or found.about.facts()["uneven"]
+            ],
+            "crossings": [one.facts() for one in self.crossings],
+            "unstable": [
+                {"mode": number, "rate": float(rate), "kind": mode.kind, "growth_rate": mode.growth}
+                for number, track in enumerate(self.tracks, 1)
+                for rate, mode in zip(self.rates, track, strict=True)
+                if mode is not None and mode.unstable
+            ],
+            "modes": self.rows(),
+        }
+
+
+def campbell(
+    start: About, rates: Sequence[float], count: int, progress: Callable[[float], None] = lambda share: None
+) -> Campbell:
+    """Return the modes about steady rotations at several rates.
+
+    Parameters
+    ----------
+    start : About
+        A state that turns about the axis.
+    rates : sequence of float
+        [rad/s].
+    count : int
+        Modes followed.
+    progress : callable, optional
+
+    Raises
+    ------
+    ModesError
+        If nothing turns, or at some rate no steady rotation is found.
+    """
+    founds: list[Modes] = []
+    state = start
+    for k, rate in enumerate(rates):
+        state = at_rate(state, start, rate)
+        founds.append(modes_of(state, count + _SPARE))
+        progress((k + 1) / len(rates))
+    tracks, senses = _followed(founds, count)
+    every = Campbell(tuple(founds), np.array(rates, dtype=float), tracks, senses, ())
+    return replace(every, crossings=tuple(_crossings(every, start)))
+
+
+def at_rate(near: About, start: About, rate: float) -> About:
+    """Return the steady rotation at a rate, sought from another one; at none, the equilibrium next to it."""
+    seen = replace(near, motions=replace(near.motions, turning=start.turning))
+    return turning_at(seen, rate)
+
+
+def _followed(founds: Sequence[Modes], count: int) -> tuple[Any, Any]:
+    """Return each mode of the first rate, and its sense, at all rates."""
+    from scipy.optimize import linear_sum_assignment
+
+    tracks: list[list[Mode | None]] = [[mode] for mode in founds[0].modes[:count] if mode.kind != "decay"]
+    senses = [[1] for _ in tracks]
+    last = [track[0] for track in tracks]
+    for found in founds[1:]:
+        here = [mode for mode in found.modes if mode.kind != "decay"]
+        unlike, turned = _unlike(found, [mode for mode in last if mode is not None], here)
+        chosen = dict(zip(*(one.tolist() for one in linear_sum_assignment(unlike)), strict=True))
+        for k, track in enumerate(tracks):
+            j = chosen.get(k)
+            same = j is not None and unlike[k, j] < 1.0 - _ALIKE
+            track.append(here[j] if j is not None and same else None)
+            senses[k].append(senses[k][-1] * (-1 if j is not None and same and turned[k, j] else 1))
+            last[k] = track[-1] or last[k]
+    return tuple(map(tuple, tracks)), tuple(map(tuple, senses))
+
+
+def _unlike(found: Modes, before: Sequence[Mode], after: Sequence[Mode]) -> tuple[Array, BoolArray]:
+    """Return how unlike modes are, (n_before, n_after), in shape and a little in frequency.
+
+    Then whether they are alike the other way round.
+    """
+    mass = partial(found.about.scene.system.equations.momentum, found.about.motions.x[None])
+    one, other = (np.array([mode.natural_frequency for mode in modes]) for modes in (before, after))
+    both = one[:, None] + other
+    size = both + one.mean() + np.finfo(float).tiny
+    apart, through = np.abs(one[:, None] - other) / size, both / size
+    same, turned = matched(before, after, mass)
+    # the other way round it has gone through zero
+    plain, other_way = 1.0 - same + _NEAR * apart, 1.0 - turned + _NEAR * through
+    way = (other_way < plain) & np.array([mode.kind == "vibration" for mode in after])
+    return np.where(way, other_way, plain), way
+
+
+# --- crossings --------------------------------------------------------------------------------------
+
+
+def _beyond(mode: Mode, order: int, rate: float, sense: int = 0) -> float:
+    """Return by how much the square of a frequency is above that of an excitation; below zero after it.
+
+    Where the mode goes round the other way after it, the frequency in its first sense.
+    """
+    if sense:
+        return sense * mode.value.imag
+    return float(-(mode.value**2).real - (order * rate) ** 2)
+
+
+def _crossings(every: Campbell, start: About) -> list[Crossing]:
+    found: list[Crossing] = []
+    for number, track in enumerate(every.tracks, 1):
+        for k, order in product(range(len(every.rates) - 1), (0, *ORDERS)):
+            pair = track[k], track[k + 1]
+            if any(mode is None or not mode.value for mode in pair) or len(found) >= _MOST_CROSSINGS:
+                continue
+            located = _located(every, start, number, order, k)
+            if located is not None:
+                found.append(located)
+    return sorted(found, key=lambda one: one.rate)
+
+
+def _located(every: Campbell, start: About, number: int, order: int, k: int) -> Crossing | None:
+    """Return where a mode crosses between two rates, by false position; None where it does not."""
+    track, senses = every.tracks[number - 1], every.senses[number - 1][k : k + 2]
+    turns = order == 0 and senses[0] != senses[1]
+    ends = [
+        (float(every.rates[j]), mode, every.founds[j].about, senses[j - k] if turns else 0)
+        for j in (k, k + 1)
+        if (mode := track[j]) is not None
+    ]
+    values = [_beyond(mode, order, rate, sense) for rate, mode, _, sense in ends]
+    if len(ends) < 2 or not values[0] * values[1] < 0.0:
+        return None
+    power, rate, kept, frequency = 1 if turns else 2, ends[0][0], -1, 0.0
+    for _ in range(_TRIES):
+        (low, first, near, own), (high, _, _, _) = ends
+        a, b = values
+        before, rate = rate, float(((low**power * b - high**power * a) / (b - a)) ** (1.0 / power))
+        state = at_rate(near, start, rate)
+        most = max(abs(mode.value) for _, mode, _, _ in ends) if turns else np.inf
+        every_one = modes_of(state, len(every.tracks) + _SPARE).modes
+        modes = [one for one in every_one if one.kind != "decay" and abs(one.value) <= most]
+        if not modes:
+            break
+        unlike, turned = _unlike(Modes(state, tuple(modes), None, False), [first], modes)
+        j = int(np.argmin(unlike[0]))
+        mode, sense = modes[j], own * (-1 if turned[0, j] else 1)
+        here, frequency = _beyond(mode, order, rate, sense), mode.frequency
+        if abs(rate - before) <= _CLOSE * rate or not here or not mode.value:
+            break
+        which = 0 if here * a > 0.0 else 1
+        ends[which], values[which] = (rate, mode, state, sense), here
+        # an end that stays counts for half, or it would stay for ever
+        values[1 - which] *= 0.5 if which == kept else 1.0
+        kept = which
+    return Crossing(number, order, rate, frequency)

@@ -1,0 +1,282 @@
+"""Modes of a scene: what each is, where it moves, and what it looks like."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
+from hfsim.mechanics.turning import Turning
+from hfsim.studies.modes.about import About, ModesError
+
+KINDS = {
+    "vibration": "swings about the state",
+    "decay": "comes back without swinging",
+    "rigid": "nothing brings it back, and it goes on by itself",
+    "drift": "nothing brings it back, but dampers end it",
+    "flutter": "unstable: swings more and more",
+    "divergence": "unstable: goes away without swinging",
+}
+"""What a motion can be."""
+UNSTABLE = ("flutter", "divergence")
+_STEP = 1e-6
+"""Largest change of a coordinate with which shapes are taken, over the size of the scene."""
+_RIGID = 1e-6
+"""Part of the energy of a motion that may be other than a shift of everything."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """One motion, exp(value t) times its shape.
+
+    Attributes
+    ----------
+    number : int
+        From slow to fast, from one on.
+    kind : str
+        One of `KINDS`.
+    value : complex
+        The eigenvalue [1/s].
+    uncertainty : float
+        What rounding does to it [1/s].
+    change : ndarray of complex, shape (n_x,)
+        Of the absolute coordinates, of any size.
+    about : About
+    """
+
+    number: int
+    kind: str
+    value: complex
+    uncertainty: float
+    change: ComplexArray
+    about: About
+
+    @cached_property
+    def shapes(self) -> dict[str, ComplexArray]:
+        """Displacements of the outline of each body, (n_points, n_dim); the largest of all is one, and real.
+
+        Where only turns are left, the largest change of a coordinate is one.
+        """
+        found = _shapes(self.about, self.change)
+        factor = _scale(self.about, found, self.change)
+        return {name: factor * shape for name, shape in found.items()}
+
+    @cached_property
+    def shares(self) -> dict[str, float]:
+        """Shares of the bodies in the kinetic energy."""
+        energy = _energy(self.about, self.change)
+        whole = float(energy.sum()) or 1.0
+        bodies = self.about.scene.bodies
+        return {name: float(energy[body.columns].sum()) / whole for name, body in bodies.items()}
+
+    @property
+    def frequency(self) -> float:
+        """With which it swings [Hz]."""
+        return abs(self.value.imag) / (2.0 * np.pi)
+
+    @property
+    def natural_frequency(self) -> float:
+        """The size of the eigenvalue: the frequency without its damping [Hz]."""
+        return abs(self.value) / (2.0 * np.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """Of critical damping [-]: negative where it grows."""
+        return -self.value.real / abs(self.value) if self.value else 0.0
+
+    @property
+    def growth(self) -> float:
+        """Growth rate [1/s]."""
+        return float(self.value.real)
+
+    @property
+    def unstable(self) -> bool:
+        """Whether it grows."""
+        return self.kind in UNSTABLE
+
+    @property
+    def mostly(self) -> str:
+        """Bodies with most of the kinetic energy."""
+        order = sorted(self.shares, key=lambda name: -self.shares[name])
+        told = [name for name in order if self.shares[name] > 0.1][:3] or order[:1]
+        return ", ".join(f"{name} {100.0 * self.shares[name]:.0f} %" for name in told)
+
+    def facts(self) -> dict[str, Any]:
+        """Return its numbers."""
+        return {
+            "mode": self.number,
+            "kind": self.kind,
+            "frequency": self.frequency,
+            "natural_frequency": self.natural_frequency,
+            "damping_ratio": self.damping_ratio,
+            "growth_rate": self.growth,
+            "uncertainty": self.uncertainty,
+            "bodies": self.shares,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Modes:
+    """Modes of a scene.
+
+    Attributes
+    ----------
+    about : About
+    modes : tuple of Mode
+        From slow to fast; unstable ones beyond those asked for come last.
+    complete : bool or None
+        Whether it was checked that none is missing; None if that could not be told.
+    whole : bool
+        Whether all motions that the scene has were looked at.
+    """
+
+    about: About
+    modes: tuple[Mode, ...]
+    complete: bool | None
+    whole: bool
+
+    def __getitem__(self, number: int) -> Mode:
+        """Return a mode by its number."""
+        for mode in self.modes:
+            if mode.number == number:
+                return mode
+        raise KeyError(number)
+
+    @property
+    def unstable(self) -> tuple[Mode, ...]:
+        """Those that grow."""
+        return tuple(mode for mode in self.modes if mode.unstable)
+
+    @property
+    def frequencies(self) -> Array:
+        """Of all modes [Hz]."""
+        return np.array([mode.frequency for mode in self.modes])
+
+    @property
+    def damping_ratios(self) -> Array:
+        """Of all modes [-]."""
+        return np.array([mode.damping_ratio for mode in self.modes])
+
+    @cached_property
+    def outlines(self) -> dict[str, Array]:
+        """The outline of each body in the state, (n_points, n_dim) [m]."""
+        x = self.about.motions.x[None]
+        return {name: body.outline(x)[0] for name, body in self.about.scene.bodies.items()}
+
+    def facts(self) -> dict[str, Any]:
+        """Return all that is known, as plain data."""
+        motions, scene = self.about.motions, self.about.scene
+        return {
+            "status": "done",
+            "name": scene.deck.name,
+            "model": scene.model,
+            "about": self.about.facts(),
+            "unknowns": motions.mass.shape[0],
+            "multipliers": motions.jacobian.shape[0],
+            "complete": self.complete,
+            "all_looked_at": self.whole,
+            "unstable": [mode.number for mode in self.unstable],
+            "modes": [mode.facts() for mode in self.modes],
+        }
+
+
+def modes_of(state: About, count: int) -> Modes:
+    """Return the slowest modes about a state, and in small scenes all unstable ones.
+
+    Raises
+    ------
+    ModesError
+        If the pencil is singular.
+    """
+    pencil = state.motions.pencil
+    try:
+        found = eigenpairs(pencil, count)
+    except np.linalg.LinAlgError as error:
+        raise ModesError(f"something moves without mass: {error}") from None
+    growing = np.flatnonzero(found.values.real > 0.0)
+    kept = np.union1d(np.arange(min(count, len(found.values))), growing)
+    modes = tuple(_mode(state, found, int(k)) for k in kept)
+    return Modes(state, modes, found.complete, not pencil.large)
+
+
+def _mode(state: About, found: Eigenpairs, k: int) -> Mode:
+    value = complex(found.values[k])
+    change = np.asarray(state.motions.basis @ found.vectors[:, k])
+    kind = _kind(state, value, bool(found.doubled[k]), change)
+    return Mode(k + 1, kind, value, float(found.uncertainty[k]), change, state)
+
+
+def _kind(state: About, value: complex, doubled: bool, change: ComplexArray) -> str:
+    if not value:
+        return "rigid" if doubled else "drift"
+    if value.real > 0.0:
+        return "flutter" if value.imag else "divergence"
+    if not value.imag:
+        return "decay"
+    return "rigid" if not value.real and _shifts_all(state, change) else "vibration"
+
+
+def _shifts_all(state: About, change: ComplexArray) -> bool:
+    """Tell whether everything is shifted as one: seen from axes that turn, at their rate."""
+    if state.turning is None:
+        return False
+    scene, x = state.scene, state.motions.x[None]
+    bodies, n_dim = list(scene.bodies.values()), scene.deck.dimension
+    nothing, momentum = 0.0 * state.turning.spin, scene.system.equations.momentum
+    shifts = np.array(
+        [Turning.of(bodies, nothing, np.zeros(n_dim), velocity=one).travel for one in np.eye(n_dim)]
+    )
+    weighted = momentum(x, shifts)
+    own = np.linalg.lstsq(weighted @ shifts.T, weighted @ change, rcond=None)[0]
+    left = change - own @ shifts
+    return bool(_energy(state, left).sum() <= _RIGID * _energy(state, change).sum())
+
+
+def _energy(state: About, change: ComplexArray) -> Array:
+    """Return twice the kinetic energy of each coordinate, shape (n_x,)."""
+    parts = np.stack([change.real, change.imag])
+    return np.asarray(
+        np.sum(parts * state.scene.system.equations.momentum(state.motions.x[None], parts), axis=0)
+    )
+
+
+def _shapes(state: About, change: ComplexArray) -> dict[str, ComplexArray]:
+    """Return displacements of all outlines by a change of the coordinates, by central differences."""
+    step = _STEP * min(1.0, state.size) / float(np.abs(change).max())
+    moves = step * np.stack([change.real, -change.real, change.imag, -change.imag])
+    moved = state.motions.x + moves
+    found = {}
+    for name, body in state.scene.bodies.items():
+        points = body.outline(moved)
+        found[name] = (points[0] - points[1] + 1j * (points[2] - points[3])) / (2.0 * step)
+    return found
+
+
+def _scale(state: About, shapes: dict[str, ComplexArray], change: ComplexArray) -> complex:
+    """Return the factor that makes the largest displacement, or of turns alone the largest, one and real."""
+    every = np.concatenate([shape.ravel() for shape in shapes.values()])
+    k = int(np.argmax(np.abs(every))) if len(every) else 0
+    largest = complex(every[k]) if len(every) else 0.0
+    if abs(largest) <= 1e-6 * state.size * float(np.abs(change).max()):
+        largest = complex(change[int(np.argmax(np.abs(change)))])
+    return 1.0 / largest
+
+
+def matched(before: Sequence[Mode], after: Sequence[Mode], mass: Any) -> Array:
+    """Return the modal assurance of all pairs of modes: one where shapes are alike.
+
+    Returns
+    -------
+    ndarray, shape (2, n_before, n_after)
+        That with the shapes as they are, and with those that go round the other way: their conjugates.
+    """
+    one, other = (np.array([mode.change for mode in modes]) for modes in (before, after))
+    weighted = mass(other.real) + 1j * mass(other.imag)
+    own = mass(one.real) + 1j * mass(one.imag)
+    sizes = np.outer(np.sum(one.conj() * own, axis=1).real, np.sum(other.conj() * weighted, axis=1).real)
+    return np.stack([np.abs(way @ weighted.T) ** 2 / sizes for way in (one.conj(), one)])

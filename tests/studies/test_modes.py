@@ -1,0 +1,415 @@
+"""Modes of scenes against closed forms, published values and roots of frequency equations."""
+
+import json
+import time
+
+import numpy as np
+import pytest
+from blades import BLADE, CORIOLIS, ELEMENTS, FLAP, LAG, LAG_LINEAR
+from click.testing import CliRunner
+from scipy.optimize import brentq
+from scipy.special import jn_zeros
+
+import hfsim
+from hfsim.cli import app
+from hfsim.maths.eigenpairs import eigenpairs
+from hfsim.maths.pencils import Pencil
+from hfsim.scene.loading import parse_deck
+from hfsim.studies.modes.about import about
+
+PLANE = """hfsim: 1
+gravity: [0.0, {gravity}]
+materials: {{light: {{density: 1.0, youngs_modulus: {modulus}}}}}
+sections: {{bar: {{area: 1.0, second_moment: {moment}}}}}
+bodies:
+  b: {{type: beam, material: light, section: bar, length: 1.0, elements: {elements}, degree: {degree}}}
+joints: {{{joints}}}
+{more}
+solve: {{model: exact, duration: 1.0}}
+"""
+ENDS = {
+    "clamped-free": ("c: {type: fixed, between: [ground, b.root]}", lambda k: np.cos(k) + 1 / np.cosh(k)),
+    "pinned-pinned": (
+        "c: {type: revolute, between: [ground, b.root]}, d: {type: revolute, between: [ground.there, b.tip]}",
+        np.sin,
+    ),
+    "clamped-pinned": (
+        "c: {type: fixed, between: [ground, b.root]}, d: {type: revolute, between: [ground.there, b.tip]}",
+        lambda k: np.sin(k) - np.cos(k) * np.tanh(k),
+    ),
+    "clamped-clamped": (
+        "c: {type: fixed, between: [ground, b.root]}, d: {type: fixed, between: [ground.there, b.tip]}",
+        lambda k: np.cos(k) - 1 / np.cosh(k),
+    ),
+    "pinned-free": (
+        "c: {type: revolute, between: [ground, b.root]}",
+        lambda k: np.sin(k) - np.cos(k) * np.tanh(k),
+    ),
+    "free-free": ("", lambda k: np.cos(k) - 1 / np.cosh(k)),
+}
+
+
+def plane(joints, elements=8, alpha=1000.0, degree=3, gravity=0.0, more=""):
+    """A planar Euler beam with E I = rho A = L = 1, of a slenderness."""
+    more += "\nground: {points: {there: [1.0, 0.0]}}"
+    return PLANE.format(
+        joints=joints,
+        elements=elements,
+        modulus=alpha**2,
+        moment=alpha**-2,
+        degree=degree,
+        gravity=gravity,
+        more=more,
+    )
+
+
+def found_in(text, count=8, **wanted):
+    return hfsim.modes(parse_deck(text), count=count, **wanted)
+
+
+def circular(found, *kinds):
+    """Circular frequencies of all vibrations, or modes of some kinds."""
+    return np.array([abs(mode.value.imag) for mode in found.modes if mode.kind in (kinds or ("vibration",))])
+
+
+def roots(function, count, low=0.5):
+    """The first roots of a frequency equation above a bound."""
+    x = np.linspace(low, low + 3.2 * (count + 1), 4000)
+    y = function(x)
+    signs = np.flatnonzero(np.sign(y[1:]) != np.sign(y[:-1]))[:count]
+    return np.array([brentq(function, x[k], x[k + 1], xtol=1e-14) for k in signs])
+
+
+@pytest.mark.parametrize("ends", ENDS)
+def test_beams_swing_as_euler_says(ends):
+    joints, equation = ENDS[ends]
+    expected = roots(equation, 3, 1.0) ** 2
+    errors = []
+    for elements in (4, 8):
+        found = found_in(plane(joints, elements))
+        free = [mode.number for mode in found.modes if mode.kind == "rigid"]
+        assert free == list(range(1, {"free-free": 4, "pinned-free": 2}.get(ends, 1)))
+        assert found.complete
+        errors.append(np.abs(circular(found)[:3] / expected - 1.0))
+    assert errors[1][:2].max() < 1e-3
+    # cubic elements: squares of frequencies converge with the fourth power
+    assert np.log2(errors[0][0] / errors[1][0]) == pytest.approx(4.0, abs=0.3)
+
+
+def test_high_degrees_and_rods_reach_the_exact_values():
+    found = found_in(plane(ENDS["clamped-free"][0], 4, alpha=100.0, degree=7))
+    bending = roots(ENDS["clamped-free"][1], 4) ** 2
+    assert circular(found)[:4] == pytest.approx(bending, rel=1e-8)
+    found = found_in(plane(ENDS["clamped-free"][0], 4, alpha=1000.0, degree=7), 60)
+    along = [mode for mode in found.modes if np.abs(mode.shapes["b"][:, 0]).max() > 0.99][:2]
+    assert [mode.value.imag for mode in along] == pytest.approx([500.0 * np.pi, 1500.0 * np.pi], rel=1e-4)
+
+
+SHORT = """hfsim: 1
+gravity: [0, 0, 0]
+sections:
+  bar:
+    mass_per_length: 2.0
+    rotary_inertia: [0.3, 0.1, 0.2]
+    axial_stiffness: 4.0e3
+    shear_stiffness: [300.0, 500.0]
+    torsion_stiffness: 7.0
+    bending_stiffness: [9.0, 16.0]
+bodies: {b: {type: beam, section: bar, length: 1.5, elements: 4, degree: 5, element: cosserat}}
+joints: {c: {type: fixed, between: [ground, b.root]}}
+solve: {model: MODEL, duration: 1.0}
+"""
+
+
+def timoshenko(count, EI, GA, rho_I, rho_A=2.0, length=1.5):
+    """Circular frequencies of a clamped-free Timoshenko beam, from the determinant of its four conditions."""
+
+    def determinant(w):
+        A = np.zeros((4, 4))
+        # (v, phi, M, V)' = A (v, phi, M, V)
+        A[0, 1], A[0, 3], A[1, 2] = 1.0, 1.0 / GA, 1.0 / EI
+        A[2, 1], A[2, 3], A[3, 0] = -rho_I * w**2, -1.0, -rho_A * w**2
+        values, vectors = np.linalg.eig(length * A.astype(complex))
+        T = (vectors * np.exp(values)) @ np.linalg.inv(vectors)
+        return np.linalg.det(T[2:, 2:]).real
+
+    w = np.linspace(0.2, 120.0, 6000)
+    y = np.array([determinant(one) for one in w])
+    signs = np.flatnonzero(np.sign(y[1:]) != np.sign(y[:-1]))[:count]
+    return np.array([brentq(determinant, w[k], w[k + 1], xtol=1e-13) for k in signs])
+
+
+@pytest.mark.parametrize("model", ["linear", "lowOrder", "exact"])
+def test_short_beams_swing_as_timoshenko_says_and_twist(model):
+    found = found_in(SHORT.replace("MODEL", model), 16)
+    # bending about z moves along y, with the first shear stiffness
+    expected = [*timoshenko(3, 16.0, 300.0, 0.2), *timoshenko(3, 9.0, 500.0, 0.1)]
+    expected += [np.pi / 3.0 * (2 * k - 1) * np.sqrt(7.0 / 0.3) for k in (1, 2)]
+    here = circular(found)
+    for value in expected:
+        assert np.abs(here / value - 1.0).min() < 1e-6, value
+
+
+def test_a_chain_hangs_with_the_zeros_of_bessels_function():
+    hung = plane("c: {type: revolute, between: [ground, b.root]}", 12, alpha=1e5, degree=5, gravity=-9.81)
+    # next to no stiffness: that of bending is one, so gravity is made large instead
+    hung = hung.replace("-9.81", "-1.0e7") + "initial: {b: {angle: '-90 deg'}}\n"
+    found = found_in(hung, 4, about="equilibrium")
+    assert found.about.lasting
+    expected = 0.5 * jn_zeros(0, 3) * np.sqrt(1e7)
+    assert circular(found)[:3] == pytest.approx(expected, rel=2e-3)
+
+
+def test_a_stiff_beam_on_a_pin_is_a_pendulum():
+    hung = (
+        plane("c: {type: revolute, between: [ground, b.root]}", 4, gravity=-1e-3)
+        + "initial: {b: {angle: '-90 deg'}}\n"
+    )
+    found = found_in(hung, 3, about="equilibrium")
+    assert circular(found)[0] == pytest.approx(np.sqrt(1.5e-3), rel=1e-5)
+    assert found.facts()["about"]["steady"]
+    assert not found_in(hung.replace("-90", "-80"), 3).facts()["about"]["steady"]
+
+
+def blade(model, gamma, alpha, elements):
+    section, beam = ELEMENTS["cable"]
+    numbers = {"modulus": alpha**2, "moment": alpha**-2, "gamma": float(gamma), "model": model}
+    return BLADE.format(
+        section=section.format(**numbers),
+        element=beam.replace("elements: 6", f"elements: {elements}, degree: 5"),
+        **numbers,
+    )
+
+
+@pytest.mark.parametrize("gamma", [1, 3, 5])
+def test_blades_that_turn_flap_and_lag_at_published_frequencies(gamma):
+    found = found_in(blade("exact", gamma, 3000.0, 3), 2, about="steady")
+    lag, flap = circular(found)
+    assert flap == pytest.approx(FLAP[gamma], rel=1e-6)
+    assert lag == pytest.approx(LAG[gamma], rel=1e-5)
+    assert found.about.lasting and not found.facts()["about"]["uneven"]
+    assert found.about.turning.spin == pytest.approx([0.0, 0.0, gamma])
+
+
+@pytest.mark.parametrize("gamma", [1, 3])
+@pytest.mark.parametrize("model", ["linear", "lowOrder", "exact"])
+def test_their_models_have_the_frequencies_that_theory_gives_them(model, gamma):
+    found = found_in(blade(model, gamma, 70.0, 3), 2, about="steady" if model == "exact" else "start")
+    expected = CORIOLIS[gamma] if model == "exact" else LAG_LINEAR[gamma]
+    # unstretched, at the start, lowOrder has no tension either
+    near = 1e-3 if model == "exact" else 1e-6
+    assert circular(found)[0] == pytest.approx(expected, rel=near)
+
+
+def test_linear_blades_diverge_beyond_their_critical_rate():
+    start = parse_deck(blade("linear", 1, 3000.0, 3))
+    found = hfsim.campbell(start, np.linspace(0.0, 5.0, 6), count=2)
+    critical = [one for one in found.crossings if one.order == 0]
+    assert [one.rate for one in critical] == pytest.approx([3.51601526850015], rel=1e-6)
+    assert {one["kind"] for one in found.facts()["unstable"]} == {"divergence"}
+    once = [one for one in found.crossings if one.order == 1]
+    assert [one.rate for one in once] == pytest.approx(
+        [3.51601526850015 / 2**0.5, 3.51601526850015], rel=1e-6
+    )
+
+
+SHAFT = """hfsim: 1
+gravity: [0, 0, 0]
+sections:
+  round:
+    mass_per_length: 1.0
+    rotary_inertia: [2.0e-6, 1.0e-6, 1.0e-6]
+    axial_stiffness: 1.0e6
+    shear_stiffness: [1.0e7, 1.0e7]
+    torsion_stiffness: 0.8
+    bending_stiffness: [1.0, 1.0]
+ground: {points: {there: [1.0, 0.0, 0.0]}}
+bodies: {s: {type: beam, section: round, length: 1.0, elements: 4, degree: 4, element: cosserat}}
+joints:
+  left: {type: spherical, between: [ground, s.root]}
+  right: {type: spherical, between: [ground.there, s.tip]}
+initial: {s: {angular_velocity: [1.0, 0.0, 0.0]}}
+solve: {model: exact, duration: 1.0}
+"""
+
+
+@pytest.mark.slow
+def test_a_shaft_is_critical_at_its_bending_frequencies():
+    found = hfsim.campbell(parse_deck(SHAFT), [6.0, 9.0, 12.0], count=3)
+    critical = sorted(one.rate for one in found.crossings if one.order == 0)
+    assert critical[0] == pytest.approx(np.pi**2, rel=1e-4)
+    # who turns along sees the two whirls of a frequency apart by twice the rate
+    seen = circular(found.founds[0])
+    assert np.abs(seen - (np.pi**2 - 6.0)).min() < 2e-3 and np.abs(seen - (np.pi**2 + 6.0)).min() < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("damping", "load", "unstable"),
+    [(0.0, 20.0, False), (0.0, 20.1, True), (1e-4, 10.9, False), (1e-4, 11.0, True)],
+)
+def test_becks_column_flutters_beyond_its_critical_load(damping, load, unstable):
+    """At 20.0509 E I / L^2, and with a little damping inside it, however little, at 10.94."""
+    pushed = plane(
+        ENDS["clamped-free"][0], 8, alpha=3000.0, degree=5,
+        more=f"loads: {{push: {{type: force, at: b.tip, force: [{-load}, 0.0], follower: true}}}}",
+    ).replace("youngs_modulus", f"bending_damping: {damping}, youngs_modulus")  # fmt: skip
+    found = found_in(pushed, 4, about="equilibrium")
+    assert found.about.lasting
+    assert [mode.kind for mode in found.unstable] == (["flutter"] if unstable else [])
+
+
+def test_a_damper_damps_as_its_ratio_says():
+    deck = """hfsim: 1
+gravity: [0.0, 0.0]
+bodies: {bob: {type: rigid, mass: 2.0, inertia: 0.3, points: {pivot: [0.0, 0.7]}}}
+joints: {pin: {type: revolute, between: [ground, bob.pivot]}}
+springs: {coil: {type: rotational, between: [ground, bob], stiffness: 5.0, damping: DAMPING}}
+solve: {duration: 1.0}
+"""
+    inertia = 0.3 + 2.0 * 0.7**2
+    critical = 2.0 * np.sqrt(5.0 * inertia)
+    (mode,) = found_in(deck.replace("DAMPING", str(0.3 * critical))).modes
+    assert mode.damping_ratio == pytest.approx(0.3, rel=1e-9)
+    assert 2.0 * np.pi * mode.natural_frequency == pytest.approx(np.sqrt(5.0 / inertia), rel=1e-9)
+    assert mode.kind == "vibration" and mode.shares == {"bob": 1.0}
+    found = found_in(deck.replace("DAMPING", str(1.5 * critical)))
+    assert [one.kind for one in found.modes] == ["decay", "decay"]
+    loose = found_in(deck.replace("DAMPING", "2.0").replace("stiffness: 5.0", "stiffness: 0.0"))
+    assert [one.kind for one in loose.modes] == ["drift", "decay"]
+    assert loose.modes[1].growth == pytest.approx(-2.0 / inertia, rel=1e-9)
+
+
+TOP = """hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+bodies: {top: {type: rigid, mass: 3.0, inertia: [0.3, 0.3, 0.5], points: {peg: [0.0, 0.0, -0.4]}}}
+joints: {peg: {type: spherical, between: [ground, top.peg]}}
+initial: {top: {angular_velocity: [0.0, 0.0, SPIN]}}
+solve: {duration: 1.0}
+"""
+
+
+@pytest.mark.parametrize("spin", [12.0, 20.0])
+def test_a_sleeping_top_precesses_and_nutates(spin):
+    inertia, own, weight = 0.3 + 3.0 * 0.16, 0.5, 3.0 * 9.81 * 0.4
+    found = found_in(TOP.replace("SPIN", str(spin)))
+    root = np.sqrt(complex(own**2 * spin**2 - 4.0 * inertia * weight))
+    # seen from axes that turn with it
+    expected = [(own * spin + sign * root) / (2.0 * inertia) - spin for sign in (-1.0, 1.0)]
+    if own * spin < 2.0 * np.sqrt(inertia * weight):
+        (falling,) = found.unstable
+        assert falling.kind == "flutter"
+        assert falling.growth == pytest.approx(abs(expected[0].imag), rel=1e-8)
+        assert falling.value.imag == pytest.approx(abs(expected[0].real), rel=1e-8)
+    else:
+        assert not found.unstable
+        assert np.sort(circular(found)) == pytest.approx(np.sort(np.abs(np.real(expected))), rel=1e-8)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_thrown_body_diverges_about_its_middle_axis_alone(axis):
+    moments, spin = np.array([1.0, 2.0, 2.8]), 3.0
+    rates = [spin * float(k == axis) for k in range(3)]
+    deck = TOP.replace("SPIN", "0").replace("[0.0, 0.0, 0]", str(rates)).replace("-9.81", "0.0")
+    deck = deck.replace("[0.3, 0.3, 0.5]", "[1.0, 2.0, 2.8]").replace(
+        "joints: {peg: {type: spherical, between: [ground, top.peg]}}", ""
+    )
+    deck = deck.replace(
+        "angular_velocity", "position: [0.4, 0.1, 0.7], velocity: [1.0, 2.0, 3.0], angular_velocity"
+    )
+    found = found_in(deck, 12)
+    i, j = (k for k in range(3) if k != axis)
+    square = (moments[axis] - moments[i]) * (moments[axis] - moments[j]) / (moments[i] * moments[j])
+    assert found.about.lasting
+    if axis == 1:
+        (falling,) = found.unstable
+        assert falling.kind == "divergence"
+        assert falling.growth == pytest.approx(spin * np.sqrt(-square), rel=1e-9)
+    else:
+        assert not found.unstable
+        assert np.abs(circular(found) / (spin * np.sqrt(square)) - 1.0).min() < 1e-9
+
+
+def test_large_scenes_have_the_modes_of_small_ones_and_none_is_missing():
+    text = plane(ENDS["clamped-clamped"][0], 60)
+    pencil = about(parse_deck(text)).motions.pencil
+    assert pencil.large
+    large = eigenpairs(pencil, 10)
+    assert large.complete
+    M, _, K, J = (one.toarray() for one in pencil.matrices)
+    Z = np.linalg.svd(J)[2][len(J) :].T if len(J) else np.eye(len(M))
+    every = np.sort(np.linalg.eigvals(np.linalg.solve(Z.T @ M @ Z, Z.T @ K @ Z)).real)
+    assert large.values.imag[:10] == pytest.approx(np.sqrt(every[:10]), rel=1e-6)
+    damped = Pencil(M, 1e-3 * M + 1e-6 * K, K, J)
+    some = eigenpairs(damped, 6)
+    size = np.sqrt(every[:6])
+    assert np.abs(some.values[:6]) == pytest.approx(size, rel=1e-6)
+    assert -some.values.real[:6] == pytest.approx(0.5 * (1e-3 + 1e-6 * every[:6]), rel=1e-6)
+
+
+def test_a_thousand_elements_take_seconds():
+    before = time.perf_counter()
+    found = found_in(plane(ENDS["clamped-free"][0], 1000), 10)
+    assert time.perf_counter() - before < 10.0
+    assert found.complete
+    expected = roots(ENDS["clamped-free"][1], 5) ** 2
+    assert circular(found)[:5] == pytest.approx(expected, rel=1e-3)
+    # rounding of the stiffness, which grows with the fourth power of the elements, is told
+    for mode, value in zip(found.modes, expected, strict=False):
+        assert abs(mode.value.imag - value) < mode.uncertainty + 1e-6 * value
+
+
+def test_the_command_writes_what_it_tells(tmp_path):
+    deck = tmp_path / "beam.yaml"
+    deck.write_text(
+        "name: beam\n" + plane(ENDS["clamped-free"][0], 4).replace("youngs", "bending_damping: 0.001, youngs")
+    )
+    file = tmp_path / "m.npz"
+    done = CliRunner().invoke(
+        app, ["modes", str(deck), "-o", str(tmp_path / "out"), "--count", "4", "--matrices", str(file)]
+    )
+    assert done.exit_code == 0, done.output
+    assert "vibration" in done.stdout and "none is unstable" in done.stdout
+    facts = json.loads((tmp_path / "out" / "modes.json").read_text())
+    lines = (tmp_path / "out" / "modes.csv").read_text().splitlines()
+    assert lines[0].startswith("mode,frequency,damping_ratio") and len(lines) == 5
+    assert facts["files"] == ["modes.csv", "modes.json", "plots/modes.png"]
+    first = facts["modes"][0]
+    assert first["frequency"] == pytest.approx(3.516 / (2 * np.pi), rel=1e-3)
+    assert first["damping_ratio"] == pytest.approx(0.5 * 0.001 * 3.516, rel=1e-3)
+    with np.load(file) as arrays:
+        values = np.linalg.eigvals(arrays["A"])
+        M, C, G, K = (arrays[name] for name in "MCGK")
+        assert len(arrays["free_names"]) == len(M) and not arrays["J"].size
+        assert arrays["T"].shape == (len(arrays["names"]), len(values) // 2)
+        assert pytest.approx(C.T) == C and np.abs(G).max() < 1e-12 * np.abs(C).max()
+        told = arrays["eigenvalues"]
+    for value in told:
+        assert np.abs(values - value).min() < 1e-6 * abs(value)
+        assert np.linalg.svd(value**2 * M + value * C + K)[1][-1] < 1e-7 * np.abs(K).max()
+
+
+def test_the_command_draws_campbell_diagrams_and_says_what_is_unstable(tmp_path):
+    deck = tmp_path / "blade.yaml"
+    deck.write_text(blade("linear", 1, 70.0, 2))
+    run = CliRunner().invoke
+    where = ["-o", str(tmp_path / "out"), "--count", "2"]
+    done = run(app, ["modes", str(deck), *where, "--spin", "lin(0,5,3)"])
+    assert done.exit_code == 0, done.output
+    assert "critical" in done.stdout and "divergence" in done.stdout
+    assert (tmp_path / "out" / "plots" / "campbell.png").exists()
+    rows = (tmp_path / "out" / "campbell.csv").read_text().splitlines()
+    assert rows[0].startswith("rate,mode,frequency") and len(rows) == 7
+    told = run(app, ["modes", str(deck), *where, "--force", "--csv"])
+    assert told.stdout.startswith("mode,frequency,damping_ratio")
+    assert run(app, ["modes", str(deck), *where, "--spin", "3"]).exit_code == 2
+    assert run(app, ["modes", str(deck), *where]).exit_code == 2
+    deck.write_text(plane(ENDS["clamped-free"][0], 2))
+    resting = run(app, ["modes", str(deck), *where, "--force", "--about", "steady"])
+    assert resting.exit_code == 2 and "nothing turns" in resting.output
+
+
+def test_a_state_of_a_run_is_seen_from_axes_that_turn():
+    thrown = TOP.replace("SPIN", "20.0")
+    start, later = (found_in(thrown, 4, **wanted) for wanted in ({}, {"at": 0.3}))
+    assert later.facts()["about"]["time"] == 0.3
+    assert np.sort(circular(later)) == pytest.approx(np.sort(circular(start)), rel=1e-6)
