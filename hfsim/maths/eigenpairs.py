@@ -29,6 +29,8 @@ _TOGETHER = 1e-5
 _MORE = 8
 """Motions that are looked for beyond those asked for."""
 _TRIES = 4
+_TIGHT, _ROUNDS = 1e-12, 30
+"""Error of eigenvalues that an iteration may leave, and how often it begins anew."""
 _SLIGHT = 1e-4
 """Real part, over the size of an eigenvalue, below which it is asked whether it is rounding."""
 
@@ -218,7 +220,7 @@ def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
 
 def _large(pencil: Pencil, solve: Any, count: int, seed: int) -> tuple[ComplexArray, ComplexArray]:
     """Return the largest of the same by Lanczos' or Arnoldi's iteration."""
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs, eigsh
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
 
     M, n = pencil.matrices[0], pencil.n
     count = min(count, pencil.free - 2, n - 2)
@@ -230,7 +232,25 @@ def _large(pencil: Pencil, solve: Any, count: int, seed: int) -> tuple[ComplexAr
             values, vectors = eigsh(M, count, M=M, sigma=0.0, OPinv=inverse, v0=start, tol=1e-12)
             # the inverse is that at the shift, whatever it is called
             return 1.0 / values.astype(complex), vectors.astype(complex)
-        return tuple(eigs(operator, k=count, which="LM", v0=start, tol=1e-12))
+    except ArpackError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
+    return _arnoldi(operator, count, start)
+
+
+def _arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, ComplexArray]:
+    """Return the largest eigenvalues of an operator and their vectors, as far as they converge.
+
+    Where damping grows with stiffness, eigenvalues without number crowd at one place.
+    """
+    from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, eigs
+
+    size = min(len(start), max(2 * count + 1, 3 * count))
+    try:
+        return tuple(eigs(operator, count, which="LM", v0=start, tol=_TIGHT, ncv=size, maxiter=_ROUNDS))
+    except ArpackNoConvergence as some:
+        if not len(some.eigenvalues):
+            raise np.linalg.LinAlgError(str(some)) from None
+        return some.eigenvalues, some.eigenvectors
     except ArpackError as error:
         raise np.linalg.LinAlgError(str(error)) from None
 
@@ -247,6 +267,7 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     complete: bool | None = True
     if pencil.large and len(values) < 2 * pencil.free:
         again, _ = _roots(pencil, shift, count, seed=2)
+        count = min(count, len(values), len(again))
         nearest = [np.sort(np.abs(one - shift))[:count] for one in (values, again)]
         complete = bool(np.allclose(nearest[0], nearest[1], rtol=1e-5)) or None
     noise = pencil.rounding(values, vectors) + EPS * shift**2
@@ -300,7 +321,7 @@ def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[Com
         theta, both = eig(np.vstack([onto, below]))
         kept = np.argsort(-np.abs(theta))[: 2 * pencil.free]
         return shift + 1.0 / theta[kept], both[:n, kept].astype(complex)
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
+    from scipy.sparse.linalg import LinearOperator
 
     def apply(one: Array) -> Array:
         y, w = one[:n], one[n:]
@@ -311,10 +332,7 @@ def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[Com
     y, w = (solve(M @ rng.standard_normal(n)) for _ in range(2))
     operator: Any = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
     size = min(2 * (count + _MORE), 2 * pencil.free - 2)
-    try:
-        theta, both = eigs(operator, k=size, which="LM", v0=np.concatenate([y, w]), tol=1e-12)
-    except ArpackError as error:
-        raise np.linalg.LinAlgError(str(error)) from None
+    theta, both = _arnoldi(operator, size, np.concatenate([y, w]))
     return shift + 1.0 / theta, both[:n]
 
 

@@ -182,16 +182,27 @@ def about(
         q, v = _after(scene, at, progress)
         return linearised(scene, q, v, "time", at)
     if state == "equilibrium":
-        found = linearised(scene, scene.q, 0.0 * scene.v, state)
-        return _settled(found, _standing(scene), state)
+        return _resting(linearised(scene, scene.q, 0.0 * scene.v, state))
     found = linearised(scene, scene.q, scene.v, state)
     return found if state != "steady" else turning_at(found, None)
 
 
-def _standing(scene: Scene) -> Turning:
-    """Return axes that stand still."""
+def _resting(start: About) -> About:
+    """Return the equilibrium next to the start or, with none so near, where the scene comes to rest."""
+    scene = start.scene
     n_dim, sparse = scene.deck.dimension, is_sparse(scene.system.equations.constant_mass)
-    return Turning.of(scene.bodies.values(), np.zeros(1 if n_dim == 2 else 3), np.zeros(n_dim), sparse)
+    still = Turning.of(scene.bodies.values(), np.zeros(1 if n_dim == 2 else 3), np.zeros(n_dim), sparse)
+    try:
+        return _settled(start, still, "equilibrium")
+    except ModesError:
+        from hfsim.scene.equilibrium import equilibrium_of, problem_of, why_not
+
+        found = equilibrium_of(scene, problem_of(scene))
+        if found.reason:
+            raise why_not(scene, 0.0, found) from None
+        x = scene.system.reduction.expand(found.state.z)
+        q, v = scene.system.state(x, 0.0 * x, scene.q[None])
+        return _settled(linearised(scene, q[0], v[0], "equilibrium"), still, "equilibrium")
 
 
 def turning_at(start: About, rate: float | None) -> About:
