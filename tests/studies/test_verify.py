@@ -190,6 +190,19 @@ def test_the_deck_of_the_manual_holds():
     assert {row.verdict for row in rows_of(decks_in(topics()["verify"])["bob"])} == {HELD}
 
 
+AT_REST = [
+    *("bend_45", "cantilever", "cantilever_geradin", "cantilever_thick", "elastica", "hanging"),
+    *("pre_twisted", "princeton", "roll_up", "torsion"),
+]
+
+
+@pytest.mark.parametrize("name", AT_REST)
+def test_published_values_at_rest_hold(name):
+    found = api.verify(name)
+    assert {row.study for row in found.rows} == {"static"}
+    assert [row for row in found.rows if row.verdict != HELD] == []
+
+
 @pytest.mark.slow
 def test_all_shipped_benchmarks_hold():
     done = command("--json")

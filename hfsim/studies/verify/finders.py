@@ -139,5 +139,18 @@ def _run(order: Order, loaded: LoadedDeck) -> tuple[Answer, ...]:
     return tuple(found)
 
 
-FINDERS: dict[str, Callable[[Order], tuple[Answer, ...]]] = {"run": _by_run}
+# --- at rest -------------------------------------------------------------------------------------
+
+
+def _at_rest(order: Order) -> tuple[Answer, ...]:
+    """Find where the scene rests, under the loads at 0 or at the time that the quantities name."""
+    from hfsim.studies.static import run_static
+
+    found = run_static(order.load(), order.quantities[0].time or 0.0)
+    if found.status != "done":
+        return _without(order, found.reason)
+    return tuple(Answer(found.final[one.channel]) for one in order.quantities)
+
+
+FINDERS: dict[str, Callable[[Order], tuple[Answer, ...]]] = {"run": _by_run, "static": _at_rest}
 """What finds the quantities of each study."""
