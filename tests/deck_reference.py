@@ -114,7 +114,8 @@ def told(schema: dict[str, Any], entries: list[Any], name: str) -> Iterator[str]
         title = (kind["properties"].get("type") or kind["properties"].get("shape", {})).get("const")
         yield ""
         if len(every) > 1:
-            yield f"### {name}: {title or _of(kind) or ', '.join(kind.get('required', ()))}"
+            keys = kind.get("required") or [*kind["properties"]][:1]
+            yield f"### {name}: {title or _of(kind) or ', '.join(keys)}"
             yield ""
             yield kind["description"]
             yield ""

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 
 
@@ -46,6 +46,13 @@ class Reduction:
         every = np.arange(n)
         basis = assemble([Entries(every, every, np.ones(n))], (n, n), sparse)
         return cls(basis, np.zeros(n), frozenset(), np.zeros(0, dtype=np.intp), every)
+
+    def part(self, free: BoolArray, z: Array) -> Reduction:
+        """Return the map from some of the free coordinates, the others being held at those of z (1, n_z)."""
+        held = self.expand(np.where(free, 0.0, z))[0]
+        number = np.cumsum(free) - 1
+        stretches = number[self.stretches[free[self.stretches]]]
+        return Reduction(self.basis[:, free], held, self.eliminated, stretches, self.rows[free])
 
     @cached_property
     def identity(self) -> bool:

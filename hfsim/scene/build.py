@@ -62,6 +62,8 @@ class Scene:
         How the bodies were put together.
     redundancy : Redundancy
         What the joints hold more than once.
+    rest : tuple of str
+        What is to be told of the equilibrium that it starts from.
     """
 
     loaded: LoadedDeck
@@ -76,6 +78,7 @@ class Scene:
     left_out: LeftOut
     assembly: Assembly
     redundancy: Redundancy
+    rest: tuple[str, ...] = ()
 
     @property
     def deck(self) -> Deck:
@@ -125,7 +128,7 @@ class Scene:
         for path, what in (*looks, *told):
             line = self.loaded.line_of(path)
             found.append(f"{path}{f' (line {line})' if line else ''}: {what}")
-        return found
+        return [*found, *self.rest]
 
     def _not_borne(self) -> Iterator[tuple[str, str]]:
         """Yield, with the deck path, what lines without sections would need them for."""
@@ -220,7 +223,12 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
             near[0, body.angle_column] = angles[body.name]
     q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
     q, v = system.project(np.zeros(1), q, v)
-    return Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, found)
+    scene = Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, found)
+    if not deck.resting:
+        return scene
+    from hfsim.scene.resting import at_rest
+
+    return replace(scene, **at_rest(scene)._asdict())
 
 
 def _refuse_without_strains(loaded: LoadedDeck, bodies: Mapping[str, Body]) -> None:
@@ -245,7 +253,7 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
 def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
     deck = loaded.deck
     linkage = _linkage(deck, bodies, Facings(deck))
-    return assembled(Start(tuple(bodies), deck.initial, linkage, loaded.problem))
+    return assembled(Start(tuple(bodies), deck.motions, linkage, loaded.problem))
 
 
 def _linkage(
@@ -273,7 +281,7 @@ def _part(scene: Scene, group: tuple[str, ...], still: tuple[str, ...]) -> Part:
         "joints": tied(deck.joints),
         "springs": tied(deck.springs),
         "loads": {k: load for k, load in deck.loads.items() if load.owner in there},
-        "initial": {name: entry for name, entry in deck.initial.items() if name in there},
+        "initial": deck.initial_of(there),
     }
     own = {name: model for name, model in scene.models.items() if name in there}
     part = build(LoadedDeck(deck.model_copy(update=update), scene.loaded.source), scene.model, own)

@@ -3,7 +3,7 @@
 Names are looked up in the plain data and everything else in the entries that could be read.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import Any
 
 from hfsim.deck.fields import split_point
@@ -13,6 +13,7 @@ from hfsim.deck.spec import Around, Complaint
 from hfsim.parts.channels import scene_words
 from hfsim.scene.channel_names import ChannelNames
 from hfsim.scene.declared import Declared
+from hfsim.scene.initial import AT_REST
 from hfsim.scene.rules import RULES
 from hfsim.scene.schema import space_of, specs_in
 
@@ -150,9 +151,26 @@ def _ends(declared: Declared, path: Path, ends: Any) -> Iterator[Complaint]:
 
 def _initial_names(declared: Declared) -> Iterator[Complaint]:
     bodies = declared.names("bodies")
+    entries = declared.data.get("initial")
     for name in declared.names("initial") or ():
-        if bodies and name not in bodies and name != "ground":
+        entry = entries.get(name) if isinstance(entries, dict) else None
+        if name == AT_REST and name not in (bodies or ()):
+            yield from _resting(entry, bodies or ())
+        elif bodies and name not in bodies and name != "ground":
             yield Complaint(("initial", name), f"there is no body '{name}'", did_you_mean(name, bodies), True)
+        elif isinstance(entry, bool | list):
+            why = "must be a map of what is stated of a body"
+            yield Complaint(("initial", name), why, f"{AT_REST}: [{name}]?")
+
+
+def _resting(entry: Any, bodies: Collection[str]) -> Iterator[Complaint]:
+    """Yield what cannot start in equilibrium."""
+    path: Path = ("initial", AT_REST)
+    if isinstance(entry, dict):
+        path, entry = (*path, "bodies"), entry.get("bodies")
+    for index, name in enumerate(entry if isinstance(entry, list) else ()):
+        if isinstance(name, str) and bodies and name not in bodies:
+            yield Complaint((*path, index), f"there is no body '{name}'", did_you_mean(name, bodies))
 
 
 def _rules(declared: Declared) -> Iterator[Complaint]:

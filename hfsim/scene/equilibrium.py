@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,19 +12,68 @@ from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import is_sparse
 from hfsim.maths.rotations import wrap
+from hfsim.mechanics.body import Body
 from hfsim.mechanics.force import ConstantForce, ForcePart
+from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.resistances import Push
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.statics.problem import Problem, State, Watch, Weighted
+from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
-from hfsim.scene.build import Scene
+from hfsim.scene.assembly import Assembly
+from hfsim.scene.freedom import FreeMotion
+from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import Deck
 
 FELT = 1e-6
 """Part of the fastest rate that counts as motion of a body."""
 GRAVITY = "gravity"
 """Name of the weight among loads that are varied."""
+
+
+class Assembled(Protocol):
+    """What an equilibrium needs of a scene; see `hfsim.scene.build.Scene`."""
+
+    @property
+    def loaded(self) -> LoadedDeck:
+        """The deck with its places."""
+
+    @property
+    def deck(self) -> Deck:
+        """The deck."""
+
+    @property
+    def system(self) -> System:
+        """The equations."""
+
+    @property
+    def bodies(self) -> Mapping[str, Body]:
+        """Bodies by their names."""
+
+    @property
+    def q(self) -> Array:
+        """State at the start, (n,)."""
+
+    @property
+    def start_angles(self) -> Mapping[str, float]:
+        """Angles of body frames there [rad]."""
+
+    @property
+    def assembly(self) -> Assembly:
+        """How the bodies were put together."""
+
+    @property
+    def rigid_inertia(self) -> Array:
+        """Mass matrices of the bodies taken as rigid, (n_bodies, k, k)."""
+
+    @property
+    def free_motions(self) -> Sequence[FreeMotion] | None:
+        """What the joints leave free."""
+
+    def marker(self, point: str) -> Marker:
+        """Return the marker of a point."""
 
 
 class Turns:
@@ -38,22 +87,27 @@ class Turns:
         Angles of the bodies in the plane whose coordinates do not have them [rad].
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Assembled) -> None:
         self._scene, self.q = scene, scene.q[None]
+        self.expand = scene.system.reduction.expand
         plane = scene.deck.dimension == 2
         own = (k for k, body in scene.bodies.items() if plane and body.angle_column is None)
         self.angles = {name: scene.start_angles[name] for name in own}
 
     def __call__(self, load: float, state: State) -> None:
         """Go on to a state."""
-        scene, x = self._scene, self._scene.system.reduction.expand(state.z)
+        scene, x = self._scene, self.expand(state.z)
         self.q = scene.system.state(x, np.zeros_like(x), self.q)[0]
         for name, near in self.angles.items():
             self.angles[name] = near + float(wrap(scene.marker(name).angle(x) - near)[0])
 
 
 def problem_of(
-    scene: Scene, t: float = 0.0, watch: Watch | None = None, varied: Collection[str] | None = None
+    scene: Assembled,
+    t: float = 0.0,
+    watch: Watch | None = None,
+    varied: Collection[str] | None = None,
+    bodies: Collection[str] | None = None,
 ) -> Problem:
     """Return the static problem of a scene at a time [s].
 
@@ -65,15 +119,28 @@ def problem_of(
         Told the load factor and each state that is kept on the way.
     varied : collection of str, optional
         Names of the loads and motors that the load factor is of, ``gravity`` among them; all without it.
+    bodies : collection of str, optional
+        Those that can move; all without it.
     """
-    z = scene.system.reduction.free(scene.system.absolute(scene.q[None]))
+    system, x = scene.system, scene.system.absolute(scene.q[None])
+    z = system.reduction.free(x)
+    if bodies is not None:
+        still = np.ones(system.n_x, dtype=bool)
+        for name in bodies:
+            still[scene.bodies[name].columns] = False
+        # what several bodies share is held where one of them is
+        free = np.asarray(abs(system.reduction.basis)[still].sum(axis=0)).ravel() == 0.0
+        part = system.reduction.part(free, z)
+        system, z = replace(system, equations=replace(system.equations, reduction=part)), z[:, free]
     forces = tuple(_weighted(scene, varied))
-    return Problem.of(scene.system, t, z, forces, gauge_of(scene), watch or (lambda load, state: None))
+    return Problem.of(system, t, z, forces, gauge_of(scene), watch or (lambda load, state: None))
 
 
-def equilibrium_of(scene: Scene, problem: Problem) -> Equilibrium:
-    """Return where a scene comes to rest."""
-    return Search(problem, lambda x: rigid_motions(scene, x)).found()
+def equilibrium_of(
+    scene: Assembled, problem: Problem, bodies: Collection[str] | None = None
+) -> Equilibrium:
+    """Return where a scene comes to rest, or some bodies of it do while the others stay."""
+    return Search(problem, lambda x: rigid_motions(scene, x, bodies)).found()
 
 
 def _load(part: ForcePart) -> str:
@@ -85,7 +152,7 @@ def _load(part: ForcePart) -> str:
     return name if pushes and kind == "joints" else ""
 
 
-def _weighted(scene: Scene, varied: Collection[str] | None) -> Iterator[Weighted]:
+def _weighted(scene: Assembled, varied: Collection[str] | None) -> Iterator[Weighted]:
     """Yield all forces with their factors."""
     heavy = varied is None or GRAVITY in varied
     for part in scene.system.forces:
@@ -104,7 +171,7 @@ def _weighted(scene: Scene, varied: Collection[str] | None) -> Iterator[Weighted
 # --- bodies ---------------------------------------------------------------------------------------
 
 
-def gauge_of(scene: Scene) -> Gauge:
+def gauge_of(scene: Assembled) -> Gauge:
     """Return by what changes of a scene are measured."""
     system, x = scene.system, scene.system.absolute(scene.q[None])
     equations, n_dim = system.equations, scene.deck.dimension
@@ -126,11 +193,11 @@ def gauge_of(scene: Scene) -> Gauge:
     return Gauge(metric.tocsr() if is_sparse(metric) else metric, starts, np.array(sizes))
 
 
-def rigid_motions(scene: Scene, x: Array) -> Array:
-    """Return the motions of each body by itself from coordinates (1, n_x) on, (n_motions, n_x)."""
-    found = []
+def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = None) -> Array:
+    """Return the motions of each body, or of some, by itself from coordinates (1, n_x) on, (k, n_x)."""
+    found = [np.zeros((0, x.shape[1]))]
     for name, body in scene.bodies.items():
-        if not body.still:
+        if not body.still and (bodies is None or name in bodies):
             angle = scene.start_angles[name]
             plane = len(body.origin) == 2
             own = body.freedoms(x[0], Pose.planar(body.origin, angle) if plane else Pose.level(body.origin))
@@ -143,7 +210,7 @@ def rigid_motions(scene: Scene, x: Array) -> Array:
 # --- what to say of it ----------------------------------------------------------------------------
 
 
-def held_by_nothing(scene: Scene, motions: Array) -> list[str]:
+def held_by_nothing(scene: Assembled, motions: Array) -> list[str]:
     """Return in words the free motions, nearest to the ground, that motions (k, n) are made of."""
     u = scene.system.reduction.expand_rates(motions)
     rates = {name: np.abs(u[:, body.columns]).max(initial=0.0) for name, body in scene.bodies.items()}
@@ -156,7 +223,27 @@ def held_by_nothing(scene: Scene, motions: Array) -> list[str]:
     return told or moving
 
 
-def why_not(scene: Scene, t: float, found: Equilibrium) -> SolverFailure:
+def doubts(scene: Assembled, found: Equilibrium) -> Iterator[str]:
+    """Yield what a user should know of an equilibrium before trusting it."""
+    if found.reason:
+        return
+    if not found.stable:
+        time = 1.0 / float(np.sqrt(-found.values[0]))
+        yield (
+            f"the equilibrium is not stable: a small push grows e-fold in {time:.3g} s; "
+            "a smaller load, or a small load across, leads to one that is"
+        )
+    if len(found.neutral):
+        names = "; ".join(held_by_nothing(scene, found.neutral))
+        yield f"one equilibrium of many, since nothing resists: {names}"
+    if found.limit is not None:
+        yield (
+            f"beyond {found.limit:.4g} of the loads the scene snaps to another place: "
+            "hfsim static --path tells what is between"
+        )
+
+
+def why_not(scene: Assembled, t: float, found: Equilibrium) -> SolverFailure:
     """Return why there is no equilibrium at a time [s], with what to try."""
     lost = found.lost or found.state
     x = scene.system.reduction.expand(lost.z)

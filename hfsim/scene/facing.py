@@ -34,7 +34,7 @@ class Facings:
         these, the first one stands level.
         """
         deck = self._deck
-        stated = {name: entry.turn(3) for name, entry in deck.initial.items()}
+        stated = {name: entry.turn(3) for name, entry in deck.motions.items()}
         known = {"ground": LEVEL} | {name: R for name, R in stated.items() if R is not None}
         steps = (_by_orientation, self._by_driver, _by_hinge)
         for name in ("ground", *self._floating(known)):

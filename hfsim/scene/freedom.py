@@ -263,7 +263,7 @@ def _turns(tie: JointSpec | SpringSpec, members: set[str]) -> bool:
 
 def _placed(deck: Deck, name: str) -> bool:
     """Whether the deck says where a body is or flies at the start."""
-    entry = deck.initial.get(name)
+    entry = deck.motions.get(name)
     return entry is not None and not (entry.position is None and entry.velocity is None)
 
 

@@ -2,30 +2,23 @@
 
 import math
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Field
 
 from hfsim.deck.fields import (
     LONGEST_NAME,
     AccelerationVector,
-    Angle,
     Count,
     EmptyAllowed,
     Flag,
     FlagOrCsv,
-    LengthVector,
     Name,
-    Orientation,
     Points,
     PositiveTime,
     SomeTimes,
-    Spin,
     UnitInterval,
-    VelocityVector,
-    degrees_as_radians,
     measures,
     read_text,
     whole,
@@ -37,20 +30,18 @@ from hfsim.deck.sections import SectionSpec
 from hfsim.deck.source import did_you_mean
 from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, entry_of, named_in, refusal, shown
 from hfsim.integrators import steps_in_absolute_coordinates
-from hfsim.maths.arrays import Array
 from hfsim.maths.memory import available, in_bytes
 from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.channels import is_judged
 from hfsim.parts.forces import AnyLoad, AnySpring
 from hfsim.parts.joints import AnyJoint
+from hfsim.scene.initial import AT_REST, AnyInitial, EquilibriumSpec, InitialSpec
 
 if typing.TYPE_CHECKING:
     from hfsim.deck.stations import BeamAlong, SectionsAlong
 
 FORMAT = 1
 """The deck format this version reads."""
-_FAST = 1000.0
-"""Angular velocity of which one asks whether it is stated in radians per second [rad/s]."""
 _LONG_HISTORY, _LONGEST_HISTORY = 1e8, 64e9
 """Bytes of a history from which it is asked whether they are there, and beyond which it is refused anyway."""
 _COPIES = 3
@@ -90,62 +81,6 @@ class GroundSpec(Spec):
 
     points: Points = Field(default_factory=dict)
     """Named points of the ground [m]."""
-
-
-class InitialSpec(Spec):
-    """Motion of one body at the start, absolute; what is not stated follows from the joints."""
-
-    vectors = ("position", "velocity", "angular_velocity")
-    spatial = ("orientation",)
-
-    angle: Angle | None = None
-    """Angle of the body frame, in space about z [rad]."""
-
-    orientation: Orientation | None = None
-    """Orientation of the body frame in space, against the ground's axes."""
-
-    angular_velocity: Spin | None = None
-    """Angular velocity of the body frame [rad/s]: a number, in space about z, or three in ground axes."""
-
-    position: LengthVector | None = None
-    """Position of the body's origin [m]."""
-
-    velocity: VelocityVector | None = None
-    """Velocity of the body's origin [m/s]."""
-
-    exact: Flag = False
-    """Whether these values must hold as they are; else they are guesses where joints miss them by little."""
-
-    def complaints(self) -> Iterator[Complaint]:
-        """Yield an orientation that is stated twice."""
-        if self.angle is not None and self.orientation is not None:
-            yield Complaint(("angle",), "orientation says this already", "leave one of them out", True)
-
-    def turn(self, n_dim: int) -> Array | None:
-        """Return how the frame is turned: an angle (1,), in space a matrix (3, 3); None if that is open."""
-        if n_dim == 3:
-            from hfsim.deck.orientation import matrix_of
-
-            return matrix_of(self)
-        return None if self.angle is None else np.array([self.angle])
-
-    def spin(self, n_dim: int) -> Array | None:
-        """Return the angular velocity, shape (n_spin,), in ground axes; None where it is not stated."""
-        w = self.angular_velocity
-        if w is None:
-            return None
-        if isinstance(w, tuple):
-            return np.array(w)
-        return np.array([w] if n_dim == 2 else [0.0, 0.0, w])
-
-    def slips_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield an angle that looks like degrees, and a speed that looks like revolutions per minute."""
-        yield from degrees_as_radians("angle", self.angle)
-        spin = self.angular_velocity or 0.0
-        w = spin if isinstance(spin, float) else max(spin, key=abs)
-        if w and abs(w) >= _FAST and w % 10 == 0:
-            message = f"{w:g} rad/s are {w * 30 / math.pi:.4g} revolutions per minute"
-            yield Complaint(("angular_velocity",), message, f"'{w:g} rpm'?")
 
 
 class SolveSpec(Spec):
@@ -313,8 +248,8 @@ class Deck(Spec):
     loads: Annotated[dict[Name, AnyLoad], EmptyAllowed] = Field(default_factory=dict)
     """Forces and moments from outside."""
 
-    initial: Annotated[dict[Name, InitialSpec], EmptyAllowed] = Field(default_factory=dict)
-    """Initial motion, by body."""
+    initial: Annotated[dict[Name, AnyInitial], EmptyAllowed] = Field(default_factory=dict)
+    """Initial motion, by body; equilibrium: true, or a list of bodies, starts these from where they rest."""
 
     solve: SolveSpec
     """What is solved, and how."""
@@ -355,6 +290,27 @@ class Deck(Spec):
     def channels(self) -> tuple[str, ...]:
         """Columns of the output."""
         return typing.cast(tuple[str, ...], self.output.channels)
+
+    @property
+    def motions(self) -> dict[str, InitialSpec]:
+        """What is stated under initial of single bodies."""
+        return {name: one for name, one in self.initial.items() if isinstance(one, InitialSpec)}
+
+    def initial_of(self, bodies: Collection[str]) -> dict[str, InitialSpec | EquilibriumSpec]:
+        """Return what is stated under initial of some bodies."""
+        found: dict[str, InitialSpec | EquilibriumSpec] = {
+            name: one for name, one in self.motions.items() if name in bodies
+        }
+        resting = tuple(name for name in self.resting if name in bodies)
+        return found | ({AT_REST: EquilibriumSpec(bodies=resting)} if resting else {})
+
+    @property
+    def resting(self) -> tuple[str, ...]:
+        """The bodies that start in equilibrium."""
+        found = self.initial.get(AT_REST)
+        if not isinstance(found, EquilibriumSpec):
+            return ()
+        return tuple(self.bodies) if found.bodies == "all" else found.bodies
 
     def properties(self, beam: str) -> "BeamAlong":
         """Return what follows from the material and the section of a beam, or from its stations."""

@@ -22,7 +22,7 @@ from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import UNITS, Assembly, Branches, Change, Turn, listed
 from hfsim.scene.closing import CLOSED, Linkage, largest
-from hfsim.scene.schema import InitialSpec
+from hfsim.scene.initial import InitialSpec
 
 GROUND = None
 AT_START = np.zeros(1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -15,7 +14,7 @@ from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.statics.equilibrium import Equilibrium
 from hfsim.scene.build import Scene, build
-from hfsim.scene.equilibrium import Turns, equilibrium_of, held_by_nothing, problem_of, why_not
+from hfsim.scene.equilibrium import Turns, doubts, equilibrium_of, held_by_nothing, problem_of, why_not
 from hfsim.scene.loading import LoadedDeck
 
 METHOD = "static"
@@ -103,25 +102,5 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "mesh_error_estimate_reason": NO_MESH,
         "models": scene.models,
         "assembly": scene.assembly.facts(),
-        "warnings": [*scene.warnings, *_warnings(scene, found)],
+        "warnings": [*scene.warnings, *doubts(scene, found)],
     }
-
-
-def _warnings(scene: Scene, found: Equilibrium) -> Iterator[str]:
-    """Yield what a user should know of an equilibrium before trusting it."""
-    if found.reason:
-        return
-    if not found.stable:
-        time = 1.0 / float(np.sqrt(-found.values[0]))
-        yield (
-            f"the equilibrium is not stable: a small push grows e-fold in {time:.3g} s; "
-            "a smaller load, or a small load across, leads to one that is"
-        )
-    if len(found.neutral):
-        names = "; ".join(held_by_nothing(scene, found.neutral))
-        yield f"one equilibrium of many, since nothing resists: {names}"
-    if found.limit is not None:
-        yield (
-            f"beyond {found.limit:.4g} of the loads the scene snaps to another place: "
-            "hfsim static --path tells what is between"
-        )

@@ -91,6 +91,12 @@ class Tangent(NamedTuple):
         numpy.linalg.LinAlgError
             If the matrix is singular.
         """
+        held = np.asarray(abs(self.jacobian).sum(axis=1)).ravel() > 0.0
+        if not held.all():  # nothing in them can move
+            dz, own = Tangent(self.stiffness, self.jacobian[held]).solved(force, gap[:, held])
+            multipliers = np.zeros_like(gap)
+            multipliers[:, held] = own
+            return dz, multipliers
         n, m = self.stiffness.shape[0], self.jacobian.shape[0]
         rhs = np.concatenate([force, gap], axis=1)
         size = float(np.abs(self.stiffness.diagonal()).max(initial=0.0)) or 1.0

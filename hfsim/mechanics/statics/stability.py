@@ -47,6 +47,8 @@ def neutral(problem: Problem, state: State, load: float, rigid: Array) -> Array:
     there = sizes > NONE * sizes.max(initial=0.0)
     rigid = rigid[there] / sizes[there, None]
     rows = problem.system.unreduced.phi.jacobian_at(problem.expand(state.z))
+    if not len(rigid):
+        return np.zeros((0, state.z.shape[1]))
     gaps = np.asarray(rows @ rigid.T) if rows.shape[0] else np.zeros((0, len(rigid)))
     most = np.linalg.norm(np.asarray(abs(rows) @ np.abs(rigid.T)), axis=1) if len(gaps) else np.zeros(0)
     felt = np.linalg.norm(gaps, axis=1) > NONE * most

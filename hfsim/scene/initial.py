@@ -1,0 +1,111 @@
+"""What decks say of the start: places and rates of bodies, and which of them start from where they rest."""
+
+import math
+from collections.abc import Iterator
+from typing import Annotated, Literal
+
+import numpy as np
+
+from hfsim.deck.fields import (
+    Angle,
+    Flag,
+    LengthVector,
+    Orientation,
+    Spin,
+    VelocityVector,
+    degrees_as_radians,
+)
+from hfsim.deck.spec import Around, Complaint, ReadBy, Spec
+from hfsim.maths.arrays import Array
+
+_FAST = 1000.0
+"""Angular velocity of which one asks whether it is stated in radians per second [rad/s]."""
+
+
+class InitialSpec(Spec):
+    """Motion of one body at the start, absolute; what is not stated follows from the joints."""
+
+    vectors = ("position", "velocity", "angular_velocity")
+    spatial = ("orientation",)
+
+    angle: Angle | None = None
+    """Angle of the body frame, in space about z [rad]."""
+
+    orientation: Orientation | None = None
+    """Orientation of the body frame in space, against the ground's axes."""
+
+    angular_velocity: Spin | None = None
+    """Angular velocity of the body frame [rad/s]: a number, in space about z, or three in ground axes."""
+
+    position: LengthVector | None = None
+    """Position of the body's origin [m]."""
+
+    velocity: VelocityVector | None = None
+    """Velocity of the body's origin [m/s]."""
+
+    exact: Flag = False
+    """Whether these values must hold as they are; else they are guesses where joints miss them by little."""
+
+    def complaints(self) -> Iterator[Complaint]:
+        """Yield an orientation that is stated twice."""
+        if self.angle is not None and self.orientation is not None:
+            yield Complaint(("angle",), "orientation says this already", "leave one of them out", True)
+
+    def turn(self, n_dim: int) -> Array | None:
+        """Return how the frame is turned: an angle (1,), in space a matrix (3, 3); None if that is open."""
+        if n_dim == 3:
+            from hfsim.deck.orientation import matrix_of
+
+            return matrix_of(self)
+        return None if self.angle is None else np.array([self.angle])
+
+    def spin(self, n_dim: int) -> Array | None:
+        """Return the angular velocity, shape (n_spin,), in ground axes; None where it is not stated."""
+        w = self.angular_velocity
+        if w is None:
+            return None
+        if isinstance(w, tuple):
+            return np.array(w)
+        return np.array([w] if n_dim == 2 else [0.0, 0.0, w])
+
+    def slips_in(self, around: Around) -> Iterator[Complaint]:
+        """Yield an angle that looks like degrees, and a speed that looks like revolutions per minute."""
+        yield from degrees_as_radians("angle", self.angle)
+        spin = self.angular_velocity or 0.0
+        w = spin if isinstance(spin, float) else max(spin, key=abs)
+        if w and abs(w) >= _FAST and w % 10 == 0:
+            message = f"{w:g} rad/s are {w * 30 / math.pi:.4g} revolutions per minute"
+            yield Complaint(("angular_velocity",), message, f"'{w:g} rpm'?")
+
+
+class EquilibriumSpec(Spec):
+    """Bodies that start where they come to rest under what acts at t = 0; stated rates come on top."""
+
+    bodies: tuple[str, ...] | Literal["all"] = "all"
+    """Their names, or all; the others stay where they are put."""
+
+
+AT_REST = "equilibrium"
+"""Key under ``initial`` that is no body."""
+
+
+def _read_initial(value: object) -> Spec:
+    if isinstance(value, Spec):
+        return value
+    if isinstance(value, bool):
+        return EquilibriumSpec(bodies="all" if value else ())
+    if isinstance(value, list) and all(isinstance(one, str) for one in value):
+        return EquilibriumSpec(bodies=tuple(value))
+    if isinstance(value, dict) and "bodies" in value:
+        return EquilibriumSpec.model_validate(value)
+    return InitialSpec.model_validate(value)
+
+
+AnyInitial = Annotated[
+    InitialSpec | EquilibriumSpec,
+    ReadBy(
+        _read_initial,
+        entries=[InitialSpec, EquilibriumSpec],
+        others=[{"type": "boolean"}, {"type": "array", "items": {"type": "string"}}],
+    ),
+]
