@@ -2,11 +2,10 @@
 """A blade that turns steadily: published frequencies, and those that a model of it has."""
 
 import numpy as np
-from analytical import jacobian
 
-from hfsim.maths.rotations import cross
-from hfsim.scene.build import build
+from hfsim.maths.eigenpairs import eigenpairs
 from hfsim.scene.loading import parse_deck
+from hfsim.studies.modes.about import about
 
 SLENDER = 70.0
 """Slenderness of the blade of cases S4 and S5: the root of A L^2 / I."""
@@ -48,29 +47,8 @@ def spectrum(model, gamma, alpha=SLENDER, loaded=False, element="cable"):
     """Eigenvalues of a blade that turns steadily, seen by who turns with it; straight, or in equilibrium."""
     section, beam = ELEMENTS[element]
     numbers = {"modulus": alpha**2, "moment": alpha**-2, "gamma": float(gamma), "model": model}
-    scene = build(parse_deck(BLADE.format(section=section.format(**numbers), element=beam, **numbers)))
-    system, spin = scene.system, np.array([0.0, 0.0, float(gamma)])
-    n = system.n_x
-
-    def turned(a):
-        return cross(spin, a.reshape(len(a), -1, 3)).reshape(len(a), n)
-
-    def acceleration(y, v):
-        t, u = np.zeros(len(y)), v + turned(y)
-        a = system.unreduced.accelerations(t, y, u, system.force(t, y, u))
-        return a - 2.0 * turned(v) - turned(turned(y))
-
-    def missed(y):
-        """Accelerations, and equations of joints and sections: these hold exactly, not in their rates only."""
-        held = system.unreduced.phi.residual(np.zeros(len(y)), y)
-        return np.concatenate([acceleration(y, np.zeros_like(y)), held], axis=1)
-
-    y, still = system.absolute(scene.q[None])[0], np.zeros(n)
-    for _ in range(6 if loaded else 0):
-        y = y - np.linalg.lstsq(jacobian(missed, y), missed(y[None])[0], rcond=1e-12)[0]
-    K = jacobian(lambda one: acceleration(one, np.zeros_like(one)), y)
-    D = jacobian(lambda one: acceleration(np.repeat(y[None], len(one), axis=0), one), still)
-    return np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [K, D]]))
+    deck = parse_deck(BLADE.format(section=section.format(**numbers), element=beam, **numbers))
+    return eigenpairs(about(deck, "steady" if loaded else "start").motions.pencil, 60).values
 
 
 def frequencies(values):

@@ -345,8 +345,8 @@ def _surely(pencil: Pencil, found: Eigenpairs, count: int) -> Eigenpairs:
     What errors of the matrices do depends on left vectors too: much where two eigenvalues are nearly one.
     """
     values, uncertainty = found.values.copy(), found.uncertainty.copy()
-    slight = (np.abs(values.real) < _SLIGHT * np.abs(values)) & (np.arange(len(values)) < count)
-    asked = np.flatnonzero((np.abs(values.real) > uncertainty) & (slight | (values.real > 0.0)))
+    growing = (values.real > uncertainty) & (values.real > 0.0)
+    asked = np.flatnonzero((growing | (np.arange(len(values)) < count)) & (values != 0.0))
     for k in asked if not pencil.symmetric else ():
         values[k], error = _corrected(pencil, values[k], found.vectors[:, k])
         uncertainty[k] = max(uncertainty[k], error)
