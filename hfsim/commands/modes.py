@@ -44,7 +44,8 @@ _COUNT = 12
 @click.option(
     "--spin",
     metavar="RATES",
-    help="Campbell diagram over these rates [rad/s]: lin(0,30,16) or 0,5,10; about the axis of the start.",
+    help="Campbell diagram over these rates [rad/s], lin(0,30,16) or 0,5,10, about the axis of the "
+    "start's rates or, at rest, that of the joints.",
 )
 @click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
 @click.option(

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.maths.matrices import Entries, Matrix, assemble, dense, is_sparse
 from hfsim.maths.rotations import freedoms, spun
 from hfsim.mechanics.pose import Twist
 
@@ -83,6 +83,43 @@ class Turning:
         travel = np.concatenate([np.zeros(0), *(own for _, own in parts)])
         matrix = assemble([entries for (entries, _), _ in parts], (len(shift), len(shift)), sparse)
         return cls(matrix, shift, travel, spin, centre, moving)
+
+    @classmethod
+    def held_by_joints(cls, bodies: Sequence[Body], equations: Equations, x: Array) -> Turning | None:
+        """Return the one rotation of everything, at 1 rad/s, that joints without drivers allow.
+
+        Parameters
+        ----------
+        bodies : sequence of Body
+        equations : Equations
+        x : ndarray, shape (n_x,)
+
+        Returns
+        -------
+        Turning or None
+            None where they allow none, or several.
+        """
+        n_dim, reduction = bodies[0].n_dim, equations.reduction
+        units = np.eye(freedoms(n_dim))
+        origin, nothing = np.zeros(n_dim), 0.0 * units[0][n_dim:]
+        shifts = [cls.of(bodies, nothing, origin, velocity=one[:n_dim]) for one in units[:n_dim]]
+        spins = [cls.of(bodies, one[n_dim:], origin) for one in units[n_dim:]]
+        rates = np.array([one.rates(x[None])[0] for one in (*shifts, *spins)])
+        undriven = np.ones(equations.n_rows, dtype=bool)
+        for constraint, rows in zip(equations.constraints, equations.rows, strict=True):
+            undriven[rows] = not constraint.driven
+        gaps = dense(equations.phi.jacobian_at(x[None]))[undriven] @ rates.T
+        missed = (rates - reduction.expand_rates(reduction.free_rates(rates))).T
+        _, sizes, ways = np.linalg.svd(np.concatenate([gaps, missed]))
+        free = ways[np.count_nonzero(sizes > SINGULAR * max(1.0, sizes.max(initial=0.0))) :]
+        if len(free) != 1 or not np.linalg.norm(free[0, n_dim:]) > SINGULAR:
+            return None
+        velocity, spin = np.split(free[0] / np.linalg.norm(free[0, n_dim:]), [n_dim])
+        spin, velocity = (np.sign(spin[np.argmax(np.abs(spin))]) * one for one in (spin, velocity))
+        # a screw is no rotation
+        if n_dim == 3 and abs(velocity @ spin) > SINGULAR * np.linalg.norm(velocity):
+            return None
+        return cls.of(bodies, spin, spun(spin, velocity), is_sparse(equations.constant_mass))
 
     @classmethod
     def fitting(

@@ -207,6 +207,11 @@ def test_linear_blades_diverge_beyond_their_critical_rate():
     critical = [one for one in found.crossings if one.order == 0]
     assert [one.rate for one in critical] == pytest.approx([3.51601526850015], rel=1e-6)
     assert {one["kind"] for one in found.facts()["unstable"]} == {"divergence"}
+    # at rest at the start, the hinge says about which axis
+    resting = blade("linear", 0, 3000.0, 3)
+    again = hfsim.campbell(parse_deck(resting), [3.0, 4.0], count=2)
+    critical = [one.rate for one in again.crossings if one.order == 0]
+    assert critical == pytest.approx([3.51601526850015], rel=1e-6)
     once = [one for one in found.crossings if one.order == 1]
     assert [one.rate for one in once] == pytest.approx(
         [3.51601526850015 / 2**0.5, 3.51601526850015], rel=1e-6

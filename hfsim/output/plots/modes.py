@@ -74,6 +74,7 @@ def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
         axes.set_title(_title(mode), fontsize=9, loc="left")
         if spatial:
             axes.set_axis_off()
+            _ground_axes(axes, low, high)
         else:
             bare(axes)
             axes.tick_params(labelsize=8)
@@ -88,6 +89,15 @@ def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
     )
     figure.suptitle(words, fontsize=11, x=0.01, ha="left")
     return figure
+
+
+def _ground_axes(axes: Axes, low: Array, high: Array) -> None:
+    """Draw the directions of the ground's axes into the lower left corner."""
+    corner, size = low + 0.03 * (high - low), 0.1 * float((high - low).max())
+    for name, end in zip("xyz", oblique(size * np.eye(3)), strict=True):
+        axes.plot(*np.stack([corner, corner + end]).T, color="0.5", linewidth=0.9)
+        x, y = corner + 1.25 * end
+        axes.text(x, y, name, color="0.4", fontsize=7, ha="center", va="center")
 
 
 def _title(mode: Mode) -> str:
@@ -153,7 +163,7 @@ def draw_campbell(result: Campbell, folder: Path) -> list[str]:
         at = min(high, 2.0 * np.pi * top / order)
         axes.annotate(
             f"{order} per rev.", (at, order * at / (2.0 * np.pi)), color="0.4", fontsize=8, ha="right",
-            va="bottom", xytext=(-4, -2 if at < high else 2), textcoords="offset points",
+            va="bottom", xytext=(-6, -16 if at < high else 2), textcoords="offset points",
         )  # fmt: skip
     for one in result.crossings:
         axes.plot(one.rate, one.frequency, "o", markerfacecolor="none", markeredgecolor="black", markersize=9)

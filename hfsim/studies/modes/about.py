@@ -214,9 +214,14 @@ def turning_at(start: About, rate: float | None) -> About:
         If nothing turns in the state, or there is no steady rotation next to it.
     """
     turning = start.turning
+    if turning is None and rate is not None:
+        bodies, equations = list(start.scene.bodies.values()), start.scene.system.equations
+        turning = Turning.held_by_joints(bodies, equations, start.motions.x)
     if turning is None:
+        joints = ", nor do the joints leave one axis" if rate is not None else ""
         raise ModesError(
-            "nothing turns as a whole at the start: give bodies rates with initial, such as angular_velocity"
+            f"nothing turns as a whole at the start{joints}: give bodies rates with initial, such as "
+            "angular_velocity"
         )
     return _settled(start, turning if rate is None else turning.at_rate(rate), "steady")
 
