@@ -60,6 +60,11 @@ _MANY = 100_000
     help="What is kept of each run beside its row.",
 )
 @workers_options
+@click.option(
+    "--sensitivity",
+    is_flag=True,
+    help="Derivatives of what is collected by the entries of --vary PATH, at the deck's own values.",
+)
 @click.option("--resume", is_flag=True, help="Go on with what was interrupted; do only what is missing.")
 @click.option("--yes", is_flag=True, help=f"Do more than {_MANY} runs.")
 @click.option("--no-error-estimate", is_flag=True, help="Skip the second integrations that measure errors.")
@@ -79,6 +84,7 @@ def sweep(
     collect: tuple[str, ...],
     keep: str,
     workers: Workers,
+    sensitivity: bool,
     resume: bool,
     yes: bool,
     no_error_estimate: bool,
@@ -105,7 +111,8 @@ def sweep(
     deck, collect = _deck_of(words, collect)
     loaded = load_numbered(deck, overrides, talk)
     estimates = (not no_error_estimate, mesh_error, diagnosis)
-    asked = Asked(read_vary(vary), sample, sampler, seed, table, collect, yes, *estimates, limit)
+    named = read_vary(vary, sensitivity)
+    asked = Asked(named, sample, sampler, seed, table, collect, yes, *estimates, limit, sensitivity)
     wanted = wanted_of(asked, loaded, talk.note, keep, deck)
     with (
         workers.executor(wanted.texts) as executor,
@@ -132,8 +139,8 @@ def _deck_of(words: Sequence[str], collect: Sequence[str]) -> tuple[str, tuple[s
     return decks[0], (*collect, *(word for word in words if word not in decks))
 
 
-def read_vary(texts: Sequence[str]) -> dict[str, str]:
-    """Return the values of each path, as text.
+def read_vary(texts: Sequence[str], alone: bool) -> dict[str, str]:
+    """Return the values of each path, as text; paths may stand `alone`.
 
     Raises
     ------
@@ -145,7 +152,7 @@ def read_vary(texts: Sequence[str]) -> dict[str, str]:
     from hfsim.studies.sweep.plan import read_vary as read
 
     found: dict[str, str] = {}
-    for path, values in map(read, texts):
+    for path, values in (read(text, alone) for text in texts):
         if path in found:
             raise click.UsageError(f"--vary says {path} twice")
         found[path] = values

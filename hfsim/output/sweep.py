@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ from hfsim.deck.ranges import written
 from hfsim.marching.solution import Run
 from hfsim.output.disk import rows_as_text
 from hfsim.output.runfolder import RunFolder, RunLog, Stopwatch
-from hfsim.output.study import Study
+from hfsim.output.study import Study, Table
 from hfsim.output.sweep_folder import (
     FOLDER_FILES,
     KIND,
@@ -28,15 +28,16 @@ from hfsim.output.sweep_folder import (
     refuse_changed,
 )
 from hfsim.output.talk import Destination, Talk
-from hfsim.output.text import as_table, number, plural
+from hfsim.output.text import Column, as_table, number, plural, table
 from hfsim.output.writers import Provenance
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.farm import Executor
 from hfsim.studies.sweep.asked import Asked
 from hfsim.studies.sweep.effects import main_effects
-from hfsim.studies.sweep.plan import Plan
+from hfsim.studies.sweep.plan import Plan, SweepError
 from hfsim.studies.sweep.result import Sweep, gathered
-from hfsim.studies.sweep.study import Keep, do_runs, refuse_hopeless
+from hfsim.studies.sweep.sensitivity import Differences, Sensitivity, plan_differences, sensitivities
+from hfsim.studies.sweep.study import Keep, do_runs, refuse_hopeless, refuse_paths
 from hfsim.studies.sweep.work import Row, Setting
 
 _TOLD = 12
@@ -54,6 +55,10 @@ class Wanted:
     setting : Setting
     keep : str
         What is kept of each run: ``nothing``, ``histories`` or ``folders``.
+    source : str
+        The deck as the user named it.
+    differences : Differences or None
+        What derivatives are made of, where they are asked for.
     """
 
     loaded: LoadedDeck
@@ -61,6 +66,7 @@ class Wanted:
     setting: Setting
     keep: str = "nothing"
     source: str = field(default="deck", compare=False)
+    differences: Differences | None = None
 
     @property
     def collected(self) -> tuple[str, ...]:
@@ -154,11 +160,18 @@ def wanted_of(
     ------
     SweepError, DeckError
     """
-    asked = asked.completed(loaded)
-    plan = asked.plan()
-    setting = asked.setting(loaded)
+    differences = None
+    if asked.sensitivity:
+        if not asked.vary or asked.table is not None or asked.sample is not None:
+            raise SweepError("--sensitivity takes --vary PATH for each entry, and no --sample or --table")
+        setting = asked.setting(loaded)
+        refuse_paths(setting.load(()), asked.vary)
+        plan, differences = plan_differences(loaded, setting, asked.vary)
+    else:
+        asked = asked.completed(loaded)
+        plan, setting = asked.plan(), asked.setting(loaded)
     refuse_hopeless(setting, plan, note)
-    return Wanted(loaded, plan, setting, keep, source)
+    return Wanted(loaded, plan, setting, keep, source, differences)
 
 
 def perform(
@@ -203,15 +216,38 @@ def into_folder(
     result = perform(wanted, executor, folder, progress)
     wall = time.perf_counter() - start
     folder.write_table(wanted.collected)
+    facts = sweep_facts(result, wall, executor.jobs)
+    text = sweep_text(result, folder.path, wall, folder.there)
+    tables: dict[str, Table] = {}
+    draw = partial(draw_sweep, result)
+    if wanted.differences is not None:
+        found = sensitivities(result, wanted.differences)
+        tables["sensitivity"] = SENSITIVITY, found
+        text = f"{text}\n{table(SENSITIVITY, found)}"
+        draw = partial(draw_sensitivities, result.name, found)
     Study(KIND, talk, granted, to.plots, about, to.format).publish(
-        {**sweep_facts(result, wall, executor.jobs), **wanted.identity},
-        {},
-        sweep_text(result, folder.path, wall, folder.there),
-        partial(draw_sweep, result),
+        {**facts, **wanted.identity},
+        tables,
+        text,
+        draw,
         also=("sweep.csv", RUNS),
     )
     folder.close()
     return result
+
+
+SENSITIVITY = (
+    Column("quantity"),
+    Column("path"),
+    Column("at", form=".6g"),
+    Column("step", form=".2g", spare=1),
+    Column("value", form=".6g"),
+    Column("derivative", form=".6g"),
+    Column("error", form=".1e"),
+    Column("elasticity", form=".4g"),
+    Column("sure", lambda one: "yes" if one.sure else "no"),
+)
+"""Columns of a table of derivatives."""
 
 
 # --- what is told --------------------------------------------------------------------------------
@@ -230,7 +266,7 @@ def sweep_facts(sweep: Sweep, wall: float, jobs: int) -> dict[str, Any]:
         "wall_s": wall,
         "cpu_s": float(np.nansum(cpu)),
         "ranges": {name: _range(sweep, name) for name in sweep.collected},
-        "main_effects": main_effects(sweep),
+        "main_effects": {} if sweep.plan.kind == "sensitivity" else main_effects(sweep),
     }
 
 
@@ -310,3 +346,8 @@ def draw_sweep(sweep: Sweep, folder: Path) -> list[str]:
     return draw(sweep, folder)
 
 
+def draw_sensitivities(name: str, found: Sequence[Sensitivity], folder: Path) -> list[str]:
+    """Draw elasticities into a folder; return the names of the files."""
+    from hfsim.output.plots.sweep import draw_elasticities
+
+    return draw_elasticities(name, found, folder)

@@ -335,6 +335,38 @@ def test_a_deck_says_its_own_sweep_and_options_win(wheel):
     assert len(rows_of("tabled")) == 2
 
 
+def test_derivatives_and_how_sure_they_are(wheel):
+    paths = (STIFF, "initial.hub.angular_velocity", "bodies.hub.inertia")
+    told = call("wheel.yaml", "--sensitivity", *(f"--vary={path}" for path in paths), "--collect",
+                "max(hub.angle)", "final(hub.angle)", "-o", "s")  # fmt: skip
+    assert told.exit_code == 0, told.output
+    with (wheel / "s/sensitivity.csv").open(newline="") as file:
+        found = {(row["quantity"], row["path"]): row for row in csv.DictReader(file)}
+    for path, elasticity in zip(paths, (-0.5, 1.0, 0.5), strict=True):
+        row = found["max(hub.angle)", path]
+        assert float(row["elasticity"]) == pytest.approx(elasticity, rel=1e-5) and row["sure"] == "yes"
+    row = found["final(hub.angle)", STIFF]
+    rate, t = 10.0, 0.5
+    exact = (t * np.cos(rate * t) / rate - np.sin(rate * t) / rate**2) / (2.0 * rate)
+    assert abs(float(row["derivative"]) - exact) < float(row["error"]) < 1e-4 * abs(exact)
+    assert (wheel / "s/plots/sensitivity.png").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "why"),
+    [
+        (("--vary", STIFF), "needs --collect"),
+        (("--vary", STIFF, "--collect", "max(hub.angle)", "--sample", 3), "no --sample"),
+        (("--vary", "solve.method", "--collect", "max(hub.angle)"), "no number there"),
+        (("--vary", "springs.coil.stifness", "--collect", "max(hub.angle)"), "stifness"),
+        (("--vary", f"{STIFF}=1,2", "--collect", "max(hub.angle)"), "takes one number"),
+    ],
+)
+def test_derivatives_that_cannot_be_are_refused(wheel, options, why):
+    told = call("wheel.yaml", "--sensitivity", *options)
+    assert told.exit_code == 2 and why in " ".join(told.stderr.split()), told.output
+
+
 def test_from_python(wheel):
     found = hfsim.sweep("wheel.yaml", {STIFF: np.array([50.0, 100.0]), "solve.method": ["gauss", "radau"]},
                         ["max(hub.angle)"], {"bodies.hub.mass": 2.0}, jobs=2)  # fmt: skip

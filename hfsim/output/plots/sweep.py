@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from hfsim.output.plots.style import (
 from hfsim.parts.channels import kind_of
 from hfsim.studies.sweep.effects import groups, main_effects, mean_curve
 from hfsim.studies.sweep.result import Sweep
+from hfsim.studies.sweep.sensitivity import Sensitivity
 
 _MOST = 12
 """Quantities that are drawn."""
@@ -285,3 +287,33 @@ def _effects(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
     words = "means over each entry, and the share of the variance they explain"
     figure.suptitle(_title(sweep, words), fontsize=12, x=0.01, ha="left")
     return figure
+
+
+def draw_elasticities(name: str, found: Sequence[Sensitivity], folder: Path) -> list[str]:
+    """Draw how much per cent of each quantity one per cent of each entry changes; return the files."""
+    known = [one for one in found if one.elasticity is not None]
+    if not known:
+        return []
+    quantities = list(dict.fromkeys(one.quantity for one in known))[:_MOST]
+    paths = list(dict.fromkeys(one.path for one in known))
+    figure = new_figure((8.0, 1.6 + 0.3 * len(quantities) * (len(paths) + 0.6)))
+    axes = figure.subplots()
+    high = 0.8 / len(paths)
+    for k, path in enumerate(paths):
+        mine = [one for one in known if one.path == path and one.quantity in quantities]
+        at = [quantities.index(one.quantity) + (k - 0.5 * (len(paths) - 1)) * high for one in mine]
+        scale = [abs(one.at / one.value) if one.value else 0.0 for one in mine]
+        errors = [(one.error or 0.0) * factor for one, factor in zip(mine, scale, strict=True)]
+        long = [one.elasticity or 0.0 for one in mine]
+        axes.barh(at, long, 0.9 * high, xerr=errors, color=colour(k), label=path, error_kw={"capsize": 2.5})
+    axes.axvline(0.0, color="0.3", linewidth=0.8)
+    axes.set_yticks(range(len(quantities)), quantities)
+    axes.invert_yaxis()
+    axes.set_xlabel("% of the quantity for 1 % of the entry")
+    axes.grid(True, axis="x", color="0.9", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    if len(paths) > 1:
+        figure.legend(loc="outside lower center", frameon=False, ncols=2)
+    axes.set_title(f"{name}: what entries change", fontsize=12, loc="left", pad=10)
+    return save({"sensitivity": figure}, folder)

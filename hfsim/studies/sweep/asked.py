@@ -35,6 +35,8 @@ class Asked:
     error_estimate, mesh_error, diagnosis : bool
     limit : float or None
         Wall time that a run may take [s].
+    sensitivity : bool
+        Whether derivatives at the values of the deck, or at one value each, are asked for.
     """
 
     vary: Mapping[str, str] = field(default_factory=dict)
@@ -48,6 +50,7 @@ class Asked:
     mesh_error: bool = False
     diagnosis: bool = False
     limit: float | None = None
+    sensitivity: bool = False
 
     def completed(self, loaded: LoadedDeck) -> Asked:
         """Return the same with what the deck says where this says nothing."""
@@ -93,6 +96,8 @@ class Asked:
         ------
         SweepError
         """
+        if self.sensitivity and not self.collect:
+            raise SweepError("--sensitivity needs --collect: of what derivatives are wanted")
         base = Setting(
             "", "", tuple(f"{key}=null" for key in _LEFT_OUT if loaded.source.data.get(key) is not None), (),
             self.error_estimate, self.mesh_error, self.diagnosis, self.limit or math.inf,

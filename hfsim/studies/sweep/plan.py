@@ -43,7 +43,7 @@ class Plan:
     count : int
         Runs.
     kind : str
-        ``grid``, ``sample`` or ``table``.
+        ``grid``, ``sample``, ``table`` or ``sensitivity``.
     facts : dict
         JSON-ready: what was asked for; plans with equal facts are equal.
     values : tuple of Values
@@ -72,14 +72,16 @@ class Plan:
         return tuple(one.listed for one in self.values)
 
 
-def read_vary(text: str) -> tuple[str, str]:
-    """Return path and values of ``PATH=VALUES``.
+def read_vary(text: str, alone: bool = False) -> tuple[str, str]:
+    """Return path and values of ``PATH=VALUES``, or of ``PATH`` `alone`.
 
     Raises
     ------
     SweepError
     """
     path, equals, values = text.partition("=")
+    if alone and not equals and path.strip():
+        return path.strip(), ""
     if not equals or not path.strip() or not values.strip():
         raise SweepError(f"--vary {text}: write PATH=lin(first,last,count), PATH=log(...) or PATH=a,b,c")
     return path.strip(), values.strip()
@@ -176,6 +178,12 @@ def _shares(count: int, n_axes: int, sampler: str, seed: int) -> Array:
             warnings.simplefilter("ignore")  # numbers of points that are no power of two
             shares = made.random(count)
     return np.clip(shares, _INSIDE, 1.0 - _INSIDE)
+
+
+def listed(paths: tuple[str, ...], rows: Sequence[tuple[Value, ...]], facts: dict[str, Any]) -> Plan:
+    """Return a plan whose runs are listed; ``facts`` has its kind and what makes it another one."""
+    spread = tuple(Values(tuple(dict.fromkeys(one))) for one in zip(*rows, strict=True))
+    return Plan(paths, _few(len(rows)), facts["kind"], facts, spread, lambda number: rows[number])
 
 
 def table(path: Path) -> Plan:

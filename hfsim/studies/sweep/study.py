@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -109,9 +109,8 @@ def refuse_hopeless(setting: Setting, plan: Plan, note: Callable[[str], None]) -
     DeckError
     """
     loaded = setting.load(())
+    refuse_paths(loaded, plan.paths)
     for path, values in zip(plan.paths, plan.values, strict=True):
-        if why := why_unset(loaded.source.data, path):
-            raise _refused(loaded, path, *why)
         tried = [values.at((k + 0.5) / _TRIED) for k in range(_TRIED)]
         if not values.kind:
             tried = [values.listed[round(k)] for k in _spread(len(values.listed))]
@@ -123,6 +122,18 @@ def refuse_hopeless(setting: Setting, plan: Plan, note: Callable[[str], None]) -
         for one, problem in wrong.items():
             note(f"{path}={written(one)} is refused: {problem.message}; its runs will say so")
     _refuse_unbuilt(setting, plan)
+
+
+def refuse_paths(loaded: LoadedDeck, paths: Iterable[str]) -> None:
+    """Refuse entries that a deck has no place for.
+
+    Raises
+    ------
+    DeckError
+    """
+    for path in paths:
+        if why := why_unset(loaded.source.data, path):
+            raise _refused(loaded, path, *why)
 
 
 def _spread(count: int) -> list[float]:

@@ -1,0 +1,159 @@
+"""How what is collected changes with entries of a deck: central differences, and how sure they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hfsim.deck.ranges import Value
+from hfsim.deck.source import entry_at, path_in
+from hfsim.deck.units import quantity_of_any_kind
+from hfsim.scene.loading import LoadedDeck
+from hfsim.simulate import simulate
+from hfsim.studies.collect import collect_all
+from hfsim.studies.sweep.plan import Plan, SweepError, listed
+from hfsim.studies.sweep.result import Sweep
+from hfsim.studies.sweep.work import Setting
+
+_AROUND = (1.0, -1.0, 0.5, -0.5)
+"""Where runs are made beside the deck's own value, in steps."""
+_SHORTEST, _LONGEST = 1e-5, 0.05
+"""Shares of a value that a step may be."""
+_ROUNDING = 1e-15
+
+
+@dataclass(frozen=True)
+class Differences:
+    """What differences are made of.
+
+    Attributes
+    ----------
+    values, steps : dict of str to float
+        By path: the value of the deck, and the longer step.
+    errors : tuple of float
+        Error of each quantity in a run, in its unit.
+    """
+
+    values: dict[str, float]
+    steps: dict[str, float]
+    errors: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """A derivative.
+
+    Attributes
+    ----------
+    quantity, path : str
+    at, step : float
+        Value of the entry, and the longer of both steps.
+    value, derivative : float or None
+        Of the quantity; None where runs gave nothing.
+    error : float or None
+        How far the derivative may be off: what the shorter step changes, and errors in time over the step.
+    """
+
+    quantity: str
+    path: str
+    at: float
+    step: float
+    value: float | None = None
+    derivative: float | None = None
+    error: float | None = None
+
+    @property
+    def elasticity(self) -> float | None:
+        """Per cent that the quantity changes for one per cent of the entry; None where either is zero."""
+        if self.derivative is None or not self.value or not self.at:
+            return None
+        return self.derivative * self.at / self.value
+
+    @property
+    def sure(self) -> bool:
+        """Whether the error is below a tenth of the derivative."""
+        return self.derivative is not None and (self.error or 0.0) < 0.1 * abs(self.derivative)
+
+
+def plan_differences(
+    loaded: LoadedDeck, setting: Setting, vary: Mapping[str, str]
+) -> tuple[Plan, Differences]:
+    """Return the runs that derivatives need: the deck's own, and four for each entry.
+
+    Steps are such that errors of runs and of differences are about alike: the cube root of the error in time
+    of what is collected, over its size, is the share of the entry that a step is.
+
+    Raises
+    ------
+    SweepError
+        If an entry is no number, or the deck's own run fails.
+    """
+    values = {path: _number(loaded, path, text) for path, text in vary.items()}
+    own = tuple(f"{path}={value!r}" for path, value in values.items())
+    run = simulate(setting.load(own), outlines=False, after=math.inf)
+    if run.status != "done":
+        raise SweepError(f"the deck's own run gives nothing to differentiate: {run.status}: {run.reason}")
+    found, by_channel = collect_all(setting.quantities, run), run.statistics.get("error_by_channel") or {}
+    errors = tuple(
+        max(by_channel.get(one.channel, 0.0), _ROUNDING * abs(value))
+        for one, value in zip(setting.quantities, found, strict=True)
+    )
+    noise = max(
+        (error / abs(value) for error, value in zip(errors, found, strict=True) if value), default=0.0
+    )
+    share = min(max(noise ** (1.0 / 3.0), _SHORTEST), _LONGEST)
+    steps = {path: float(f"{share * (abs(value) or 1.0):.3g}") for path, value in values.items()}
+    rows: list[tuple[Value, ...]] = [tuple(values.values())]
+    for path in values:
+        rows += [
+            tuple(value + (part * steps[path] if other == path else 0.0) for other, value in values.items())
+            for part in _AROUND
+        ]
+    facts = {"kind": "sensitivity", "values": values, "steps": steps}
+    return listed(tuple(values), rows, facts), Differences(values, steps, errors)
+
+
+def _number(loaded: LoadedDeck, path: str, text: str) -> float:
+    """Return the value of an entry: the one that is said, or the deck's."""
+    if text:
+        try:
+            return float(text)
+        except ValueError:
+            why = "--sensitivity takes one number, or the deck's own"
+            raise SweepError(f"--vary {path}={text}: {why}") from None
+    data: Any = loaded.source.data if path.startswith("parameters.") else loaded.deck.resolved()
+    value = entry_at(data, path_in(data, path))
+    if isinstance(value, str) and path.startswith("parameters."):
+        found = quantity_of_any_kind(value)
+        value = found if isinstance(found, float) else value
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise SweepError(f"--vary {path}: the deck has no number there; write --vary {path}=NUMBER")
+    return float(value)
+
+
+def sensitivities(sweep: Sweep, made: Differences) -> tuple[Sensitivity, ...]:
+    """Return the derivatives of all that is collected by all that is varied."""
+    return tuple(
+        _sensitivity(sweep[name], k, name, path, error, made)
+        for name, error in zip(sweep.collected, made.errors, strict=True)
+        for k, path in enumerate(sweep.paths)
+    )
+
+
+def _sensitivity(
+    values: Any, k: int, name: str, path: str, noise: float, made: Differences
+) -> Sensitivity:
+    """Return the derivative by the entry number `k`."""
+    at, step = made.values[path], made.steps[path]
+    mine: Sequence[float] = values[1 + len(_AROUND) * k : 1 + len(_AROUND) * (k + 1)]
+    if np.isnan(mine).any() or np.isnan(values[0]):
+        return Sensitivity(name, path, at, step)
+    up, down, half_up, half_down = map(float, mine)
+    long, short = (up - down) / (2.0 * step), (half_up - half_down) / step
+    better = (4.0 * short - long) / 3.0  # without the error of second order
+    error = abs(better - short) + 2.0 * noise / step
+    return Sensitivity(name, path, at, step, float(values[0]), better, error)
