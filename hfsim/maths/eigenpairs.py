@@ -260,9 +260,11 @@ def _arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, Com
 
 def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     standing = replace(pencil, velocity=0.0 * pencil.velocity)
-    squares, _, _, lowest = _squares(standing, min(count, _MORE))
-    sizes = np.sort(np.abs(squares[np.abs(squares) >= 0.1 * abs(lowest)]))
-    shift = float(np.sqrt(sizes[min(2, len(sizes) - 1)] if len(sizes) else abs(lowest)))
+    squares, motions, _, lowest = _squares(standing, min(count, _MORE))
+    sizes = np.sort(np.abs(squares))
+    sizes = sizes[~_no_more(sizes, _noise(standing, squares, motions, lowest)[np.argsort(np.abs(squares))])]
+    # without any stiffness gyroscopic terms alone say how fast motions are
+    shift = float(np.sqrt(sizes[min(2, len(sizes) - 1)])) if len(sizes) else pencil.whirling
     values, vectors = _roots(pencil, shift, count)
     complete: bool | None = True
     if pencil.large and len(values) < 2 * pencil.free:

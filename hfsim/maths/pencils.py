@@ -92,6 +92,12 @@ class Pencil:
         there = heavy > 0.0
         return float((stiff[there] / heavy[there]).max(initial=0.0)) or 1.0
 
+    @property
+    def whirling(self) -> float:
+        """The size of the eigenvalues that velocities alone make, roughly."""
+        heavy = float(np.abs(self.mass.diagonal()).max(initial=0.0))
+        return float(abs(self.velocity).max()) / heavy if heavy > 0.0 else 1.0
+
     def rounding(self, values: ComplexArray, vectors: ComplexArray) -> Array:
         """Return what errors of the matrices do to the squares of eigenvalues with vectors (n, k), (k,)."""
         _, V, K, _ = self.matrices

@@ -254,6 +254,13 @@ class Body:
         place = self.columns.start + np.arange(len(twist.velocity))
         return Entries.of_block(place, place, twist.turning(np.eye(len(place))).T), rates
 
+    def spun_by_itself(self) -> Entries:
+        """Return W of u = W x with which it turns at 1 rad/s about an axis of its own, the same all around.
+
+        Nothing if there is no such axis.
+        """
+        return NOTHING
+
     def third_order_inertia(self, x: Array) -> float:
         """Return the largest size of inertia terms of third order, left out or not, over those kept."""
         return 0.0
@@ -352,6 +359,14 @@ class VectorBody(Body):
         values = np.broadcast_to(spin, rows.shape)
         rates = np.outer(self.positions, twist.velocity).ravel()
         return Entries(rows.ravel(), columns.ravel(), values.ravel()), rates
+
+    def mixed(self, factors: Array) -> Entries:
+        """Return W of rates that are sums of its vectors, with factors (n_vectors, n_vectors)."""
+        to, source = np.nonzero(factors)
+        own, first = np.arange(self.n_dim), self.columns.start
+        rows, columns = (first + self.n_dim * one[:, None] + own for one in (to, source))
+        values = np.repeat(factors[to, source], self.n_dim)
+        return Entries(rows.ravel(), columns.ravel(), values)
 
     def taken_along(self, pose: Pose, twist: Twist, vectors: Array) -> tuple[Array, Array]:
         """Return coordinates and rates of vectors (n_vectors, n_dim) that keep their places in the frame."""

@@ -75,7 +75,7 @@ class SmallMotions:
     @property
     def pencil(self) -> Pencil:
         """The same as a problem of eigenvalues."""
-        spin = 0.0 if self.turning is None else float(np.sum(self.turning.spin**2))
+        spin = 0.0 if self.turning is None else self.turning.rate**2
         own = self.mass, self.velocity, self.stiffness, self.jacobian
         return Pencil(*own, self.precision, 100.0 * _EXACT * spin)
 

@@ -9,7 +9,7 @@ stands still in an equilibrium of its forces with those of inertia, -M u', about
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -43,6 +43,9 @@ class Turning:
         Rates by which the axis itself moves on, evenly.
     spin, centre, velocity : ndarray, shape (n_spin,), (n_dim,), (n_dim,)
         Angular velocity [rad/s], a point of the axis [m], and its velocity [m/s].
+    own : dict of str to float
+        Rates [rad/s] at which bodies that are the same all around an axis turn about it besides; nobody sees
+        that they do.
     """
 
     matrix: Matrix
@@ -51,6 +54,12 @@ class Turning:
     spin: Array
     centre: Array
     velocity: Array
+    own: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def rate(self) -> float:
+        """The fastest of all spins [rad/s]."""
+        return max(float(np.linalg.norm(self.spin)), *map(abs, self.own.values()), 0.0)
 
     @classmethod
     def of(
@@ -146,6 +155,9 @@ class Turning:
         spins = [cls.of(bodies, unit, origin, sparse) for unit in units]
         shifts = [cls.of(bodies, 0.0 * units[0], origin, sparse, unit).travel for unit in np.eye(n_dim)]
         columns = np.array([*(one.rates(x[None])[0] for one in spins), *shifts])
+        rotors = cls._with_rotors(bodies, equations, x, u, a, spins, columns)
+        if rotors is not None:
+            return rotors
         factors, left = _nearest(equations, x, columns, u)
         energy = float(equations.momentum(x[None], u[None])[0] @ u)
         if not energy > 0.0 or left > APART * energy:
@@ -166,6 +178,57 @@ class Turning:
                 return found
         return found
 
+    @classmethod
+    def _with_rotors(
+        cls,
+        bodies: Sequence[Body],
+        equations: Equations,
+        x: Array,
+        u: Array,
+        a: Array,
+        spins: Sequence[Turning],
+        columns: Array,
+    ) -> Turning | None:
+        """Return a steady motion in which round bodies turn by themselves; None if that is not what it is.
+
+        Rates alone do not tell a turn of everything from that of a body: accelerations do.
+        """
+        n, sparse, count = len(x), is_sparse(equations.constant_mass), len(spins)
+        entries = {body.name: body.spun_by_itself() for body in bodies}
+        own = {name: assemble([one], (n, n), sparse) for name, one in entries.items() if one.values.size}
+        if not own or not u.any():
+            return None
+        every = np.concatenate([columns, [matrix @ x for matrix in own.values()]])
+        ways = [
+            *(one.matrix for one in spins),
+            *(0.0 * spins[0].matrix for _ in columns[count:]),
+            *own.values(),
+        ]
+        factors, left = _nearest(equations, x, every, u)
+        whirls = np.array([matrix @ u for matrix in ways])
+        size = float(equations.momentum(x[None], a[None])[0] @ a)
+        before = _nearest(
+            equations, x, whirls[:0], a - _nearest(equations, x, columns, u)[0][:count] @ whirls[:count]
+        )[1]
+        # what changes no rates may change accelerations
+        sizes, axes = np.linalg.eigh(every @ equations.momentum(x[None], every).T)
+        idle = axes[:, sizes <= SINGULAR * sizes[-1]].T
+        more, rest = _nearest(equations, x, idle @ whirls, a - factors @ whirls)
+        factors = factors + more @ idle
+        energy = float(equations.momentum(x[None], u[None])[0] @ u)
+        if left > SINGULAR * energy or rest > SINGULAR * size or before <= SINGULAR * size:
+            return None
+        spin, velocity, rates = np.split(factors, [count, len(columns)])
+        square = float(spin @ spin)
+        centre = (
+            spun(spin, velocity) / square
+            if square > SINGULAR**2 * float(factors @ factors)
+            else 0.0 * velocity
+        )
+        found = cls.of(bodies, spin, centre, sparse)
+        turned = sum((rate * matrix for rate, matrix in zip(rates, own.values(), strict=True)), found.matrix)
+        return replace(found, matrix=turned, own=dict(zip(own, rates.tolist(), strict=True)))
+
     def _allowed(self, equations: Equations, t: float, x: Array) -> bool:
         """Tell whether the joints allow the accelerations."""
         a, u, reduction = self.accelerations(x[None]), self.rates(x[None]), equations.reduction
@@ -178,9 +241,10 @@ class Turning:
 
     def at_rate(self, rate: float) -> Turning:
         """Return the same at another angular velocity, of this size and sense [rad/s]."""
-        factor = rate / float(np.linalg.norm(self.spin))
+        factor = rate / self.rate
         turned = factor * self.matrix, factor * self.shift
-        return replace(self, matrix=turned[0], shift=turned[1], spin=factor * self.spin)
+        own = {name: factor * one for name, one in self.own.items()}
+        return replace(self, matrix=turned[0], shift=turned[1], spin=factor * self.spin, own=own)
 
     def turned_only(self, x: Array) -> Array:
         """Return W x + w, shape (n_batch, n_x), at coordinates (n_batch, n_x)."""
@@ -209,6 +273,8 @@ class Turning:
 
 def _nearest(equations: Equations, x: Array, columns: Array, wanted: Array) -> tuple[Array, float]:
     """Return factors (k,) of rates (k, n_x) that come nearest to wanted ones, and twice the energy left."""
+    if not len(columns):
+        return np.zeros(0), float(equations.momentum(x[None], wanted[None])[0] @ wanted)
     momenta = equations.momentum(x[None], columns)
     sizes = np.sqrt(np.maximum(np.sum(momenta * columns, axis=1), 0.0))
     there = sizes > SINGULAR * sizes.max()

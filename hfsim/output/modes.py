@@ -52,14 +52,17 @@ def _state(found: Modes) -> str:
     told = words.get(facts["state"], f"the state of the run at {facts['time']:.6g} s")
     if facts["spin"] is not None:
         rate = float(np.linalg.norm(facts["spin"]))
-        told += f", seen from axes that turn at {rate:.6g} rad/s"
+        told += f", seen from axes that turn at {rate:.6g} rad/s" if rate else ""
+    if facts["rotors"]:
+        own = ", ".join(f"{name} at {one:.6g} rad/s" for name, one in facts["rotors"].items() if one)
+        told += f"; by themselves turn {own}"
     return told
 
 
 def state_warnings(found: Modes) -> Iterator[str]:
     """Yield what keeps the frequencies from being those of a lasting state."""
     facts = found.about.facts()
-    if not facts["steady"]:
+    if not found.about.lasting:
         away = facts["away_from_equilibrium"]
         far = f", which is about {away:.2g} m away" if away < found.about.size else ""
         moving = f" and move at {facts['speed']:.3g} m/s" if facts["speed"] > 0.0 else ""

@@ -310,6 +310,30 @@ def test_a_sleeping_top_precesses_and_nutates(spin):
         assert np.sort(circular(found)) == pytest.approx(np.sort(np.abs(np.real(expected))), rel=1e-8)
 
 
+@pytest.mark.parametrize("tilt", [0.7, 1.3])
+@pytest.mark.parametrize("precession", [2.0, -1.0])
+def test_a_top_that_precesses_steadily_nutates(tilt, precession):
+    """Small changes of its tilt have the curvature of the effective potential."""
+    own, inertia, weight = 0.5, 0.3 + 3.0 * 0.4**2, 3.0 * 9.81 * 0.4
+    total = (inertia * precession**2 * np.cos(tilt) + weight) / (own * precession)
+    e = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
+    relative = total - precession * np.cos(tilt)
+    rates = [0.0, 0.0, precession] + relative * e
+    x = [float(np.cos(tilt)), 0.0, -float(np.sin(tilt))]
+    entry = f"orientation: {{x: {x}, y: [0.0, 1.0, 0.0]}}, angular_velocity"
+    found = found_in(TOP.replace("angular_velocity", entry).replace("[0.0, 0.0, SPIN]", str(rates.tolist())))
+    assert found.about.lasting and not found.facts()["about"]["uneven"]
+    assert found.about.turning.own["top"] == pytest.approx(relative)
+    about_z = inertia * precession * np.sin(tilt) ** 2 + own * total * np.cos(tilt)
+    h, s, c = about_z - own * total * np.cos(tilt), np.sin(tilt), np.cos(tilt)
+    # the second derivative of (p - q cos)^2 / (2 A sin^2) + w cos, p and q being the momenta
+    q = own * total
+    first = lambda t: ((about_z - q * np.cos(t)) * (q - about_z * np.cos(t)) / np.sin(t) ** 3) / inertia  # noqa: E731
+    slope = (8 * (first(tilt + 1e-3) - first(tilt - 1e-3)) - first(tilt + 2e-3) + first(tilt - 2e-3)) / 12e-3
+    assert h * (q - about_z * c) / (inertia * s**3) == pytest.approx(weight * s, rel=1e-9)
+    assert circular(found)[-1] == pytest.approx(np.sqrt((slope - weight * c) / inertia), rel=1e-8)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_thrown_body_diverges_about_its_middle_axis_alone(axis):
     moments, spin = np.array([1.0, 2.0, 2.8]), 3.0

@@ -27,6 +27,8 @@ STATES = ("start", "equilibrium", "steady")
 """States that can be asked for, beside that of a run at a time."""
 STEADY = 1e-6
 """Distance from the equilibrium over the size of the scene that counts as none."""
+_BALANCED = 1e-9
+"""Acceleration, over that of the axes, that is rounding."""
 _HELD = 1e-12
 """What holds motions that nothing brings back, over the square of the fastest frequency."""
 _FAR = 1e3
@@ -88,12 +90,16 @@ class About:
         energy = float(self.scene.system.kinetic_energy(self.motions.x[None], rates[None])[0])
         return float(np.sqrt(max(0.0, 2.0 * energy) / self.mass)) if self.mass > 0.0 else 0.0
 
+    @property
+    def _steady(self) -> Array:
+        """Accelerations (n_x,) of the axes where the bodies are."""
+        x = self.motions.x
+        return 0.0 * x if self.turning is None else self.turning.accelerations(x[None])[0]
+
     @cached_property
     def acceleration(self) -> float:
         """What the state accelerates by, seen from the axes, root of mean square by mass [m/s^2]."""
-        x = self.motions.x
-        steady = 0.0 if self.turning is None else self.turning.accelerations(x[None])[0]
-        return self._mean(self.motions.a - steady)
+        return self._mean(self.motions.a - self._steady)
 
     @cached_property
     def speed(self) -> float:
@@ -108,7 +114,7 @@ class About:
         if self.turning is None:
             return 0.0
         system, turning = self.scene.system, self.turning
-        seconds = 1.0 / float(np.linalg.norm(turning.spin))
+        seconds = 1.0 / turning.rate
         x = turning.turned(self.motions.x[None], seconds) + seconds * turning.travel
         if not np.allclose(system.reduction.expand(system.reduction.free(x)), x, atol=1e-6 * self.size):
             return np.inf
@@ -124,8 +130,7 @@ class About:
     def distance(self) -> float:
         """How far the equilibrium is by the stiffness of the state, mean square by mass [m]."""
         x, pencil = self.motions.x, self.motions.pencil
-        steady = 0.0 if self.turning is None else self.turning.accelerations(x[None])[0]
-        force = self.scene.system.equations.momentum(x[None], (self.motions.a - steady)[None])
+        force = self.scene.system.equations.momentum(x[None], (self.motions.a - self._steady)[None])
         M, _, K, _ = pencil.matrices
         free = self.scene.system.reduction.free_force(force)[0]
         gap = np.zeros(pencil.jacobian.shape[0])
@@ -138,9 +143,11 @@ class About:
     @property
     def lasting(self) -> bool:
         """Whether it is an equilibrium or a steady rotation, to `STEADY`."""
-        return self.distance <= STEADY * self.size and self.speed <= STEADY * max(
-            self.size, self._mean(self.motions.u)
-        )
+        moving = self._mean(self.motions.u)
+        # where nothing brings motions back, rounding alone may seem to lead far away
+        balanced = self.acceleration <= _BALANCED * self._mean(self._steady)
+        away = self.distance > STEADY * self.size
+        return (balanced or not away) and self.speed <= STEADY * max(self.size, moving)
 
     def facts(self) -> dict[str, Any]:
         """Return what is known of the state."""
@@ -149,11 +156,12 @@ class About:
             "state": self.state,
             "time": self.t,
             "spin": None if turning is None else np.atleast_1d(turning.spin).tolist(),
+            "rotors": {} if turning is None else turning.own,
             "axis_through": None if turning is None else turning.centre.tolist(),
             "acceleration": self.acceleration,
             "speed": self.speed,
             "away_from_equilibrium": min(self.distance, _FAR * self.size),
-            "steady": bool(self.lasting),
+            "steady": bool(self.lasting and self.unevenness <= _EVEN),
             "uneven": bool(self.unevenness > _EVEN),
         }
 
@@ -230,11 +238,11 @@ def _settled(start: About, turning: Turning, state: str) -> About:
     scene, system, t = start.scene, start.scene.system, start.t
     try:
         x = steady_state(system, t, start.motions.x, turning)
-        axes = turning if turning.spin.any() else None
+        axes = turning if turning.rate else None
         return About(scene, state, t, small_motions(system, t, x, turning.rates(x[None])[0], axes))
     except np.linalg.LinAlgError as error:
         told = ", ".join(f"{one:.4g}" for one in np.atleast_1d(turning.spin))
-        raise ModesError(f"{state}{f' at {told} rad/s' if turning.spin.any() else ''}: {error}") from None
+        raise ModesError(f"{state}{f' at {told} rad/s' if turning.rate else ''}: {error}") from None
 
 
 def _after(scene: Scene, at: float, progress: Progress | None) -> tuple[Array, Array]:
