@@ -19,13 +19,11 @@ FORMS = {
     "rms": ("rms(CHANNEL)", ("run",)),
     "frequency": ("frequency(NUMBER)", ("modes",)),
     "damping": ("damping(NUMBER)", ("modes",)),
-    "critical": ("critical(NUMBER)", ("static",)),
 }
 """How each quantity is written, and the studies that have it, the usual one first.
 
 Of a run: value at its end, at a time, largest, smallest, root of the mean square over time; at rest: value,
-and that under the loads at a time.  Of modes, counted from the lowest: frequency [Hz], damping ratio [-].  Of
-buckling: factors of the loads, counted from the smallest [-].
+and that under the loads at a time.  Of modes, counted from the lowest: frequency [Hz], damping ratio [-].
 """
 
 _WRITTEN = re.compile(r"\s*([A-Za-z_]\w*)\s*\(([^()]*)\)\s*")
@@ -49,7 +47,7 @@ class Quantity(NamedTuple):
     kind : str
         A key of `FORMS`.
     channel : str
-        Of which; empty for those of modes and buckling.
+        Of which; empty for those of modes.
     time : float or None
         When [s], for ``at``.
     number : int

@@ -52,6 +52,7 @@ _TEXT = (
     Column("difference", "difference", brief),
     Column("bound", "bound", brief),
     Column("unit", lambda row: row.unit or "-"),
+    Column("grade", lambda row: row.grade or "-", spare=2),
     Column("in time", "time_error", brief, spare=1),
     Column("", lambda row: _SPOKEN.get(row.verdict, row.verdict)),
 )
@@ -83,7 +84,7 @@ def _by_deck(result: Verification) -> Iterator[tuple[str, list[Row]]]:
 
 
 def _head(name: str, row: Row) -> str:
-    return f"{name}: {row.source}{f' (grade {row.grade})' if row.grade else ''}"
+    return f"{name}: {row.source}"
 
 
 def _last(result: Verification) -> str:
@@ -103,7 +104,7 @@ def as_markdown(result: Verification) -> str:
 
 
 def _table(rows: Sequence[Row]) -> str:
-    columns = [Column("quantity", lambda row: f"`{_what(row)}`"), *_TEXT[1:6], _TEXT[-1]]
+    columns = [Column("quantity", lambda row: f"`{_what(row)}`"), *_TEXT[1:7], _TEXT[-1]]
     cells = [[one.name for one in columns], ["---"] * len(columns)]
     cells += [[one.text(row) for one in columns] for row in rows]
     return "\n".join(f"| {' | '.join(one)} |" for one in cells)

@@ -18,6 +18,8 @@ from hfsim.scene.schema import space_of
 
 _Text = Annotated[str, ReadBy(read_text, type="string")]
 _Bound = Annotated[float, measures(above=0)]
+_Grade = Literal["A", "B", "C", "D", "E"]
+_State = Literal["start", "equilibrium", "steady"]
 
 
 def _read_quantity(value: object) -> Quantity:
@@ -35,7 +37,7 @@ class RowSpec(Spec):
 
     quantity: Annotated[Quantity, ReadBy(_read_quantity, type="string")]
     """What is published: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency(NUMBER) [Hz],
-    damping(NUMBER), critical(NUMBER)."""
+    damping(NUMBER)."""
 
     published: Annotated[float, measures()]
     """Its value, in the SI unit of the quantity."""
@@ -52,7 +54,10 @@ class RowSpec(Spec):
     study: Literal["run", "static", "modes"] | None = None
     """What finds it; without it the one that has such quantities, for channels a run."""
 
-    grade: Literal["A", "B", "C", "D", "E"] | None = None
+    about: _State | None = None
+    """State whose modes these are, where that is not as of the others."""
+
+    grade: _Grade | None = None
     """How far the value can be trusted, where that is not as of the others."""
 
     def complaints(self) -> Iterator[Complaint]:
@@ -77,7 +82,7 @@ class VerifySpec(Spec):
     source: _Text
     """Where they are from."""
 
-    grade: Literal["A", "B", "C", "D", "E"] | None = None
+    grade: _Grade | None = None
     """How far they can be trusted. A: closed form or high precision; B: converged, by an independent code;
     C: of another code, not recomputed; D: measured; E: read off a picture."""
 
@@ -86,6 +91,9 @@ class VerifySpec(Spec):
 
     relative: _Bound | None = None
     """The same as a share of the published value [-]."""
+
+    about: _State = "start"
+    """State whose modes are told: the start, the equilibrium next to it, or the steady rotation."""
 
     seconds: PositiveTime | None = None
     """About how long all of it takes [s]: what takes long is begun first."""
@@ -110,6 +118,13 @@ class VerifySpec(Spec):
     def study_of(self, row: RowSpec) -> str:
         """Return what finds the quantity of a row."""
         return row.study or row.quantity.studies[0]
+
+    def place_of(self, row: RowSpec) -> float | str:
+        """Return where a study that is no run looks: at loads of a time [s], or at a state."""
+        study = self.study_of(row)
+        if study == "modes":
+            return row.about or self.about
+        return (row.quantity.time or 0.0) if study == "static" else 0.0
 
     def bound_of(self, row: RowSpec) -> float:
         """Return the largest difference that a row allows, in the unit of its quantity."""

@@ -64,7 +64,7 @@ def test_quantities_come_back_as_they_are_written(text):
 @pytest.mark.parametrize(
     "text",
     ["final", "final()", "final(a, b)", "at(a.x)", "at(2 m, a.x)", "at(-1 s, a.x)", "at(nan, a.x)",
-     "mean(a.x)", "frequency(0)", "damping(x)", "critical(1.5)", "max(max(a.x))", "3 * max(a.x)"],
+     "mean(a.x)", "frequency(0)", "damping(x)", "damping(1.5)", "max(max(a.x))", "3 * max(a.x)"],
 )  # fmt: skip
 def test_what_is_no_quantity_is_refused(text):
     with pytest.raises(QuantityError):
@@ -190,16 +190,44 @@ def test_the_deck_of_the_manual_holds():
     assert {row.verdict for row in rows_of(decks_in(topics()["verify"])["bob"])} == {HELD}
 
 
+def test_modes_of_equilibria_and_rotations(tmp_path):
+    """A pendulum's frequency and damping; about its start, to the side, where it falls, there is another."""
+    text = MASS[: MASS.index("parameters")] + """
+gravity: [0.0, -8.0]
+parameters: {angle: -60 deg}
+bodies: {bob: {type: rigid, mass: 1.0, inertia: 1.0, points: {pivot: [-1.0, 0.0]}}}
+joints: {pin: {type: revolute, between: [ground, bob.pivot], damping: 0.4}}
+initial: {bob: {angle: "${angle}"}}
+solve: {duration: 1.0}
+verify:
+  source: closed form
+  about: equilibrium
+  relative: 1.0e-6
+  rows:
+    - {quantity: frequency(1), published: "${sqrt(4 - 0.01) / tau}"}
+    - {quantity: damping(1), published: 0.05}
+    - {quantity: frequency(1), published: 0.31791175, set: {parameters.angle: -90 deg}, about: start}
+    - {quantity: frequency(2), published: 1.0}
+"""
+    rows = rows_of(text)
+    assert [row.verdict for row in rows] == [HELD, HELD, HELD, FAILED]
+    assert [row.unit for row in rows] == ["Hz", "", "Hz", "Hz"]
+    assert "of 2 modes there are 1" in rows[3].reason
+
+
 AT_REST = [
     *("bend_45", "cantilever", "cantilever_geradin", "cantilever_thick", "elastica", "hanging"),
     *("pre_twisted", "princeton", "roll_up", "torsion"),
 ]
 
 
-@pytest.mark.parametrize("name", AT_REST)
-def test_published_values_at_rest_hold(name):
+MODES = ["aluminium_blade", "beam_modes", "lag", "tip_mass", "turning_blade"]
+
+
+@pytest.mark.parametrize("name", AT_REST + MODES)
+def test_published_values_at_rest_and_of_modes_hold(name):
     found = api.verify(name)
-    assert {row.study for row in found.rows} == {"static"}
+    assert {row.study for row in found.rows} == {"static" if name in AT_REST else "modes"}
     assert [row for row in found.rows if row.verdict != HELD] == []
 
 

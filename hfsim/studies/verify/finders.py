@@ -49,6 +49,8 @@ class Order:
     ----------
     study : str
         A key of `FINDERS`.
+    place : float or str
+        Time of the loads at rest [s], or state of the modes.
     text, file : str
         The deck as written.
     overrides : tuple of str
@@ -58,6 +60,7 @@ class Order:
     """
 
     study: str
+    place: float | str
     text: str
     file: str
     overrides: tuple[str, ...]
@@ -146,11 +149,33 @@ def _at_rest(order: Order) -> tuple[Answer, ...]:
     """Find where the scene rests, under the loads at 0 or at the time that the quantities name."""
     from hfsim.studies.static import run_static
 
-    found = run_static(order.load(), order.quantities[0].time or 0.0)
+    found = run_static(order.load(), float(order.place))
     if found.status != "done":
         return _without(order, found.reason)
     return tuple(Answer(found.final[one.channel]) for one in order.quantities)
 
 
-FINDERS: dict[str, Callable[[Order], tuple[Answer, ...]]] = {"run": _by_run, "static": _at_rest}
+# --- modes ---------------------------------------------------------------------------------------
+
+
+def _of_modes(order: Order) -> tuple[Answer, ...]:
+    """Find the small motions about a state."""
+    from hfsim.studies.modes import modes_of
+    from hfsim.studies.modes.about import about
+
+    most = max(one.number for one in order.quantities)
+    modes = modes_of(about(order.load(), str(order.place)), most).modes
+    found = {one.number: {"frequency": one.frequency, "damping": one.damping_ratio} for one in modes}
+    missing = f"of {most} modes there are {len(found)}"
+    return tuple(
+        Answer(found[one.number][one.kind]) if one.number in found else Answer(None, reason=missing)
+        for one in order.quantities
+    )
+
+
+FINDERS: dict[str, Callable[[Order], tuple[Answer, ...]]] = {
+    "run": _by_run,
+    "static": _at_rest,
+    "modes": _of_modes,
+}
 """What finds the quantities of each study."""

@@ -71,8 +71,8 @@ class Entry:
         """
         groups: dict[tuple[object, ...], list[int]] = {}
         for number, (spec, row) in enumerate(zip(self.published.rows, self.rows, strict=True)):
-            apart = spec.quantity.time if row.study != "run" else None
-            groups.setdefault((row.study, spec.variant, apart), []).append(number)
+            key = (row.study, spec.variant, self.published.place_of(spec))
+            groups.setdefault(key, []).append(number)
         return {tuple(numbers): self._order(numbers) for numbers in groups.values()}
 
     def _order(self, numbers: list[int]) -> Order:
@@ -80,7 +80,8 @@ class Entry:
         quantities = tuple(spec.quantity for spec in specs)
         overrides = (*self.loaded.overrides, *self._plainly(quantities), *specs[0].variant)
         bounds = tuple(self.rows[k].bound for k in numbers)
-        order = Order(self.rows[numbers[0]].study, source.text, source.file, overrides, quantities, bounds)
+        study, place = self.rows[numbers[0]].study, self.published.place_of(specs[0])
+        order = Order(study, place, source.text, source.file, overrides, quantities, bounds)
         try:
             order.load()
         except DeckError as error:
