@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
     from hfsim.marching.solution import Run
-    from hfsim.output.api import Deck, check, compare, load, run, static, verify
+    from hfsim.output.api import Deck, check, compare, load, run, verify
     from hfsim.output.modes_api import campbell, modes
+    from hfsim.output.static_api import static
     from hfsim.output.sweep_api import sweep
     from hfsim.studies.compare import Comparison
     from hfsim.studies.sweep.result import Sweep
@@ -25,13 +26,14 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _PLACES = {
-    **dict.fromkeys(("Deck", "check", "compare", "load", "run", "static", "verify"), "hfsim.output.api"),
+    **dict.fromkeys(("Deck", "check", "compare", "load", "run", "verify"), "hfsim.output.api"),
     **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
     **dict.fromkeys(("campbell", "modes"), "hfsim.output.modes_api"),
     "Run": "hfsim.marching.solution",
     "Comparison": "hfsim.studies.compare",
     "Sweep": "hfsim.studies.sweep.result",
     "Verification": "hfsim.studies.verify",
+    "static": "hfsim.output.static_api",
     "sweep": "hfsim.output.sweep_api",
 }
 """Where each public name stands."""

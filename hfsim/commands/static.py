@@ -10,12 +10,13 @@ import click
 
 from hfsim.commands import STARTED, import_libraries, report_error, worst
 from hfsim.commands.decks import command_line, load_numbered
-from hfsim.commands.options import output_options, setting_options, talk_options
+from hfsim.commands.options import names, output_options, setting_options, talk_options
 from hfsim.output.talk import Destination, Talk
 
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder, Stopwatch
     from hfsim.scene.loading import LoadedDeck
+    from hfsim.studies.static import Wish
 
 
 @click.command()
@@ -26,16 +27,37 @@ if TYPE_CHECKING:
     "--at", type=float, default=0.0, show_default=True, metavar="T",
     help="Time at which loads and drivers are taken [s].",
 )
+@click.option("--path", is_flag=True, help="Follow the load by arc length, through limit points.")
+@click.option("--buckling", is_flag=True, help="Find the load factors at which the scene gives way.")
+@click.option(
+    "--count", type=click.IntRange(1, 20), default=3, show_default=True, help="Critical load factors sought."
+)
+@click.option(
+    "--vary", metavar="A,B,...",
+    help="Loads, motors or 'gravity' that load factors are of; all of them without it.",
+)
 @click.option("--vtk", is_flag=True, help="Write start and equilibrium for ParaView.")
 @talk_options
 def static(
-    deck: str, to: Destination, overrides: tuple[str, ...], at: float, vtk: bool, talk: Talk
+    deck: str,
+    to: Destination,
+    overrides: tuple[str, ...],
+    at: float,
+    path: bool,
+    buckling: bool,
+    count: int,
+    vary: str | None,
+    vtk: bool,
+    talk: Talk,
 ) -> None:
     """Find where the scene of a DECK comes to rest, under the loads that act at t = 0 or --at T.
 
     Loads and weight are put on in steps, and a scene that nothing holds at first, such as a pendulum, is
     let down to where it hangs. Results are those of a run with one row: history.csv, summary.json, pictures;
     --set output.shapes=true writes the shapes. Rates, dampers and friction count for nothing.
+
+    With --path a row for each point of the path from no load to the whole load, which may turn round on the
+    way; with --buckling the smallest load factors at which the scene gives way.
 
     Exit code 3: there is no equilibrium, or none is found; what was reached is kept.
     """
@@ -45,7 +67,11 @@ def static(
     watch = Stopwatch(wall_start=STARTED)
     try:
         loaded = load_numbered(deck, overrides, talk)
-        code = _do(deck, loaded, to, overrides, at, vtk, talk, watch)
+        from hfsim.studies.static import Wish
+
+        varied = names(vary) or None
+        wish = Wish(at, path, count if buckling else 0, varied)
+        code = _do(deck, loaded, to, overrides, wish, vtk, talk, watch)
     except Exception as error:
         code = report_error(error)
     raise click.exceptions.Exit(worst([code]))
@@ -56,7 +82,7 @@ def _do(
     loaded: LoadedDeck,
     to: Destination,
     overrides: tuple[str, ...],
-    at: float,
+    wish: Wish,
     vtk: bool,
     talk: Talk,
     watch: Stopwatch,
@@ -78,7 +104,7 @@ def _do(
     log.add(command_line())
     with Progress(name, sys.stderr, talk.quiet) as shown:
         shown(0.0)
-        found = run_static(loaded, at)
+        found = run_static(loaded, wish)
     wanted = Extras(to.plots, vtk=vtk, format=to.format).of(loaded.deck.output)
     run, summary = save_run(folder, found, provenance, watch, log, wanted)
     tell(run, summary, folder.path, talk, loaded.warnings)

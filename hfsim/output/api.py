@@ -26,7 +26,6 @@ from hfsim.scene.shipped import find_deck
 if TYPE_CHECKING:
     from hfsim.integrators import Memory
     from hfsim.output.recording import Recording
-    from hfsim.output.runfolder import RunFolder
     from hfsim.output.stream import Stream
     from hfsim.studies.compare import Comparison
     from hfsim.studies.verify import Verification
@@ -321,69 +320,6 @@ def _no_progress(share: float) -> None:
 
 def _silent(line: str) -> None:
     """Take a line that nobody has asked for."""
-
-
-def static(
-    deck: AnyDeck,
-    changes: Mapping[str, Any] | None = None,
-    *,
-    at: float = 0.0,
-    output: str | os.PathLike[str] | None = None,
-    force: bool = False,
-    plots: bool | str = True,
-    check: bool = True,
-) -> Run:
-    """Find where a scene comes to rest; what ``hfsim static`` does.
-
-    Parameters
-    ----------
-    deck, changes
-        As in `load`.
-    at : float
-        Time at which loads and drivers are taken [s].
-    output, force, plots
-        As of `run`.
-    check : bool
-        Whether it is an error if there is no equilibrium; if not, ``status`` and ``reason`` tell.
-
-    Returns
-    -------
-    Run
-        With one row; ``run.final`` has the channels, ``run.statistics`` whether it is ``stable``.
-
-    Raises
-    ------
-    DeckError, DeckNotFoundError
-        If the deck is bad.
-    UnfinishedRunError
-        If there is no equilibrium; ``error.run`` has what was reached.
-    FolderError, WriteError
-        If the folder must not or cannot be written to.
-    """
-    from hfsim.studies.static import run_static
-
-    loaded = load(deck, changes).with_numbers()
-    folder = None if output is None else _claimed(Path(output), force)
-    result = run_static(loaded, at)
-    if folder is not None:
-        from hfsim.output.extras import Extras
-        from hfsim.output.recording import save_run
-        from hfsim.output.runfolder import RunLog, Stopwatch
-        from hfsim.output.writers import Provenance
-
-        provenance = Provenance.of(loaded, loaded.source.file, loaded.overrides)
-        wanted = Extras(bool(plots), format=plots if isinstance(plots, str) else "png").of(loaded.deck.output)
-        watch = Stopwatch(cpu_start=time.process_time())
-        result, _ = save_run(folder, result, provenance, watch, RunLog(), wanted)
-    if check and result.exit_code:
-        raise UnfinishedRunError(result)
-    return result
-
-
-def _claimed(path: Path, force: bool) -> RunFolder:
-    from hfsim.output.runfolder import claim
-
-    return claim(path, force)
 
 
 def check(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> dict[str, Any]:

@@ -43,6 +43,8 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
         "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
         "found by": f"{number(summary['steps'])} {how}, {number(summary['newton_iterations'])} iterations",
         "slowest motion": _slowest(summary["smallest_eigenvalue"]),
+        "critical": _critical(summary),
+        "path": _path(summary),
         "results": f"{folder}/" if folder else "not written",
     }
     width = max(map(len, facts))
@@ -59,3 +61,21 @@ def _slowest(eigenvalue: float | None) -> str:
     if eigenvalue < 0.0:
         return f"grows e-fold in {1.0 / math.sqrt(-eigenvalue):.4g} s"
     return f"{math.sqrt(eigenvalue) / (2.0 * math.pi):.4g} Hz, without damping"
+
+
+def _critical(summary: Mapping[str, Any]) -> str:
+    """Return the critical load factors in words."""
+    if "critical" not in summary:
+        return ""
+    told = [f"{one:.9g}" for one in summary["critical"]]
+    return f"load factors {', '.join(told)}" if told else f"none: {summary['critical_reason']}"
+
+
+def _path(summary: Mapping[str, Any]) -> str:
+    """Return what the path crosses in words."""
+    if "points" not in summary:
+        return ""
+    told = [f"{number(summary['points'])} points"]
+    for kind, words in (("limits", "limit point"), ("branches", "branch")):
+        told += [f"{words} at a load factor of {one:.9g}" for one in summary[kind]]
+    return ", ".join(told)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
+from hfsim.deck.laws import Law
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import is_sparse
@@ -15,6 +16,7 @@ from hfsim.maths.rotations import wrap
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import Marker
+from hfsim.mechanics.point_loads import Load
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.resistances import Push
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
@@ -31,6 +33,19 @@ FELT = 1e-6
 """Part of the fastest rate that counts as motion of a body."""
 GRAVITY = "gravity"
 """Name of the weight among loads that are varied."""
+
+
+@dataclass(frozen=True)
+class FactorLaw(Law):
+    """A law of time, or one, times a factor."""
+
+    factor: float
+    law: Law | None
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        if self.law is None:
+            return np.full_like(t, self.factor if order == 0 else 0.0)
+        return self.factor * self.law._derivative(t, order)
 
 
 class Assembled(Protocol):
@@ -166,6 +181,36 @@ def _weighted(scene: Assembled, varied: Collection[str] | None) -> Iterator[Weig
             yield Weighted(replace(light, gravity=(0.0,) * len(light.gravity)), 1.0, -1.0)
         else:
             yield Weighted(part, 1.0, 0.0)
+
+
+def scaled(scene: Assembled, varied: Collection[str] | None, factor: float) -> System:
+    """Return the equations of a scene with all loads that are varied scaled."""
+    if factor == 1.0:
+        return scene.system
+    heavy = varied is None or GRAVITY in varied
+    found: list[ForcePart] = []
+    for part in scene.system.forces:
+        name, own = _load(part), part
+        if name and (varied is None or name in varied):
+            if isinstance(part, Tie):
+                pushes = (one for one in part.resistances if isinstance(one, Push))
+                own = replace(part, resistances=tuple(replace(one, size=factor * one.size) for one in pushes))
+            elif isinstance(part, Load):
+                law: Any = {"law": FactorLaw(factor, part.law)}
+                own = replace(part, **law)
+        elif heavy and isinstance(part, ConstantForce):
+            own = replace(part, values=factor * part.values, energy=factor * part.energy)
+        elif heavy and hasattr(part, "gravity"):
+            light: Any = part
+            own = replace(light, gravity=tuple(factor * one for one in light.gravity))
+        found.append(own)
+    return replace(scene.system, forces=tuple(found))
+
+
+def loads_of(scene: Assembled) -> list[str]:
+    """Return the names of all that a load factor can be of: loads, motors, and gravity."""
+    names = {name for part in scene.system.forces if (name := _load(part))}
+    return sorted(names | ({GRAVITY} if any(scene.deck.gravity) else set()))
 
 
 # --- bodies ---------------------------------------------------------------------------------------

@@ -2,23 +2,39 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfsim.errors import HfsimError, SolverFailure
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.sampling import SceneSamples, compute_channels, outlines_of
-from hfsim.marching.solution import Run
+from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.statics.buckling import critical_factors
 from hfsim.mechanics.statics.equilibrium import Equilibrium
+from hfsim.mechanics.statics.newton import Effort, NotFoundError
+from hfsim.mechanics.statics.path import Path
+from hfsim.mechanics.statics.problem import State
 from hfsim.scene.build import Scene, build
-from hfsim.scene.equilibrium import Turns, doubts, equilibrium_of, held_by_nothing, problem_of, why_not
+from hfsim.scene.equilibrium import (
+    Turns,
+    doubts,
+    equilibrium_of,
+    held_by_nothing,
+    loads_of,
+    problem_of,
+    scaled,
+    why_not,
+)
 from hfsim.scene.loading import LoadedDeck
 
 METHOD = "static"
 """What stands in the place of a method of integration."""
+LOAD = "load"
+"""Column of the load factor in a path."""
 NO_ERROR = "an equilibrium is no motion"
 NO_MESH = "not measured: compare with more elements"
 
@@ -36,49 +52,152 @@ class StaticSamples(SceneSamples):
         return np.zeros_like(self.x), own.constrained(self.x, own.reduction.free_force(force), still)[1]
 
 
-def run_static(loaded: LoadedDeck, t: float = 0.0) -> Run:
-    """Return where a scene comes to rest under what acts on it at a time [s], as a run of one row.
+class Wish(NamedTuple):
+    """What is to be found.
 
-    Outlines are those of the start and of the equilibrium; where there is none, the row is what was reached
-    on the way, with the share of the loads that was on.
+    Attributes
+    ----------
+    t : float
+        Time at which loads and drivers are taken [s].
+    path : bool
+        Whether the load is followed by arc length.
+    buckling : int
+        How many critical load factors are sought.
+    varied : tuple of str or None
+        Names of what these factors are of: loads, motors, ``gravity``; all of them without any.
+    """
+
+    t: float = 0.0
+    path: bool = False
+    buckling: int = 0
+    varied: tuple[str, ...] | None = None
+
+
+def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
+    """Return where a scene comes to rest under what acts on it at a time, as a run.
+
+    It has one row, of a path one for each point. Outlines are those of the start and of each row; where there
+    is no equilibrium, the row is what was reached on the way, with the share of the loads that was on.
 
     Raises
     ------
     DeckError
         If the scene cannot be assembled.
+    UnknownLoadError
+        If there is no such load.
     """
+    wish = wish if isinstance(wish, Wish) else Wish(wish)
     clock = PhaseClock()
     with clock.phase("build"):
         scene = build(loaded)
+        for name in wish.varied or ():
+            if name not in loads_of(scene):
+                raise UnknownLoadError(name, loads_of(scene))
     with clock.phase("solve"):
-        turns = Turns(scene)
-        problem = problem_of(scene, t, turns)
-        found = equilibrium_of(scene, problem)
-        turns(found.share, found.state)
-    angles = {name: np.array([angle]) for name, angle in turns.angles.items()}
-    samples = StaticSamples(scene, np.array([t]), turns.q, np.zeros_like(turns.q), angles)
-    with clock.phase("solve"):
-        channels = compute_channels(samples)
+        rows, found, facts = _followed(scene, wish) if wish.path else _rested(scene, wish)
+        if wish.buckling:
+            facts |= _critical(scene, wish)
+        samples = [_sampled(scene, wish, row) for row in rows]
+        columns = [compute_channels(one) for one in samples]
+    channels = [
+        one._replace(values=np.concatenate([c.values for c in every]))
+        for every, one in zip(zip(*columns, strict=True), columns[0], strict=True)
+    ]
+    loads = np.array([row.load for row in rows])
+    if wish.path:
+        channels.insert(0, Channel(LOAD, "", loads))
     start = SceneSamples(scene, np.zeros(1), scene.q[None], np.zeros((1, scene.system.n)), {})
-    seen = outlines_of([start, samples])
-    failure = None if not found.reason else why_not(scene, t, found)
+    seen = outlines_of([start, *samples])
+    failure = None if not found.reason else why_not(scene, wish.t, found)
+    if wish.path and failure is not None:
+        failure = SolverFailure(found.reason, wish.t, remedy="a smaller load, or --vary some loads only")
     return Run(
         name=scene.deck.name,
         model=scene.model,
         method=METHOD,
-        t=samples.t,
-        channels=channels,
-        statistics={**facts_of(scene, samples, found), "cpu_s": clock.cpu, "wall_s": clock.wall},
+        t=np.full(len(rows), wish.t),
+        channels=tuple(channels),
+        statistics={
+            **facts_of(scene, samples[-1], found), **facts, "cpu_s": clock.cpu, "wall_s": clock.wall
+        },
         status="done" if failure is None else "failed",
         reason="" if failure is None else str(failure),
         failure=None if failure is None else failure.facts(scene.loaded.line_of),
         exit_code=0 if failure is None else failure.exit_code,
-        outline_t=np.array([0.0, found.share]),
+        outline_t=np.array([0.0, *loads]),
         outlines=seen.points,
         outline_forces=seen.forces,
-        snapshots=tuple(samples.snapshots()) if failure is None else (),
-        states=[samples],
-    )
+        snapshots=tuple(samples[-1].snapshots()) if failure is None else (),
+        states=samples,
+    )  # fmt: skip
+
+
+class UnknownLoadError(HfsimError):
+    """A name that is of no load of the scene."""
+
+    exit_code = 2
+
+    def __init__(self, name: str, known: list[str]) -> None:
+        super().__init__(f"there is no load '{name}'; there are {', '.join(known) or 'none'}")
+
+
+class _Row(NamedTuple):
+    load: float
+    q: Array
+    angles: dict[str, float]
+
+
+def _rested(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[str, Any]]:
+    """Return the equilibrium."""
+    turns = Turns(scene)
+    problem = problem_of(scene, wish.t, turns, wish.varied)
+    found = equilibrium_of(scene, problem)
+    turns(found.share, found.state)
+    return [_Row(found.share, turns.q, turns.angles)], found, {}
+
+
+def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[str, Any]]:
+    """Return the path."""
+    turns, rows = Turns(scene), list[_Row]()
+
+    def keep(load: float, state: State) -> None:
+        turns(load, state)
+        rows.append(_Row(load, turns.q, dict(turns.angles)))
+
+    path = Path(problem_of(scene, wish.t, keep, wish.varied), Effort())
+    why = path.follow()
+    points = path.points
+    if not points:
+        rows, state = [_Row(0.0, scene.q[None], turns.angles)], path.problem.start
+        values: Array = np.zeros(0)
+    else:
+        rows, state, values = rows[-len(points) :], points[-1].state, points[-1].values
+    nothing = np.zeros((0, state.z.shape[1]))
+    reached = Equilibrium(state, rows[-1].load, values, nothing, nothing, False, None, path.effort, why)
+    told = {kind: [one.load for one in path.crossings if one.kind == kind] for kind in ("limit", "branch")}
+    return rows, reached, {"points": len(points), "limits": told["limit"], "branches": told["branch"]}
+
+
+def _critical(scene: Scene, wish: Wish) -> dict[str, Any]:
+    """Return the critical load factors."""
+    try:
+        problem = problem_of(scene, wish.t, None, wish.varied)
+        found = critical_factors(problem, Effort(), wish.buckling)
+    except (NotFoundError, np.linalg.LinAlgError) as error:
+        return {"critical": [], "critical_reason": str(error)}
+    reason = "" if found else "no load factor makes the stiffness singular"
+    return {
+        "critical": [one.load for one in found],
+        "critical_reached": [one.found for one in found],
+        "critical_reason": reason,
+    }
+
+
+def _sampled(scene: Scene, wish: Wish, row: _Row) -> StaticSamples:
+    """Return the samples of a row, under its loads."""
+    own = replace(scene, system=scaled(scene, wish.varied, row.load))
+    angles = {name: np.array([angle]) for name, angle in row.angles.items()}
+    return StaticSamples(own, np.array([wish.t]), row.q, np.zeros_like(row.q), angles)
 
 
 def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -78,7 +79,14 @@ def _move(problem: Problem, state: State, level: Level) -> float:
     return problem.moved(dz)
 
 
-def stepped(problem: Problem, effort: Effort) -> tuple[float, State]:
+def growing(share: float) -> Level:
+    """Return the level at which a share of the loads is on."""
+    return Level(share, 1.0 - share)
+
+
+def stepped(
+    problem: Problem, effort: Effort, levels: Callable[[float], Level] = growing
+) -> tuple[float, State]:
     """Put the loads on in steps; return the share that could be put on, and the equilibrium there.
 
     Steps are as long as changes stay moderate, and shorter where the iteration does not converge.
@@ -86,7 +94,7 @@ def stepped(problem: Problem, effort: Effort) -> tuple[float, State]:
     state, share, step = problem.begin(), 0.0, 1.0
     while share < 1.0 and step > SHORTEST:
         to = share + step if 1.0 - share - step > SHORTEST else 1.0
-        level = Level(to, 1.0 - to)
+        level = levels(to)
         move = _move(problem, state, level)
         if move > MOVE:
             step = (to - share) * (max(0.1, 0.9 * MOVE / move) if move < np.inf else 0.25)

@@ -1,0 +1,133 @@
+"""Critical load factors: where the tangent stiffness of the equilibrium under a load becomes singular.
+
+About a loaded state the stiffness changes with the load as K + nu K'; the factors nu at which it is singular
+are eigenvalues.  The equilibrium is then taken to the load so found and the problem solved anew, until it is
+the load itself: what bends, turns or stretches before it buckles is accounted for.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.maths.matrices import dense, is_sparse
+from hfsim.mechanics.statics.newton import Effort, NotFoundError, balanced, stepped
+from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
+
+STEP = 1e-3
+"""Of differences of the stiffness by the load, relative to the factor."""
+SAME = 1e-10
+"""Change of a factor, relative to it, after which it is found."""
+MOST = 12
+"""Improvements of a factor."""
+REAL = 1e-6
+"""Imaginary part of an eigenvalue, relative to its size, up to which it is real."""
+MOVED = 0.3
+"""Change of a state from one load to another within which it is the same path [rad]."""
+
+
+class Factor(NamedTuple):
+    """A critical load factor.
+
+    Attributes
+    ----------
+    load : float
+    found : bool
+        Whether it is the load itself, not an estimate from smaller ones.
+    motion : ndarray, shape (n,)
+        How the scene begins to give way.
+    """
+
+    load: float
+    found: bool
+    motion: Array
+
+
+def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[Factor]:
+    """Return the smallest positive factors of the loads at which the scene gives way.
+
+    Raises
+    ------
+    NotFoundError
+        If there is no equilibrium without the loads.
+    """
+    share, state = stepped(problem, effort, lambda share: Level(0.0, 1.0 - share))
+    if share < 1.0:
+        raise NotFoundError("there is no equilibrium without the loads", state)
+    first = _eigenpairs(problem, state, 0.0, STEP, effort, count)
+    return sorted((_improved(problem, state, *one, effort) for one in first), key=lambda one: one.load)
+
+
+def _improved(problem: Problem, state: State, load: float, motion: Array, effort: Effort) -> Factor:
+    """Return a factor with the equilibrium taken to it, as far as that goes."""
+    found = Factor(load, False, motion)
+    at = 0.0
+    for _ in range(MOST):
+        try:
+            near = balanced(problem, state, Level(load), effort)
+            if problem.moved(near.z - state.z) > MOVED:
+                return found
+            pairs = _eigenpairs(problem, near, load, STEP * load, effort, 0)
+        except (NotFoundError, np.linalg.LinAlgError):
+            return found
+        if not pairs:
+            return found
+        motion = motion / np.linalg.norm(motion)
+        alike = [abs(float(one @ motion)) / float(np.linalg.norm(one)) for _, one in pairs]
+        close = [alike[k] / (1.0 + abs(pairs[k][0]) / abs(load)) for k in range(len(pairs))]
+        more, motion = pairs[int(np.argmax(close))]
+        state, at, load = near, load, load + more
+        found = Factor(load, abs(more) <= SAME * abs(at) or abs(more) <= 1e-14, motion)
+        if found.found or load <= 0.0:
+            return found
+    return found._replace(found=abs(load - at) <= 1e-6 * abs(load))
+
+
+def _eigenpairs(
+    problem: Problem, state: State, load: float, step: float, effort: Effort, count: int
+) -> list[tuple[float, Array]]:
+    """Return changes of the load at which the stiffness is singular, and the motions.
+
+    The smallest positive ones, as many as counted; or those nearest to zero of either sign if none is.
+    """
+    ends = [balanced(problem, state, Level(load + way), effort) for way in (-step, step)]
+    low, high = (problem.tangent(one, load + way) for one, way in zip(ends, (-step, step), strict=True))
+    tangent = problem.tangent(state, load)
+    change = (high.stiffness - low.stiffness) / (2.0 * step)
+    values, motions = (
+        _sparse(tangent, change, count) if is_sparse(tangent.stiffness) else _dense(tangent, change)
+    )
+    kept = (np.abs(values.imag) <= REAL * np.abs(values)) & (np.abs(values) > 0.0)
+    factors, motions = 1.0 / values.real[kept], motions[kept].real
+    if count:
+        factors, motions = factors[factors > 0.0], motions[factors > 0.0]
+    order = np.argsort(np.abs(factors))[: count or 6]
+    return [(float(factors[k]), motions[k]) for k in order]
+
+
+def _dense(tangent: Tangent, change: Array) -> tuple[Array, Array]:
+    """Return eigenvalues 1 / nu of -K^-1 K' on allowed motions, and these motions as rows."""
+    K, J = dense(tangent.stiffness), dense(tangent.jacobian)
+    Z = np.linalg.qr(J.T, mode="complete")[0][:, len(J) :] if len(J) else np.eye(len(K))
+    values, vectors = np.linalg.eig(np.linalg.solve(Z.T @ K @ Z, -(Z.T @ dense(change) @ Z)))
+    rounding = 1e-12 * np.abs(values).max(initial=0.0)
+    return np.where(np.abs(values) > rounding, values, 0.0), (Z @ vectors).T
+
+
+def _sparse(tangent: Tangent, change: Array, count: int) -> tuple[Array, Array]:
+    from scipy.sparse.linalg import LinearOperator, eigs
+
+    n, m = tangent.stiffness.shape[0], tangent.jacobian.shape[0]
+    gaps = np.zeros((1, m))
+
+    def answer(motion: Array) -> Array:
+        force = -np.asarray(change @ motion.ravel())[None]
+        return np.asarray(tangent.solved(force, gaps)[0][0])
+
+    begin = answer(np.sin(np.arange(1.0, n + 1.0)))
+    operator = LinearOperator((n, n), matvec=answer, dtype=float)
+    which = "LR" if count else "LM"
+    values, motions = eigs(operator, count or 3, which=which, v0=begin, tol=1e-12)
+    return values, motions.T

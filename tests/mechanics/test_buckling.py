@@ -1,0 +1,110 @@
+"""Critical loads and paths through limit points, against closed forms."""
+
+import numpy as np
+import pytest
+from cantilevers import cantilever
+
+import hfsim
+from hfsim.mechanics.statics.buckling import critical_factors
+from hfsim.mechanics.statics.newton import Effort
+from hfsim.mechanics.statics.path import Path
+from hfsim.scene.build import build
+from hfsim.scene.equilibrium import problem_of, scaled
+from hfsim.scene.loading import parse_deck
+
+COLUMN = "{area: 1.0e+7, second_moment: 1.0}"
+UNIT = "youngs_modulus: 1.0"
+EXACT = "element: cable, curvature: exact"
+EULER = np.pi**2 / 4.0
+
+
+def column(load, elements=8, degree=5):
+    return cantilever(COLUMN, 1.0, [-load, 0.0], elements=elements, degree=degree, material=UNIT, more=EXACT)
+
+
+@pytest.mark.parametrize(("elements", "degree"), [(8, 5), (70, 3)])
+def test_a_clamped_column_gives_way_under_euler_s_loads(elements, degree):
+    found = critical_factors(problem_of(column(1.0, elements, degree), 1.0), Effort())
+    assert [one.load for one in found] == pytest.approx([EULER, 9.0 * EULER, 25.0 * EULER], rel=2e-5)
+    assert found[0].load == pytest.approx(EULER, rel=1e-6)
+    assert all(one.found for one in found)
+
+
+HEAVY = """
+hfsim: 1
+gravity: [-1.0, 0.0]
+materials: {m: {density: 1.0e-7, youngs_modulus: 1.0}}
+sections: {s: {area: 1.0e+7, second_moment: 1.0}}
+bodies: {b: {type: beam, material: m, section: s, length: 1.0, elements: 8, degree: 5, curvature: exact}}
+joints: {clamp: {type: fixed, between: [ground, b.root]}}
+loads: {side: {type: force, at: b.tip, force: [0.5, 0.0]}}
+solve: {duration: 1.0}
+"""
+
+
+@pytest.mark.parametrize("model", ["exact", "lowOrder"])
+def test_a_column_under_its_own_weight_gives_way_at_greenhill_s(model):
+    text = HEAVY.replace("[0.5, 0.0]", "[0.0, 0.0]")
+    scene = build(parse_deck(text, overrides=[f"solve.model={model}"]))
+    found = critical_factors(problem_of(scene), Effort(), 1)
+    assert found[0].load == pytest.approx(7.83734743894348, rel=1e-6 if model == "exact" else 1e-4)
+
+
+def test_factors_can_be_of_some_loads_only():
+    lifted = critical_factors(problem_of(build(parse_deck(HEAVY)), varied=["gravity"]), Effort(), 1)
+    assert lifted[0].load > 8.5
+    pushed = critical_factors(problem_of(build(parse_deck(HEAVY)), varied=["side"]), Effort(), 1)
+    assert not pushed
+
+
+TRUSS = """
+hfsim: 1
+name: truss
+gravity: [0.0, 0.0]
+ground: {points: {l: [-1.0, 0.0], r: [1.0, 0.0]}}
+bodies: {top: {type: rigid, mass: 1.0, inertia: 1.0}}
+joints: {guide: {type: prismatic, between: [ground, top], axis: [0.0, 1.0]}}
+springs:
+  a: {type: two_point, between: [ground.l, top], stiffness: 10.0, rest_length: 1.118033988749895}
+  b: {type: two_point, between: [ground.r, top], stiffness: 10.0, rest_length: 1.118033988749895}
+initial: {top: {position: [0.0, 0.5]}}
+loads: {push: {type: force, at: top, force: [0.0, -2.0]}}
+solve: {duration: 1.0}
+output: {channels: [top.y, guide.force_x, energy.potential]}
+"""
+
+
+def test_the_load_of_a_shallow_truss_is_followed_through_both_limits():
+    run = hfsim.static(parse_deck(TRUSS), path=True)
+    length = 1.25**0.5
+    height = (length ** (2.0 / 3.0) - 1.0) ** 0.5
+    limit = 10.0 * height * (length / (1.0 + height**2) ** 0.5 - 1.0)
+    assert run.statistics["limits"] == pytest.approx([limit, -limit], rel=1e-9)
+    assert not run.statistics["branches"] and run.statistics["stable"]
+    y, load = run["top.y"], run["load"]
+    assert load == pytest.approx(10.0 * y * (length / (1.0 + y**2) ** 0.5 - 1.0), abs=1e-10)
+    assert load[0] == 0.0 and load[-1] == 1.0 and np.all(np.diff(y) < 0.0)
+
+
+def test_without_the_path_it_snaps_and_that_is_told():
+    run = hfsim.static(parse_deck(TRUSS))
+    assert run.final["top.y"] == pytest.approx(-0.79663404232, abs=1e-9)
+    assert run.statistics["limit"] == pytest.approx(0.21457, abs=1e-4)
+    assert any("snaps" in one for one in run.statistics["warnings"])
+
+
+def test_a_branch_on_the_way_is_told_with_its_load():
+    path = Path(problem_of(column(3.0), 1.0), Effort())
+    assert path.follow() == ""
+    ((kind, load, _),) = path.crossings
+    assert kind == "branch" and load == pytest.approx(EULER / 3.0, rel=1e-6)
+    assert [point.negative for point in path.points][-1] == 1
+
+
+def test_reactions_on_the_path_are_those_of_the_load_there():
+    scene = build(parse_deck(HEAVY))
+    half = scaled(scene, None, 0.5)
+    t, x = np.zeros(1), scene.system.absolute(scene.q[None])
+    assert half.force(t, x, 0.0 * x) == pytest.approx(0.5 * scene.system.force(t, x, 0.0 * x), abs=1e-8)
+    run = hfsim.static(parse_deck(HEAVY, overrides=["output={channels: [clamp.force_x]}"]), path=True)
+    assert run["clamp.force_x"] == pytest.approx(0.5 * run["load"], abs=1e-6)
