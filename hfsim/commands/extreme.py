@@ -9,13 +9,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands.options import jobs_option, refuse_unknown, talk_options, time_option
+from hfsim.commands.options import refuse_unknown, talk_options, time_option, workers_options
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 from hfsim.output.text import Column, brief, plural, table, wrapped
 from hfsim.scene.shipped import CASES
 
 if TYPE_CHECKING:
+    from hfsim.studies.cluster import Workers
     from hfsim.studies.extreme import Case, Extreme
 
 FOLDER = CASES / "extreme"
@@ -33,7 +34,7 @@ FOLDER = CASES / "extreme"
 )
 @time_option("budget", "Time all may take.", "5min")
 @time_option("limit", "Time one deck may take with its references.", "100s")
-@jobs_option()
+@workers_options
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Write tables there.")
 @click.option("--force", is_flag=True, help="Replace the results of a finished study.")
 @talk_options
@@ -42,7 +43,7 @@ def extreme(
     decks: Path,
     budget: float,
     limit: float,
-    jobs: int,
+    workers: Workers,
     output: Path | None,
     force: bool,
     talk: Talk,
@@ -60,8 +61,11 @@ def extreme(
     refuse_unknown("deck", names, [one.name for one in expectations])
     chosen = [one for one in expectations if not names or one.name in names]
     study = Study.claim("extreme", Destination(output, force), "", talk) if output else Study("extreme", talk)
-    with Progress("extreme set", sys.stderr, talk.quiet) as progress:
-        result = extreme_set(decks, chosen, budget, limit, jobs, progress)
+    with (
+        workers.executor() as executor,
+        Progress("extreme set", sys.stderr, talk.quiet) as progress,
+    ):
+        result = extreme_set(decks, chosen, budget, limit, workers.jobs, progress, executor)
     study.publish(as_facts(result), {"extreme": (_CSV, result.cases)}, as_text(result))
     raise click.exceptions.Exit(_exit_code(result))
 

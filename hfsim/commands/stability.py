@@ -18,13 +18,13 @@ from hfsim.commands.decks import (
     without_blind_channels,
 )
 from hfsim.commands.options import (
-    jobs_option,
     names,
     output_options,
     refuse_unknown,
     setting_options,
     talk_options,
     time_option,
+    workers_options,
 )
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
@@ -32,6 +32,8 @@ from hfsim.output.talk import Destination, Talk, print_error
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.axes import Axis
+    from hfsim.studies.cluster import Workers
+    from hfsim.studies.farm import Executor
     from hfsim.studies.stability.results import Plan
 
 _DRAWING = (2.0, 0.1)
@@ -90,7 +92,7 @@ def _bound(name: str, default: float, words: str) -> Callable[[Any], Any]:
     "budget", "Time all may take, e.g. 90s or 2min; a first point is computed however long it takes.", "60s"
 )
 @time_option("limit", "Time one point may take; references three times as much.", "20s")
-@jobs_option()
+@workers_options
 @output_options
 @setting_options()
 @talk_options
@@ -106,7 +108,7 @@ def stability(
     measure: bool,
     budget: float,
     limit: float,
-    jobs: int,
+    workers: Workers,
     to: Destination,
     overrides: tuple[str, ...],
     talk: Talk,
@@ -128,7 +130,7 @@ def stability(
     spent = time.perf_counter() - started
     chosen = names(models) or (() if measure else usual_models(deck, overrides, talk))
     plan = make_plan(
-        axes, names(methods), chosen, (max_error, max_drift), budget - drawing - spent, limit, jobs
+        axes, names(methods), chosen, (max_error, max_drift), budget - drawing - spent, limit, workers.jobs
     )
     refuse_bisection(bisect, axes)
     if measure and axes:
@@ -137,9 +139,10 @@ def stability(
 
     about = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("stability", to, loaded.deck.name, talk, about)
-    if measure:
-        raise click.exceptions.Exit(do_limits(loaded, plan, study, names(models)))
-    raise click.exceptions.Exit(do_map(loaded, plan, study, bisect, ending))
+    with workers.executor(loaded.source.texts) as executor:
+        if measure:
+            raise click.exceptions.Exit(do_limits(loaded, plan, study, names(models), executor))
+        raise click.exceptions.Exit(do_map(loaded, plan, study, bisect, ending, executor))
 
 
 def read_axes(vary: Sequence[str], named: dict[str, str | None]) -> tuple[Axis, ...]:
@@ -208,7 +211,9 @@ def refuse_bisection(width: float | None, axes: Sequence[Axis]) -> None:
         raise click.UsageError("--bisect needs an axis without gaps, not elements")
 
 
-def do_map(loaded: LoadedDeck, plan: Plan, study: Study, bisect: float | None, ending: str) -> int:
+def do_map(
+    loaded: LoadedDeck, plan: Plan, study: Study, bisect: float | None, ending: str, executor: Executor
+) -> int:
     """Run the study, write and tell it, and return the exit code."""
     from hfsim.output import stability as report
     from hfsim.output.progress import Progress
@@ -217,7 +222,7 @@ def do_map(loaded: LoadedDeck, plan: Plan, study: Study, bisect: float | None, e
 
     with Progress(f"{loaded.deck.name}, stability", sys.stderr, study.talk.quiet) as progress:
         try:
-            result = stability_map(loaded, plan, bisect, progress, ending)
+            result = stability_map(loaded, plan, bisect, progress, ending, executor)
         except AxisError as error:
             raise click.UsageError(str(error)) from None
     study.publish(
@@ -236,7 +241,9 @@ def _exit_code(status: str) -> int:
     return 0
 
 
-def do_limits(loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, ...]) -> int:
+def do_limits(
+    loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, ...], executor: Executor
+) -> int:
     """Measure the longest stable steps with the models named, or the deck's; return the exit code."""
     from hfsim.output import limits as report
     from hfsim.studies.limits import limits
@@ -245,7 +252,7 @@ def do_limits(loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, .
     results, wanted = [], models or (loaded.deck.solve.model,)
     for k, model in enumerate(wanted):
         share = (deadline - time.perf_counter()) / (len(wanted) - k)
-        results.append(limits(loaded, model, plan.methods, share, plan.limit, plan.jobs))
+        results.append(limits(loaded, model, plan.methods, share, plan.limit, plan.jobs, executor))
         if results[-1].interrupted:
             break
     status = "interrupted" if results[-1].interrupted else "done"

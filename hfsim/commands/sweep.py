@@ -115,7 +115,7 @@ def sweep(
     asked = Asked(named, sample, sampler, seed, table, collect, yes, *estimates, limit, sensitivity)
     wanted = wanted_of(asked, loaded, talk.note, keep, deck)
     with (
-        workers.executor(wanted.texts) as executor,
+        workers.executor(loaded.source.texts) as executor,
         Progress(f"{loaded.deck.name}, sweep", sys.stderr, talk.quiet) as progress,
     ):
         result = into_folder(wanted, executor, to, talk, progress, resume)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +9,12 @@ from typing import TYPE_CHECKING
 import click
 
 from hfsim.commands.decks import load_decks
-from hfsim.commands.options import jobs_option, setting_options, talk_options
+from hfsim.commands.options import setting_options, talk_options, workers_options
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
+    from hfsim.studies.cluster import Workers
     from hfsim.studies.verify import Entry, Verification
 
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 @click.argument("names", metavar="[NAME or DECK...]", nargs=-1)
 @click.option("--list", "listing", is_flag=True, help="Tell what there is, and run nothing.")
 @click.option("--markdown", is_flag=True, help="Print the tables as Markdown.")
-@jobs_option(os.cpu_count() or 1)
+@workers_options
 @click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Write tables there.")
 @click.option("--force", is_flag=True, help="Replace the results of a finished study.")
 @setting_options()
@@ -31,7 +31,7 @@ def verify(
     names: tuple[str, ...],
     listing: bool,
     markdown: bool,
-    jobs: int,
+    workers: Workers,
     output: Path | None,
     force: bool,
     overrides: tuple[str, ...],
@@ -50,7 +50,7 @@ def verify(
         _tell_list(entries, talk)
         return
     study = Study.claim("verify", Destination(output, force), "", talk) if output else Study("verify", talk)
-    raise click.exceptions.Exit(_carry_out(entries, jobs, markdown, study))
+    raise click.exceptions.Exit(_carry_out(entries, workers, markdown, study))
 
 
 def _entries(names: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> list[Entry]:
@@ -69,14 +69,18 @@ def _tell_list(entries: list[Entry], talk: Talk) -> None:
     talk.result(as_list(entries))
 
 
-def _carry_out(entries: list[Entry], jobs: int, markdown: bool, study: Study) -> int:
+def _carry_out(entries: list[Entry], workers: Workers, markdown: bool, study: Study) -> int:
     """Find, write and tell all values; return the exit code."""
     from hfsim.output.progress import Progress
     from hfsim.output.verify import COLUMNS, as_markdown, as_text
     from hfsim.studies.verify import as_facts, verify
 
-    with Progress("verify", sys.stderr, study.talk.quiet) as progress:
-        result = verify(entries, jobs, progress)
+    texts = {name: text for entry in entries for name, text in entry.loaded.source.texts.items()}
+    with (
+        workers.executor(texts) as executor,
+        Progress("verify", sys.stderr, study.talk.quiet) as progress,
+    ):
+        result = verify(entries, workers.jobs, progress, executor)
     text = (as_markdown if markdown else as_text)(result)
     study.publish(as_facts(result), {"verify": (COLUMNS, result.rows)}, text)
     _tell_misses(result)

@@ -90,6 +90,11 @@ class DeckSource:
     failed: set[Path] = field(default_factory=set)
     others: dict[str, str] = field(default_factory=dict, repr=False)
 
+    @property
+    def texts(self) -> dict[str, str]:
+        """All files of the deck by their names, its own among them; none where the deck is all."""
+        return {self.file: self.text, **self.others} if self.others else {}
+
     def path_of(self, name: str) -> Path:
         """Return the path that a dotted name stands for; digits count list entries."""
         return path_in(self.data, name)

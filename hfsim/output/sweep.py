@@ -74,12 +74,6 @@ class Wanted:
         return tuple(map(str, self.setting.quantities))
 
     @property
-    def texts(self) -> dict[str, str]:
-        """Files that runs read, by their names; none where the deck is all."""
-        source = self.loaded.source
-        return {source.file: source.text, **source.others} if source.others else {}
-
-    @property
     def identity(self) -> dict[str, Any]:
         """What must be the same where a sweep is gone on with: deck, plan and all that rows depend on."""
         setting = self.setting

@@ -93,7 +93,7 @@ def sweep(
     )  # fmt: skip
     wanted = wanted_of(asked, load(deck, changes).with_numbers(), _silent, keep)
     told = progress or _no_progress
-    with Workers(jobs or os.cpu_count() or 1, dask).executor(wanted.texts) as executor:
+    with Workers(jobs or os.cpu_count() or 1, dask).executor(wanted.loaded.source.texts) as executor:
         if output is None:
             result = perform(wanted, executor, Rows(wanted.plan), told)
         else:

@@ -28,6 +28,10 @@ _CONNECT = 20.0
 """Time in which a scheduler answers [s]."""
 _LOOK = 5.0
 """Time between two looks at how many workers there are [s]."""
+_POLL = 0.005
+"""Time between two looks for results, of which as many again are under way [s]."""
+_LOUD = ("distributed", "tornado", "asyncio")
+"""Whose messages are not of hfsim."""
 _ONE_RUN = threading.Lock()
 
 
@@ -82,6 +86,7 @@ class Workers:
         if not self.dask and self.config is None:
             yield Farm(self.jobs, deadline)
             return
+        _distributed()
         with _quiet(), self._client() as client:
             yield Cluster(self.jobs, deadline, client=client, texts=dict(texts or {}))
 
@@ -119,13 +124,15 @@ def _quiet() -> Iterator[None]:
     """Let the libraries say nothing of workers that come and go."""
     import logging
 
-    log = logging.getLogger("distributed")
-    level = log.level
-    log.setLevel(logging.CRITICAL)
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in _LOUD]
+    levels = {name: logging.getLogger(name).level for name in names}
+    for name in names:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     try:
         yield
     finally:
-        log.setLevel(level)
+        for name, level in levels.items():
+            logging.getLogger(name).setLevel(level)
 
 
 def _started(path: Path) -> Any:
@@ -170,21 +177,21 @@ class Cluster(Executor):
     def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue; see `Executor.outcomes`."""
         distributed, under_way = _distributed(), dict[str, tuple[Any, Task]]()
-        left = self.deadline - time.perf_counter()
-        pool = distributed.as_completed(timeout=left if left < 1e6 else None)
+        pool = distributed.as_completed()
         try:
-            while time.perf_counter() < self.deadline:
+            while time.perf_counter() < self.end:
                 while len(under_way) < 2 * self._count() and (task := self._next()) is not None:
                     future = self._submit(task)
                     under_way[future.key] = future, task
                     pool.add(future)
                 if not under_way:
                     return
+                if not pool.has_ready():
+                    time.sleep(_POLL)
+                    continue
                 future = next(pool)
                 _, task = under_way.pop(future.key)
                 yield from self._taken(future, task)
-        except TimeoutError:  # the deadline
-            return
         finally:
             self._queue.extendleft(task for _, task in reversed(under_way.values()))
             with suppress(Exception):
@@ -211,7 +218,10 @@ class Cluster(Executor):
 
     def _taken(self, future: Any, task: Task) -> Iterator[Outcome]:
         if future.status == "finished":
-            value, why, differences = future.result()
+            try:
+                value, why, differences = future.result()
+            except Exception as gone:  # what goes wrong with a job is a result
+                raise ClusterLost(f"the scheduler was lost: {type(gone).__name__}") from gone
             if differences:
                 raise ClusterError(f"a worker has other versions: {differences}")
             yield Outcome(task.key, value, why)

@@ -18,7 +18,7 @@ import yaml
 
 from hfsim.errors import HfsimError
 from hfsim.scene.loading import parse_deck
-from hfsim.studies.farm import Farm, Outcome, Task
+from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.stability.trials import Job, solve_point, solve_reference
 from hfsim.studies.stability.verdict import (
     CLASSES,
@@ -277,6 +277,7 @@ def extreme_set(
     limit: float,
     jobs: int,
     report: Callable[[float], None] = lambda share: None,
+    executor: Executor | None = None,
 ) -> Extreme:
     """Run decks of a folder and hold them against what is expected.
 
@@ -293,9 +294,12 @@ def extreme_set(
         Processes at a time.
     report : callable
         Told the share of the decks that is done, 0 to 1.
+    executor : Executor, optional
+        What runs them; without it processes of this machine.
     """
     start = time.perf_counter()
-    farm, cases = Farm(jobs, start + seconds), {one.name: Case(one, _WAITING) for one in expectations}
+    farm, cases = executor or Farm(jobs), {one.name: Case(one, _WAITING) for one in expectations}
+    farm.deadline = start + seconds
 
     def take(outcome: Outcome) -> None:
         one = outcome.key

@@ -25,7 +25,7 @@ from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
-from hfsim.studies.farm import Farm, Outcome, Task
+from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
 
 STEPS = 400
@@ -324,7 +324,13 @@ def _spectra(job: LimitJob) -> tuple[Spectrum, ...]:
 
 
 def limits(
-    loaded: LoadedDeck, model: str, methods: tuple[str, ...], seconds: float, limit: float, jobs: int
+    loaded: LoadedDeck,
+    model: str,
+    methods: tuple[str, ...],
+    seconds: float,
+    limit: float,
+    jobs: int,
+    executor: Executor | None = None,
 ) -> Limits:
     """Measure the longest stable step of each method, gear with each order, in processes of their own.
 
@@ -337,6 +343,8 @@ def limits(
         Wall time all and one method may take [s].
     jobs : int
         Processes at a time.
+    executor : Executor, optional
+        What does the work; without it processes of this machine.
 
     Raises
     ------
@@ -348,7 +356,8 @@ def limits(
     start = spectrum(scene, 0.0, scene.q, scene.v)
     if start.fastest <= 0.0:
         raise LimitsError(f"nothing swings in {loaded.deck.name} at the start: there is no fastest period")
-    farm = Farm(jobs, deadline)
+    farm = executor or Farm(jobs)
+    farm.deadline = deadline
     source = loaded.source
     wanted = [(m, k) for m in methods for k in (m in METHODS and integrator(m).orders) or (None,)]
     base = LimitJob(source.text, source.file, loaded.overrides, model, "", None, limit, deadline)

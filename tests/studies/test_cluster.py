@@ -166,3 +166,14 @@ def test_no_scheduler_is_told_before_anything_runs(wheel):
     told = finished(sweep("none", "--dask", "tcp://127.0.0.1:9"), 2)
     assert "no scheduler answers" in told
     assert not (wheel / "none").exists()
+
+
+@pytest.mark.slow
+def test_maps_are_computed_by_dask_too(wheel):
+    words = ("stability", "wheel.yaml", "--vary", "springs.coil.stiffness=50,100", "--methods", "gauss,gear",
+             "--models", "exact", "--no-plots", "--budget", "3min")  # fmt: skip
+    for folder, more in (("plain", ()), ("dask", ("--dask", "local"))):
+        finished(command("-m", "hfsim", *words, "-o", folder, "--jobs", 2, *more, stderr=subprocess.PIPE))
+    one, other = (json.loads((wheel / folder / "stability.json").read_text()) for folder in ("plain", "dask"))
+    seen = [[(p["method"], p["class"], p["time_error"]) for p in facts["points"]] for facts in (one, other)]
+    assert seen[0] == seen[1] and len(seen[0]) == 4

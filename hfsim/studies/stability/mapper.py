@@ -12,7 +12,7 @@ from hfsim.errors import DeckError
 from hfsim.integrators import import_for
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import point_overrides
-from hfsim.studies.farm import Farm, Outcome, Task
+from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.stability.results import MapPoint, Plan, Wanted
 from hfsim.studies.stability.trials import Job, solve_point, solve_reference
 from hfsim.studies.stability.verdict import REFUSED, TRUTH_MODEL, Trial, Truth, Verdict, classify
@@ -54,12 +54,20 @@ class Mapper:
     The key of each task of the farm is the function that takes its outcome.
     """
 
-    def __init__(self, loaded: LoadedDeck, plan: Plan, report: Report = lambda share: None) -> None:
+    def __init__(
+        self,
+        loaded: LoadedDeck,
+        plan: Plan,
+        report: Report = lambda share: None,
+        executor: Executor | None = None,
+    ) -> None:
         self._loaded = loaded
         self._plan = plan
         self._report = report
         self._start = time.perf_counter()
-        self._farm = Farm(plan.jobs, self._start + plan.seconds, patient=True)  # for a first point at least
+        self._farm = executor or Farm(plan.jobs)
+        self._farm.deadline = self._start + plan.seconds
+        self._farm.patient = True  # for a first point at least
         self._job = Job(loaded.source.text, loaded.source.file, (), TRUTH_MODEL, plan.limit, plan.tolerance)
         self._cells: dict[tuple[str, ...], _Cell] = {}
         self._found: dict[Wanted, MapPoint] = {}

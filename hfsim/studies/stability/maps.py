@@ -14,6 +14,7 @@ from hfsim.deck.ranges import Value
 from hfsim.errors import DeckError
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import Axis, point_overrides
+from hfsim.studies.farm import Executor
 from hfsim.studies.stability.bisection import bisected
 from hfsim.studies.stability.mapper import Mapper, Report
 from hfsim.studies.stability.results import Boundary, MapPoint, Plan, StabilityMap, Wanted
@@ -44,6 +45,7 @@ def stability_map(
     bisect: float | None = None,
     report: Report = lambda share: None,
     ending: str = "accurate",
+    executor: Executor | None = None,
 ) -> StabilityMap:
     """Map a scene and put every point into a class.
 
@@ -57,6 +59,8 @@ def stability_map(
         Told the share of the points that is done, 0 to 1.
     ending : str
         That class.
+    executor : Executor, optional
+        What computes the points; without it processes of this machine.
 
     Returns
     -------
@@ -71,7 +75,7 @@ def stability_map(
         If the deck is refused at every point of the map.
     """
     _refuse_hopeless(loaded, plan)
-    mapper = Mapper(loaded, plan, report)
+    mapper = Mapper(loaded, plan, report, executor)
     rows = list(product(plan.models, plan.methods))
     found = mapper.compute((values, *row) for values in _coarse_cells(plan.axes) for row in rows)
     boundaries: tuple[Boundary, ...] = ()

@@ -14,7 +14,7 @@ from hfsim.parts.channels import kind_of
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.published import RowSpec, VerifySpec
 from hfsim.studies.collect import channels_of
-from hfsim.studies.farm import Farm, Outcome, Task
+from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.verify.finders import Answer, Order, answer
 from hfsim.studies.verify.result import FAILED, HELD, MISSED, Row, Verification
 
@@ -119,7 +119,10 @@ def entry_of(loaded: LoadedDeck, name: str = "") -> Entry:
 
 
 def verify(
-    entries: Sequence[Entry], jobs: int = 1, report: Callable[[float], None] = lambda share: None
+    entries: Sequence[Entry],
+    jobs: int = 1,
+    report: Callable[[float], None] = lambda share: None,
+    executor: Executor | None = None,
 ) -> Verification:
     """Find all published values of some decks.
 
@@ -130,6 +133,8 @@ def verify(
         Processes at a time.
     report : callable
         Told the share of the work that is done, 0 to 1.
+    executor : Executor, optional
+        What does it; without it processes of this machine.
 
     Raises
     ------
@@ -141,7 +146,7 @@ def verify(
     seconds = {entry.name: 0.0 for entry in entries}
     orders = {(k, numbers): one for k, entry in enumerate(entries) for numbers, one in entry.orders().items()}
     shares = {key: _expected(entries[key[0]]) for key in orders}
-    farm, done = Farm(jobs), 0.0
+    farm, done = executor or Farm(jobs), 0.0
 
     def take(outcome: Outcome) -> None:
         nonlocal done
