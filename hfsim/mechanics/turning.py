@@ -119,8 +119,11 @@ class Turning:
             undriven[rows] = not constraint.driven
         gaps = dense(equations.phi.jacobian_at(x[None]))[undriven] @ rates.T
         missed = (rates - reduction.expand_rates(reduction.free_rates(rates))).T
-        _, sizes, ways = np.linalg.svd(np.concatenate([gaps, missed]))
-        free = ways[np.count_nonzero(sizes > SINGULAR * max(1.0, sizes.max(initial=0.0))) :]
+        # a straight line that turns about itself does not move
+        _, sizes, moving = np.linalg.svd(rates.T, full_matrices=False)
+        moving = moving[sizes > SINGULAR * sizes[0]]
+        _, sizes, ways = np.linalg.svd(np.concatenate([gaps, missed]) @ moving.T)
+        free = ways[np.count_nonzero(sizes > SINGULAR * max(1.0, sizes.max(initial=0.0))) :] @ moving
         if len(free) != 1 or not np.linalg.norm(free[0, n_dim:]) > SINGULAR:
             return None
         velocity, spin = np.split(free[0] / np.linalg.norm(free[0, n_dim:]), [n_dim])

@@ -29,6 +29,8 @@ _TEXT = (
     Column("moves", "mostly"),
 )
 _MOST_TOLD = 6
+_STILL = 1e-9
+"""Speed over the size [1/s] that is none."""
 
 
 def _ratio(mode: Mode) -> str:
@@ -65,7 +67,8 @@ def state_warnings(found: Modes) -> Iterator[str]:
     if not found.about.lasting:
         away = facts["away_from_equilibrium"]
         far = f", which is about {away:.2g} m away" if away < found.about.size else ""
-        moving = f" and move at {facts['speed']:.3g} m/s" if facts["speed"] > 0.0 else ""
+        fast = facts["speed"] > _STILL * found.about.size
+        moving = f" and move at {facts['speed']:.3g} m/s" if fast else ""
         yield (
             f"no equilibrium{far}: bodies accelerate by {facts['acceleration']:.3g} m/s2{moving} (mean "
             "square by mass); modes are those of the moment: --about equilibrium, or steady, looks for a "

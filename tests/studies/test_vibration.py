@@ -145,6 +145,8 @@ def test_short_beams_swing_as_timoshenko_says_and_twist(model):
     # bending about z moves along y, with the first shear stiffness
     expected = [*timoshenko(3, 16.0, 300.0, 0.2), *timoshenko(3, 9.0, 500.0, 0.1)]
     expected += [np.pi / 3.0 * (2 * k - 1) * np.sqrt(7.0 / 0.3) for k in (1, 2)]
+    twisting = [mode.value.imag for mode in found.modes if mode.turns_only]
+    assert twisting[:2] == pytest.approx(expected[-2:], rel=1e-6)
     here = circular(found)
     for value in expected:
         assert np.abs(here / value - 1.0).min() < 1e-6, value
@@ -208,7 +210,10 @@ def test_linear_blades_diverge_beyond_their_critical_rate():
     assert [one.rate for one in critical] == pytest.approx([3.51601526850015], rel=1e-6)
     assert {one["kind"] for one in found.facts()["unstable"]} == {"divergence"}
     # at rest at the start, the hinge says about which axis
-    resting = blade("linear", 0, 3000.0, 3)
+    resting = blade("linear", 0, 3000.0, 3).replace(
+        "constant_rate, rate: 0.0", "spin_up, rate: 5.0, time: 1.0"
+    )
+    assert "spin_up" in resting
     again = hfsim.campbell(parse_deck(resting), [3.0, 4.0], count=2)
     critical = [one.rate for one in again.crossings if one.order == 0]
     assert critical == pytest.approx([3.51601526850015], rel=1e-6)

@@ -93,7 +93,8 @@ def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
 
 def _ground_axes(axes: Axes, low: Array, high: Array) -> None:
     """Draw the directions of the ground's axes into the lower left corner."""
-    corner, size = low + 0.03 * (high - low), 0.1 * float((high - low).max())
+    size = 0.09 * float((high - low).max())
+    corner = low + 0.6 * size
     for name, end in zip("xyz", oblique(size * np.eye(3)), strict=True):
         axes.plot(*np.stack([corner, corner + end]).T, color="0.5", linewidth=0.9)
         x, y = corner + 1.25 * end
@@ -104,6 +105,8 @@ def _title(mode: Mode) -> str:
     told = f"{mode.number}: {mode.frequency:.5g} Hz" if mode.frequency else f"{mode.number}"
     if mode.kind != "vibration":
         told += f", {mode.kind}"
+    if mode.turns_only:
+        told += ", turns only"
     if mode.value.imag and mode.value.real:
         told += f", damping ratio {mode.damping_ratio:.3g}"
     elif mode.value.real:
@@ -115,7 +118,7 @@ def _extremes(found: Modes, mode: Mode) -> tuple[dict[str, Array], dict[str, Arr
     """Return outlines at both extremes of a mode."""
     size = _AMPLITUDE * found.about.size
     largest = max((float(np.abs(shape).max(initial=0.0)) for shape in mode.shapes.values()), default=0.0)
-    factor = size / largest if largest > 1e-6 else size
+    factor = 0.0 if mode.turns_only else size / largest
     moved = {name: factor * shape.real for name, shape in mode.shapes.items() if shape.size}
     first = {name: found.outlines[name] + one for name, one in moved.items()}
     return first, {name: found.outlines[name] - one for name, one in moved.items()}

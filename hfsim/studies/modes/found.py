@@ -26,6 +26,8 @@ KINDS = {
 UNSTABLE = ("flutter", "divergence")
 _STEP = 1e-6
 """Largest change of a coordinate with which shapes are taken, over the size of the scene."""
+_TURNS_ONLY = 1e-4
+"""Largest displacement of outlines, where the largest change of a coordinate is one, that is none."""
 _RIGID = 1e-6
 """Part of the energy of a motion that may be other than a shift of everything."""
 
@@ -98,6 +100,12 @@ class Mode:
     def unstable(self) -> bool:
         """Whether it grows."""
         return self.kind in UNSTABLE
+
+    @property
+    def turns_only(self) -> bool:
+        """Whether no point of an outline moves, as where beams twist about their line."""
+        largest = max((float(np.abs(one).max(initial=0.0)) for one in self.shapes.values()), default=0.0)
+        return largest <= _TURNS_ONLY
 
     @property
     def mostly(self) -> str:
@@ -262,7 +270,7 @@ def _scale(state: About, shapes: dict[str, ComplexArray], change: ComplexArray) 
     every = np.concatenate([shape.ravel() for shape in shapes.values()])
     k = int(np.argmax(np.abs(every))) if len(every) else 0
     largest = complex(every[k]) if len(every) else 0.0
-    if abs(largest) <= 1e-6 * state.size * float(np.abs(change).max()):
+    if abs(largest) <= _TURNS_ONLY * state.size * float(np.abs(change).max()):
         largest = complex(change[int(np.argmax(np.abs(change)))])
     return 1.0 / largest
 
