@@ -224,7 +224,7 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
     q, v = system.state(x[None], u[None], system.reduction.free_rates(near))
     q, v = system.project(np.zeros(1), q, v)
     scene = Scene(loaded, name, named, system, bodies, joints, q[0], v[0], angles, left_out, start, found)
-    if not deck.resting:
+    if not deck.resting and deck.steady is None:
         return scene
     from hfsim.scene.resting import at_rest
 

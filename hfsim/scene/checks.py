@@ -13,7 +13,7 @@ from hfsim.deck.spec import Around, Complaint
 from hfsim.parts.channels import scene_words
 from hfsim.scene.channel_names import ChannelNames
 from hfsim.scene.declared import Declared
-from hfsim.scene.initial import AT_REST
+from hfsim.scene.initial import AT_REST, STEADY
 from hfsim.scene.rules import RULES
 from hfsim.scene.schema import space_of, specs_in
 
@@ -156,6 +156,13 @@ def _initial_names(declared: Declared) -> Iterator[Complaint]:
         entry = entries.get(name) if isinstance(entries, dict) else None
         if name == AT_REST and name not in (bodies or ()):
             yield from _resting(entry, bodies or ())
+        elif name == STEADY and name not in (bodies or ()):
+            body = entry.get("body") if isinstance(entry, dict) else None
+            if not isinstance(body, str):
+                yield Complaint(("initial", name), "needs a body and its rate", "{body: hub, rate: 6.0}")
+            elif bodies and body not in bodies:
+                path = ("initial", name, "body")
+                yield Complaint(path, f"there is no body '{body}'", did_you_mean(body, bodies))
         elif bodies and name not in bodies and name != "ground":
             yield Complaint(("initial", name), f"there is no body '{name}'", did_you_mean(name, bodies), True)
         elif isinstance(entry, bool | list):

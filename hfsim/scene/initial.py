@@ -85,8 +85,21 @@ class EquilibriumSpec(Spec):
     """Their names, or all; the others stay where they are put."""
 
 
+class SteadySpec(Spec):
+    """The scene turns steadily from the start on, with one body, and stands still as seen from that."""
+
+    vectors = ("rate",)
+
+    body: str
+    """The body that turns; the axis is where its joints have it."""
+
+    rate: Spin
+    """Its angular velocity [rad/s]: a number, in space about z, or three in ground axes."""
+
+
+STEADY = "steady"
 AT_REST = "equilibrium"
-"""Key under ``initial`` that is no body."""
+"""Keys under ``initial`` that are no bodies."""
 
 
 def _read_initial(value: object) -> Spec:
@@ -98,14 +111,16 @@ def _read_initial(value: object) -> Spec:
         return EquilibriumSpec(bodies=tuple(value))
     if isinstance(value, dict) and "bodies" in value:
         return EquilibriumSpec.model_validate(value)
+    if isinstance(value, dict) and "body" in value:
+        return SteadySpec.model_validate(value)
     return InitialSpec.model_validate(value)
 
 
 AnyInitial = Annotated[
-    InitialSpec | EquilibriumSpec,
+    InitialSpec | EquilibriumSpec | SteadySpec,
     ReadBy(
         _read_initial,
-        entries=[InitialSpec, EquilibriumSpec],
+        entries=[InitialSpec, EquilibriumSpec, SteadySpec],
         others=[{"type": "boolean"}, {"type": "array", "items": {"type": "string"}}],
     ),
 ]

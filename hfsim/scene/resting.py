@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import dense
+from hfsim.maths.matrices import dense, is_sparse
+from hfsim.mechanics.turning import Turning
 from hfsim.scene.equilibrium import (
     Assembled,
     Turns,
@@ -17,10 +19,12 @@ from hfsim.scene.equilibrium import (
     rigid_motions,
     why_not,
 )
-from hfsim.scene.initial import AT_REST
+from hfsim.scene.initial import AT_REST, STEADY
 
 FIRM, LOOSE = 1e-3, 1e-9
 """Weights of rates that are stated, and of those that follow from joints, whose own is one."""
+MISSED = 1e-9
+"""Part of the fastest rate by which joints may miss steady rotation."""
 
 
 class Rest(NamedTuple):
@@ -49,6 +53,8 @@ def at_rest(scene: Assembled) -> Rest:
     DeckError
         If there is no equilibrium.
     """
+    if scene.deck.steady is not None:
+        return _steady(scene)
     loaded, turns = scene.loaded, Turns(scene)
     some = scene.deck.resting
     bodies = None if set(some) >= set(scene.bodies) else some
@@ -60,9 +66,51 @@ def at_rest(scene: Assembled) -> Rest:
         raise loaded.problem(f"initial.{AT_REST}", f"there is none: {why}", why.remedy)
     turns(1.0, found.state)
     x = problem.expand(found.state.z)
-    q, v = scene.system.state(x, _rates(scene, x), turns.q)
-    q, v = scene.system.project(np.zeros(1), q, v)
     told = tuple(f"initial.{AT_REST}: {one}" for one in doubts(scene, found))
+    return _begun(scene, turns, x, _rates(scene, x), told)
+
+
+def _steady(scene: Assembled) -> Rest:
+    """Return the start in steady rotation.
+
+    Raises
+    ------
+    DeckError
+        If there is none.
+    """
+    spec, turns = scene.deck.steady, Turns(scene)
+    assert spec is not None
+    turning = _turning(scene, spec.body)
+    problem = replace(problem_of(scene, 0.0, turns), turning=turning)
+    found = equilibrium_of(scene, problem)
+    path = f"initial.{STEADY}"
+    if found.reason:
+        why = why_not(scene, 0.0, found)
+        raise scene.loaded.problem(path, f"no steady rotation is found: {why}", "a lower rate")
+    turns(1.0, found.state)
+    x = problem.expand(found.state.z)
+    u = turning.rates(x)
+    drift = scene.system.unreduced.phi.drift(np.zeros(1), x, u)
+    if np.abs(drift).max(initial=0.0) > MISSED * np.abs(u).max(initial=0.0):
+        told = f"not everything can turn with '{spec.body}': joints hold some of it"
+        raise scene.loaded.problem(path, told, "let all that moves hang on that body")
+    return _begun(scene, turns, x, u, ())
+
+
+def _turning(scene: Assembled, body: str) -> Turning:
+    """Return the rotation of everything with a body as it moves at the start."""
+    twist, origin = scene.assembly.twists[body], scene.assembly.poses[body].origin
+    w, v = twist.spin, twist.velocity
+    arm = np.array([-v[1], v[0]]) * w[0] if len(w) == 1 else np.cross(w, v)
+    centre = origin + arm / max(float(w @ w), 1e-300)
+    sparse = is_sparse(scene.system.equations.constant_mass)
+    return Turning.of(scene.bodies.values(), w, centre, sparse)
+
+
+def _begun(scene: Assembled, turns: Turns, x: Array, u: Array, told: tuple[str, ...]) -> Rest:
+    """Return the start at coordinates and rates (1, n_x)."""
+    q, v = scene.system.state(x, u, turns.q)
+    q, v = scene.system.project(np.zeros(1), q, v)
     angles = {**scene.start_angles, **turns.angles}
     for name, body in scene.bodies.items():
         if body.angle_column is not None:

@@ -35,7 +35,7 @@ from hfsim.parts.bodies import AnyBody, BeamSpec
 from hfsim.parts.channels import is_judged
 from hfsim.parts.forces import AnyLoad, AnySpring
 from hfsim.parts.joints import AnyJoint
-from hfsim.scene.initial import AT_REST, AnyInitial, EquilibriumSpec, InitialSpec
+from hfsim.scene.initial import AT_REST, STEADY, AnyInitial, EquilibriumSpec, InitialSpec, SteadySpec
 
 if typing.TYPE_CHECKING:
     from hfsim.deck.stations import BeamAlong, SectionsAlong
@@ -249,7 +249,8 @@ class Deck(Spec):
     """Forces and moments from outside."""
 
     initial: Annotated[dict[Name, AnyInitial], EmptyAllowed] = Field(default_factory=dict)
-    """Initial motion, by body; equilibrium: true, or a list of bodies, starts these from where they rest."""
+    """Initial motion, by body; equilibrium: true, or a list of bodies, starts these from where they rest;
+    steady: a body and its rate starts from steady rotation."""
 
     solve: SolveSpec
     """What is solved, and how."""
@@ -294,13 +295,25 @@ class Deck(Spec):
     @property
     def motions(self) -> dict[str, InitialSpec]:
         """What is stated under initial of single bodies."""
-        return {name: one for name, one in self.initial.items() if isinstance(one, InitialSpec)}
+        found = {name: one for name, one in self.initial.items() if isinstance(one, InitialSpec)}
+        if (steady := self.steady) is not None:
+            own = found.get(steady.body) or InitialSpec()
+            found[steady.body] = own.model_copy(update={"angular_velocity": steady.rate})
+        return found
 
-    def initial_of(self, bodies: Collection[str]) -> dict[str, InitialSpec | EquilibriumSpec]:
+    @property
+    def steady(self) -> SteadySpec | None:
+        """The steady rotation that the scene starts in."""
+        found = self.initial.get(STEADY)
+        return found if isinstance(found, SteadySpec) else None
+
+    def initial_of(self, bodies: Collection[str]) -> dict[str, InitialSpec | EquilibriumSpec | SteadySpec]:
         """Return what is stated under initial of some bodies."""
-        found: dict[str, InitialSpec | EquilibriumSpec] = {
+        found: dict[str, InitialSpec | EquilibriumSpec | SteadySpec] = {
             name: one for name, one in self.motions.items() if name in bodies
         }
+        if (steady := self.steady) is not None and steady.body in bodies:
+            found[STEADY] = steady
         resting = tuple(name for name in self.resting if name in bodies)
         return found | ({AT_REST: EquilibriumSpec(bodies=resting)} if resting else {})
 

@@ -129,3 +129,68 @@ def test_the_manipulator_takes_few_steps_for_many_digits():
         steps.append(result.statistics["steps"])
         assert result["shoulder.force_y"][0] == pytest.approx(74.71296, abs=1e-4)
     assert steps[1] <= 3 * steps[0]
+
+
+SPIN = """
+hfsim: 1
+name: spin
+gravity: [0.0, 0.0]
+materials: {m: {density: 1.2, youngs_modulus: 2.8e7}}
+sections: {s: {area: 1.0, second_moment: 5.0e-4}}
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 1.0}
+  b: {type: beam, material: m, section: s, length: 10.0, elements: 8, degree: 5,
+      strain: green, curvature: exact}
+joints:
+  pin: {type: revolute, between: [ground, hub]}
+  mount: {type: fixed, between: [hub, b.root]}
+initial: {steady: {body: hub, rate: 6.0}}
+solve: {duration: 1.0, tolerance: 1.0e-9}
+output: {channels: [b.tip.elongation, b.tip.deflection, b.angular_velocity], plots: false}
+"""
+
+
+@pytest.mark.parametrize(
+    ("strain", "model", "extension"),
+    [
+        ("engineering", "exact", 5.14317455043403e-4),
+        ("engineering", "lowOrder", 5.14317455043403e-4),
+        ("green", "ancf", 5.14269846180301e-4),
+    ],
+)
+def test_a_rod_that_turns_steadily_is_stretched_and_stays_so(strain, model, extension):
+    loaded = parse_deck(SPIN, overrides=[f"solve.model={model}", f"bodies.b.strain={strain}"])
+    result = simulate(loaded, error_estimate=False)
+    assert result["b.tip.elongation"][0] == pytest.approx(extension, rel=1e-10)
+    assert result["b.angular_velocity"][0] == pytest.approx(6.0, rel=1e-12)
+    assert swung(result) < 1e-9
+
+
+def test_a_blade_in_space_turns_steadily_about_its_hub_s_axis():
+    text = SPIN.replace("[0.0, 0.0]", "[0.0, 0.0, 0.0]").replace("inertia: 1.0", "inertia: [1.0, 1.0, 1.0]")
+    text = text.replace("strain: green, curvature: exact", "element: cosserat")
+    text = text.replace("youngs_modulus: 2.8e7", "youngs_modulus: 2.8e7, poisson_ratio: 0.3")
+    text = text.replace("{area: 1.0, second_moment: 5.0e-4}", "{shape: rectangle, width: 0.5, height: 0.2}")
+    scene = build(
+        parse_deck(
+            text.replace(", b.angular_velocity", ", b.angular_velocity_z").replace(
+                "b.tip.deflection", "b.tip.deflection_y"
+            )
+        )
+    )
+    x, u = scene.system.absolute(scene.q[None]), scene.system.absolute_velocity(scene.q[None], scene.v[None])
+    place, rate = scene.marker("b.tip").position(x)[0], scene.marker("b.tip").velocity(x, u)[0]
+    assert place[0] == pytest.approx(10.0 + 1.2 * 36.0 * 1000.0 / (3.0 * 2.8e7), rel=1e-6)
+    assert rate == pytest.approx((0.0, 6.0 * place[0], 0.0), abs=1e-9)
+
+
+def test_what_cannot_turn_is_refused_at_its_place():
+    held = SPIN.replace("joints:", "joints:\n  stop: {type: fixed, between: [ground, hub]}").replace(
+        "  pin: {type: revolute, between: [ground, hub]}\n", ""
+    )
+    with pytest.raises(DeckError):
+        build(parse_deck(held))
+    with pytest.raises(DeckError, match="there is no body 'hob'"):
+        parse_deck(SPIN, overrides=["initial.steady.body=hob"])
+    with pytest.raises(DeckError, match="needs a body and its rate"):
+        parse_deck(SPIN, overrides=["initial.steady=true"])

@@ -107,7 +107,9 @@ class Search:
                 args = (begin, share, np.zeros(0), nothing, held, True, limit, self.effort)
                 return Equilibrium(*args, reason=str(error), lost=error.state)
             found = self._judged(state, True, limit)
-            if found.stable or self.problem.moved(state.z - begin.z) < STAYED:
+            if found.stable or self.problem.turning is not None:
+                return found
+            if self.problem.moved(state.z - begin.z) < STAYED:
                 return found
             push = found.motions[:1]
             state = state._replace(z=state.z + push * (KICK / self.problem.moved(push)))

@@ -13,6 +13,7 @@ from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, i
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.system import System
+from hfsim.mechanics.turning import Turning
 
 _STEP = 1e-5
 """Of central differences, relative to coordinates larger than 1."""
@@ -136,6 +137,8 @@ class Problem:
         The angles whose turns are counted, where they were at the start.
     watch : callable
         Told the load factor and each state that is kept on the way.
+    turning : Turning or None
+        Steady rotation as seen from which the system is to stand still; its inertia grows with the load.
     """
 
     system: System
@@ -145,6 +148,7 @@ class Problem:
     gauge: Gauge
     counted: list[tuple[ForcePart, float]] = field(default_factory=list)
     watch: Watch = lambda load, state: None
+    turning: Turning | None = None
 
     @classmethod
     def of(
@@ -185,7 +189,9 @@ class Problem:
 
     def force(self, x: Array, load: float) -> Array:
         """Return the generalised force of all parts at rest, (n_batch, n_x)."""
-        t, u, out = np.repeat(self.t, len(x)), np.zeros_like(x), np.zeros_like(x)
+        t, u, out = np.repeat(self.t, len(x)), self.rates(x, load), np.zeros_like(x)
+        if self.turning is not None:
+            out -= load * self.system.equations.momentum(x, self.turning.accelerations(x))
         for one in self.forces:
             factor = one.at(load)
             if factor == 1.0:
@@ -195,6 +201,10 @@ class Problem:
                 one.part.add_force(t, x, u, own)
                 out += factor * own
         return out
+
+    def rates(self, x: Array, load: float) -> Array:
+        """Return the rates of the steady rotation, whose inertia forces grow with their square."""
+        return np.zeros_like(x) if self.turning is None else load**0.5 * self.turning.rates(x)
 
     def load(self, z: Array) -> Array:
         """Return the derivative of the forces on free coordinates by the load factor, (1, n)."""
@@ -241,7 +251,7 @@ class Problem:
         if self.system.variable_mass:
             return self._by_differences(state, load)
         x, system = self.expand(state.z), self.system
-        u, parts = np.zeros_like(x), list[Entries]()
+        u, parts = self.rates(x, load), list[Entries]()
         for k, one in enumerate(self.forces):
             if factor := one.at(load):
                 strains = None if state.expected is None else state.expected[k]
@@ -252,7 +262,13 @@ class Problem:
         if not equations.phi.constant:
             parts += equations.phi.stiffness(x, state.multipliers)
         sparse = is_sparse(equations.constant_mass)
-        K = system.reduction.reduced(assemble(parts, (system.n_x, system.n_x), sparse))
+        whole = assemble(parts, (system.n_x, system.n_x), sparse)
+        if self.turning is not None:
+            W = self.turning.matrix
+            felt = [one.part.rate_tangent(self.t, x, u) for one in self.forces if one.part.uses_rates]
+            whole = whole + load * (equations.constant_mass @ W @ W)
+            whole = whole + load**0.5 * (assemble(felt, (system.n_x, system.n_x), sparse) @ W)
+        K = system.reduction.reduced(whole)
         return Tangent(K, equations.phi.jacobian_at(x) @ system.reduction.basis)
 
     def _by_differences(self, state: State, load: float) -> Tangent:
