@@ -2,6 +2,7 @@
 
 import json
 import time
+from functools import cache
 
 import numpy as np
 import pytest
@@ -101,8 +102,10 @@ def test_high_degrees_and_rods_reach_the_exact_values():
     bending = roots(ENDS["clamped-free"][1], 4) ** 2
     assert circular(found)[:4] == pytest.approx(bending, rel=1e-8)
     found = found_in(plane(ENDS["clamped-free"][0], 4, alpha=1000.0, degree=7), 60)
-    along = [mode for mode in found.modes if np.abs(mode.shapes["b"][:, 0]).max() > 0.99][:2]
-    assert [mode.value.imag for mode in along] == pytest.approx([500.0 * np.pi, 1500.0 * np.pi], rel=1e-4)
+    for value in (500.0 * np.pi, 1500.0 * np.pi):
+        mode = min(found.modes, key=lambda one: abs(one.value.imag - value))
+        assert mode.value.imag == pytest.approx(value, rel=1e-4)
+        assert np.abs(mode.shapes["b"][:, 0]).max() == pytest.approx(1.0, rel=1e-6)
 
 
 SHORT = """hfsim: 1
@@ -121,6 +124,7 @@ solve: {model: MODEL, duration: 1.0}
 """
 
 
+@cache
 def timoshenko(count, EI, GA, rho_I, rho_A=2.0, length=1.5):
     """Circular frequencies of a clamped-free Timoshenko beam, from the determinant of its four conditions."""
 
@@ -133,7 +137,7 @@ def timoshenko(count, EI, GA, rho_I, rho_A=2.0, length=1.5):
         T = (vectors * np.exp(values)) @ np.linalg.inv(vectors)
         return np.linalg.det(T[2:, 2:]).real
 
-    w = np.linspace(0.2, 120.0, 6000)
+    w = np.linspace(0.2, 120.0, 1500)
     y = np.array([determinant(one) for one in w])
     signs = np.flatnonzero(np.sign(y[1:]) != np.sign(y[:-1]))[:count]
     return np.array([brentq(determinant, w[k], w[k + 1], xtol=1e-13) for k in signs])
