@@ -24,8 +24,11 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGES = {"README": ROOT / "README.md", **topics()}
 SET_UP = re.compile(r"^(python|pip|git|\.ci|\.venv/bin/(?!hfsim\b))|-m venv")
 """Lines that set up or develop the program, or write of it outside its folder."""
-SLOW = {"tutorial"}
-"""Pages whose commands take more than some seconds."""
+SLOW = {
+    "tutorial",
+    *(f"recipes: {name}" for name in ("Spin-up", "Chain", "Manipulator", "Slider-crank", "Four-bar linkage")),
+}
+"""Pages and recipes whose commands take more than some seconds."""
 
 
 def blocks(text, *kinds):
@@ -42,7 +45,7 @@ def units():
         for part in parts:
             if blocks(part, "sh", "python"):
                 label = name if len(parts) == 1 else f"{name}: {part.splitlines()[0]}"
-                marks = [pytest.mark.slow] if name in SLOW else []
+                marks = [pytest.mark.slow] if label in SLOW else []
                 yield pytest.param(part, id=label, marks=marks)
 
 

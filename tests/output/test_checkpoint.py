@@ -9,9 +9,13 @@ import time
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from hfsim.cli import app
 from hfsim.commands import report_error
+from hfsim.marching import record
 from hfsim.marching.stop import SHIELD
+from hfsim.output import recording
 from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
 from hfsim.output.disk import History
 from hfsim.output.runfolder import RunLog
@@ -67,9 +71,33 @@ def test_a_checkpoint_that_cannot_be_read_is_told(folder):
         take_up(folder, PROVENANCE)
 
 
+RUN = ("run", "pendulum", "--no-plots", "--after", "none")
+
+
 def hfsim(*arguments, **how):
-    command = [sys.executable, "-c", SLOW, "run", "pendulum", "--no-plots", "--after", "none", *arguments]
+    """Start a process to be killed."""
+    command = [sys.executable, "-c", SLOW, *RUN, *arguments]
     return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **how)
+
+
+def here(*arguments):
+    """Run the same in this process; return the exit code and what is told."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(recording, "EVERY", 0.0)
+        patch.setattr(record, "BLOCK", 0.01)
+        done = CliRunner().invoke(app, [*RUN, *arguments])
+    return done.exit_code, done.stderr
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """The history of a run that nothing ends."""
+    folder = tmp_path_factory.mktemp("runs") / "whole"
+    assert here("-o", str(folder), *LONG)[0] == 0
+    return (folder / "history.csv").read_bytes()
+
+
+LONG = ("--set", "solve.duration=6")
 
 
 @pytest.mark.parametrize(
@@ -81,11 +109,10 @@ def hfsim(*arguments, **how):
         pytest.param(signal.SIGHUP, marks=pytest.mark.slow),
     ],
 )
-def test_a_run_that_was_killed_goes_on_as_if_nothing_had_been(tmp_path, number):
-    again = ("--set", "solve.duration=6")
+def test_a_run_that_was_killed_goes_on_as_if_nothing_had_been(tmp_path, number, whole):
     own = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # else as of who calls
-    killed, whole = tmp_path / "killed", tmp_path / "whole"
-    process = hfsim("-o", str(killed), *again, **own)
+    killed = tmp_path / "killed"
+    process = hfsim("-o", str(killed), *LONG, **own)
     until = time.monotonic() + 60.0
     while not (killed / CHECKPOINT).exists() and time.monotonic() < until:
         time.sleep(0.01)
@@ -96,12 +123,10 @@ def test_a_run_that_was_killed_goes_on_as_if_nothing_had_been(tmp_path, number):
     summary = json.loads((killed / "summary.json").read_text())
     assert summary["status"] == ("running" if number == signal.SIGKILL else "interrupted")
     assert (killed / "history.csv").read_text().startswith("t,b1.tip.x")
-    told = hfsim("-o", str(killed), *again, "--resume").communicate(timeout=60)
-    assert "going on at row" in told[1]
-    assert hfsim("-o", str(whole), *again).wait(timeout=60) == 0
-    assert (killed / "history.csv").read_bytes() == (whole / "history.csv").read_bytes()
+    assert "going on at row" in here("-o", str(killed), *LONG, "--resume")[1]
+    assert (killed / "history.csv").read_bytes() == whole
     assert not (killed / CHECKPOINT).exists()
-    assert "left as it is, done" in hfsim("-o", str(killed), *again, "--resume").communicate(timeout=60)[1]
+    assert "left as it is, done" in here("-o", str(killed), *LONG, "--resume")[1]
 
 
 def test_a_second_process_is_kept_out_of_a_running_folder(tmp_path):
@@ -109,9 +134,8 @@ def test_a_second_process_is_kept_out_of_a_running_folder(tmp_path):
     until = time.monotonic() + 60.0
     while not (tmp_path / "out/summary.json").exists() and time.monotonic() < until:
         time.sleep(0.01)
-    second = hfsim("-o", str(tmp_path / "out"), "--force")
-    assert "another hfsim is writing" in second.communicate(timeout=60)[1]
-    assert second.returncode == 2
+    code, told = here("-o", str(tmp_path / "out"), "--force")
+    assert code == 2 and "another hfsim is writing" in told
     os.kill(first.pid, signal.SIGKILL)
     first.communicate(timeout=60)
 
@@ -158,12 +182,12 @@ def test_a_run_that_is_killed_while_it_begins_can_begin_again(tmp_path, after):
     kill = f"import os, hfsim.output.recording as recording\n{at} = lambda *a, **k: os.kill(os.getpid(), 9)\n"
     for replaced in (False, True):
         if replaced:
-            assert hfsim("-o", str(folder), "--force").wait(60) == 0
+            assert here("-o", str(folder), "--force")[0] == 0
         command = ["run", "pendulum", "--no-plots", "-o", str(folder), "--force"]
         assert subprocess.run([sys.executable, "-c", kill + SLOW, *command]).returncode == -signal.SIGKILL
         assert status_of(folder) == "running"
-        again = hfsim("-o", str(folder), "--resume")
-        assert again.wait(60) == 0, again.stderr.read()
+        code, told = here("-o", str(folder), "--resume")
+        assert code == 0, told
         assert status_of(folder) == "done"
 
 

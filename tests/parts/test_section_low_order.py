@@ -22,7 +22,7 @@ sections: {{bar: {{shape: rectangle, width: 0.06, height: 0.03}}}}
 bodies: {{b: {{type: beam, material: soft, section: bar, elements: 2, degree: {degree}, element: cosserat, {length}}}}}
 joints: {{pin: {{type: revolute, between: [ground, b.root]}}}}
 initial: {{b: {{angular_velocity: {rate}}}}}
-solve: {{model: {model}, duration: 0.2, tolerance: 1.0e-10}}
+solve: {{model: {model}, duration: 0.1, tolerance: 1.0e-10}}
 output: {{interval: 0.02, channels: [b.tip.x, b.tip.y, energy.total]}}
 """
 

@@ -279,15 +279,15 @@ def held(case, models, *overrides, max_error=0.01, channels=()):
 
 
 def test_the_verdict_is_not_the_tolerance_s():
-    """Angular velocities differ by 0.5 % of next to nothing at the looser tolerance, 0.04 % at the other."""
-    coarse = ("solve.duration=0.3", "bodies.b1.elements=2", "bodies.b2.elements=2")
+    """Angular velocities differ by 0.1 % of next to nothing at the looser tolerance, 0.006 % at the other."""
+    coarse = ("solve.duration=0.1", "bodies.b1.elements=2", "bodies.b2.elements=2")
     for tolerance, differ in ((1e-5, True), (1e-8, False)):
         found = held("two_beams", {"lowOrder": (), "exact": ()}, *coarse, f"solve.tolerance={tolerance}",
-                     max_error=1e-3)  # fmt: skip
+                     max_error=5e-4)  # fmt: skip
         low = found.result("lowOrder")
         assert low.adequate
-        assert (low.difference("b1.angular_velocity").max_relative > 1e-3) == differ
-        assert not low.difference("b1.angular_velocity").beyond > 1e-3
+        assert (low.difference("b1.angular_velocity").max_relative > 5e-4) == differ
+        assert not low.difference("b1.angular_velocity").beyond > 5e-4
 
 
 def test_exact_and_ancf_check_one_another_in_different_coordinates():

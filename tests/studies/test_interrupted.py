@@ -61,8 +61,9 @@ def test_a_map_keeps_the_points_that_were_there(wheel, monkeypatch):
 
 
 def test_limits_keep_what_was_measured(wheel, monkeypatch):
+    monkeypatch.setattr("hfsim.studies.limits.STEPS", 20)
     interrupt_at(monkeypatch, Farm, "_collect", 3)
-    order = ("--limits", "--methods", "explicit,generalized_alpha,gauss", "--jobs", 1)
+    order = ("--limits", "--methods", "explicit,generalized_alpha,gauss", "--jobs", 1, "--no-plots")
     assert call("stability", "wheel.yaml", *order).exit_code == 130
     facts = json.loads((wheel / "wheel.stability/stability.json").read_text())
     assert facts["status"] == "interrupted"

@@ -218,9 +218,22 @@ def test_a_whole_run_keeps_the_energy():
     assert np.ptp(total) < 1e-6 * np.ptp(kinetic)
 
 
+def shorten(patch):
+    """Let whole runs be of three steps: no test asks how long a form takes."""
+    for name in ("beams", "measure"):
+        patch.setattr(f"hfsim.studies.separation.{name}.STEPS", 3)
+
+
+@pytest.fixture
+def short(monkeypatch):
+    shorten(monkeypatch)
+
+
 @pytest.fixture(scope="module")
 def result():
-    return measure((1, 3), tuple(KINDS), 2, Budget(60.0))
+    with pytest.MonkeyPatch.context() as patch:
+        shorten(patch)
+        return measure((1, 3), tuple(KINDS), 2, Budget(60.0))
 
 
 def test_all_forms_are_measured_and_agree(result):
@@ -287,6 +300,7 @@ def call(*arguments):
     return CliRunner().invoke(app, ["bench", *map(str, arguments)])
 
 
+@pytest.mark.usefixtures("short")
 def test_the_command_writes_table_csv_json_and_plot(tmp_path):
     folder = tmp_path / "o"
     done = call("--separation", "--elements", "1,2", "--element", "cable", "--repeats", 1, "-o", folder)
@@ -306,6 +320,7 @@ def test_the_command_writes_table_csv_json_and_plot(tmp_path):
     assert "--force" in again.output
 
 
+@pytest.mark.usefixtures("short")
 def test_the_command_prints_json_and_nothing_else(tmp_path):
     done = call("--separation", "--elements", 1, "--element", "cable", "--repeats", 1, "--no-plots", "-q",
                 "--json", "-o", tmp_path / "o")  # fmt: skip
@@ -313,6 +328,7 @@ def test_the_command_prints_json_and_nothing_else(tmp_path):
     assert json.loads(done.output)["cells"][0]["forms"][0]["form"] == "direct"
 
 
+@pytest.mark.usefixtures("short")
 def test_forms_that_disagree_give_exit_code_4(tmp_path, monkeypatch):
     monkeypatch.setitem(ELASTIC_FORMS, "separated", Broken)
     done = call("--separation", "--elements", 1, "--element", "cable", "--repeats", 1, "--no-plots", "-o",
@@ -322,6 +338,7 @@ def test_forms_that_disagree_give_exit_code_4(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "o" / "bench.json").read_text())["status"] == "wrong"
 
 
+@pytest.mark.usefixtures("short")
 def test_an_interruption_keeps_what_was_measured(tmp_path, monkeypatch):
     class Interrupting(SeparatedStiffness):
         def force(self, p):
