@@ -93,7 +93,8 @@ class VerifySpec(Spec):
     """The same as a share of the published value [-]."""
 
     about: _State = "start"
-    """State whose modes are told: the start, the equilibrium next to it, or the steady rotation."""
+    """State whose modes are told: the start, the equilibrium next to it, or the steady rotation, which also
+    stands in place of rest."""
 
     seconds: PositiveTime | None = None
     """About how long all of it takes [s]: what takes long is begun first."""
@@ -121,9 +122,9 @@ class VerifySpec(Spec):
 
     def place_of(self, row: RowSpec) -> float | str:
         """Return where a study that is no run looks: at loads of a time [s], or at a state."""
-        study = self.study_of(row)
-        if study == "modes":
-            return row.about or self.about
+        study, state = self.study_of(row), row.about or self.about
+        if study == "modes" or (study == "static" and state == "steady"):
+            return state
         return (row.quantity.time or 0.0) if study == "static" else 0.0
 
     def bound_of(self, row: RowSpec) -> float:

@@ -217,7 +217,7 @@ verify:
 
 AT_REST = [
     *("bend_45", "cantilever", "cantilever_geradin", "cantilever_thick", "elastica", "hanging"),
-    *("pre_twisted", "princeton", "roll_up", "torsion"),
+    *("pre_twisted", "princeton", "roll_up", "spinning_rod", "torsion"),
 ]
 
 

@@ -8,8 +8,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import HfsimError
+from hfsim.marching.sampling import SceneSamples, compute_channels
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import simulate
@@ -149,10 +152,25 @@ def _at_rest(order: Order) -> tuple[Answer, ...]:
     """Find where the scene rests, under the loads at 0 or at the time that the quantities name."""
     from hfsim.studies.static import run_static
 
+    if isinstance(order.place, str):
+        return _turning(order)
     found = run_static(order.load(), float(order.place))
     if found.status != "done":
         return _without(order, found.reason)
     return tuple(Answer(found.final[one.channel]) for one in order.quantities)
+
+
+def _turning(order: Order) -> tuple[Answer, ...]:
+    """Find the steady rotation next to the start; angles are those of the start."""
+    from hfsim.studies.modes.about import about
+
+    found = about(order.load(), str(order.place))
+    x, u, scene = found.motions.x[None], found.motions.u[None], found.scene
+    q, v = scene.system.state(x, u, scene.q[None])
+    turns = {name: np.array([angle]) for name, angle in scene.start_angles.items()}
+    columns = compute_channels(SceneSamples(scene, np.zeros(1), q, v, turns))
+    values = {one.name: float(one.values[0]) for one in columns}
+    return tuple(Answer(values[one.channel]) for one in order.quantities)
 
 
 # --- modes ---------------------------------------------------------------------------------------
