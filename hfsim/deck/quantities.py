@@ -19,11 +19,13 @@ FORMS = {
     "rms": ("rms(CHANNEL)", ("run",)),
     "frequency": ("frequency(NUMBER)", ("modes",)),
     "damping": ("damping(NUMBER)", ("modes",)),
+    "critical": ("critical(NUMBER)", ("static",)),
 }
 """How each quantity is written, and the studies that have it, the usual one first.
 
 Of a run: value at its end, at a time, largest, smallest, root of the mean square over time; at rest: value,
-and that under the loads at a time.  Of modes, counted from the lowest: frequency [Hz], damping ratio [-].
+and that under the loads at a time; factors of the loads at which it gives way, from the smallest.  Of modes,
+counted from the lowest: frequency [Hz], damping ratio [-].
 """
 
 _WRITTEN = re.compile(r"\s*([A-Za-z_]\w*)\s*\(([^()]*)\)\s*")
@@ -47,11 +49,11 @@ class Quantity(NamedTuple):
     kind : str
         A key of `FORMS`.
     channel : str
-        Of which; empty for those of modes.
+        Of which; empty for those of modes and of critical loads.
     time : float or None
         When [s], for ``at``.
     number : int
-        Of the mode, from 1; 0 for those of channels.
+        Of the mode or the critical load, from 1; 0 for those of channels.
     """
 
     kind: str

@@ -37,7 +37,7 @@ class RowSpec(Spec):
 
     quantity: Annotated[Quantity, ReadBy(_read_quantity, type="string")]
     """What is published: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency(NUMBER) [Hz],
-    damping(NUMBER)."""
+    damping(NUMBER), critical(NUMBER)."""
 
     published: Annotated[float, measures()]
     """Its value, in the SI unit of the quantity."""

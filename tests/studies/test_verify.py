@@ -216,8 +216,9 @@ verify:
 
 
 AT_REST = [
-    *("bend_45", "cantilever", "cantilever_geradin", "cantilever_thick", "elastica", "hanging"),
-    *("pre_twisted", "princeton", "roll_up", "spinning_rod", "torsion"),
+    *("bend_45", "cantilever", "cantilever_geradin", "cantilever_thick", "columns"),
+    *("elastica", "hanging", "pre_twisted", "princeton", "right_angled_frame", "roll_up", "sideways"),
+    *("spinning_rod", "torsion"),
 ]
 
 

@@ -150,14 +150,18 @@ def _run(order: Order, loaded: LoadedDeck) -> tuple[Answer, ...]:
 
 def _at_rest(order: Order) -> tuple[Answer, ...]:
     """Find where the scene rests, under the loads at 0 or at the time that the quantities name."""
-    from hfsim.studies.static import run_static
+    from hfsim.studies.static import Wish, run_static
 
     if isinstance(order.place, str):
         return _turning(order)
-    found = run_static(order.load(), float(order.place))
+    most = max(one.number for one in order.quantities)
+    found = run_static(order.load(), Wish(float(order.place), buckling=most))
     if found.status != "done":
         return _without(order, found.reason)
-    return tuple(Answer(found.final[one.channel]) for one in order.quantities)
+    told = {str(k): load for k, load in enumerate(found.statistics.get("critical", ()), 1)} | found.final
+    missing = found.statistics.get("critical_reason") or "there are not so many critical loads"
+    names = (one.channel or str(one.number) for one in order.quantities)
+    return tuple(Answer(told[name]) if name in told else Answer(None, reason=missing) for name in names)
 
 
 def _turning(order: Order) -> tuple[Answer, ...]:
