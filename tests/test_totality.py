@@ -80,6 +80,7 @@ EXAMPLES = {
         "universal": {"elbow": {"between": ELBOW, "axes": [[1, 0, 0], [0, 1, 0]]}},
         "cylindrical": {"elbow": {"between": ELBOW, "axis": [1, 0, 0]}},
         "driver": {"motor": {"between": ELBOW, "angle": {"type": "constant_rate", "rate": 1.0}}},
+        "motion": {"elbow": {"between": ELBOW, "y": {"type": "sine", "amplitude": 0.1, "frequency": 1.0}}},
         "motor": {"motor": {"between": ELBOW, "torque": 0.1}},
         "servo": {"motor": {"between": ELBOW, "angle": 0.3, "stiffness": 2.0, "damping": 0.1, "limit": 1.0}},
     },

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from hfsim.parts.joints.cylindrical import CylindricalSpec
     from hfsim.parts.joints.driver import DriverSpec
     from hfsim.parts.joints.fixed import FixedSpec
+    from hfsim.parts.joints.motion import MotionSpec
     from hfsim.parts.joints.motor import MotorSpec
     from hfsim.parts.joints.prismatic import PrismaticSpec
     from hfsim.parts.joints.revolute import RevoluteSpec
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from hfsim.parts.joints.spherical import SphericalSpec
     from hfsim.parts.joints.universal import UniversalSpec
 
-    AnyPlanar = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec | MotorSpec | ServoSpec
+    AnyPlanar = RevoluteSpec | FixedSpec | PrismaticSpec | DriverSpec | MotionSpec | MotorSpec | ServoSpec
     AnyJoint = AnyPlanar | SphericalSpec | UniversalSpec | CylindricalSpec
 
 JOINTS = {
@@ -26,6 +27,7 @@ JOINTS = {
     "universal": "hfsim.parts.joints.universal.UniversalSpec",
     "cylindrical": "hfsim.parts.joints.cylindrical.CylindricalSpec",
     "driver": "hfsim.parts.joints.driver.DriverSpec",
+    "motion": "hfsim.parts.joints.motion.MotionSpec",
     "motor": "hfsim.parts.joints.motor.MotorSpec",
     "servo": "hfsim.parts.joints.servo.ServoSpec",
 }

@@ -5,15 +5,16 @@ from typing import Literal
 
 from hfsim.deck.fields import Axis, Between, Orientation
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
-from hfsim.deck.spec import Around, Complaint
+from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
-from hfsim.parts.specs import JointSpec
+from hfsim.parts.joints._driven import DrivenSpec
 
 
-class DriverSpec(JointSpec):
+class DriverSpec(DrivenSpec):
     """Imposes the angle of B relative to A, or the distance of B from A along an axis."""
 
+    led = ("angle", "position")
     vectors = ("axis",)
     spatial = ("orientation",)
     follows_start = True
@@ -40,24 +41,12 @@ class DriverSpec(JointSpec):
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a driver of nothing or of two things."""
+        yield from super().complaints()
         if (self.angle is None) == (self.position is None):
             yield Complaint((), "a driver needs an angle or a position, one of the two")
         if self.orientation is not None and self.angle is None:
             why = "says where an angle is zero, and there is none"
             yield Complaint(("orientation",), why, "remove this key", True)
-        for key in ("angle", "position"):
-            law = getattr(self, key)
-            if law is not None and (where := law.kink):
-                hint = "interpolation: cubic, or smooth_step"
-                yield Complaint((key,), f"its rate jumps{where}, and no body's can", hint)
-
-    def complaints_in(self, around: Around) -> Iterator[Complaint]:
-        """Yield a law whose rate or acceleration is not finite somewhere."""
-        yield from super().complaints_in(around)
-        for key in ("angle", "position"):
-            law = getattr(self, key)
-            if law is not None and around.duration is not None and (why := law.trouble(around.duration)):
-                yield Complaint((key,), why)
 
     @property
     def stands(self) -> bool:
