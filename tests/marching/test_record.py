@@ -209,7 +209,7 @@ def test_what_is_not_known_of_the_beginning_is_not_judged(deck, short_blocks):
 def test_where_drivers_leave_nothing_free_no_disturbance_is_judged():
     """What joints leave of a disturbance is their rounding, which grew 1e4-fold for nothing."""
     overrides = ("solve.model=rigid", "solve.duration=0.5")
-    scene = build(parse_deck(starters()["manipulator"], overrides=overrides))
+    scene = build(parse_deck(starters()["slewing_arm"], overrides=overrides))
     done = run_integration(scene, scene.deck.solve)
     assert done.trajectory.t_end == 0.5
     assert disturbed_growth(scene, done, scene.deck.solve, lambda share: None) is None

@@ -70,7 +70,7 @@ def test_in_space_a_motion_is_that_of_a_carriage(shape):
 
 
 def test_a_rigid_bar_on_a_hinge_that_shakes_obeys_its_equation_of_motion():
-    """l/3 theta'' ... : (m l^2 / 3) theta'' = -(m l / 2) (g + y'') cos(theta), with the reaction m (g + y_c'')."""
+    """(m l^2 / 3) theta'' = -(m l / 2) (g + y'') cos(theta), and the reaction is m (g + y_c'')."""
     from scipy.integrate import solve_ivp
 
     shake = {"type": "motion", "between": ["ground", "b.root"], "y": X, "hinged": True}
