@@ -1,5 +1,7 @@
 """Equilibrium: closed forms and elliptic integrals, all models; what nothing holds; what is stable."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from cantilevers import at_rest, cantilever, displacement
@@ -7,6 +9,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from hfsim.errors import SolverFailure
 from hfsim.mechanics.statics.problem import State
+from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import build
 from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, why_not
 from hfsim.scene.loading import load_deck, parse_deck
@@ -102,6 +105,34 @@ def test_the_smallest_eigenvalue_is_the_square_of_a_frequency(elements):
     square = 7e10 * 0.005**2 / 12.0 / 2700.0
     roots = np.array([1.8751040687119612, 4.6940911329741746])
     assert found.values[:2] == pytest.approx(square * roots**4, rel=1e-3)
+
+
+def test_a_uniform_dead_load_bends_it_as_shooting_says():
+    from scipy.integrate import solve_ivp
+    from scipy.optimize import brentq
+
+    load = 8.0
+
+    def curve(bend):
+        def slopes(s, y):
+            return [y[1], load * (1.0 - s) * np.cos(y[0]), np.cos(y[0]), np.sin(y[0])]
+
+        return solve_ivp(slopes, (0.0, 1.0), [0.0, bend, 0.0, 0.0], "DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+
+    tip = curve(brentq(lambda bend: curve(bend)[1], -load, 0.0, xtol=1e-14))
+    text = f"""
+hfsim: 1
+gravity: [0.0, 0.0]
+materials: {{m: {{density: 1.0, youngs_modulus: 1.0}}}}
+sections: {{s: {{area: 1.0e+9, second_moment: 1.0}}}}
+bodies: {{b: {{type: beam, material: m, section: s, length: 1.0, elements: 8, degree: 7, curvature: exact,
+  quadrature: {{axial: 9, bending: 9}}}}}}
+joints: {{clamp: {{type: fixed, between: [ground, b.root]}}}}
+loads: {{snow: {{type: distributed, on: b, force: [0.0, {-load}]}}}}
+solve: {{duration: 1.0}}
+"""
+    scene = build(parse_deck(text))
+    assert scene.marker("b.tip").position(at_rest(scene))[0] == pytest.approx(tip[2:], abs=1e-7)
 
 
 # --- mechanisms -----------------------------------------------------------------------------------
@@ -211,10 +242,14 @@ def test_drivers_stand_where_they_are_at_the_time():
     assert run["turn.moment"] == pytest.approx(2.0 * 9.81 * np.cos(1.0), rel=1e-12)
 
 
+@pytest.mark.parametrize("spin", [0.0, 3.0])
 @pytest.mark.parametrize("name", ["princeton", "joints", "hub_beams"])
-def test_tangents_are_the_derivatives_of_what_is_missing(name):
+def test_tangents_are_the_derivatives_of_what_is_missing(name, spin):
     scene = build(load_deck(find_deck(name)))
-    problem = problem_of(scene, 0.7)
+    n_dim = scene.deck.dimension
+    axis = [spin] if n_dim == 2 else [0.5 * spin, 0.0, spin]
+    turning = Turning.of(scene.bodies.values(), axis, [0.3] * n_dim) if spin else None
+    problem = replace(problem_of(scene, 0.7), turning=turning)
     rng = np.random.default_rng(3)
     z = problem.start.z + 0.01 * rng.standard_normal(problem.start.z.shape)
     multipliers = rng.standard_normal(problem.start.multipliers.shape)
