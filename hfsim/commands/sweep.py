@@ -49,8 +49,9 @@ _MANY = 100_000
     "--collect",
     multiple=True,
     metavar="QUANTITY",
-    help="What is gathered: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL); last values and "
-    "extremes of all channels without it. May be repeated, or several may follow.",
+    help="What is gathered: final, max, min or rms(CHANNEL), at(TIME, CHANNEL), frequency "
+    "or damping(NUMBER); last values and extremes of all channels without it. "
+    "Several may follow.",
 )
 @click.option(
     "--keep",

@@ -46,7 +46,7 @@ def _read_collected(value: object) -> Quantity:
         quantity = read_quantity(text)
     except QuantityError as error:
         raise refusal(f"{shown(text)}: {error}", error.hint) from None
-    if "run" not in quantity.studies:
+    if not {"run", "modes"} & set(quantity.studies):
         raise refusal(f"{shown(text)}: a run has no {quantity.kind}")
     return quantity
 
@@ -73,7 +73,8 @@ class SweepSpec(Spec):
     """CSV file beside the deck that has the runs: paths in its first row."""
 
     collect: tuple[Annotated[Quantity, ReadBy(_read_collected, type="string")], ...] = ()
-    """What is gathered: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL)."""
+    """What is gathered: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency or
+    damping(NUMBER)."""
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield what says twice which runs there are, and random values without their number."""

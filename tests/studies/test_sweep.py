@@ -133,6 +133,18 @@ def test_without_collect_last_values_and_extremes_of_all_channels(wheel):
     assert names == [f"{what}({c})" for c in ("hub.angle", "hub.rim.x") for what in ("final", "min", "max")]
 
 
+def test_frequencies_are_collected_with_runs_and_without(wheel):
+    names = ("--collect", "frequency(1)", "final(hub.angle)")
+    rest = ("--no-plots", "--set", "initial.hub.angular_velocity=0")
+    for folder, some in (("both", names), ("alone", names[:2])):
+        assert call("wheel.yaml", "--vary", f"{STIFF}=50,200", *some, *rest, "-o", folder).exit_code == 0
+        for row in rows_of(folder):
+            exact = np.sqrt(float(row[STIFF])) / (2.0 * np.pi)
+            assert float(row["frequency(1)"]) == pytest.approx(exact, rel=1e-8) and row["status"] == "done"
+    assert float(rows_of("both")[0]["final(hub.angle)"]) == 0.0
+    assert rows_of("alone")[0]["error_estimate"] == ""
+
+
 def test_a_failed_run_is_a_row(wheel):
     two = ("--vary", "bodies.hub.mass=1,-1", "--vary", "solve.max_steps=1,1000")
     told = call("wheel.yaml", *two, "--no-plots", "--set", "solve.duration=20")
@@ -196,7 +208,7 @@ def test_pictures(wheel):
         (("--vary", f"{STIFF}=1,2", "--collect", "peak(hub.angle)"), "there is no quantity 'peak'"),
         (("--vary", f"{STIFF}=1,2", "--collect", "max(hub.angel)"), "angel"),
         (("--vary", f"{STIFF}=1,2", "--collect", "at(0.6, hub.angle)"), "ends at 0.5 s"),
-        (("--vary", f"{STIFF}=1,2", "--collect", "frequency(1)"), "no frequency"),
+        (("--vary", f"{STIFF}=1,2", "--collect", "frequency(0)"), "counts from 1"),
         (("--vary", f"{STIFF}=lin(1,2,1001)", "--vary", "bodies.hub.mass=lin(1,2,1000)"), "say --yes"),
         ((*(f"--vary={a}=lin(1,2,9000)" for a in (STIFF, "bodies.hub.mass")), "--yes"), "at most"),
         (("--vary", f"{STIFF}=1,2", "--sample", 5, "--sampler", "halton"), "there is no sampler"),
@@ -360,6 +372,7 @@ def test_derivatives_and_how_sure_they_are(wheel):
         (("--vary", "solve.method", "--collect", "max(hub.angle)"), "no number there"),
         (("--vary", "springs.coil.stifness", "--collect", "max(hub.angle)"), "stifness"),
         (("--vary", f"{STIFF}=1,2", "--collect", "max(hub.angle)"), "takes one number"),
+        (("--vary", STIFF, "--collect", "frequency(1)"), "numbers of runs alone"),
     ],
 )
 def test_derivatives_that_cannot_be_are_refused(wheel, options, why):

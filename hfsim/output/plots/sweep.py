@@ -63,6 +63,8 @@ def _slug(name: str) -> str:
 
 def label_of(name: str) -> str:
     """Return what is collected with its unit."""
+    if name.startswith("frequency("):
+        return with_unit(name, "Hz")
     channel = name.split("(")[-1].rstrip(")").split(", ")[-1]
     try:
         return with_unit(name, kind_of(channel).unit)

@@ -92,6 +92,8 @@ def plan_differences(
     SweepError
         If an entry is no number, or the deck's own run fails.
     """
+    if any(one.number for one in setting.quantities):
+        raise SweepError("--sensitivity is of numbers of runs alone, not of frequencies and dampings")
     values = {path: _number(loaded, path, text) for path, text in vary.items()}
     own = tuple(f"{path}={value!r}" for path, value in values.items())
     run = simulate(setting.load(own), outlines=False, after=math.inf)

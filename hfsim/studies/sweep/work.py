@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import DeckError
@@ -16,12 +17,17 @@ from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.studies.collect import CollectError, collect_all
 
+if TYPE_CHECKING:
+    from hfsim.studies.verify.finders import Answer
+
 Row = dict[str, Any]
 """Facts of a run, JSON-ready: the attributes of `FACTS`, and ``collected``, a number or None each."""
 FACTS = ("status", "class", "reason", "error_estimate", "energy_drift", "warnings", "cpu_s")
 """What is known of every run beside what is collected."""
 REFUSED = "refused"
 """Status of a run whose deck is refused."""
+_START = "start"
+"""State about which small motions are looked at, where the deck starts."""
 LOST = "lost"
 """Status of a run whose workers died; taking a sweep up again repeats it."""
 
@@ -85,12 +91,17 @@ def solve_row(order: Order) -> tuple[Row, dict[str, bytes]]:
     setting, start = order.setting, time.process_time()
     try:
         loaded = setting.load(order.overrides)
+        modes = _of_modes(setting, loaded)
+        if modes and len(modes) == len(setting.quantities):
+            row = _row_of_modes(setting, list(modes.values()))
+            row["cpu_s"] = round(time.process_time() - start, 6)
+            return row, {}
         run = _run(setting, loaded)
     except DeckError as error:
         wrong = error.problems[0]
         why = f"{wrong.path}: {wrong.message}" if wrong.path else wrong.message
         return row_without(REFUSED, why, setting, "deck"), {}
-    collected = _collected(setting, run)
+    collected = _collected(setting, run, modes)
     row = {
         "status": run.status,
         "class": (run.failure or {}).get("class", ""),
@@ -124,14 +135,33 @@ def _run(setting: Setting, loaded: LoadedDeck) -> Run:
     )
 
 
-def _collected(setting: Setting, run: Run) -> list[float | None]:
+def _of_modes(setting: Setting, loaded: LoadedDeck) -> dict[Quantity, Answer]:
+    """Return what is collected of small motions, at the start of the run."""
+    wanted = tuple(one for one in setting.quantities if one.studies[0] == "modes")
+    if not wanted:
+        return {}
+    from hfsim.studies.verify.finders import Order as ToFind
+    from hfsim.studies.verify.finders import answer
+
+    bounds = (math.inf,) * len(wanted)
+    order = ToFind("modes", _START, setting.text, setting.file, loaded.overrides, wanted, bounds)
+    return dict(zip(wanted, answer(order)[0], strict=True))
+
+
+def _row_of_modes(setting: Setting, found: list[Answer]) -> Row:
+    """Return the row of small motions without a run."""
+    why = next((one.reason for one in found if one.value is None), "")
+    row = row_without("failed" if why else "done", why, setting)
+    return {**row, "collected": [one.value for one in found]}
+
+
+def _collected(setting: Setting, run: Run, modes: Mapping[Quantity, Answer]) -> list[float | None]:
     """Return what is collected; nothing of a run that did not reach its end."""
-    if run.status != "done":
-        return [None] * len(setting.quantities)
-    try:
-        return [_finite(value) for value in collect_all(setting.quantities, run)]
-    except CollectError:
-        return [None] * len(setting.quantities)
+    own = [one for one in setting.quantities if one not in modes]
+    values: Iterator[float] = iter(())
+    with suppress(CollectError):
+        values = iter(collect_all(own, run) if run.status == "done" else ())
+    return [modes[one].value if one in modes else _finite(next(values, None)) for one in setting.quantities]
 
 
 def row_without(status: str, reason: str, setting: Setting, kind: str = "") -> Row:
