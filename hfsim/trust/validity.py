@@ -3,7 +3,8 @@
 A beam of the model `linear` has no foreshortening and no stiffening by tension; one of `lowOrder` has
 both, and leaves out the third order in the inertia and the quadratic terms of its curvature.  From the
 deformation that the model itself computes these terms follow, and from them an estimate of the error of
-the beam's tip, relative to the largest range of a coordinate of the tip over the run:
+the beam's tip, relative to the largest range of a coordinate of the tip over the run, or to how far the tip
+is from where it would be undeformed, if that is more:
 
     linear     (s + (|N v'^2| / |EI v''^2| + T) |v|) / range      s = 1/2 int v'^2, N = EA u1'
     lowOrder   (`CURVATURE` max v'^2 + T) |v| / range       T = `TWIST` phi (phi + 1 - EI_2 / EI_1),
@@ -147,7 +148,8 @@ def _judge(scene: Scene, body: Body, t: Array, x: Array, u: Array) -> dict[str, 
     seen = body.deformation(x, u)
     assert seen is not None
     beam, length = _beam(scene, body.name), _length(scene, body.name)
-    scale = max(tip_range(scene, body.name, x), 1e-9 * length)
+    bent = min(float(np.abs(seen.tip).max()), _reach(scene))
+    scale = max(tip_range(scene, body.name, x), bent, 1e-9 * length)
     terms = tip_error(scene, body.name, scene.models[body.name], seen, t)
     error, strain = sum(terms.values(), np.zeros(len(t))) / scale, np.abs(seen.axial).max()
     largest = {
@@ -192,7 +194,12 @@ def tip_range(scene: Scene, name: str, x: Array) -> float:
     At most twice the length of all beams: a model that runs away must not be judged by how far it has run.
     """
     reach = float(np.ptp(scene.marker(f"{name}.tip").position(x), axis=0).max())
-    return min(reach, 2.0 * sum(_length(scene, one) for one in scene.models))
+    return min(reach, _reach(scene))
+
+
+def _reach(scene: Scene) -> float:
+    """Return twice the length of all beams [m]."""
+    return 2.0 * sum(_length(scene, one) for one in scene.models)
 
 
 def tip_error(scene: Scene, name: str, model: str, seen: Deformation, t: Array) -> dict[str, Array]:

@@ -71,3 +71,21 @@ def test_a_rotor_that_nothing_stiffens_is_told_before_it_has_gone_astray(spin, w
     assert ("faster than it bends: errors grow" in facts["reason"]) == warned
     # with the stiffening of exact it is 2.3e-5 m
     assert (abs(run["blade.tip.deflection_y"][-1]) > 1e-3) == warned
+
+
+def test_a_scene_that_rests_where_it_hangs_is_judged_by_how_far_it_hangs():
+    """Its range is rounding: errors relative to that were 1e5 per cent."""
+    cantilever = {
+        "hfsim": 1,
+        "gravity": [0.0, -9.81],
+        "materials": {"steel": {"density": 7800.0, "youngs_modulus": 2.1e11}},
+        "sections": {"rod": {"shape": "circle", "diameter": 0.02}},
+        "bodies": {"b": {"type": "beam", "material": "steel", "section": "rod", "length": 1.0, "elements": 2}},
+        "joints": {"clamp": {"type": "fixed", "between": ["ground", "b.root"]}},
+        "initial": {"equilibrium": True},
+        "solve": {"duration": 0.1, "model": "linear"},
+        "output": {"interval": 0.05, "channels": ["b.tip.y"]},
+    }
+    assert not hfsim.run(cantilever, plots=False).statistics["warnings"]
+    told = hfsim.run(cantilever, {"sections.rod.diameter": 0.001}, plots=False).statistics["warnings"]
+    assert any("left the range of linear" in one for one in told)
