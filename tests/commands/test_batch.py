@@ -9,7 +9,9 @@ import time
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
+from hfsim.cli import app
 from hfsim.scene.shipped import CASES
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,9 +72,10 @@ def test_other_commands_read_standard_input(command, tmp_path):
         ("compare", "--case", "pendulum", "-o", "-"), ("bench", "pendulum", "-o", "-"),
     ],
 )  # fmt: skip
-def test_what_needs_a_folder_does_not_go_to_standard_output(arguments, tmp_path):
-    code, out, _ = call(*arguments, cwd=tmp_path)
-    assert (code, out, list(tmp_path.iterdir())) == (2, "", [])
+def test_what_needs_a_folder_does_not_go_to_standard_output(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(app, arguments)
+    assert (done.exit_code, done.stdout, list(tmp_path.iterdir())) == (2, "", [])
 
 
 def test_decks_side_by_side_are_told_in_their_order(tmp_path):

@@ -1,13 +1,13 @@
 """Decks of several files: parts that are included, and tables in CSV files."""
 
 import os
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 import yaml
+from click.testing import CliRunner
 
+from hfsim.cli import app
 from hfsim.errors import DeckError
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
@@ -119,35 +119,29 @@ def test_every_file_counts_in_the_checksum(deck, file, old, new):
     assert load_deck(deck).deck_sha256 != before
 
 
-OFTEN = """
-import hfsim.output.recording, hfsim.marching.record
-hfsim.output.recording.EVERY, hfsim.marching.record.BLOCK = 0.0, 0.01
-from hfsim.cli import main
-main()
-"""
-"""The command line with a checkpoint after each step."""
+def hfsim(*arguments):
+    return CliRunner().invoke(app, arguments)
 
 
-def hfsim(deck, *arguments):
-    command = [sys.executable, "-c", OFTEN, *arguments]
-    return subprocess.run(command, cwd=deck.parent, capture_output=True, text=True, timeout=120, check=False)
-
-
-def test_a_run_goes_on_with_the_same_files_and_not_with_others(deck):
+def test_a_run_goes_on_with_the_same_files_and_not_with_others(deck, monkeypatch):
+    """With a checkpoint after each step."""
+    monkeypatch.chdir(deck.parent)
+    monkeypatch.setattr("hfsim.output.recording.EVERY", 0.0)
+    monkeypatch.setattr("hfsim.marching.record.BLOCK", 0.01)
     run = ("run", "lift.yaml", "--no-plots", "--no-error-estimate")
-    whole = hfsim(deck, *run, "-o", "whole")
-    assert whole.returncode == 0, whole.stderr
-    assert hfsim(deck, *run, "-o", "cut", "--set", "solve.max_steps=9").returncode == 5
+    whole = hfsim(*run, "-o", "whole")
+    assert whole.exit_code == 0, whole.stderr
+    assert hfsim(*run, "-o", "cut", "--set", "solve.max_steps=9").exit_code == 5
     changed(deck.parent / "parts" / "motor.csv", "2.5", "2.6")
-    refused = hfsim(deck, *run, "-o", "cut", "--resume")
-    assert refused.returncode == 2, refused.stderr
+    refused = hfsim(*run, "-o", "cut", "--resume")
+    assert refused.exit_code == 2, refused.stderr
     assert "loads.push.law.values: [0.5, 2.5, -1.0] then, [0.5, 2.6, -1.0] now" in refused.stderr
     changed(deck.parent / "parts" / "motor.csv", "2.6", "2.5")
-    assert hfsim(deck, *run, "-o", "cut", "--resume").returncode == 0
+    assert hfsim(*run, "-o", "cut", "--resume").exit_code == 0
     histories = [(deck.parent / name / "history.csv").read_bytes() for name in ("whole", "cut")]
     assert histories[0] == histories[1]
-    again = hfsim(deck, "run", "whole/resolved.yaml", *run[2:], "-o", "again")
-    assert again.returncode == 0, again.stderr
+    again = hfsim("run", "whole/resolved.yaml", *run[2:], "-o", "again")
+    assert again.exit_code == 0, again.stderr
     assert (deck.parent / "again" / "history.csv").read_bytes() == histories[0]
 
 

@@ -38,7 +38,7 @@ initial:
   hub: {orientation: {rotation_vector: [0.0, 0.0, 0.0]}, angular_velocity: [0.0, 0.0, 3.0]}
   b1: {orientation: {rotation_vector: [0.0, 0.0, 0.0]}}
   bob: {orientation: {rotation_vector: [0.0, 0.0, 0.0]}}
-solve: {model: exact, duration: 0.05, tolerance: 1.0e-10}
+solve: {model: exact, duration: 0.04, tolerance: 1.0e-10}
 output: {interval: 0.01, channels: [b1.tip.x, b1.tip.y, b1.tip.z, bob.rotation_x, energy.total]}
 """
 

@@ -184,7 +184,7 @@ BEAM = "type: beam, material: soft, section: bar, element: continuum"
 HEAD = """hfsim: 1
 materials: {{soft: {{density: 900.0, youngs_modulus: 2.0e6, poisson_ratio: {poisson}}}}}
 sections: {{bar: {{shape: rectangle, width: 0.06, height: 0.05}}}}
-solve: {{model: {model}, duration: 0.2, tolerance: 1.0e-11, coordinates: {coordinates}}}
+solve: {{model: {model}, duration: 0.12, tolerance: 1.0e-11, coordinates: {coordinates}}}
 """
 PLANE = """
 gravity: [0.0, -9.81]
@@ -195,7 +195,7 @@ joints:
   pin: {{type: revolute, between: [ground, b1.root]}}
   elbow: {{type: fixed, between: [b1.side, b2.root], angle: -0.5}}
 initial: {{b1: {{angle: 0.3, angular_velocity: 2.0}}, b2: {{angle: -0.2}}}}
-output: {{interval: 0.1, channels: [b1.tip.x, b1.tip.y, b2.tip.x, b2.tip.y, b1.tip.deflection,
+output: {{interval: 0.04, channels: [b1.tip.x, b1.tip.y, b2.tip.x, b2.tip.y, b1.tip.deflection,
                                     b2.angular_velocity, elbow.moment, energy.total, energy.strain]}}
 """
 SPACE = """
@@ -211,7 +211,7 @@ joints:
 initial:
   b1: {{orientation: {{rotation_vector: {first}}}, angular_velocity: {spin}}}
   b2: {{orientation: {{rotation_vector: {second}}}}}
-output: {{interval: 0.1, channels: [b1.tip.x, b1.tip.y, b1.tip.z, b2.tip.x, b2.tip.y, b2.tip.z,
+output: {{interval: 0.04, channels: [b1.tip.x, b1.tip.y, b1.tip.z, b2.tip.x, b2.tip.y, b2.tip.z,
    b1.tip.deflection_y, b1.tip.deflection_z, b2.angular_velocity_x, b2.angular_velocity_y,
    b2.angular_velocity_z, elbow.moment_x, elbow.moment_y, elbow.moment_z, energy.total, energy.strain]}}
 """

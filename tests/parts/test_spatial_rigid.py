@@ -1,5 +1,6 @@
 """Rigid bodies in space against closed forms: tumbling, many turns, a heavy top; the order of each method."""
 
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -101,15 +102,21 @@ ORDERS = {
     "gauss, stages: 4": (8, 11),
     "radau, stages: 2": (3, 160),
     "radau, stages: 3": (5, 80),
-    "energy, stages: 1": (2, 400),
+    "energy, stages: 1": (2, 250),
     "energy, stages: 2": (4, 80),
     "gear, order: 2": (2, 1000),
     "gear, order: 3": (3, 800),
     "gear, order: 4": (4, 800),
     "gear, order: 5": (5, 400),
-    "generalized_alpha, rho_inf: 0.8": (2, 400),
+    "generalized_alpha, rho_inf: 0.8": (2, 300),
     "explicit": (8, 13),
 }
+
+
+@cache
+def tumbled(how):
+    """Axes of a tumbling body after a second."""
+    return np.array(body(1.0, 1e-9, f"method: {how}", spin=np.array([0.5, 8.0, 0.2]))[0])
 
 
 @pytest.mark.parametrize(
@@ -117,10 +124,8 @@ ORDERS = {
 )
 def test_every_method_keeps_its_order_on_a_tumbling_body(how):
     order, count = ORDERS[how]
-    spin = np.array([0.5, 8.0, 0.2])
-    exact = np.array(body(1.0, 1e-9, "method: gauss, stages: 12, step: 0.005", spin=spin)[0])
-    steps = (1.0 / count, 0.5 / count)
-    found = [body(1.0, 1e-9, f"method: {how}, step: {h!r}", spin=spin)[0] for h in steps]
+    exact = tumbled("gauss, stages: 12, step: 0.005")
+    found = [tumbled(f"{how}, step: {h!r}") for h in (1.0 / count, 0.5 / count)]
     errors = [np.abs(one - exact).max() for one in found]
     assert errors[1] > 2e-11, "the error is round-off: nothing is measured"
     # the last coefficients of the explicit method nearly cancel here: 8.3 to 8.4

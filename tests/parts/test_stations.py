@@ -261,7 +261,7 @@ def test_exact_is_ancf(element):
 @pytest.mark.parametrize("model", ["ancf", "linear", "lowOrder", "rigid"])
 def test_a_tapered_pendulum_posed_in_space_does_the_same(element, model):
     """Models of the planar one, in a tilted plane."""
-    data = pendulum(ROUND, element, model=model)
+    data = pendulum(ROUND, element, model=model, duration=0.04)
     data["initial"] = {"b": {"angle": 0.2}}
     planar = solved(data)
     R, shift = rotation(np.array([0.3, -0.8, 0.5])), np.array([0.4, -1.0, 2.0])

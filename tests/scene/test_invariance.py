@@ -17,7 +17,7 @@ from hfsim.simulate import simulate
 R, SHIFT = rotation(np.array([0.9, -1.7, 0.6])), np.array([0.4, -2.0, 1.3])
 EVERY = yaml.safe_load((Path(__file__).parents[2] / "cases" / "joints.yaml").read_text("utf-8"))
 """The shipped case with every kind of joint, spring and load."""
-EVERY["solve"], EVERY["output"]["interval"] = {"duration": 0.6, "tolerance": 1e-11}, 0.1
+EVERY["solve"], EVERY["output"]["interval"] = {"duration": 0.4, "tolerance": 1e-11}, 0.1
 
 
 def run(deck):
@@ -126,7 +126,7 @@ initial:
   rope: {angle: -1.0}
   bob: {angle: -1.2, angular_velocity: 0.5}
   cart: {angle: 0.0}
-solve: {duration: 0.25, tolerance: 1.0e-11}
+solve: {duration: 0.15, tolerance: 1.0e-11}
 output: {interval: 0.05, channels: [arm.tip.x, arm.tip.y, bob.x, bob.y, rope.tip.x, rope.tip.y, energy.total]}
 """)
 DRIVEN = {"motor": {"type": "driver", "between": ["ground", "hub"], "angle": {"type": "sine", "amplitude": 0.8, "frequency": 0.7, "offset": 0.3}}}

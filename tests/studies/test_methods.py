@@ -102,6 +102,7 @@ def test_the_default_damps_by_itself_what_no_step_resolves():
     assert found["method_choice"].startswith("gauss, radau, the default")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("handicapped")
 def test_the_choice_is_told_and_repeated_by_resolved_yaml(tmp_path):
     def call(*arguments):
