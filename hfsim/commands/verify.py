@@ -88,8 +88,8 @@ def _carry_out(entries: list[Entry], workers: Workers, markdown: bool, study: St
 
 
 def _tell_misses(result: Verification) -> None:
+    missed, count = len(result.rows) - result.held, len(result.rows)
     if result.interrupted:
         print_error("interrupted; what was found until then is told")
-    missed, count = len(result.rows) - result.held, len(result.rows)
-    if missed:
+    elif missed:
         print_error(f"error: {missed} of {count} published values are not found within their bounds")

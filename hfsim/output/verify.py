@@ -94,19 +94,20 @@ def _last(result: Verification) -> str:
 
 def as_markdown(result: Verification) -> str:
     """Return the same for pages."""
-    blocks = []
-    for name, rows in _by_deck(result):
-        blocks.append(f"### {_head(name, rows[0])}")
-        for changed, some in groupby(rows, _set):
-            blocks += [f"With `{changed}`:"] if changed else []
-            blocks.append(_table(list(some)))
+    blocks = [f"### {_head(name, rows[0])}\n\n{_table(rows)}" for name, rows in _by_deck(result)]
     return "\n\n".join(blocks)
 
 
 def _table(rows: Sequence[Row]) -> str:
+    """Return a table of Markdown, with a line for what is set before the rows that share it."""
     columns = [Column("quantity", lambda row: f"`{_what(row)}`"), *_TEXT[1:7], _TEXT[-1]]
     cells = [[one.name for one in columns], ["---"] * len(columns)]
-    cells += [[one.text(row) for one in columns] for row in rows]
+    before = ""
+    for row in rows:
+        if (changed := _set(row)) != before:
+            cells.append([f"with `{changed}`" if changed else "as it is", *[""] * (len(columns) - 1)])
+            before = changed
+        cells.append([one.text(row) for one in columns])
     return "\n".join(f"| {' | '.join(one)} |" for one in cells)
 
 

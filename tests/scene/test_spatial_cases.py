@@ -10,9 +10,8 @@ from turning import Turning
 
 from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
-from hfsim.mechanics.modes import modes_by_differences
 from hfsim.scene.build import build
-from hfsim.scene.loading import load_deck, parse_deck
+from hfsim.scene.loading import load_deck
 from hfsim.simulate import simulate
 
 CASES = Path(__file__).parents[2] / "cases"
@@ -122,25 +121,14 @@ def cable_pendulum(times, n=4, length=1.2):
 # --- rotating blade ------------------------------------------------------------------------------
 
 E, RHO, LENGTH = 20e6, 1100.0, 0.5
-FLAP = {
-    (0.0, 1.0): (3.68164681395796, 22.1810111505828, 61.8417625871599),
-    (0.0, 3.0): (4.79727853236308, 23.3202636742959, 62.9849674806828),
-    (0.0, 6.0): (7.36037301931002, 26.8090816784979, 66.6839143815049),
-    (0.0, 10.0): (11.2023277622213, 33.6403658542134, 74.6492945969782),
-    (0.1, 2.0): (4.21224744846087, 22.6912198756009, 62.3531596753027),
-    (0.1, 5.0): (6.74142013673656, 25.8654764743703, 65.6776685822346),
-    (0.1, 10.0): (11.8577964567937, 34.8784106318361, 76.2533300132072),
-    (1.0, 1.0): (3.88882350156101, 22.3750142638354, 62.0430531666447),
-    (1.0, 5.0): (8.94035813008849, 29.352835475806, 69.7607097730953),
-    (1.0, 10.0): (16.6063628421502, 44.3682239229148, 89.1563288304323),
-}
-"""Case S3: flap by hub radius and speed; Wright, Smith, Thresher and Wang."""
-LAG = {1.0: 3.54323626967308, 3.0: 3.74351189621078, 6.0: 4.26322542019383, 10.0: 5.04897487538162}
-"""First lag frequency without hub."""
 
 
-def blade(radius, speed, elements, degree, diameter=1e-4):
-    """Relative errors of the three flaps, and of the first lag: nearest frequencies of a blade that turns."""
+FLAP = (6.74142013673656, 25.8654764743703, 65.6776685822346)
+"""With a hub of a tenth of its length, at a speed of 5; Wright, Smith, Thresher and Wang."""
+
+
+def blade(degree, elements=3, radius=0.1, speed=5.0, diameter=1e-4):
+    """Relative errors of the three flaps: nearest frequencies of a thin blade that turns."""
     unit = float(np.sqrt(RHO * 16.0 / (E * diameter**2)) * LENGTH**2)
     scene = scene_of(
         "blade",
@@ -151,8 +139,7 @@ def blade(radius, speed, elements, degree, diameter=1e-4):
         f"bodies.hub.points.rim=[{radius * LENGTH!r}, 0.0, 0.0]",
     )
     turning = Turning(scene, (0.0, 0.0, speed / unit))
-    wanted = FLAP[radius, speed] + ((LAG[speed],) if radius == 0.0 else ())
-    return np.array([nearest(turning, one / unit) * unit / one - 1.0 for one in wanted])
+    return np.array([nearest(turning, one / unit) * unit / one - 1.0 for one in FLAP])
 
 
 def nearest(turning, frequency):
@@ -160,82 +147,12 @@ def nearest(turning, frequency):
     return found[np.argmin(np.abs(found - frequency))]
 
 
-@pytest.mark.parametrize(("radius", "speed"), FLAP)
-def test_flap_and_lag_of_a_blade_that_turns(radius, speed):
-    assert np.abs(blade(radius, speed, 2, 8)).max() < 3e-7
-
-
 def test_frequencies_converge_with_the_degree():
     """The table in the header of the case."""
-    errors = np.array([blade(0.1, 5.0, 3, degree) for degree in (3, 4, 5, 6)])
+    errors = np.array([blade(degree) for degree in (3, 4, 5, 6)])
     told = [[4e-4, 3e-3, 9.5e-3], [6e-6, 8.2e-5, 1.1e-3], [5e-8, 8e-7, 2e-5], [2e-8, 2e-8, 1e-6]]
     assert np.all(np.abs(errors) < told)
     assert np.all(np.abs(errors[:3]) > np.array(told[:3]) / 2)
-
-
-ALUMINIUM = [
-    "materials={al: {density: 2682.41, youngs_modulus: 7.30844e10, poisson_ratio: 0.33}}",
-    "sections={strip: {shape: rectangle, height: 0.0254, width: 0.0016002}}",
-    "bodies.blade={type: beam, material: al, section: strip, length: 0.9525, elements: 3, degree: 6}",
-    "bodies.hub.points.rim=[0.0635, 0, 0]",
-    "output.channels=[blade.tip.z]",
-]
-"""Case F14: the straight blade of Epps and Chandra."""
-
-
-@pytest.mark.parametrize(
-    ("rpm", "flaps", "error"),
-    [
-        (0.0, (1.48721702, 9.32022997, 26.0969138), 5e-5),
-        (500.0, (9.19132266, 23.8363124, 44.5516064), 5e-5),
-        (750.0, (13.5507190, 34.0034556, 59.4890518), 2e-4),
-    ],
-)
-def test_flap_of_an_aluminium_blade_with_sections(rpm, flaps, error):
-    """Beam theory without shear, rotary inertia and the stretch by the spin, of (speed L / c)^2 = 2e-4."""
-    spin = rpm * np.pi / 30.0
-    motor = f"joints.motor.angle={{type: constant_rate, rate: {spin!r}}}"
-    turning = Turning(scene_of("blade", *ALUMINIUM, motor), (0.0, 0.0, spin))
-    found = [nearest(turning, 2.0 * np.pi * one) / (2.0 * np.pi) for one in flaps]
-    assert found == pytest.approx(flaps, rel=error)
-
-
-LOW_ORDER = """
-hfsim: 1
-gravity: [0.0, 0.0]
-materials: {{one: {{density: 1.0, youngs_modulus: 4900.0}}}}
-sections: {{bar: {{area: 1.0, second_moment: {second!r}}}}}
-bodies: {{b: {{type: beam, material: one, section: bar, length: 1.0, elements: 3, degree: 6}}}}
-joints:
-  pin: {{type: revolute, between: [ground, b.root]}}
-  motor: {{type: driver, between: [ground, b.root], angle: {{type: constant_rate, rate: {speed}}}}}
-solve: {{duration: 1.0, model: {model}}}
-"""
-
-
-@pytest.mark.parametrize(
-    ("speed", "expected"),
-    [(1.0, (3.54269166, 22.15784360, 61.83313887)), (2.0, (3.61956637, 22.52384210, 62.23889506))],
-)
-def test_lag_with_coriolis_of_the_model_low_order(speed, expected):
-    """Case S4, slenderness 70: no steady stretch, which shifts frequencies by less than a tenth of itself."""
-    scene = build(parse_deck(LOW_ORDER.format(second=1 / 4900, speed=speed, model="lowOrder")))
-    q = scene.q.copy()
-    for _ in range(4):
-        modes = modes_by_differences(scene.system, 0.0, q, scene.v)
-        a = scene.system.acceleration(np.zeros(1), q[None], scene.v[None])[0] @ modes.basis
-        q -= modes.basis @ np.linalg.solve(modes.stiffness, a)
-    frequencies = modes.eigenvalues().imag
-    found = np.sort(frequencies[frequencies > 0.0])[:3]
-    assert found == pytest.approx(expected, rel=0.1 * (speed / 70) ** 2)
-
-
-@pytest.mark.parametrize(("speed", "expected"), [(1.0, 3.37029282), (2.0, 2.88999994), (3.0, 1.83114504)])
-def test_lag_of_the_model_linear_falls_with_speed(speed, expected):
-    """Case S5."""
-    scene = build(parse_deck(LOW_ORDER.format(second=1 / 4900, speed=speed, model="linear")))
-    found = modes_by_differences(scene.system, 0.0, scene.q, scene.v).eigenvalues().imag
-    assert found[found > 0.0].min() == pytest.approx(expected, rel=1e-6)
 
 
 def test_the_model_linear_breaks_down_in_the_blade():
