@@ -78,7 +78,7 @@ def loaded_from(deck, overrides):
 SCENES = {
     "one body": ("pendulum.yaml",),
     "parts side by side": ("rules/spare.yaml",),
-    "variable mass and its watch": ("two_beams.yaml", "solve.model=lowOrder"),
+    "variable mass and its watch": ("two_beams.yaml", "solve.model=lowOrder", "solve.duration=0.5"),
     "several models in turn": (TURNING,),
     "gear": ("pendulum.yaml", "solve.method=gear", "solve.tolerance=1e-4", "solve.duration=0.3"),
 }
