@@ -124,7 +124,7 @@ def _no_more(sizes: Array, noise: Array) -> BoolArray:
 
 def _of_roots(noise: Array, values: ComplexArray) -> Array:
     """Return the errors of eigenvalues from those of their squares."""
-    return np.minimum(noise / (2.0 * np.abs(values) + 1e-300), np.sqrt(noise))
+    return np.asarray(noise / np.maximum(2.0 * np.abs(values), np.sqrt(noise) + 1e-300))
 
 
 def _squares(pencil: Pencil, count: int) -> tuple[ComplexArray, ComplexArray, bool | None, float]:
@@ -143,7 +143,10 @@ def _squares(pencil: Pencil, count: int) -> tuple[ComplexArray, ComplexArray, bo
                 break
             shift *= 1e-4
         else:
-            shift = -slowest
+            nearest = -max(slowest, EPS * pencil.fastest)
+            if nearest == shift:
+                break
+            shift = nearest
     squares, vectors, complete = _completed(pencil, shift, count, squares, vectors)
     return squares, vectors, complete, shift
 

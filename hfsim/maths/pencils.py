@@ -37,6 +37,8 @@ class Pencil:
         Relative error of the matrices.
     floor : float
         Error of squares of eigenvalues beside that [1/s^2].
+    blur : Matrix, shape (n, n), or None
+        Errors of the stiffness beside that, each by itself.
     """
 
     mass: Matrix
@@ -45,6 +47,7 @@ class Pencil:
     jacobian: Matrix
     precision: float = EPS
     floor: float = 0.0
+    blur: Matrix | None = None
 
     @property
     def n(self) -> int:
@@ -102,8 +105,10 @@ class Pencil:
         """Return what errors of the matrices do to the squares of eigenvalues with vectors (n, k), (k,)."""
         _, V, K, _ = self.matrices
         size = np.abs(vectors)
-        errors = np.sum(size * (abs(K) @ size + np.abs(values) * (abs(V) @ size)), axis=0)
-        return np.asarray(self.floor + self.precision * errors / self.energies(vectors))
+        errors = self.precision * np.sum(size * (abs(K) @ size + np.abs(values) * (abs(V) @ size)), axis=0)
+        if self.blur is not None:  # at random
+            errors += np.sqrt(np.sum(size**2 * (self.blur**2 @ size**2), axis=0))
+        return np.asarray(self.floor + errors / self.energies(vectors))
 
     def energies(self, vectors: ComplexArray) -> Array:
         """Return x^H M x of vectors (n, k)."""

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, random_signs
 from hfsim.maths.matrices import Matrix, assemble, is_sparse
 from hfsim.maths.pencils import Pencil
 from hfsim.mechanics.system import System
@@ -59,6 +59,8 @@ class SmallMotions:
         The axes that they are seen from, where these turn.
     precision : float
         Relative error of the matrices.
+    rounding : Matrix, shape (n, n), or None
+        What the last digits of the coordinates do to the stiffness: tension of what is stiff, for one.
     """
 
     mass: Matrix
@@ -71,13 +73,14 @@ class SmallMotions:
     basis: Matrix
     turning: Turning | None
     precision: float
+    rounding: Matrix | None
 
     @property
     def pencil(self) -> Pencil:
         """The same as a problem of eigenvalues."""
         spin = 0.0 if self.turning is None else self.turning.rate**2
         own = self.mass, self.velocity, self.stiffness, self.jacobian
-        return Pencil(*own, self.precision, 100.0 * _EXACT * spin)
+        return Pencil(*own, self.precision, 100.0 * _EXACT * spin, self.rounding)
 
 
 def small_motions(
@@ -103,7 +106,10 @@ def small_motions(
     equations, reduction = system.equations, system.reduction
     free, multipliers = equations.solve(time, x, u, system.force(time, x, u))
     a = reduction.expand_rates(free)
-    K = stiffness(system, time, x, u, a, multipliers)
+    K, rounding = stiffness(system, time, x, u, a, multipliers), None
+    if not system.variable_mass:  # differences are less precise than that
+        beside = x * (1.0 + _EXACT * random_signs(x.shape))
+        rounding = abs(reduction.reduced(stiffness(system, time, beside, u, a, multipliers) - K))
     D = resistance(system, time, x, u)
     M = equations.mass(x)[0] if system.variable_mass else equations.constant_mass
     if turning is not None:
@@ -113,7 +119,7 @@ def small_motions(
     J = equations.phi.jacobian_at(x) @ reduction.basis
     M, D, K = (reduction.reduced(one) for one in (M, D, K))
     precision = _BY_DIFFERENCES if system.variable_mass else _EXACT
-    return SmallMotions(M, D, K, J, x[0], u[0], a[0], reduction.basis, turning, precision)
+    return SmallMotions(M, D, K, J, x[0], u[0], a[0], reduction.basis, turning, precision, rounding)
 
 
 def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multipliers: Array) -> Matrix:

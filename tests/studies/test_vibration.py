@@ -451,3 +451,28 @@ def test_a_state_of_a_run_is_seen_from_axes_that_turn():
     start, later = (found_in(thrown, 4, **wanted) for wanted in ({}, {"at": 0.3}))
     assert later.facts()["about"]["time"] == 0.3
     assert np.sort(circular(later)) == pytest.approx(np.sort(circular(start)), rel=1e-6)
+
+
+@pytest.mark.parametrize(("elements", "degree"), [(1, 3), (2, 5), (4, 7), (40, 3)])
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_tension_that_is_rounding_makes_no_mode_of_a_thin_strip(elements, degree, angle):
+    """Strains of rounding times a large axial stiffness are more than the bending stiffness knows of."""
+    deck = {
+        "hfsim": 1,
+        "gravity": [0.0, 0.0],
+        "materials": {"m": {"density": 1.0, "youngs_modulus": 1e6}},
+        "sections": {"s": {"area": 1.0, "second_moment": 1e-6}},
+        "bodies": {
+            "b": {
+                "type": "beam", "material": "m", "section": "s", "length": 1.0,
+                "elements": elements, "degree": degree,
+            }
+        },
+        "joints": {"pin": {"type": "revolute", "between": ["ground", "b.root"]}},
+        "initial": {"b": {"angle": angle}},
+        "solve": {"duration": 1.0},
+    }  # fmt: skip
+    found = hfsim.modes(deck)
+    assert [mode.kind for mode in found.modes[:4]] == ["rigid", "vibration", "vibration", "vibration"]
+    first = 15.4182057169801 / (2.0 * np.pi)
+    assert found.frequencies[1] == pytest.approx(first, rel=0.15 if elements == 1 else 1e-4)
