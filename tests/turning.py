@@ -7,8 +7,8 @@ import numpy as np
 from hfsim.maths.eigenpairs import eigenpairs
 from hfsim.maths.matrices import dense, is_sparse
 from hfsim.mechanics.small_motions import small_motions
-from hfsim.mechanics.steady import steady_state
 from hfsim.mechanics.turning import Turning as Axes
+from hfsim.scene.nearby import nearby
 
 
 class Turning:
@@ -19,7 +19,7 @@ class Turning:
         sparse = is_sparse(system.equations.constant_mass)
         axes = Axes.of(scene.bodies.values(), spin, np.zeros(3), sparse)
         self.W = dense(axes.matrix)
-        x = steady_state(system, 0.0, system.absolute(scene.q[None])[0], axes)
+        x = nearby(scene, 0.0, system.absolute(scene.q[None])[0], axes)
         self.x = x[None]
         turning = axes if np.any(spin) else None
         self._motions = small_motions(system, 0.0, x, axes.rates(self.x)[0], turning)

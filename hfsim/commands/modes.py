@@ -45,7 +45,12 @@ _COUNT = 12
     "--spin",
     metavar="RATES",
     help="Campbell diagram over these rates [rad/s], lin(0,30,16) or 0,5,10, about the axis of the "
-    "start's rates or, at rest, that of the joints.",
+    "start's rates (initial.steady) or, at rest, that of the joints.",
+)
+@click.option(
+    "--spin-body",
+    metavar="NAME",
+    help="With --spin: the body about whose axis, where bodies turn differently at the start.",
 )
 @click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
 @click.option(
@@ -63,6 +68,7 @@ def modes(
     at: float | None,
     count: int,
     spin: str | None,
+    spin_body: str | None,
     as_csv: bool,
     matrices: Path | None,
     to: Destination,
@@ -80,16 +86,20 @@ def modes(
     values = read_rates(spin)
     if values and (at is not None or matrices is not None):
         raise click.UsageError("--spin takes neither --at nor --matrices")
+    if spin_body is not None and not values:
+        raise click.UsageError("--spin-body goes with --spin")
     loaded = load_numbered(deck, overrides, talk)
     from hfsim.output.progress import Progress
     from hfsim.output.writers import Provenance
     from hfsim.studies.modes import campbell, modes_of
-    from hfsim.studies.modes.about import about
+    from hfsim.studies.modes.about import about, seen_from
 
     facts = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("modes", to, loaded.deck.name, talk, facts)
     with Progress(f"{loaded.deck.name}, modes", sys.stderr, talk.quiet) as progress:
         place = about(loaded, state, at, progress if at else None)
+        if spin_body is not None:
+            place = seen_from(place, spin_body)
         if values:
             result = campbell(place, values, count, progress)
         else:

@@ -61,6 +61,7 @@ def campbell(
     changes: Mapping[str, Any] | None = None,
     *,
     count: int = 12,
+    body: str | None = None,
     progress: Progress | None = None,
 ) -> Campbell:
     """Find the modes about steady rotations at several rates; what ``hfsim modes --spin`` does.
@@ -73,6 +74,8 @@ def campbell(
         [rad/s].
     count, progress
         As of `modes`.
+    body : str, optional
+        The body about whose axis, where bodies turn differently at the start.
 
     Returns
     -------
@@ -80,7 +83,9 @@ def campbell(
         ``found.rates``, ``found.frequencies(1)`` [Hz] of a mode at all rates, ``found.crossings``.
     """
     from hfsim.studies.modes import campbell as study
-    from hfsim.studies.modes.about import about
+    from hfsim.studies.modes.about import about, seen_from
 
     start = about(load(deck, changes).with_numbers())
+    if body is not None:
+        start = seen_from(start, body)
     return study(start, rates, count, progress or (lambda share: None))

@@ -123,6 +123,7 @@ def problem_of(
     watch: Watch | None = None,
     varied: Collection[str] | None = None,
     bodies: Collection[str] | None = None,
+    x: Array | None = None,
 ) -> Problem:
     """Return the static problem of a scene at a time [s].
 
@@ -136,8 +137,10 @@ def problem_of(
         Names of the loads and motors that the load factor is of, ``gravity`` among them; all without it.
     bodies : collection of str, optional
         Those that can move; all without it.
+    x : ndarray, shape (1, n_x), optional
+        Coordinates from which it is sought; those of the start without them.
     """
-    system, x = scene.system, scene.system.absolute(scene.q[None])
+    system, x = scene.system, scene.system.absolute(scene.q[None]) if x is None else x
     z = system.reduction.free(x)
     if bodies is not None:
         still = np.ones(system.n_x, dtype=bool)

@@ -80,7 +80,7 @@ def _steady(scene: Assembled) -> Rest:
     """
     spec, turns = scene.deck.steady, Turns(scene)
     assert spec is not None
-    turning = _turning(scene, spec.body)
+    turning = turning_with(scene, spec.body)
     problem = replace(problem_of(scene, 0.0, turns), turning=turning)
     found = equilibrium_of(scene, problem)
     path = f"initial.{STEADY}"
@@ -97,7 +97,7 @@ def _steady(scene: Assembled) -> Rest:
     return _begun(scene, turns, x, u, ())
 
 
-def _turning(scene: Assembled, body: str) -> Turning:
+def turning_with(scene: Assembled, body: str) -> Turning:
     """Return the rotation of everything with a body as it moves at the start."""
     twist, origin = scene.assembly.twists[body], scene.assembly.poses[body].origin
     w, v = twist.spin, twist.velocity

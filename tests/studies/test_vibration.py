@@ -476,3 +476,83 @@ def test_tension_that_is_rounding_makes_no_mode_of_a_thin_strip(elements, degree
     assert [mode.kind for mode in found.modes[:4]] == ["rigid", "vibration", "vibration", "vibration"]
     first = 15.4182057169801 / (2.0 * np.pi)
     assert found.frequencies[1] == pytest.approx(first, rel=0.15 if elements == 1 else 1e-4)
+
+
+SPIN = """hfsim: 1
+gravity: [0.0, 0.0]
+materials: {m: {density: 1.2, youngs_modulus: 2.8e7}}
+sections: {s: {area: 1.0, second_moment: 5.0e-4}}
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 1.0}
+  b: {type: beam, material: m, section: s, length: 10.0, elements: 4, degree: 5, strain: engineering}
+joints:
+  pin: {type: revolute, between: [ground, hub]}
+  mount: {type: fixed, between: [hub, b.root]}
+initial: {steady: {body: hub, rate: 6.0}}
+solve: {model: exact, duration: 1.0}
+"""
+
+
+FLYER = """hfsim: 1
+gravity: [0.0, 0.0]
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 1.0, points: {left: [-0.3, 0.0], right: [0.3, 0.0]}}
+  one: {type: rigid, mass: 2.0, inertia: 0.4, points: {pin: [-0.5, 0.0]}}
+  two: {type: rigid, mass: 2.0, inertia: 0.4, points: {pin: [0.5, 0.0]}}
+joints:
+  right: {type: revolute, between: [hub.right, one.pin]}
+  left: {type: revolute, between: [hub.left, two.pin]}
+initial: {hub: {angular_velocity: 2.0}, one: {angular_velocity: ARMS}, two: {angular_velocity: ARMS}}
+solve: {duration: 1.0}
+"""
+
+
+def test_a_body_tells_the_axis_where_others_turn_differently(tmp_path):
+    rates = [1.0, 4.0]
+    found = hfsim.campbell(parse_deck(FLYER.replace("ARMS", "0.0")), rates, body="hub", count=5)
+    alike = hfsim.campbell(parse_deck(FLYER.replace("ARMS", "2.0")), rates, count=5)
+    # arms that swing together, against the hub: a pendulum's stiffness in the field of the rotation
+    inertia, arm, about_all = 0.4 + 2.0 * 0.5**2, 2.0 * 0.5 * 0.3, 1.0 + 2.0 * (0.4 + 2.0 * 0.8**2)
+    whole = inertia + arm
+    expected = (arm / (inertia - 2.0 * whole**2 / about_all)) ** 0.5
+    for one in (found, alike):
+        seen = np.array([circular(modes) / rate for modes, rate in zip(one.founds, rates, strict=True)])
+        assert np.abs(seen - expected).min(axis=1) == pytest.approx(0.0, abs=1e-8)
+    deck = tmp_path / "flyer.yaml"
+    deck.write_text(FLYER.replace("ARMS", "0.0"))
+    start = ["modes", str(deck), "--force", "--no-plots", "-o", str(tmp_path / "out")]
+    run = CliRunner().invoke
+    done = run(app, [*start, "--spin", "1,4", "--spin-body", "hub", "--csv"])
+    assert done.exit_code == 0 and done.stdout.startswith("rate,mode"), done.output
+    for more, told in (
+        (["--spin", "1,4"], "--spin-body"),
+        (["--spin", "1,4", "--spin-body", "hob"], "no body 'hob'"),
+        (["--spin", "1,4", "--spin-body", "one"], "'one' does not turn"),
+        (["--spin-body", "hub"], "goes with --spin"),
+    ):
+        failed = run(app, [*start, *more])
+        assert failed.exit_code == 2 and told in failed.output
+
+
+def test_a_rod_that_starts_in_steady_rotation_is_followed_from_there():
+    """What nothing resists, as a turn of a free hub, stays; at the rate of the start it is the start."""
+    deck = parse_deck(SPIN)
+    found = hfsim.campbell(deck, [2.0, 6.0, 12.0], count=3)
+    own, scene = found.founds[1].about, found.founds[1].about.scene
+    assert own.turning.spin == pytest.approx([6.0]) and own.lasting
+    assert own.motions.x == pytest.approx(scene.system.absolute(scene.q[None])[0], abs=1e-9)
+    for rate, one in zip(found.rates, found.founds, strict=True):
+        tip = one.about.scene.marker("b.tip").position(one.about.motions.x[None])[0]
+        # of E A u'' + m w^2 (s + u) = 0
+        wave = rate * np.sqrt(1.2 / 2.8e7)
+        assert np.linalg.norm(tip) == pytest.approx(np.tan(10.0 * wave) / wave, rel=1e-9)
+        assert one.about.lasting
+    driven = "  drive: {type: driver, between: [ground, hub], angle: {type: constant_rate, rate: 6.0}}"
+    again = hfsim.campbell(parse_deck(SPIN.replace("initial:", f"{driven}\ninitial:")), [2.0, 12.0], count=3)
+    assert again.founds[-1].about.motions.x == pytest.approx(found.founds[-1].about.motions.x, abs=1e-9)
+
+
+def test_a_free_hub_is_followed_beyond_critical_rates():
+    text = SPIN.replace(", strain: engineering", "").replace("exact", "linear")
+    found = hfsim.campbell(parse_deck(text), [4.0, 6.0, 40.0, 400.0], count=3)
+    assert all(one.about.lasting for one in found.founds)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -139,6 +140,8 @@ class Problem:
         Told the load factor and each state that is kept on the way.
     turning : Turning or None
         Steady rotation as seen from which the system is to stand still; its inertia grows with the load.
+    hold : float
+        What holds, in corrections alone, motions that nothing brings back: over the stiffest of all.
     """
 
     system: System
@@ -149,6 +152,7 @@ class Problem:
     counted: list[tuple[ForcePart, float]] = field(default_factory=list)
     watch: Watch = lambda load, state: None
     turning: Turning | None = None
+    hold: float = 0.0
 
     @classmethod
     def of(
@@ -221,9 +225,8 @@ class Problem:
         """Return the auxiliary forces (1, n) and gaps (1, n_rows) of a level."""
         if not level.rest:
             return np.zeros_like(self.start.z), np.zeros_like(self.start.multipliers)
-        x = self.expand(self.start.z)
-        force = self.system.reduction.free_force(self.force(x, 0.0))
-        return level.rest * force, level.rest * self.system.equations.phi.residual(self.t, x)
+        force, gap = self._missing(self.start.z, self.start.multipliers, 0.0)
+        return level.rest * force, level.rest * gap
 
     def missing(self, state: State, level: Level) -> tuple[Array, Array]:
         """Return forces (1, n) that are out of balance, and gaps (1, n_rows) of the joints."""
@@ -247,7 +250,19 @@ class Problem:
     # ------------------------------------------------------------------ derivatives
 
     def tangent(self, state: State, load: float) -> Tangent:
-        """Return the derivatives of what is missing, with the strains that are expected."""
+        """Return the derivatives of what is missing, with the strains that are expected, and what holds."""
+        found = self._tangent(state, load)
+        if not self.hold:
+            return found
+        stiffest = np.abs(found.stiffness.diagonal()) / self.metric.diagonal()
+        return found._replace(stiffness=found.stiffness + self.hold * stiffest.max(initial=0.0) * self.metric)
+
+    @cached_property
+    def metric(self) -> Matrix:
+        """That of the gauge in free coordinates, (n, n)."""
+        return self.system.reduction.reduced(self.gauge.whole)
+
+    def _tangent(self, state: State, load: float) -> Tangent:
         if self.system.variable_mass:
             return self._by_differences(state, load)
         x, system = self.expand(state.z), self.system

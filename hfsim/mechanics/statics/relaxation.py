@@ -36,7 +36,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
     NotFoundError
         If there is none, or it is not found.
     """
-    metric = problem.system.reduction.reduced(problem.gauge.whole)
+    metric = problem.metric
     level, way = Level(load), 0.0
     step, before, stiffest = _first(problem, state, level, metric), np.inf, 0.0
     for _ in range(MOST):

@@ -6,7 +6,7 @@ rotation is an equilibrium.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,10 +18,11 @@ from hfsim.marching.stop import Progress
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.small_motions import SmallMotions, small_motions
-from hfsim.mechanics.steady import steady_state
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.nearby import nearby
+from hfsim.scene.resting import turning_with
 
 STATES = ("start", "equilibrium", "steady")
 """States that can be asked for, beside that of a run at a time."""
@@ -195,6 +196,26 @@ def about(
     return found if state != "steady" else turning_at(found, None)
 
 
+def seen_from(start: About, body: str) -> About:
+    """Return a start as seen from axes that turn with one body.
+
+    Raises
+    ------
+    ModesError
+        If there is no such body, or it does not turn and the joints leave no one axis.
+    """
+    scene = start.scene
+    if body not in scene.bodies:
+        raise ModesError(f"there is no body '{body}': {', '.join(scene.bodies)}")
+    turning: Turning | None = turning_with(scene, body)
+    if turning is not None and not turning.rate:
+        bodies = list(scene.bodies.values())
+        turning = Turning.held_by_joints(bodies, scene.system.equations, start.motions.x)
+    if turning is None:
+        raise ModesError(f"'{body}' does not turn at the start, nor do the joints leave one axis")
+    return replace(start, motions=replace(start.motions, turning=turning))
+
+
 def _resting(start: About) -> About:
     """Return the equilibrium next to the start or, with none so near, where the scene comes to rest."""
     scene = start.scene
@@ -229,20 +250,23 @@ def turning_at(start: About, rate: float | None) -> About:
         joints = ", nor do the joints leave one axis" if rate is not None else ""
         raise ModesError(
             f"nothing turns as a whole at the start{joints}: give bodies rates with initial, such as "
-            "angular_velocity"
+            "angular_velocity, or tell with --spin-body which one"
         )
     return _settled(start, turning if rate is None else turning.at_rate(rate), "steady")
 
 
 def _settled(start: About, turning: Turning, state: str) -> About:
     scene, system, t = start.scene, start.scene.system, start.t
+    told = ", ".join(f"{one:.4g}" for one in np.atleast_1d(turning.spin))
+    told = f"{state}{f' at {told} rad/s' if turning.rate else ''}"
+    axes = turning if turning.rate else None
     try:
-        x = steady_state(system, t, start.motions.x, turning)
-        axes = turning if turning.rate else None
+        x = nearby(scene, t, start.motions.x, turning)
+        if x is None:
+            raise ModesError(f"{told}: no state that lasts was found next to it")
         return About(scene, state, t, small_motions(system, t, x, turning.rates(x[None])[0], axes))
     except np.linalg.LinAlgError as error:
-        told = ", ".join(f"{one:.4g}" for one in np.atleast_1d(turning.spin))
-        raise ModesError(f"{state}{f' at {told} rad/s' if turning.rate else ''}: {error}") from None
+        raise ModesError(f"{told}: {error}") from None
 
 
 def _after(scene: Scene, at: float, progress: Progress | None) -> tuple[Array, Array]:
