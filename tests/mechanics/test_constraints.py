@@ -13,6 +13,7 @@ from hfsim.mechanics.constraints import Coincide, constraints_of
 from hfsim.parts.joints import JOINTS as KINDS
 from hfsim.parts.joints.driver import DriverSpec
 from hfsim.parts.joints.fixed import FixedSpec
+from hfsim.parts.joints.motion import MotionSpec
 from hfsim.parts.joints.prismatic import PrismaticSpec
 from hfsim.parts.joints.revolute import RevoluteSpec
 
@@ -24,8 +25,9 @@ JOINTS = {
     "prismatic": PrismaticSpec(type="prismatic", between=ENDS, axis=(0.6, 1.1), angle=-0.2),
     "driven_angle": DriverSpec(type="driver", between=ENDS, angle=SINE),
     "driven_distance": DriverSpec(type="driver", between=ENDS, position=SINE, axis=(-0.5, 2.0)),
+    "motion": MotionSpec(type="motion", between=ENDS, y=SINE, turn=SINE, angle=0.3),
 }
-ROWS = {"revolute": 2, "fixed": 3, "prismatic": 2, "driven_angle": 1, "driven_distance": 1}
+ROWS = {"revolute": 2, "fixed": 3, "prismatic": 2, "driven_angle": 1, "driven_distance": 1, "motion": 3}
 
 
 @pytest.fixture
