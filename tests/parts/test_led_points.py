@@ -52,8 +52,7 @@ def test_in_space_a_motion_is_that_of_a_carriage(shape):
     bodies = {"table": {"type": "rigid", "mass": 1.0, "inertia": [0.1, 0.1, 0.1]}}
     channels = ["b.tip.x", "b.tip.y", "b.tip.z"]
     shake = {"type": "motion", "between": ["ground", "b.root"], "z": X, "turn": TURN, "axis": axis}
-    late = TURN | {"phase": 1.0}
-    for law in (TURN, late):
+    for law in (TURN, TURN | {"phase": 1.0}):
         led = scene(True, {}, {"shake": shake | {"turn": law}}, channels)
         joints = {
             "lift": {"type": "prismatic", "between": ["ground", "table"], "axis": [0.0, 0.0, 1.0]},
@@ -63,9 +62,12 @@ def test_in_space_a_motion_is_that_of_a_carriage(shape):
         }
         carried = scene(True, bodies, joints, channels)
         for deck in (led, carried):
-            deck["bodies"] = deck["bodies"] | {"b": BEAM | {"element": shape}}
+            deck["bodies"] = deck["bodies"] | {"b": BEAM | {"element": shape, "elements": 1}}
+            deck["solve"] = {"duration": 0.04, "tolerance": 1e-8}
+            deck["output"] = deck["output"] | {"interval": 0.01}
         values, done = solved(led)
-        assert values == pytest.approx(solved(carried)[0], abs=1e-8)
+        assert values == pytest.approx(solved(carried)[0], abs=1e-7)
+        assert np.ptp(values[:, 2]) > 0.01
         assert done.statistics["energy_drift"] < 1e-8
 
 
