@@ -556,3 +556,20 @@ def test_a_free_hub_is_followed_beyond_critical_rates():
     text = SPIN.replace(", strain: engineering", "").replace("exact", "linear")
     found = hfsim.campbell(parse_deck(text), [4.0, 6.0, 40.0, 400.0], count=3)
     assert all(one.about.lasting for one in found.founds)
+
+
+def test_modes_of_one_frequency_are_followed_to_where_they_part():
+    """A round rod at rest swings all around at one frequency; turning, flap w0^2 + 1.19 W^2 and lag part.
+
+    The shipped blade is at rest at first, and driven: its axis is what its other joints leave.
+    """
+    found = hfsim.campbell("blade", [0.0, 1.0, 4.0, 8.0], count=2)
+    frequencies = np.array([found.frequencies(1), found.frequencies(2)]) * 2.0 * np.pi
+    assert np.isfinite(frequencies).all()
+    assert frequencies[0, 0] == pytest.approx(frequencies[1, 0], rel=1e-9)
+    flap, lag = sorted(frequencies.tolist(), key=max)[::-1]
+    rates = np.array([0.0, 1.0, 4.0, 8.0])
+    assert np.square(flap) - np.square(lag) == pytest.approx(rates**2, rel=0.05, abs=1e-6)
+    assert not found.facts()["unsteady_rates"]
+    crossings = {(one.track, one.order): one.rate for one in found.crossings}
+    assert len({round(rate, 6) for rate in crossings.values()}) == len(crossings)

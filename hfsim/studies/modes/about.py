@@ -111,7 +111,10 @@ class About:
 
     @cached_property
     def unevenness(self) -> float:
-        """How much else accelerations are after a turn by one radian, over those of the rotation [-]."""
+        """How much else accelerations are after a turn by one radian, over those of the rotation [-].
+
+        Loads and drivers act as they do at the time of the state.
+        """
         if self.turning is None:
             return 0.0
         system, turning = self.scene.system, self.turning
@@ -119,7 +122,7 @@ class About:
         x = turning.turned(self.motions.x[None], seconds) + seconds * turning.travel
         if not np.allclose(system.reduction.expand(system.reduction.free(x)), x, atol=1e-6 * self.size):
             return np.inf
-        u, t = turning.rates(x - seconds * turning.travel), np.array([self.t + seconds])
+        u, t = turning.rates(x - seconds * turning.travel), np.array([self.t])
         found = system.reduction.expand_rates(system.equations.solve(t, x, u, system.force(t, x, u))[0])
         before = self.motions.a - turning.accelerations(self.motions.x[None])[0]
         after = found[0] - turning.accelerations(x - seconds * turning.travel)[0]
@@ -216,6 +219,26 @@ def seen_from(start: About, body: str) -> About:
     return replace(start, motions=replace(start.motions, turning=turning))
 
 
+def turning_about(start: About) -> About:
+    """Return a start as seen from axes that turn as it does or, where it does not turn, as its joints allow.
+
+    Raises
+    ------
+    ModesError
+        If nothing turns, and the joints leave no one axis.
+    """
+    if start.turning is not None:
+        return start
+    bodies, equations = list(start.scene.bodies.values()), start.scene.system.equations
+    turning = Turning.held_by_joints(bodies, equations, start.motions.x)
+    if turning is None:
+        raise ModesError(
+            "nothing turns as a whole at the start, nor do the joints leave one axis: give bodies rates with "
+            "initial, such as angular_velocity, or tell with --spin-body which one"
+        )
+    return replace(start, motions=replace(start.motions, turning=turning))
+
+
 def _resting(start: About) -> About:
     """Return the equilibrium next to the start or, with none so near, where the scene comes to rest."""
     scene = start.scene
@@ -243,14 +266,9 @@ def turning_at(start: About, rate: float | None) -> About:
         If nothing turns in the state, or there is no steady rotation next to it.
     """
     turning = start.turning
-    if turning is None and rate is not None:
-        bodies, equations = list(start.scene.bodies.values()), start.scene.system.equations
-        turning = Turning.held_by_joints(bodies, equations, start.motions.x)
     if turning is None:
-        joints = ", nor do the joints leave one axis" if rate is not None else ""
         raise ModesError(
-            f"nothing turns as a whole at the start{joints}: give bodies rates with initial, such as "
-            "angular_velocity, or tell with --spin-body which one"
+            "nothing turns as a whole at the start: give bodies rates with initial, such as angular_velocity"
         )
     return _settled(start, turning if rate is None else turning.at_rate(rate), "steady")
 

@@ -11,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray
-from hfsim.studies.modes.about import About, turning_at
+from hfsim.studies.modes.about import About, turning_about, turning_at
 from hfsim.studies.modes.found import Mode, Modes, matched, modes_of
 
 ORDERS = (1, 2, 3)
 """Excitations per revolution whose lines are drawn."""
+_SAME = 1e-6
+"""Difference of frequencies, relative, up to which they are one."""
 _ALIKE = 0.3
 """Modal assurance from which two shapes may be those of one mode."""
 _NEAR = 0.2
@@ -136,7 +138,7 @@ def campbell(
         If nothing turns, or at some rate no steady rotation is found.
     """
     founds: list[Modes] = []
-    state = start
+    start = state = turning_about(start)
     for k, rate in enumerate(rates):
         state = at_rate(state, start, rate)
         founds.append(modes_of(state, count + _SPARE))
@@ -182,11 +184,17 @@ def _unlike(found: Modes, before: Sequence[Mode], after: Sequence[Mode]) -> tupl
     both = one[:, None] + other
     size = both + one.mean() + np.finfo(float).tiny
     apart, through = np.abs(one[:, None] - other) / size, both / size
-    same, turned = matched(before, after, mass)
+    same, turned = (np.minimum(_one(one) @ way @ _one(other), 1.0) for way in matched(before, after, mass))
     # the other way round it has gone through zero
     plain, other_way = 1.0 - same + _NEAR * apart, 1.0 - turned + _NEAR * through
     way = (other_way < plain) & np.array([mode.kind == "vibration" for mode in after])
     return np.where(way, other_way, plain), way
+
+
+def _one(frequencies: Array) -> Array:
+    """Return which modes (n, n) are of one frequency: of these any mixture is a mode as well."""
+    apart = np.abs(frequencies[:, None] - frequencies)
+    return np.where(apart <= _SAME * np.maximum(frequencies[:, None], frequencies), 1.0, 0.0)
 
 
 # --- crossings --------------------------------------------------------------------------------------
@@ -229,7 +237,7 @@ def _located(every: Campbell, start: About, number: int, order: int, k: int) -> 
         return None
     power, rate, kept, frequency = 1 if turns else 2, ends[0][0], -1, 0.0
     for _ in range(_TRIES):
-        (low, first, near, own), (high, _, _, _) = ends
+        (low, first, near, own), (high, last, _, _) = ends
         a, b = values
         before, rate = rate, float(((low**power * b - high**power * a) / (b - a)) ** (1.0 / power))
         state = at_rate(near, start, rate)
@@ -238,8 +246,8 @@ def _located(every: Campbell, start: About, number: int, order: int, k: int) -> 
         modes = [one for one in every_one if one.kind != "decay" and abs(one.value) <= most]
         if not modes:
             break
-        unlike, turned = _unlike(Modes(state, tuple(modes), None, False), [first], modes)
-        j = int(np.argmin(unlike[0]))
+        unlike, turned = _unlike(Modes(state, tuple(modes), None, False), [first, last], modes)
+        j = int(np.argmin(unlike.sum(axis=0)))  # where one end is a mixture, the other tells
         mode, sense = modes[j], own * (-1 if turned[0, j] else 1)
         here, frequency = _beyond(mode, order, rate, sense), mode.frequency
         if abs(rate - before) <= _CLOSE * rate or not here or not mode.value:
