@@ -8,17 +8,16 @@ from typing import Self
 
 import numpy as np
 
-from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross, normal, turned
-from hfsim.mechanics.body import Acting, Place, VectorBody
+from hfsim.mechanics.body import Place
 from hfsim.mechanics.carried import Carried
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ConstantForce, ForcePart
-from hfsim.mechanics.markers import GroundMarker, LinearMarker, Marker
+from hfsim.mechanics.markers import GroundMarker, LinearMarker
 from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
 from hfsim.mechanics.pose import Pose, Twist
@@ -26,6 +25,7 @@ from hfsim.mechanics.section_markers import SectionMarker
 from hfsim.parts.bodies.root_axes import SectionFrameChart
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
+from hfsim.parts.bodies.vector_beam import VectorBeam
 from hfsim.parts.elements.cosserat import SectionDamping
 from hfsim.parts.elements.forces import StrainForce
 
@@ -34,7 +34,7 @@ OUTLINE = 200
 
 
 @dataclass(frozen=True, eq=False)
-class CosseratBeam(VectorBody):
+class CosseratBeam(VectorBeam):
     """A beam whose coordinates are positions and section vectors of its nodes.
 
     Attributes
@@ -111,32 +111,10 @@ class CosseratBeam(VectorBody):
         count = max(1, OUTLINE // self.mesh.count) * self.mesh.count
         return np.linspace(0.0, self.mesh.axis.length, count + 1)
 
-    def fibres(self, places: Array) -> Fibres | None:
-        """Return those of its sections."""
-        return self.mesh.at(places).fibres
-
-    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
-        """Return those of the balance, in the sections' own axes."""
-        from hfsim.parts.bodies.balance import balanced
-
-        return balanced(self, x, u, a, acting, places)
-
     @property
-    def length(self) -> float:
-        """Undeformed [m]."""
-        return self.mesh.length
-
-    def along(self, marker: Marker) -> float:
-        """Return how far from the root the section of one of its points is [m]."""
-        from hfsim.parts.bodies.balance import along_vectors
-
-        return along_vectors(self.mesh, marker)
-
-    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
-        """Return weight less inertia of its parts beyond places, and their moment about the root."""
-        from hfsim.parts.bodies.balance import carried_by_vectors
-
-        return carried_by_vectors(self, self.mesh, self.gravity, x, a, places)
+    def weighing(self) -> Array:
+        """Acceleration of gravity that acts on it [m/s^2]."""
+        return self.gravity
 
     def section_axes(self, x: Array, places: Array) -> Array:
         """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""

@@ -11,11 +11,10 @@ from typing import Self
 
 import numpy as np
 
-from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray, cumulative
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex
-from hfsim.mechanics.body import Acting, Place, VectorBody
+from hfsim.mechanics.body import Place
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.deformation import Deformation, size
 from hfsim.mechanics.force import ForcePart
@@ -26,10 +25,11 @@ from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.bodies.planar_frame import FrameChart, relative_nodes
 from hfsim.parts.bodies.planar_natural import BeamIncrements, NaturalBeams
+from hfsim.parts.bodies.vector_beam import VectorBeam
 
 
 @dataclass(frozen=True, eq=False)
-class NodalBeam(VectorBody):
+class NodalBeam(VectorBeam):
     """A beam in absolute nodal coordinates.
 
     Attributes
@@ -108,32 +108,10 @@ class NodalBeam(VectorBody):
         """Those of its mesh."""
         return self.mesh.outline_places
 
-    def fibres(self, places: Array) -> Fibres | None:
-        """Return those of its sections."""
-        return self.mesh.at(places).fibres
-
-    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
-        """Return those of the balance, in axes along the line."""
-        from hfsim.parts.bodies.balance import balanced
-
-        return balanced(self, x, u, a, acting, places)
-
     @property
-    def length(self) -> float:
-        """Undeformed [m]."""
-        return self.mesh.length
-
-    def along(self, marker: Marker) -> float:
-        """Return how far from the root the section of one of its points is [m]."""
-        from hfsim.parts.bodies.balance import along_vectors
-
-        return along_vectors(self.mesh, marker)
-
-    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
-        """Return weight less inertia of its parts beyond places, and their moment about the root."""
-        from hfsim.parts.bodies.balance import carried_by_vectors
-
-        return carried_by_vectors(self, self.mesh, self.beam.gravity, x, a, places)
+    def weighing(self) -> Array:
+        """Acceleration of gravity that acts on it [m/s^2]."""
+        return self.beam.gravity
 
     def line(self, x: Array, places: Array) -> Array:
         """Return points of its line, (n_batch, n_places, n_dim)."""

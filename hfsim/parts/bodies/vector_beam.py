@@ -1,0 +1,62 @@
+"""What flexible beams whose coordinates are vectors have in common, whatever their elements."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hfsim.deck.sections import Fibres
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.body import Acting, VectorBody
+from hfsim.mechanics.markers import Marker
+
+if TYPE_CHECKING:
+    from hfsim.parts.bodies.mesh import BeamMesh
+    from hfsim.parts.bodies.section_mesh import SectionMesh
+
+
+class VectorBeam(VectorBody):
+    """A beam of elements; its internal forces hold the balance of what lies beyond a section."""
+
+    if TYPE_CHECKING:
+
+        @property
+        def mesh(self) -> BeamMesh | SectionMesh:
+            """Its elements."""
+
+        def line(self, x: Array, places: Array) -> Array:
+            """Return points of its line, (n_batch, n_places, n_dim)."""
+
+        def section_axes(self, x: Array, places: Array) -> Array:
+            """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
+
+    @property
+    def weighing(self) -> Array:
+        """Acceleration of gravity that acts on it [m/s^2]."""
+        raise NotImplementedError
+
+    @property
+    def length(self) -> float:
+        """Undeformed [m]."""
+        return self.mesh.length
+
+    def fibres(self, places: Array) -> Fibres | None:
+        """Return those of its sections."""
+        return self.mesh.at(places).fibres
+
+    def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
+        """Return those of the balance, in axes along the line or of its sections."""
+        from hfsim.parts.bodies.balance import balanced
+
+        return balanced(self, x, u, a, acting, places)
+
+    def along(self, marker: Marker) -> float:
+        """Return how far from the root the section of one of its points is [m]."""
+        from hfsim.parts.bodies.balance import along_vectors
+
+        return along_vectors(self.mesh, marker)
+
+    def carried_beyond(self, x: Array, u: Array, a: Array, places: Array) -> tuple[Array, Array]:
+        """Return weight less inertia of its parts beyond places, and their moment about the root."""
+        from hfsim.parts.bodies.balance import carried_by_vectors
+
+        return carried_by_vectors(self, self.mesh, self.weighing, x, a, places)
