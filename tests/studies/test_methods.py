@@ -70,7 +70,8 @@ def test_another_method_is_taken_where_it_is_much_sooner():
     won = [probe for probe in found["probes"] if probe["outcome"] == "reached"]
     assert won and won[-1]["error"] <= 2e-4 and won[-1]["cpu_s"] * methods.MARGIN <= won[-1]["to_beat_s"]
     assert found["probing_cpu_s"] <= 1.1 * module.PROBING * found["cpu_s"]
-    other = (*FINE[1:], "bodies.b1.elements=16", "bodies.b1.degree=9", "solve.tolerance=1e-7", "solve.method=gauss")
+    finer = ("bodies.b1.elements=16", "bodies.b1.degree=9", "solve.tolerance=1e-7", "solve.method=gauss")
+    other = (*FINE[1:], *finer)
     truth = simulate(load_deck(CASES / "pendulum.yaml", other), error_estimate=False).channels
     errors = channel_errors(run.channels, truth)[1]
     assert max(errors["b1.tip.x"], errors["b1.tip.y"]) <= found["estimate"] <= 1e-3
