@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.output.report import findings, last_values
 from hfsim.output.talk import Talk, print_error
-from hfsim.output.text import number, wrapped
+from hfsim.output.text import number, plural, wrapped
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
@@ -37,11 +37,11 @@ def _headline(run: Run, summary: Mapping[str, Any]) -> str:
 
 def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     """Return the table of results that people read."""
-    how = "steps of relaxation" if summary["relaxed"] else "load steps"
+    steps, how = summary["steps"], "relaxation step" if summary["relaxed"] else "load step"
     facts = {
         "model": run.model,
         "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
-        "found by": f"{number(summary['steps'])} {how}, {number(summary['newton_iterations'])} iterations",
+        "found by": f"{plural(steps, how)}, {plural(summary['newton_iterations'], 'iteration')}",
         "slowest motion": _slowest(summary["smallest_eigenvalue"]),
         "critical": _critical(summary),
         "path": _path(summary),

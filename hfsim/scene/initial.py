@@ -15,7 +15,7 @@ from hfsim.deck.fields import (
     VelocityVector,
     degrees_as_radians,
 )
-from hfsim.deck.spec import Around, Complaint, ReadBy, Spec
+from hfsim.deck.spec import Around, Complaint, ReadBy, Spec, refusal, shown
 from hfsim.maths.arrays import Array
 
 _FAST = 1000.0
@@ -113,6 +113,8 @@ def _read_initial(value: object) -> Spec:
         return EquilibriumSpec.model_validate(value)
     if isinstance(value, dict) and "body" in value:
         return SteadySpec.model_validate(value)
+    if not isinstance(value, dict):
+        raise refusal(f"must be a map, or of {AT_REST} true or a list of bodies, not {shown(value)}")
     return InitialSpec.model_validate(value)
 
 

@@ -89,7 +89,7 @@ class Mode:
     @property
     def damping_ratio(self) -> float:
         """Of critical damping [-]: negative where it grows."""
-        return -self.value.real / abs(self.value) if self.value else 0.0
+        return -self.value.real / abs(self.value) if self.value.real else 0.0
 
     @property
     def growth(self) -> float:
