@@ -8,7 +8,7 @@ from cantilevers import at_rest, cantilever, displacement
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from hfsim.errors import SolverFailure
-from hfsim.mechanics.statics.problem import State
+from hfsim.mechanics.statics.problem import Problem, State, Tangent
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import build
 from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, why_not
@@ -133,6 +133,23 @@ solve: {{duration: 1.0}}
 """
     scene = build(parse_deck(text))
     assert scene.marker("b.tip").position(at_rest(scene))[0] == pytest.approx(tip[2:], abs=1e-7)
+
+
+def test_equations_are_solved_once_for_each_iteration(monkeypatch):
+    solved, solve = [], Tangent.solved
+    monkeypatch.setattr(Tangent, "solved", lambda *args: solved.append(0) or solve(*args))
+    found = search(beam(joint=CLAMP))
+    assert found.effort.iterations == len(solved) > 1
+
+
+def test_forces_and_stiffness_are_taken_once_where_a_step_is_tried_shorter(monkeypatch):
+    taken, missing = [], Problem._missing
+    monkeypatch.setattr(Problem, "_missing", lambda *args: taken.append(0) or missing(*args))
+    scene = beam(model="rigid", angle=0.5 * np.pi - 0.1)
+    found = search(scene)
+    assert found.relaxed and found.stable
+    # one at the start for the first step, and one in each state that is come to
+    assert len(taken) <= found.effort.steps + 2
 
 
 # --- mechanisms -----------------------------------------------------------------------------------

@@ -25,6 +25,9 @@ MOVE = 0.4
 SHORTEST = 1e-5
 """Step of the load, relative to all of it, below which the path has come to its end."""
 
+Correction = tuple[Array, Array]
+"""Changes of the free coordinates (1, n) and of the multipliers (1, n_rows)."""
+
 
 class NotFoundError(Exception):
     """A search that has found nothing: where it was, and how (1, n) it went on, if known."""
@@ -42,8 +45,18 @@ class Effort:
     steps: int = 0
 
 
-def balanced(problem: Problem, state: State, level: Level, effort: Effort, most: int = MOST) -> State:
+def _correction(problem: Problem, state: State, level: Level) -> Correction:
+    """Return the correction of a state and its multipliers towards a level."""
+    force, gap = problem.missing(state, level)
+    return problem.tangent(state, level.load).solved(force, -gap)
+
+
+def balanced(
+    problem: Problem, state: State, level: Level, effort: Effort, first: Correction | None = None
+) -> State:
     """Return the equilibrium near a state, by Newton's iteration with expected strains.
+
+    Its first correction can be handed over where it is known.
 
     Raises
     ------
@@ -51,14 +64,13 @@ def balanced(problem: Problem, state: State, level: Level, effort: Effort, most:
         If it does not converge.
     """
     before = np.inf
-    for _ in range(most):
+    for _ in range(MOST):
         effort.iterations += 1
-        force, gap = problem.missing(state, level)
         try:
-            dz, change = problem.tangent(state, level.load).solved(force, -gap)
+            dz, change = first or _correction(problem, state, level)
         except np.linalg.LinAlgError as error:
             raise NotFoundError("the tangent is singular", state) from error
-        size = problem.moved(dz)
+        first, size = None, problem.moved(dz)
         if not size < FAR:
             raise NotFoundError("the iteration diverges", state)
         expected = problem.expecting(state, dz)
@@ -67,16 +79,6 @@ def balanced(problem: Problem, state: State, level: Level, effort: Effort, most:
             return problem.at(state)
         before = size
     raise NotFoundError("the iteration does not converge", state)
-
-
-def _move(problem: Problem, state: State, level: Level) -> float:
-    """Return how large the first correction towards a level is; infinite where there is none."""
-    force, gap = problem.missing(state, level)
-    try:
-        dz, _ = problem.tangent(state, level.load).solved(force, -gap)
-    except np.linalg.LinAlgError:
-        return np.inf
-    return problem.moved(dz)
 
 
 def growing(share: float) -> Level:
@@ -95,13 +97,14 @@ def stepped(
     while share < 1.0 and step > SHORTEST:
         to = share + step if 1.0 - share - step > SHORTEST else 1.0
         level = levels(to)
-        move = _move(problem, state, level)
-        if move > MOVE:
-            step = (to - share) * (max(0.1, 0.9 * MOVE / move) if move < np.inf else 0.25)
-            continue
         try:
-            found = balanced(problem, state, level, effort)
-        except NotFoundError:
+            first = _correction(problem, state, level)
+            move = problem.moved(first[0])
+            if move > MOVE:
+                step = (to - share) * max(0.1, 0.9 * MOVE / move)
+                continue
+            found = balanced(problem, state, level, effort, first)
+        except (NotFoundError, np.linalg.LinAlgError):
             step = 0.25 * (to - share)
             continue
         if problem.moved(found.z - state.z) > 2.0 * MOVE:

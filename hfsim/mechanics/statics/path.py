@@ -94,7 +94,6 @@ class Path:
     def __post_init__(self) -> None:
         self.points: list[Point] = []
         self.crossings: list[Crossing] = []
-        self._metric = self.problem.system.reduction.reduced(self.problem.gauge.whole)
 
     def follow(self) -> str:
         """Follow the path from no load to the whole load; return why it ends before, if it does."""
@@ -132,7 +131,7 @@ class Path:
         return f"after {MOST} points it has not come to the whole load"
 
     def _product(self, a: Array, b: Array) -> float:
-        return float((a * np.asarray(b @ self._metric)).sum())
+        return float((a * np.asarray(b @ self.problem.metric)).sum())
 
     def _point(self, state: State, load: float, before: Point | None) -> Point:
         """Return a point with the direction of the path there, going on from the one before."""

@@ -225,8 +225,13 @@ class Problem:
         """Return the auxiliary forces (1, n) and gaps (1, n_rows) of a level."""
         if not level.rest:
             return np.zeros_like(self.start.z), np.zeros_like(self.start.multipliers)
-        force, gap = self._missing(self.start.z, self.start.multipliers, 0.0)
+        force, gap = self._held
         return level.rest * force, level.rest * gap
+
+    @cached_property
+    def _held(self) -> tuple[Array, Array]:
+        """What is missing at the start without the loads; angles are to be counted from there when asked."""
+        return self._missing(self.start.z, self.start.multipliers, 0.0)
 
     def missing(self, state: State, level: Level) -> tuple[Array, Array]:
         """Return forces (1, n) that are out of balance, and gaps (1, n_rows) of the joints."""
@@ -262,6 +267,10 @@ class Problem:
         """That of the gauge in free coordinates, (n, n)."""
         return self.system.reduction.reduced(self.gauge.whole)
 
+    def jacobian(self, state: State) -> Matrix:
+        """Return the derivative of the gaps by the free coordinates, (n_rows, n)."""
+        return self.system.equations.phi.jacobian_at(self.expand(state.z)) @ self.system.reduction.basis
+
     def _tangent(self, state: State, load: float) -> Tangent:
         if self.system.variable_mass:
             return self._by_differences(state, load)
@@ -283,8 +292,7 @@ class Problem:
             felt = [one.part.rate_tangent(self.t, x, u) for one in self.forces if one.part.uses_rates]
             whole = whole + load * (equations.constant_mass @ W @ W)
             whole = whole + load**0.5 * (assemble(felt, (system.n_x, system.n_x), sparse) @ W)
-        K = system.reduction.reduced(whole)
-        return Tangent(K, equations.phi.jacobian_at(x) @ system.reduction.basis)
+        return Tangent(system.reduction.reduced(whole), self.jacobian(state))
 
     def _by_differences(self, state: State, load: float) -> Tangent:
         z, n = state.z, state.z.shape[1]
@@ -293,8 +301,7 @@ class Problem:
         multipliers = np.repeat(state.multipliers, 2 * n, axis=0)
         force = self._missing(moved, multipliers, load)[0]
         K = ((force[n:] - force[:n]) / (2.0 * step[:, None])).T
-        jacobian = self.system.equations.phi.jacobian_at(self.expand(z)) @ self.system.reduction.basis
-        return Tangent(K, np.asarray(jacobian))
+        return Tangent(K, np.asarray(self.jacobian(state)))
 
     def expecting(self, state: State, dz: Array) -> list[Array | None]:
         """Return the strains of each force to which changes (1, n) of a state are to lead."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.statics.newton import ENOUGH, ROUGH, Effort, NotFoundError
 from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
@@ -39,9 +40,8 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
     metric = problem.metric
     level, way = Level(load), 0.0
     step, before, stiffest = _first(problem, state, level, metric), np.inf, 0.0
+    force, gap, K, J = _equations(problem, state, level)
     for _ in range(MOST):
-        force, gap = problem.missing(state, level)
-        K, J = problem.tangent(state, load)
         effort.iterations += 1
         stiffest = max(stiffest, float((np.abs(K.diagonal()) / metric.diagonal()).max(initial=0.0)))
         longest = LONG / stiffest if stiffest else np.inf
@@ -68,12 +68,18 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
             raise NotFoundError("it goes on and on", state, dz)
         step = min(longest, step * (2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)))
         before = size
+        force, gap, K, J = _equations(problem, state, level)
     raise NotFoundError("it does not come to rest", state, dz if before > SAME else None)
+
+
+def _equations(problem: Problem, state: State, level: Level) -> tuple[Array, Array, Matrix, Matrix]:
+    """Return what is missing in a state, and the derivatives; a step taken shorter needs no others."""
+    return *problem.missing(state, level), *problem.tangent(state, level.load)
 
 
 def _first(problem: Problem, state: State, level: Level, metric: Matrix) -> float:
     """Return the length of the first step."""
     force, _ = problem.missing(state, level)
-    J = problem.tangent(state, level.load).jacobian
+    J = problem.jacobian(state)
     push = problem.moved(Tangent(metric, J).solved(force, np.zeros((1, J.shape[0])))[0])
     return 0.1 * MOVE / push if push > 0.0 else 1.0
