@@ -3,7 +3,7 @@
 Names are looked up in the plain data and everything else in the entries that could be read.
 """
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from hfsim.deck.fields import split_point
@@ -28,8 +28,7 @@ def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Com
     entries : dict
         Of each top-level key what could be read.
     """
-    said = entries if "gravity" in data else {**entries, "gravity": ()}  # else its default is what is found
-    declared, (n_dim, where) = Declared(data), space_of(said)
+    declared, (n_dim, where) = Declared(data), space_said(data, entries)
     for check in (_names, _references, _connections, _initial_names, _rules):
         yield from check(declared)
     yield from ChannelNames(declared, n_dim).complaints()
@@ -39,6 +38,11 @@ def complaints_of(data: dict[str, Any], entries: dict[str, Any]) -> Iterator[Com
     around = _around(entries, n_dim, why)
     for path, entry in specs_in(entries):
         yield from (one.inside(*path) for one in entry.complaints_in(around))
+
+
+def space_said(data: Mapping[str, Any], entries: Mapping[str, Any]) -> tuple[int, Path]:
+    """Return how many dimensions a deck has, and what says so; the default of gravity says nothing."""
+    return space_of(entries if "gravity" in data else {**entries, "gravity": ()})
 
 
 def _space_said_by(data: dict[str, Any], path: Path) -> str:

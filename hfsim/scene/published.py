@@ -9,12 +9,9 @@ from pydantic import Field
 
 from hfsim.deck.fields import EmptyAllowed, PositiveTime, measures, read_text
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
-from hfsim.deck.reader import Path
 from hfsim.deck.source import why_unset
-from hfsim.deck.spec import Complaint, ReadBy, Spec, entry_of, refusal, shown
-from hfsim.scene.channel_names import ChannelNames
-from hfsim.scene.declared import Declared
-from hfsim.scene.schema import space_of
+from hfsim.deck.spec import Complaint, ReadBy, Spec, entry_of
+from hfsim.scene.quantities import QuantityChecks, quantity_of
 
 _Text = Annotated[str, ReadBy(read_text, type="string")]
 _Bound = Annotated[float, measures(above=0)]
@@ -22,20 +19,10 @@ _Grade = Literal["A", "B", "C", "D", "E"]
 _State = Literal["start", "equilibrium", "steady"]
 
 
-def _read_quantity(value: object) -> Quantity:
-    if isinstance(value, Quantity):
-        return value
-    text = read_text(value)
-    try:
-        return read_quantity(text)
-    except QuantityError as error:
-        raise refusal(f"{shown(text)}: {error}", error.hint) from None
-
-
 class RowSpec(Spec):
     """One published value."""
 
-    quantity: Annotated[Quantity, ReadBy(_read_quantity, type="string")]
+    quantity: Annotated[Quantity, ReadBy(quantity_of, type="string")]
     """What is published: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency(NUMBER) [Hz],
     damping(NUMBER), critical(NUMBER)."""
 
@@ -145,8 +132,7 @@ def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iter
     entries : mapping
         Of each top-level key what could be read.
     """
-    said = entries if "gravity" in data else {**entries, "gravity": ()}
-    names = ChannelNames(Declared(data), space_of(said)[0])
+    checks = QuantityChecks(data, entries)
     for number, row in _rows_in(data):
         at = ("verify", "rows", number)
         changed = row["set"] if isinstance(row.get("set"), dict) else {}
@@ -156,16 +142,10 @@ def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iter
         text = row.get("quantity")
         with suppress(QuantityError):
             quantity = read_quantity(text if isinstance(text, str) else "")
-            if quantity.channel and not any(path.startswith(_WHAT_THERE_IS) for path in changed):
-                yield from names.channel_complaint((*at, "quantity"), quantity.channel)
+            if not any(path.startswith(_WHAT_THERE_IS) for path in changed):
+                yield from checks.unknown((*at, "quantity"), quantity)
             if not changed and row.get("study", "run") == "run":
-                yield from _too_late((*at, "quantity"), quantity, entries["solve"])
-
-
-def _too_late(path: Path, quantity: Quantity, solve: Any) -> Iterator[Complaint]:
-    if solve is not None and quantity.time is not None and quantity.time > solve.duration:
-        why = f"{quantity.time:g} s is after the end of the run, {solve.duration:g} s"
-        yield Complaint(path, why)
+                yield from checks.too_late((*at, "quantity"), quantity)
 
 
 _WHAT_THERE_IS = ("bodies", "joints", "sections", "gravity")

@@ -12,9 +12,7 @@ from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.ranges import RangeError, read_values, written
 from hfsim.deck.source import why_unset
 from hfsim.deck.spec import Complaint, ReadBy, Spec, refusal, shown
-from hfsim.scene.channel_names import ChannelNames
-from hfsim.scene.declared import Declared
-from hfsim.scene.schema import space_of
+from hfsim.scene.quantities import QuantityChecks, quantity_of
 
 _Text = Annotated[str, ReadBy(read_text, type="string")]
 
@@ -41,13 +39,9 @@ def _one(value: object) -> str:
 
 
 def _read_collected(value: object) -> Quantity:
-    text = read_text(value)
-    try:
-        quantity = read_quantity(text)
-    except QuantityError as error:
-        raise refusal(f"{shown(text)}: {error}", error.hint) from None
-    if not {"run", "modes"} & set(quantity.studies):
-        raise refusal(f"{shown(text)}: a run has no {quantity.kind}")
+    quantity = quantity_of(value)
+    if not quantity.of_runs:
+        raise refusal(f"{shown(value)}: a run has no {quantity.kind}")
     return quantity
 
 
@@ -102,12 +96,9 @@ def complaints_of_sweep(data: dict[str, Any], entries: Mapping[str, Any]) -> Ite
     for path in vary if isinstance(vary, dict) else ():
         if why := why_unset(data, str(path)):
             yield Complaint(("sweep", "vary", path), why[0], "".join(why[1:]), True)
-    said = entries if "gravity" in data else {**entries, "gravity": ()}
-    names, solve = ChannelNames(Declared(data), space_of(said)[0]), entries["solve"]
+    checks = QuantityChecks(data, entries)
     for number, text in enumerate(collect if isinstance(collect, list) else ()):
         with suppress(QuantityError):
             quantity, at = read_quantity(str(text)), ("sweep", "collect", number)
-            if quantity.channel:
-                yield from names.channel_complaint(at, quantity.channel)
-            if solve is not None and quantity.time is not None and quantity.time > solve.duration:
-                yield Complaint(at, f"{quantity.time:g} s is after the end of the run, {solve.duration:g} s")
+            yield from checks.unknown(at, quantity)
+            yield from checks.too_late(at, quantity)

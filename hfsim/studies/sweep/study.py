@@ -59,7 +59,7 @@ def read_collected(texts: Sequence[str], loaded: LoadedDeck) -> tuple[Quantity, 
         except QuantityError as error:
             hint = f" ({error.hint})" if error.hint else ""
             raise SweepError(f"--collect {text}: {error}{hint}") from None
-        if not {"run", "modes"} & set(found[-1].studies):
+        if not found[-1].of_runs:
             raise SweepError(f"--collect {text}: a run has no {found[-1].kind}")
         if (found[-1].time or 0.0) > loaded.deck.solve.duration:
             raise SweepError(f"--collect {text}: the run ends at {loaded.deck.solve.duration:g} s")
