@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path as FilePath
@@ -192,44 +192,11 @@ def parse_source(text: str | bytes, file: str = "deck") -> DeckSource:
     return DeckSource(file, text, reader.data, (), reader.problems, reader.keys, reader.values)
 
 
-def override(source: DeckSource, overrides: Sequence[str]) -> None:
-    """Set entries of a deck; what cannot be set is among its problems.
-
-    Parameters
-    ----------
-    source : DeckSource
-    overrides : sequence of str
-        ``KEY=VALUE`` each, KEY dotted, VALUE in YAML.
-    """
-    source.overrides += tuple(overrides)
-    wrong = [_set_entry(source, one) for one in overrides]
-    source.problems.extend(one for one in wrong if one is not None)
-
-
 def _child(data: Any, step: str | int) -> Any:
     if isinstance(data, dict):
         return data.get(step)
     if isinstance(data, list) and isinstance(step, int) and step < len(data):
         return data[step]
-    return None
-
-
-def _set_entry(source: DeckSource, override: str) -> OverrideProblem | None:
-    """Set one entry of the data; return why it cannot be set."""
-    name, equals, value = override.partition("=")
-    name = name.strip()
-    if not equals or not name:
-        return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE")
-    reader = parse(value)
-    wrong = [reader] if isinstance(reader, DeckProblem) else reader.problems
-    if isinstance(reader, DeckProblem) or wrong:
-        return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint)
-    if why := why_unset(source.data, name):
-        return OverrideProblem(name, why[0], why[1])
-    path = source.path_of(name)
-    parent = entry_at(source.data, path[:-1])
-    parent[path[-1]] = reader.data
-    source.overridden.add(path)
     return None
 
 
@@ -243,31 +210,8 @@ def path_in(data: Any, name: str) -> Path:
     return path
 
 
-def why_unset(data: Any, name: str) -> tuple[str, str] | None:
-    """Return why nothing can be set at a dotted name in plain data and what would be; None if it can."""
-    path = path_in(data, name)
-    for depth in range(1, len(path)):
-        if not _child_exists(data, path[:depth]):
-            known = entry_at(data, path[: depth - 1])
-            hint = did_you_mean(str(path[depth - 1]), known if isinstance(known, dict) else ())
-            return f"there is no {dotted(path[:depth])} in the deck", hint
-    parent = entry_at(data, path[:-1])
-    if isinstance(parent, list) and not _child_exists(data, path):
-        return f"{dotted(path[:-1])} has {len(parent)} entries, counted from 0", ""
-    if not isinstance(parent, dict | list):
-        return f"{dotted(path[:-1])} is a value and has no entries", ""
-    return None
-
-
 def entry_at(data: Any, path: Path) -> Any:
     """Return what stands at a path of plain data, None where there is nothing."""
     for step in path:
         data = _child(data, step)
     return data
-
-
-def _child_exists(data: Any, path: Path) -> bool:
-    parent = entry_at(data, path[:-1])
-    if isinstance(parent, dict):
-        return path[-1] in parent
-    return isinstance(parent, list) and isinstance(path[-1], int) and path[-1] < len(parent)

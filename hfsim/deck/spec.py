@@ -233,13 +233,12 @@ class OneOf:
         others: Sequence[Mapping[str, str]] = (),
     ) -> None:
         self.key, self.kinds, self.otherwise, self.told_by = key, kinds, otherwise, told_by or {}
-        self.others = others
+        entries = (*self.kinds.values(), *self.told_by.values(), self.otherwise)
+        self.shape = {"entries": [one for one in entries if one], "others": others}
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         """Tell pydantic how the field is validated."""
-        kinds = (*self.kinds.values(), *self.told_by.values(), self.otherwise)
-        shape = {"entries": [kind for kind in kinds if kind], "others": self.others}
-        return no_info_plain_validator_function(self._read, metadata={"shape": shape})
+        return no_info_plain_validator_function(self._read, metadata={"shape": self.shape})
 
     def _read(self, value: Any) -> Spec:
         if isinstance(value, Spec):

@@ -16,7 +16,8 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from hfsim.deck.source import DeckSource, override, parse_source, read_source
+from hfsim.deck.overrides import override
+from hfsim.deck.source import DeckSource, parse_source, read_source
 from hfsim.deck.spec import Complaint, explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS, BeamSpec
@@ -161,7 +162,7 @@ def _worked_out(source: DeckSource, overrides: Sequence[str]) -> DeckSource:
         from hfsim.deck.including import include
 
         include(source, Folder(source.file))
-    override(source, overrides)
+    override(source, overrides, Deck)
     if source.is_overridden(("include",)):
         source.problems.append(source.problem(("include",), "cannot be set", "state it in the deck"))
     said = {"expressions"} if "parameters" in source.data else set()

@@ -8,10 +8,11 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from hfsim.deck.fields import EmptyAllowed, PositiveTime, measures, read_text
+from hfsim.deck.overrides import why_unset
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
-from hfsim.deck.source import why_unset
 from hfsim.deck.spec import Complaint, ReadBy, Spec, entry_of
 from hfsim.scene.quantities import QuantityChecks, quantity_of
+from hfsim.scene.schema import Deck
 
 _Text = Annotated[str, ReadBy(read_text, type="string")]
 _Bound = Annotated[float, measures(above=0)]
@@ -137,7 +138,7 @@ def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iter
         at = ("verify", "rows", number)
         changed = row["set"] if isinstance(row.get("set"), dict) else {}
         for path in changed:
-            if why := why_unset(data, path):
+            if why := why_unset(data, path, Deck):
                 yield Complaint((*at, "set", path), why[0], why[1], True)
         text = row.get("quantity")
         with suppress(QuantityError):

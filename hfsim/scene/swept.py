@@ -8,11 +8,12 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from hfsim.deck.fields import EmptyAllowed, read_text, whole
+from hfsim.deck.overrides import why_unset
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.ranges import RangeError, read_values, written
-from hfsim.deck.source import why_unset
 from hfsim.deck.spec import Complaint, ReadBy, Spec, refusal, shown
 from hfsim.scene.quantities import QuantityChecks, quantity_of
+from hfsim.scene.schema import Deck
 
 _Text = Annotated[str, ReadBy(read_text, type="string")]
 
@@ -94,7 +95,7 @@ def complaints_of_sweep(data: dict[str, Any], entries: Mapping[str, Any]) -> Ite
     sweep = data["sweep"] if isinstance(data["sweep"], dict) else {}
     vary, collect = sweep.get("vary"), sweep.get("collect")
     for path in vary if isinstance(vary, dict) else ():
-        if why := why_unset(data, str(path)):
+        if why := why_unset(data, str(path), Deck):
             yield Complaint(("sweep", "vary", path), why[0], "".join(why[1:]), True)
     checks = QuantityChecks(data, entries)
     for number, text in enumerate(collect if isinstance(collect, list) else ()):

@@ -368,13 +368,22 @@ def test_overrides_reach_the_deck():
     assert loaded.line_of("bodies.arm.section") == 5
 
 
+@pytest.mark.parametrize("text", [SMALL, SMALL + "initial:\noutput:\n"])
+def test_overrides_add_maps_that_the_deck_leaves_out(text):
+    overrides = ["initial.arm.angle=0.5", "initial.equilibrium=true", "output.shapes=true"]
+    deck = parse_deck(text, "small.yaml", [*overrides, "joints.pin.friction.torque=2 N m"]).deck
+    assert deck.motions["arm"].angle == 0.5 and deck.resting == ("arm",)
+    assert deck.output.shapes and deck.joints["pin"].friction.torque == 2.0
+
+
 @pytest.mark.parametrize(
     ("override", "path"),
     [
         ("bodies.arm.elements=0", "bodies.arm.elements"),
         ("bodies.arm.elments=8", "bodies.arm.elments"),
         ("bodies.leg.elements=8", "bodies.leg.elements"),
-        ("initial.arm.angle=8", "initial.arm.angle"),
+        ("initial.leg.angle=8", "initial.leg"),
+        ("springs.coil.stiffness=8", "springs.coil.stiffness"),
         ("bodies.arm.length.x=8", "bodies.arm.length.x"),
         ("joints.pin.between.2=arm", "joints.pin.between.2"),
         ("joints.pin.between.1=leg", "joints.pin.between.1"),

@@ -7,14 +7,15 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
+from hfsim.deck.overrides import why_unset
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.ranges import Value, written
-from hfsim.deck.source import why_unset
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.integrators import import_for
 from hfsim.marching.solution import Run
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import Deck
 from hfsim.studies.collect import channels_of
 from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.sweep.plan import Plan, SweepError
@@ -132,7 +133,7 @@ def refuse_paths(loaded: LoadedDeck, paths: Iterable[str]) -> None:
     DeckError
     """
     for path in paths:
-        if why := why_unset(loaded.source.data, path):
+        if why := why_unset(loaded.source.data, path, Deck):
             raise _refused(loaded, path, *why)
 
 

@@ -1,0 +1,108 @@
+"""Entries of a deck that are set from outside: by ``--set``, by rows of studies and by sweeps."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from types import UnionType
+from typing import Annotated, Any, Union, get_args, get_origin
+
+from hfsim.deck.reader import Path, dotted, parse
+from hfsim.deck.source import DeckSource, OverrideProblem, did_you_mean, entry_at, path_in
+from hfsim.deck.spec import OneOf, ReadBy, Spec, at
+from hfsim.errors import DeckProblem
+
+
+def override(source: DeckSource, overrides: Sequence[str], spec: type[Spec]) -> None:
+    """Set entries of a deck; what cannot be set is among its problems.
+
+    Parameters
+    ----------
+    source : DeckSource
+    overrides : sequence of str
+        ``KEY=VALUE`` each, KEY dotted, VALUE in YAML.
+    spec : type
+        The class of whole decks.
+    """
+    source.overrides += tuple(overrides)
+    wrong = [_set_entry(source, one, spec) for one in overrides]
+    source.problems.extend(one for one in wrong if one is not None)
+
+
+def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideProblem | None:
+    """Set one entry of the data; return why it cannot be set."""
+    name, equals, value = override.partition("=")
+    name = name.strip()
+    if not equals or not name:
+        return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE")
+    reader = parse(value)
+    wrong = [reader] if isinstance(reader, DeckProblem) else reader.problems
+    if isinstance(reader, DeckProblem) or wrong:
+        return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint)
+    if why := why_unset(source.data, name, spec):
+        return OverrideProblem(name, why[0], why[1])
+    path = source.path_of(name)
+    parent: Any = source.data
+    for depth, step in enumerate(path[:-1], 1):
+        if entry_at(source.data, path[:depth]) is None:
+            parent[step] = {}
+            source.overridden.add(path[:depth])
+        parent = parent[step]
+    parent[path[-1]] = reader.data
+    source.overridden.add(path)
+    return None
+
+
+def why_unset(data: Any, name: str, spec: type[Spec]) -> tuple[str, str] | None:
+    """Return why nothing can be set at a dotted name in plain data and what would be; None if it can.
+
+    Maps that may be left out need not be there.
+    """
+    path = path_in(data, name)
+    for depth in range(1, len(path)):
+        if entry_at(data, path[:depth]) is None and not is_optional_map(spec, path[:depth]):
+            known = entry_at(data, path[: depth - 1])
+            hint = did_you_mean(str(path[depth - 1]), known if isinstance(known, dict) else ())
+            return f"there is no {dotted(path[:depth])} in the deck", hint
+    parent = entry_at(data, path[:-1])
+    if isinstance(parent, list) and not (isinstance(path[-1], int) and path[-1] < len(parent)):
+        return f"{dotted(path[:-1])} has {len(parent)} entries, counted from 0", ""
+    if not isinstance(parent, dict | list | None):
+        return f"{dotted(path[:-1])} is a value and has no entries", ""
+    return None
+
+
+def is_optional_map(spec: type[Spec], path: Path) -> bool:
+    """Tell whether decks may leave out the entry at a path, and it is a map where they do not.
+
+    An entry under a name of its own is one if nothing in it must be stated.
+    """
+    kinds: list[Any] = [spec]
+    for step in path:
+        inner, named = list[Any](), False
+        for kind in kinds:
+            if get_origin(kind) is dict:
+                named = True
+                inner += _maps_of(get_args(kind)[1])
+                continue
+            info = dict(zip(kind.keys(), kind.model_fields.values(), strict=True)).get(step)
+            if info is not None and not info.exclude:  # parameters that nothing uses, what studies make of it
+                inner += _maps_of(Annotated[info.annotation, None, *info.metadata])
+        kinds = inner
+    must = (any(info.is_required() for info in kind.model_fields.values()) for kind in kinds if named)
+    return bool(kinds) and not (named and all(must))
+
+
+def _maps_of(kind: Any) -> Iterator[Any]:
+    """Yield the classes of entries, and the maps of names, that a field may have."""
+    origin, parts = get_origin(kind), get_args(kind)
+    if origin is Annotated:
+        read = [one for one in parts[1:] if isinstance(one, ReadBy | OneOf)]
+        entries = read[0].shape.get("entries", ()) if read else ()
+        yield from (at(one) if isinstance(one, str) else one for one in entries)
+        if not read:
+            yield from _maps_of(parts[0])
+    elif origin in (Union, UnionType):
+        for one in parts:
+            yield from _maps_of(one)
+    elif origin is dict or (isinstance(kind, type) and issubclass(kind, Spec)):
+        yield kind
