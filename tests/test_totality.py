@@ -24,6 +24,7 @@ from hfsim.errors import SolverFailure
 from hfsim.integrators import METHODS, Attempt, Integrator, Stability, Stepper
 from hfsim.marching.integration import run_integration
 from hfsim.marching.stop import Budget
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.constraints import Shift
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker, joint_support
@@ -258,7 +259,7 @@ class CubicSpec(SpringSpec):
         return CubicSpring(first, second, self.stiffness)
 
 
-@dataclass(frozen=True)
+@frozen
 class CubicSpring(ForcePart):
     """k d^3 along the line between two points."""
 

@@ -6,7 +6,6 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +22,7 @@ from hfsim.commands.options import (
     talk_options,
     time_option,
 )
+from hfsim.maths.frozen import frozen
 from hfsim.output.talk import Destination, Talk
 from hfsim.output.text import for_a_file, plural
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
 
 
-@dataclass(frozen=True)
+@frozen
 class Job:
     """One deck and the folder its results go to."""
 
@@ -43,7 +43,7 @@ class Job:
     checkpoint: Checkpoint | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class Settings:
     """How all jobs of one call are done."""
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
@@ -17,6 +16,7 @@ from hfsim.deck.materials import BeamProperties, MaterialSpec, SectionProperties
 from hfsim.deck.section_shapes import CircleSection
 from hfsim.deck.spec import Complaint, Spec
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 
 _SIDE = 1e-6
 """How far towards the middle of an element its ends are seen, of the way there: so steps have sides."""
@@ -52,7 +52,7 @@ class Station(NamedTuple):
 P = TypeVar("P", BeamProperties, SectionProperties)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Varied(Generic[P]):
     """Properties along a beam: between stations linear in dimensions, or in the properties themselves.
 

@@ -7,7 +7,6 @@ else must be known of a method stands in its `Integrator`, and that in `hfsim.in
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -15,6 +14,7 @@ import numpy as np
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._problem import Problem
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 
 
 class Options(Protocol):
@@ -141,7 +141,7 @@ class Stability(NamedTuple):
     growth: Callable[[Array, int | None], Array] | None = None
 
 
-@dataclass(frozen=True)
+@frozen
 class Integrator:
     """A method and all that is known of it beside its steps.
 

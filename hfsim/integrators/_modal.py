@@ -12,6 +12,7 @@ from hfsim.integrators._derivative import ByStep, Correction, Derivative, Stages
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.linearized import Linearized
 
 DRIVEN = 1e-6
@@ -20,7 +21,7 @@ SLOW = 1e-2
 """Angle that a mode swings in a step below which its answer to forces is a power of time."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Joints:
     """What joints forbid, in the coordinates of a derivative.
 

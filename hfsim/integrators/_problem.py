@@ -11,6 +11,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.linearized import Linearized, by_differences
@@ -68,7 +69,7 @@ class Increments(Protocol):
         """
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class PlainIncrements:
     """The state coordinates themselves."""
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from hfsim.integrators._poles import legendre_modes
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import frozen
 
 
 def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:
@@ -48,7 +48,7 @@ def _legendre_values(x: Array, count: int) -> Array:
     return P
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Collocation:
     """A collocation method for q'' = a(t, q, q').
 

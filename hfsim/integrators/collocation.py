@@ -16,7 +16,6 @@ large steps.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pkgutil import resolve_name
 from typing import Any, ClassVar, NamedTuple
@@ -29,6 +28,7 @@ from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._tableau import Collocation, gauss, radau
 from hfsim.integrators.derivative import derivative, taken_again
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 
 STAGEWISE = "hfsim.integrators._stagewise.StagewiseStepper"
 """What makes the steps where slopes pay: imported, only then, from what it is built on."""
@@ -72,7 +72,7 @@ class Damping(NamedTuple):
     table: Callable[[], Collocation]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class CollocationMethod:
     """A collocation method whose steps follow the decay of the Legendre series of the positions.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -14,6 +13,7 @@ from hfsim.marching.sampling import SceneSamples, compute_channels
 from hfsim.marching.solution import Channel
 from hfsim.marching.turns import count_turns
 from hfsim.maths.arrays import Array, distinct
+from hfsim.maths.frozen import frozen
 
 ENOUGH = 1200
 """Times that make a smooth curve where there are few steps; of many steps, all ends are shown."""
@@ -30,7 +30,7 @@ AT_ONCE, IN_CACHE = (64, 512), 1e6
 fetched from memory over and over."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Between:
     """The rows of a run with others between them.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from hfsim.integrators import Trajectory
 from hfsim.marching.solution import Channel, Snapshot
 from hfsim.marching.turns import count_turns
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.parts.channels import Samples, force_columns, kind_of
 from hfsim.scene.build import Scene
 
@@ -19,7 +20,7 @@ SLIVER = 1e-9
 """Part of an interval that is no row of its own at the end of a run."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SceneSamples(Samples):
     """Samples of a whole scene, its deck included."""
 

@@ -6,12 +6,13 @@ at a shift, of which motions that the constraints forbid have the eigenvalue zer
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.inertia import count_below
 from hfsim.maths.pencils import EPS, Pencil
 
@@ -35,7 +36,7 @@ _SLIGHT = 1e-4
 """Real part, over the size of an eigenvalue, below which it is asked whether it is rounding."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Eigenpairs:
     """Eigenvalues with their vectors, from slow to fast.
 

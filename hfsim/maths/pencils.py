@@ -7,12 +7,12 @@ mixed with what is not.  What is inverted is K + s V + s^2 M at a shift s: dense
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense
 
 EPS = float(np.finfo(float).eps)
@@ -25,7 +25,7 @@ _SAME = 1e-11
 Solve = Callable[[Array], Array]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Pencil:
     """The matrices.
 

@@ -11,13 +11,13 @@ motions are taken apart into turns, which fulfil the rows, and what closes gaps 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense
 from hfsim.maths.rotations import cross
 from hfsim.mechanics.orthonormal import PAIRS, Orthonormal
@@ -99,7 +99,7 @@ class AxesAt(NamedTuple):
         return a - self.moved.swapaxes(-1, -2) @ multipliers, multipliers
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class AxesRows:
     """Equations of all nodes with equally many axes, all with ballast or all without.
 

@@ -7,13 +7,13 @@ its forces and its markers are written.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import lever
 from hfsim.mechanics.chart import Chart
@@ -55,7 +55,7 @@ def places(points: Mapping[str, Sequence[float]]) -> dict[str, Place]:
     return {name: tuple(point) for name, point in points.items()}
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Body:
     """A body of an assembled scene.
 

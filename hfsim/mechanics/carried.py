@@ -7,13 +7,13 @@ states there, however far the bodies have turned; the mass matrix of vectors is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, Places, run_of
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import cross, normal
 from hfsim.mechanics.reduction import Reduction
 
@@ -33,7 +33,7 @@ class Carried(NamedTuple):
     axes: IntArray
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class CarriedIncrements:
     """Increments of the state, those of some vectors as their frames see them.
 

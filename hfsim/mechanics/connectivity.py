@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, component_rows
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Connectivity:
     """How the difference vectors of elements follow from the coordinates of a scene.
 

@@ -9,13 +9,14 @@ that does not come from the accelerations; the rest is common.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, Places, run_of
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.force import difference
@@ -92,7 +93,7 @@ def constraints_of(
     return tuple(replace(row, item=item) for one in held for row in one.between(first, second))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Constraint:
     """Rows of Phi that tie a second marker to a first.
 
@@ -251,7 +252,7 @@ class _Quantity(NamedTuple):
     stiffness: Callable[[Array, Array], Entries]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Coincide(_Difference):
     """Both points stay in the same place."""
 
@@ -282,7 +283,7 @@ class Coincide(_Difference):
         return -multipliers, np.zeros((len(x), self.first.n_spin))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class RelativeAngle(_Difference):
     """The second frame is turned against the first by an offset plus a law of time, in the plane."""
 
@@ -306,7 +307,7 @@ class RelativeAngle(_Difference):
         return np.zeros((len(x), self.first.n_dim)), -multipliers
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Along(Constraint):
     """The distance along a direction fixed to the first body, a unit vector in its frame."""
 

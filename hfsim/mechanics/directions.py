@@ -6,13 +6,13 @@ only axis: what would need another one is not held.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import across, cross, lever, smallest_rotation
 from hfsim.mechanics.constraints import Constraint
@@ -217,7 +217,7 @@ class OfAxes(Constraint):
     why_kept: ClassVar[str] = "its axes turn with the bodies"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Perpendicular(OfAxes):
     """Axes of two bodies are at right angles: their product is zero."""
 
@@ -289,7 +289,7 @@ class Perpendicular(OfAxes):
         return np.zeros((len(x), 3)), multipliers * lever(a, b)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Tangential(OfAxes):
     """The tangents of two lines have one direction: that of the second has no parts across that of the first.
 

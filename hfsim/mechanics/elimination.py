@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, assemble
 from hfsim.maths.rotations import rotate
 from hfsim.mechanics.body import Body
@@ -32,7 +33,7 @@ GROUND = None
 """Owner of the points of the ground."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class FreeCoordinates:
     """What is left when joints have been eliminated.
 

@@ -9,7 +9,6 @@ the matrix depends on the state and joints depend on many coordinates.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, SaddlePoints, dense, factorised, is_sparse, saddle_point
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.joint_rows import JointRows
@@ -61,7 +61,7 @@ class VariableMass(Protocol):
         """Return why no step leads on, where the smallest inertia is too far below that when straight."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Equations:
     """Mass and constraints of a scene, with a choice of free coordinates.
 

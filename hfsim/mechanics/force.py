@@ -9,7 +9,7 @@ asked.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, Self
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.turns import TurnCount
@@ -47,7 +48,7 @@ def difference(values: Callable[[Array], Array], at: Array, columns: IntArray) -
     return Entries.of_block(columns, columns, ((found[:-1] - found[-1]) / step[:, None]).T)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class ForcePart:
     """A source of generalised force together with the energy it stores and the power it puts in.
 
@@ -220,7 +221,7 @@ class ForcePart:
         return np.zeros(len(x))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class ConstantForce(ForcePart):
     """Weight of bodies whose mass matrix is constant: one vector for all states (eq. 31).
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import cross
 from hfsim.mechanics.force import difference
@@ -31,7 +32,7 @@ class _Gradients(NamedTuple):
     beside: Array
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class GradientMarker(VectorMarker):
     """A material point of a fully parameterised beam; ``axis_rows`` are those of two gradient vectors there.
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray, IntArray, Places, run_of
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.chart import AlikeBodies
 from hfsim.mechanics.reduction import Reduction
@@ -46,7 +46,7 @@ class BodyIncrements(AlikeBodies):
         raise NotImplementedError
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Tie:
     """A beam or mass point whose place follows from a body nearer to the ground.
 
@@ -101,7 +101,7 @@ class Tie:
         return None
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Mount(Tie):
     """A beam on a point of a rigid body, hinged or fixed to it.
 
@@ -170,7 +170,7 @@ class Mount(Tie):
             f[:, self.rigid[2]] += f[:, self.slope]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class NaturalIncrements:
     """Natural increments of a whole state; coordinates outside the beams stay as they are.
 

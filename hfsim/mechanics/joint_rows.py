@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries, Matrix, assemble, is_sparse
 from hfsim.mechanics.constraints import Constraint, End
 from hfsim.mechanics.markers import joint_support
 from hfsim.mechanics.products import Products
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class JointRows:
     """Constraints of a scene.
 

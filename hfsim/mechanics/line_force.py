@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.shapes import gauss_legendre, shares_beyond
 from hfsim.mechanics.markers import LinearMarker, Marker, joint_support
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LineForce(Load):
     """Forces at places of one body, fixed in direction or turning with it; their work is power put in.
 

@@ -8,19 +8,19 @@ elsewhere it comes from differences (`by_differences`).  What follows from eithe
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_point
 
 _STEP = 1e-7
 """Step of differences, relative for values above 1: half the digits remain."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Linearized:
     """M y'' + D y' + K y + Phi^T lambda = 0 with Phi y = 0, for small changes y of a state.
 

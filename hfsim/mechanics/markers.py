@@ -8,13 +8,14 @@ appear in its Jacobians.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray, distinct
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import rotate, spun, turning
 from hfsim.mechanics.pose import Pose
@@ -171,7 +172,7 @@ def joint_support(*markers: Marker) -> IntArray:
     return distinct(np.concatenate([np.zeros(0, dtype=np.intp), *(marker.support for marker in markers)]))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class GroundMarker(Marker):
     """A point of the ground, or of a body welded to it; it never moves."""
 
@@ -230,7 +231,7 @@ class GroundMarker(Marker):
         return np.zeros((1, self.n_spin, 0))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LinearMarker(Marker):
     """A material point of a body whose coordinates are absolute vectors, positions and directions.
 

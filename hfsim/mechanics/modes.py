@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense
 from hfsim.mechanics.linearized import Linearized, rows_of
 from hfsim.mechanics.small_motions import small_motions
@@ -20,7 +20,7 @@ _SLOWEST = 6
 _EPS = float(np.finfo(float).eps)
 
 
-@dataclass(frozen=True)
+@frozen
 class Modes:
     """A system near one state: y'' = A y + B y' in independent coordinates y.
 
@@ -60,7 +60,7 @@ class Modes:
         return _root(w2[k]), _scaled(self.basis @ modes[:, k].real)
 
 
-@dataclass(frozen=True)
+@frozen
 class LargeModes:
     """A large system near one state, with sparse matrices; damping is left out.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, distinct
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, dense
 from hfsim.mechanics.axes_rows import AxesAt, AxesRows
 from hfsim.mechanics.constraints import Constraint
@@ -38,7 +38,7 @@ class _Answers(NamedTuple):
     by_nodes: list[Array]
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class NodeSolution:
     """Accelerations and multipliers where axes of nodes are kept orthonormal.
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.products import LinearVector, Product
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Orthonormal(Constraint):
     """The axes among the second marker's columns, which follow a position, are orthonormal."""
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.markers import ROUNDING, LinearMarker, Marker
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class NodalMarker(LinearMarker):
     """A material point of a planar body whose coordinates are absolute nodal vectors.
 
@@ -67,7 +67,7 @@ class NodalMarker(LinearMarker):
         return Entries.of_block(self.support, self.support, np.kron(np.outer(row, row), turn))
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class RigidMarker(Marker):
     """A point of a rigid body with coordinates (x, y, angle)."""
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.planar_markers import NodalMarker
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class PlanarSectionMarker(NodalMarker):
     """A material point of a planar beam whose coordinates are positions and second axes of its sections.
 
@@ -35,7 +35,7 @@ class PlanarSectionMarker(NodalMarker):
         return None
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class StretchingSectionMarker(PlanarSectionMarker):
     """The same of a beam whose section vectors may change their length: a clamp at the ground leaves that."""
 

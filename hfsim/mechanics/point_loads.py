@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.ties import PointPart
@@ -57,7 +57,7 @@ class Load(ForcePart):
         return np.asarray(np.sum(self.generalised(t, x) * u[:, self.columns], axis=-1))
 
 
-@dataclass(frozen=True)
+@frozen
 class PointLoad(Load, PointPart):
     """A load on the place or the turn of a marker.
 
@@ -91,7 +91,7 @@ class PointLoad(Load, PointPart):
         return np.asarray((load[:, None, :] @ J)[:, 0])
 
 
-@dataclass(frozen=True)
+@frozen
 class PointForce(PointLoad):
     """A force on a point, fixed in direction or turning with the frame there; its work is power put in."""
 
@@ -107,7 +107,7 @@ class PointForce(PointLoad):
         return turned, self.marker.position_jacobian(x)
 
 
-@dataclass(frozen=True)
+@frozen
 class PointMoment(PointLoad):
     """A moment on the frame of a marker, fixed in direction or turning with it; its work is power put in."""
 

@@ -8,13 +8,13 @@ weight (A x + a) . (B x + b) = constant.  The paper's Phi_x and gamma of eq. (37
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, dense, is_sparse
 
 
@@ -58,7 +58,7 @@ class Product(NamedTuple):
     constant: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Products:
     """Equations of a scene that are products.
 

@@ -7,16 +7,16 @@ beams makes them share a node, a clamped root keeps only its stretch.  The colum
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Reduction:
     """The map x = B z + x0 from free coordinates.
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross, skew
 from hfsim.mechanics.markers import ROUNDING
@@ -14,7 +13,7 @@ from hfsim.mechanics.products import LinearVector
 from hfsim.mechanics.spatial_markers import VectorMarker
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SectionMarker(VectorMarker):
     """A material point of a beam whose coordinates are positions and section vectors d2, d3.
 

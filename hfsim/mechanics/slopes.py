@@ -10,13 +10,13 @@ the inertia forces of spinning bodies included.  The mass alone may be singular.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, assemble, is_sparse
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.linearized import Linearized
@@ -34,7 +34,7 @@ FEW = 24
 """Coordinates up to which they may pay at every stage of every step."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Slopes:
     """Derivatives of the accelerations of a system whose state are coordinates of vectors.
 

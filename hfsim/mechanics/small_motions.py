@@ -16,11 +16,11 @@ from differences of fourth order.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, random_signs
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, assemble, is_sparse
 from hfsim.maths.pencils import Pencil
 from hfsim.mechanics.system import System
@@ -37,7 +37,7 @@ _BY_DIFFERENCES = 1e-11
 """Relative errors of the matrices."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SmallMotions:
     """M z'' + V z' + K z + J^T l = 0 with J z = 0, for small changes z of the free coordinates.
 

@@ -5,13 +5,13 @@ Axes of a body are vectors among its coordinates: every direction that joints ho
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import lever, rotation, rotation_rates, skew, smallest_rotation
 from hfsim.mechanics.force import difference
@@ -19,7 +19,7 @@ from hfsim.mechanics.markers import ROUNDING, LinearMarker, Marker
 from hfsim.mechanics.products import LinearVector
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class VectorMarker(LinearMarker):
     """A material point of a spatial body whose coordinates are absolute vectors.
 
@@ -113,7 +113,7 @@ class VectorMarker(LinearMarker):
         return difference(pulled, x, self.support)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class FrameMarker(Marker):
     """A point of a frame in space with coordinates (x, y, z, rotation vector), before a scene is assembled.
 

@@ -10,12 +10,12 @@ of the plane.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import across, cross, smallest_rotation, wrap
 from hfsim.mechanics.constraints import Constraint
@@ -84,7 +84,7 @@ def about(axis: Direction | None, facing: Array) -> About:
     return About.of(axis or THIRD, facing)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class TurnAbout(OfAxes):
     """The angle of axes of the second body about the axis of the first follows a law.
 

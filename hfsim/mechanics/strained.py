@@ -10,13 +10,14 @@ Engineering 318, 2017).  Where the iteration ends both are the same, and so is t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.mechanics.force import ForcePart
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from hfsim.mechanics.system import System
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Strains:
     """All strains of a system on which its forces depend through a stiffness.
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.products import Product
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Subset(Constraint):
     """Rows of another constraint, maybe none.
 

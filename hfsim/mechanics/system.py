@@ -1,15 +1,14 @@
 """The system: coordinates, forces and equations of a scene put together (paper, section 4).
 
-Three sets of coordinates.  The *state* q, v = q' is what is integrated.  Where a model steps in hybrid
-coordinates, charts turn it into the *free* coordinates z; otherwise it is z itself.  The free
-coordinates determine the *absolute* coordinates x of all bodies (`hfsim.mechanics.reduction`), in which
-the parts are written: there the mass matrix of most bodies is constant.
+Three sets of coordinates. The *state* q, v = q' is what is integrated. Where a model steps in hybrid
+coordinates, charts turn it into the *free* coordinates z; else it is z itself. These determine the *absolute*
+coordinates x of all bodies (`hfsim.mechanics.reduction`), in which the mass matrix of most is constant.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +16,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
@@ -37,7 +37,7 @@ ROUNDING = 1e-13
 """Violation, relative to the largest coordinate or rate (or 1), at which projection ends."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class System:
     """Everything that the equations of motion of a scene are made of.
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.mechanics.constraints import Constraint, Held
 from hfsim.mechanics.force import ForcePart
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from hfsim.deck.laws import Law
 
 
-@dataclass(frozen=True)
+@frozen
 class PointPart(ForcePart):
     """A force that acts on points only."""
 
@@ -31,7 +31,7 @@ class PointPart(ForcePart):
         return joint_support(*self.markers)
 
 
-@dataclass(frozen=True)
+@frozen
 class Tie(PointPart):
     """What resists one coordinate between two markers; a kind says how that is measured.
 
@@ -170,7 +170,7 @@ class Tie(PointPart):
         return np.asarray(-w * sum(others, np.zeros_like(s)))
 
 
-@dataclass(frozen=True)
+@frozen
 class DistanceTie(Tie):
     """Resistances on the distance of two points."""
 
@@ -186,7 +186,7 @@ class DistanceTie(Tie):
         return distance, [sign * (direction @ marker.position_jacobian(x))[:, 0] for sign, marker in ends]
 
 
-@dataclass(frozen=True)
+@frozen
 class GapTie(Tie):
     """Resistances on what a joint or driver would hold: an angle, or a distance along an axis.
 

@@ -9,12 +9,13 @@ stands still in an equilibrium of its forces with those of inertia, -M u', about
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, dense, is_sparse
 from hfsim.maths.rotations import freedoms, spun
 from hfsim.mechanics.pose import Twist
@@ -29,7 +30,7 @@ SINGULAR = 1e-9
 """Part of its energy in others from which down a rigid motion is one by itself."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Turning:
     """Rigid motion of everything: u = W x + w + travel.
 

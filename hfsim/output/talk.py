@@ -9,18 +9,19 @@ import json
 import os
 import sys
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import click
 
+from hfsim.maths.frozen import frozen
 from hfsim.output.text import printable
 
 _MOST_WARNINGS = 50
 """Warnings that are told of one thing."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Destination:
     """Where results go, as the command line says it.
 
@@ -42,7 +43,7 @@ class Destination:
     format: str = "png"
 
 
-@dataclass(frozen=True)
+@frozen
 class Talk:
     """Results to standard output, everything else to standard error; nothing useful to know is told twice.
 

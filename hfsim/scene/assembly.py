@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import rotation, rotation_vector
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.scene.closing import Linkage
@@ -67,7 +67,7 @@ def listed(values: tuple[float, ...]) -> str:
     return text if len(values) == 1 else f"[{text}]"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Assembly:
     """How the bodies of a scene were put together.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any, Literal, NamedTuple
 
@@ -12,6 +12,7 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import assemble, dense_up_to
 from hfsim.mechanics.body import Body
 from hfsim.mechanics.chart import side_by_side
@@ -37,7 +38,7 @@ from hfsim.scene.schema import Deck
 from hfsim.scene.start import Start, assembled
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Scene:
     """A deck with a model for each of its beams, ready to be simulated.
 

@@ -7,7 +7,6 @@ places of all frames, one after the other, are a vector x: that of an assembled 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import count, pairwise, repeat
 from typing import TypeAlias
@@ -15,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_rates, rotation_vector, wrap
 from hfsim.mechanics.body import Body, Place
@@ -33,7 +33,7 @@ CUT = (1e-1, 1e-2, 1e-3, 1e-4)
 """Weights, one after the other, of the joint at which an open loop is cut, over those of all others."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Frame(Body):
     """A body at the start, when it is undeformed: only its frame moves."""
 
@@ -79,7 +79,7 @@ Sense: TypeAlias = tuple[Marker, Marker, Array, Array]
 """Two points, and an axis in the frame of each."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Linkage:
     """The joints of a scene between the frames of its bodies.
 

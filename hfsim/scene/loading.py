@@ -8,7 +8,7 @@ import hashlib
 import json
 import typing
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from itertools import islice
 from pathlib import Path as FilePath
@@ -20,6 +20,7 @@ from hfsim.deck.overrides import override
 from hfsim.deck.source import DeckSource, parse_source, read_source
 from hfsim.deck.spec import Complaint, explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
+from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.beam import DEFAULT_ELEMENTS, BeamSpec
 from hfsim.scene.checks import complaints_of, slips_of
 from hfsim.scene.schema import Deck
@@ -34,7 +35,7 @@ _WORKED_OUT = ("parameters", "include")
 """Keys that nothing is left of when a deck has been read."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LoadedDeck:
     """A deck and where it came from.
 

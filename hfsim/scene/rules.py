@@ -9,10 +9,10 @@ without it agree to round-off.  ``solve.keep: [RULE, ...]`` switches rules off, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from hfsim.deck.fields import split_point
+from hfsim.maths.frozen import frozen
 from hfsim.parts.channels import kind_of
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ class Rule(NamedTuple):
         return facts | {"reason": f"{self.when}; {self.because}", "items": list(items), "saves": saves}
 
 
-@dataclass(frozen=True)
+@frozen
 class LeftOut:
     """What the rules found in one scene.
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.constraints import Constraint
@@ -42,7 +43,7 @@ ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Start:
     """What the starting state is found from.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -13,6 +13,7 @@ from hfsim.marching.clock import PhaseClock
 from hfsim.marching.sampling import SceneSamples, compute_channels, outlines_of
 from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.statics.buckling import critical_factors
 from hfsim.mechanics.statics.equilibrium import Equilibrium
 from hfsim.mechanics.statics.newton import Effort, NotFoundError
@@ -39,7 +40,7 @@ NO_ERROR = "an equilibrium is no motion"
 NO_MESH = "not measured: compare with more elements"
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class StaticSamples(SceneSamples):
     """States at rest: joints that move by themselves count as if they stood."""
 

@@ -1,6 +1,5 @@
 """What is new to trust: a model and a load that it has never heard of pass through it and are named."""
 
-from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from hfsim.marching.balance import step_samples
 from hfsim.marching.integration import run_integration
 from hfsim.marching.stop import Budget
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.parts.bodies.models import MODELS
@@ -43,7 +43,7 @@ class GustSpec(LoadSpec):
         return Gust(marker)
 
 
-@dataclass(frozen=True)
+@frozen
 class Gust(ForcePart):
     """A force of 1 N upwards, and without bounds after 0.1 s."""
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.statics.newton import Effort, NotFoundError, stepped
 from hfsim.mechanics.statics.problem import Problem, State
 from hfsim.mechanics.statics.relaxation import relaxed
@@ -24,7 +25,7 @@ Rigid = Callable[[Array], Array]
 """From coordinates (1, n_x) to the rigid motions of each body by itself, (n_motions, n_x)."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Equilibrium:
     """A place of rest, or what was reached on the way to it.
 

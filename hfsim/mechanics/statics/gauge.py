@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, is_sparse
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Gauge:
     """Measures changes of absolute coordinates by the mass they move, body by body, without a unit.
 

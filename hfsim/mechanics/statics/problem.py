@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.statics.gauge import Gauge
@@ -122,7 +123,7 @@ class Tangent(NamedTuple):
         return matrix
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Problem:
     """A system whose equilibrium is sought at a time at which all rates are zero.
 

@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import normal, rotation, smallest_rotation
 from hfsim.maths.shapes import gauss_legendre
 
@@ -53,7 +54,7 @@ class Arc:
         return self.radius * points, rotation(angles[:, None] * np.eye(3)[2])
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Curve:
     """A cubic spline through points of the body frame, by its own length; its frames do not turn about it.
 

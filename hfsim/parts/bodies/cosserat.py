@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import cross, normal, turned
 from hfsim.mechanics.body import Place
@@ -33,7 +33,7 @@ OUTLINE = 200
 """Points of a picture's line, near enough."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class CosseratBeam(VectorBeam):
     """A beam whose coordinates are positions and section vectors of its nodes.
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import GroundMarker, Marker
 from hfsim.mechanics.pose import Pose, Twist
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class FoldedBody(Body):
     """A body that cannot move: it has no coordinates, and its points are points of the ground.
 

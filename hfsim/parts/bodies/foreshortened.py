@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.force import ForcePart
 from hfsim.parts.bodies.mesh import BeamMesh
@@ -19,7 +19,7 @@ NEARLY_SINGULAR = 0.2
 down to it."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class ForeshortenedBeam(ForcePart):
     """A beam whose mass matrix depends on its deflections v by H(x) = int_0^x N'^T N'.
 

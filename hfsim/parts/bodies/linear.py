@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, ComplexArray, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ForcePart
@@ -21,7 +21,7 @@ LIMIT_LENGTHS = 10.0
 """Displacement over length at which a beam of the model linear has broken down."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LinearBeam(NodalBeam):
     """A beam whose elastic force is linearised about the undeformed state in the body frame."""
 
@@ -68,7 +68,7 @@ def linearised(beam: Blueprint, kind: type[LinearElasticForce]) -> LinearElastic
     )
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LinearElasticForce(ForcePart):
     """Elastic force of one beam linearised about its undeformed state in the body frame (eq. 42-43).
 

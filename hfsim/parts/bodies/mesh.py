@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.body import Place
 from hfsim.parts.elements import ElasticLaw, Element, Measures, elastic_form
@@ -38,7 +38,7 @@ class AxisRows(NamedTuple):
     tip: Array
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class BeamMesh:
     """Equal elements in a row; the vectors are those of node 0, the interior of element 0, node 1, ...
 

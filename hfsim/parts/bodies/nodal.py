@@ -6,12 +6,12 @@ What differs in space is in `hfsim.parts.bodies.spatial_nodal`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, cumulative
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex
 from hfsim.mechanics.body import Place
@@ -28,7 +28,7 @@ from hfsim.parts.bodies.planar_natural import BeamIncrements, NaturalBeams
 from hfsim.parts.bodies.vector_beam import VectorBeam
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class NodalBeam(VectorBeam):
     """A beam in absolute nodal coordinates.
 

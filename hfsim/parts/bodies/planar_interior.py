@@ -14,6 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.planar_frame import ROOT
 from hfsim.parts.bodies.planar_natural import BeamIncrements
 from hfsim.parts.elements.polynomial import strain_moments
@@ -23,7 +24,7 @@ _ENOUGH = 1e-8
 """Newton correction of a stretch after which the next one, quadratically smaller, is round-off."""
 
 
-@dataclass(frozen=True)
+@frozen
 class InteriorGeometry:
     """Vectors of alike beams whose elements have interior vectors, in a batch of states.
 

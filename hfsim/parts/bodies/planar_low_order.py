@@ -7,13 +7,13 @@ order in the elastic coordinates and their rates jointly, or whole with ``trunca
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import normal, rotate
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.parts.bodies.blueprint import Blueprint
@@ -23,7 +23,7 @@ PLACE, TURN, RIGID = slice(0, 2), 2, 3
 """Where place and angle of a beam's frame stand among its coordinates, and where its deformation begins."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LowOrderBeam(ForeshortenedBeam):
     """One beam in the coordinates (r0, theta, w, v).
 

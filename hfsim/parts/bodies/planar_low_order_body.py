@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import normal, rotate
 from hfsim.mechanics.body import Acting, Body, Place
@@ -25,7 +25,7 @@ FIELDS = 8.5
 """Tables of H v that a derivative by differences holds at a time: measured with 32, 64 and 128 elements."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LowOrderMarker(Marker):
     """A point of the centre line of a `LowOrderBeam`, its direction along the slope (1 + w', v')."""
 
@@ -133,7 +133,7 @@ class LowOrderMarker(Marker):
         raise NotImplementedError
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LowOrderBody(Body):
     """A beam of the model lowOrder."""
 

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.increments import BodyIncrements
 from hfsim.parts.bodies.planar_frame import ROOT, relative, with_root
 from hfsim.parts.elements.polynomial import mean_square_slope
@@ -94,7 +95,7 @@ class BeamIncrements(BodyIncrements):
         out[:, self.columns] = z.reshape(len(out), -1).view(np.float64)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Geometry:
     """Nodal vectors of alike beams in a batch of states.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.body import Body, Place
 from hfsim.mechanics.force import ConstantForce, ForcePart
@@ -17,7 +17,7 @@ from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.folded import FoldedBody
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class RigidBody(Body):
     """A rigid body with coordinates (x, y, angle); its origin is its centre of mass.
 

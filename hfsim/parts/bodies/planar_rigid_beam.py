@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, cumulative
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import freedoms, rotate
 from hfsim.mechanics.body import Load, Place
 from hfsim.mechanics.deformation import Deformation
@@ -23,7 +23,7 @@ POINTS = 33
 """Equidistant places along the beam at which it would be bent."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class RigidBeam(RigidBody):
     """A beam of the model rigid: its frame is at the root, its coordinates are those of its centre of mass.
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import freedoms, normal, rotate
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.planar_markers import RigidMarker
@@ -18,12 +18,12 @@ from hfsim.parts.bodies.rigid_section_beam import PlaceMarker, RigidSectionBeam
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class PlanarPlaceMarker(PlaceMarker, RigidMarker):
     """A point of a rigid beam in the plane that says how far along its line it is."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class PlanarRigidSectionBeam(RigidSectionBeam, RigidBody):
     """A rigid beam with sections whose coordinates are its centre of mass and its angle."""
 

@@ -6,13 +6,14 @@ What differs in plane and space is in `planar_rigid_section_beam` and `spatial_r
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, cumulative
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import lever, spun
 from hfsim.mechanics.body import Body, Load, Place
 from hfsim.mechanics.deformation import Deformation
@@ -27,7 +28,7 @@ PLACES = 129
 """Equidistant places along the line at which it would be deformed."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class PlaceMarker(Marker):
     """A point of a rigid beam that says how far along its line it is.
 
@@ -40,7 +41,7 @@ class PlaceMarker(Marker):
     along: float = field(kw_only=True)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class RigidSectionBeam(Body):
     """A rigid beam with sections: its frame is at the root, its coordinates are those of its centre of mass.
 

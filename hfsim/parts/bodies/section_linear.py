@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, ClassVar, Self, TypeVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.force import ForcePart, difference
 from hfsim.parts.bodies.cosserat import CosseratBeam
@@ -23,7 +24,7 @@ TABLES = 35.0
 _Force = TypeVar("_Force", bound="LinearSectionForce")
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LinearSectionBeam(CosseratBeam):
     """A beam with sections whose elastic force is linearised about the undeformed state in the body frame."""
 
@@ -108,7 +109,7 @@ def _turns_only(mesh: SectionMesh) -> Array:
     return np.array(projections)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LinearSectionForce(LinearElasticForce):
     """Elastic force of one beam with sections, linearised about its undeformed state in the body frame.
 

@@ -9,7 +9,7 @@ the nodal vectors of every other model: no inertia is left out, and the mass mat
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from typing import ClassVar
 
@@ -17,11 +17,12 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.cosserat import CosseratBeam
 from hfsim.parts.bodies.section_linear import LinearSectionBeam, LinearSectionForce
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LowOrderSectionBeam(LinearSectionBeam):
     """A beam with sections whose strains are linear but for the foreshortening."""
 
@@ -42,7 +43,7 @@ class LowOrderSectionBeam(LinearSectionBeam):
         return CosseratBeam.section_axes(self, x, places)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LowOrderSectionForce(LinearSectionForce):
     """Linear force of shear, torsion and bending, and that of stretch with foreshortening, of one beam.
 

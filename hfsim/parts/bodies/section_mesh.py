@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, component_rows
+from hfsim.maths.frozen import frozen
 from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange, weights_beyond
 from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hfsim.deck.stations import SectionsAlong
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SectionMesh:
     """Equal elements in a row; each node has position, second and in space third section axis, in this order.
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.shapes import gauss_lobatto
 from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
@@ -17,7 +17,7 @@ from hfsim.parts.elements.continuum import Continuum, uniform
 from hfsim.parts.elements.spatial_curved import CurvedContinuum, curved_law, curved_masses
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class AxisMesh(BeamMesh):
     """Elements of the type `Continuum` along an axis.
 

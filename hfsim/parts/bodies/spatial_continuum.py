@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import cross, rotation
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.carried import Carried
@@ -17,7 +18,7 @@ from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.spatial_nodal import SpatialNodalBeam
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialContinuumBeam(SpatialNodalBeam):
     """A beam with r, r_x, r_y and r_z at its nodes."""
 

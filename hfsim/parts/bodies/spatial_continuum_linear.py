@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import cross
 from hfsim.mechanics.gradient_markers import TANGENTIAL, GradientMarker
 from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce
 from hfsim.parts.bodies.spatial_continuum import SpatialContinuumBeam
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LinearContinuumBeam(LinearBeam, SpatialContinuumBeam):
     """A fully parameterised beam whose elastic force is linearised about the undeformed state."""
 
@@ -28,7 +28,7 @@ class LinearContinuumBeam(LinearBeam, SpatialContinuumBeam):
         return LinearContinuumForce
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LinearContinuumForce(LinearElasticForce):
     """The same force with r_x and r_y of the root for body frame, which may turn by any amount."""
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar, Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import cross
 from hfsim.mechanics.body import Place
@@ -19,7 +19,7 @@ _THIN = 1e-12
 """Part of Euler's tensor across the plane, or of the distance of points from it, that is rounding."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class FlatRigidBody(SpatialRigidBody):
     """A rigid body with all its mass and points in a plane: coordinates (r, d2, d3), with d1 = d2 x d3.
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import cross, skew
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce
@@ -15,7 +15,7 @@ from hfsim.parts.bodies.spatial_nodal import SpatialNodalBeam
 from hfsim.parts.elements.forces import ROLL
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialLinearBeam(LinearBeam, SpatialNodalBeam):
     """A cable whose elastic force is linearised about the undeformed state in the body frame."""
 
@@ -29,7 +29,7 @@ class SpatialLinearBeam(LinearBeam, SpatialNodalBeam):
         return SpatialLinearElasticForce
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialLinearElasticForce(LinearElasticForce):
     """The same of a beam in space: axial and in two transverse directions, alike in both.
 

@@ -10,13 +10,13 @@ the same however a scene is turned, and in a plane those of `hfsim.parts.bodies.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.foreshortened import ForeshortenedBeam, weighted
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, RootRates
@@ -35,7 +35,7 @@ class _Fields(NamedTuple):
     """Foreshortening [m]."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialLowOrderBeam(ForeshortenedBeam):
     """Inertia and weight of one beam of the model lowOrder in space."""
 

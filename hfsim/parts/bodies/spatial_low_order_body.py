@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar, Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import lever, skew, smallest_rotation
 from hfsim.mechanics.body import Place
@@ -23,7 +23,7 @@ from hfsim.parts.bodies.spatial_low_order import SpatialLowOrderBeam
 from hfsim.parts.bodies.spatial_nodal import SpatialNodalBeam
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Foreshortened:
     """A vector of a foreshortened line: N X - 1/2 (v2^T Q v2 + v3^T Q v3) t.
 
@@ -83,7 +83,7 @@ class Foreshortened:
         return np.asarray(a1)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialLowOrderMarker(Marker):
     """A point of the centre line; its one axis is the slope ds'/dx = (1 + w' - 1/2 v'.v', v')."""
 
@@ -172,7 +172,7 @@ class SpatialLowOrderMarker(Marker):
         raise NotImplementedError
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class LowOrderElasticForce(SpatialLinearElasticForce):
     """Linear elastic force of axial variable and deflections of one beam of the model lowOrder in space."""
 
@@ -182,7 +182,7 @@ class LowOrderElasticForce(SpatialLinearElasticForce):
         """Return None."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialLowOrderBody(SpatialLinearBeam):
     """A cable with the foreshortening of its deflections: its nodal vectors are those without that."""
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.markers import Marker
@@ -16,7 +16,7 @@ from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.bodies.spatial_frame import SpatialFrameChart
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialNodalBeam(NodalBeam):
     """A cable in absolute nodal coordinates."""
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import skew
 from hfsim.mechanics.body import Place, VectorBody
@@ -53,7 +53,7 @@ def inertia_complaint(inertia: tuple[Any, ...]) -> tuple[str, str] | None:
     return None
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialRigidBody(VectorBody):
     """A rigid body in space with coordinates (r, d1, d2, d3); its origin is its centre of mass.
 

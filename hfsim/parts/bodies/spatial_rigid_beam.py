@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, cumulative
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.body import Load, Place, VectorBody
 from hfsim.mechanics.constraints import Constraint
@@ -22,7 +22,7 @@ from hfsim.parts.bodies.folded import FoldedBody
 from hfsim.parts.bodies.planar_rigid_beam import POINTS
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class UnitAxis(Perpendicular):
     """The axis of a line has unit length: its product with itself is one."""
 
@@ -35,7 +35,7 @@ class UnitAxis(Perpendicular):
         return cls(marker, marker, TANGENT, TANGENT, offset=1.0, item=item)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialRigidBeam(VectorBody):
     """A beam of the model rigid in space: its coordinates are the positions of root and tip.
 

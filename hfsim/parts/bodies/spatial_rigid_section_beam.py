@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import cross
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.spatial_markers import VectorMarker
@@ -17,12 +17,12 @@ from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.spatial_rigid import SpatialRigidBody
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialPlaceMarker(PlaceMarker, VectorMarker):
     """A point of a rigid beam in space that says how far along its line it is."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SpatialRigidSectionBeam(RigidSectionBeam, SpatialRigidBody):
     """A rigid beam with sections whose coordinates are its centre of mass and its axes."""
 

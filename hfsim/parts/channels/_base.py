@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple, Protocol
 
@@ -11,6 +10,7 @@ import numpy as np
 
 from hfsim.deck.fields import split_point
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.body import Acting, Body
 from hfsim.mechanics.markers import Marker
@@ -36,7 +36,7 @@ class Sampled(Protocol):
         """Return the marker of a point such as ``b1.tip``."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Samples:
     """States at the output times, with what several channels need of them.
 

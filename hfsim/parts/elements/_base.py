@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
 
@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hfsim.maths.arrays import Array, component_rows, from_component_rows
+from hfsim.maths.frozen import frozen
 
 if TYPE_CHECKING:
     from hfsim.deck.materials import BeamProperties
@@ -140,7 +141,7 @@ class Element(Protocol):
         """Return the law of the polynomial energy as a form in products of vectors."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class QuadraticMap:
     """Sums of products of two components of a vector, and constants.
 
@@ -181,7 +182,7 @@ class QuadraticMap:
         return np.asarray(out)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class GramLaw(RowLaw):
     """An energy that is quadratic in the products of difference vectors.
 

@@ -13,13 +13,13 @@ degree of the element length.  The mass is integrated at the nodes, so that its 
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange
 from hfsim.mechanics.connectivity import Connectivity
@@ -58,7 +58,7 @@ def vector_rows(values: Array, slopes: Array, n_dim: int) -> Array:
     return rows.reshape(*rows.shape[:-2], -1)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class CosseratLaw(RowLaw):
     """Energy 1/2 (e - e0)^T C (e - e0) at the Gauss points, each of which is an element of its own.
 
@@ -151,7 +151,7 @@ def strain_slopes(strains: SectionStrains, V: Array) -> Array:
     return np.stack([one.reshape(*V.shape[:-2], -1) for one in forces], axis=-2)
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class SectionDamping(MaterialDamping):
     """Damping proportional to the rates of all strains, at the Gauss points of beams with section vectors.
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.connectivity import Connectivity
@@ -28,7 +29,7 @@ AT_ONCE = 1024
 processor's cache."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class ElasticForce(ForcePart):
     """Elastic force of all elements that share a law, of one or several beams.
 
@@ -101,7 +102,7 @@ class StrainLaw(ElasticLaw, Protocol):
         """Return `hessian` with given strains, (n_kinds, ..., n_points)."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class StrainForce(ElasticForce):
     """The same where the energy is quadratic in strains; these may be given instead of computed.
 
@@ -178,7 +179,7 @@ class MaterialDamping(ForcePart):
         return True
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class KelvinVoigtForce(MaterialDamping):
     """Damping proportional to the rates of axial strain and curvature, of cable elements.
 

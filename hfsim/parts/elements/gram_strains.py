@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.parts.elements._base import GramLaw
 
 _NOTHING = 1e-15
 """Eigenvalues of the form, over the largest, that are rounding."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class GramStrainLaw(GramLaw):
     """The same energy as a sum of squares, U = sum 1/2 C_k e_k^2 + scale c^T d, with strains e.
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Protocol, Self
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.parts.elements._base import ElasticLaw, RowLaw
 
 
@@ -20,7 +21,7 @@ class ProductLaw(ElasticLaw, Protocol):
         """Return the law of elements of so many points each and of others, point by point."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class PointLaw(RowLaw):
     """The sum of one law in products over the Gauss points of elements.
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.parts.elements._base import GramLaw, RowLaw
 from hfsim.parts.elements.polynomial import exact_points, gauss_rows, in_products
 
@@ -17,7 +18,7 @@ LAST_GRAM_HESSIAN = 6
 energy is polynomial: a third to a tenth of the time by quadrature."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class QuadratureLaw(RowLaw):
     """Energy of any strain and curvature measure by Gauss quadrature.
 

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
 from hfsim.parts.elements._base import RowLaw, in_turn
 from hfsim.parts.elements.continuum import elasticity, strain_pairs
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class VariedGramLaw(RowLaw):
     """U = 1/2 d^T C d at each point, with d = g - g0, g the products of its vectors, each pair once.
 

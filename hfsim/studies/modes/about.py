@@ -6,7 +6,7 @@ rotation is an equilibrium.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from hfsim.errors import HfsimError
 from hfsim.marching.integration import run_integration
 from hfsim.marching.stop import Progress
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.small_motions import SmallMotions, small_motions
 from hfsim.mechanics.turning import Turning
@@ -44,7 +45,7 @@ class ModesError(HfsimError):
     exit_code = 2
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class About:
     """A scene linearised about a state.
 

@@ -8,7 +8,7 @@ import io
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from hfsim.deck.ranges import RangeError, Value, Values, read_values, written
 from hfsim.errors import HfsimError
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 
 SAMPLERS = ("lhs", "sobol", "random")
 """Ways to choose samples: a Latin hypercube, Sobol's sequence (scrambled), independent ones."""
@@ -32,7 +33,7 @@ class SweepError(HfsimError):
     exit_code = 2
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Plan:
     """The runs of a sweep.
 
