@@ -1,14 +1,14 @@
-"""What damping of sections must be: slopes against differences, power below zero, none of turning."""
+"""What damping of beams with sections must be: slopes, power below zero, none of turning."""
 
 import numpy as np
 import pytest
 
-from hfsim.parts.elements.cosserat import SectionDamping
+from hfsim.parts.elements.forces import MaterialDamping
 
 
 def check_damping(scene, rng, turning):
     """Hold a scene against the laws of damping; ``turning`` are the freedoms of the body b that turn it."""
-    (part,) = (one for one in scene.system.forces if isinstance(one, SectionDamping))
+    (part,) = (one for one in scene.system.forces if isinstance(one, MaterialDamping))
     n, t, h = scene.system.n_x, np.zeros(1), 1e-6
     x = scene.system.absolute(scene.q[None]) + 0.1 * rng.normal(size=(1, n))
     u, d = rng.normal(size=(1, n)), rng.normal(size=n)
@@ -28,4 +28,5 @@ def check_damping(scene, rng, turning):
     assert part.power(t, x, u)[0] == pytest.approx(float(force(x, u)[0] @ u[0]), rel=1e-12)
     assert part.power(t, x, u)[0] < 0.0
     rate = scene.bodies["b"].freedoms(x[0], scene.assembly.poses["b"])[turning]
-    assert np.abs(force(x, np.pad(rate, ((0, 0), (0, n - rate.shape[1]))))).max() < 1e-12
+    turns = np.pad(rate, ((0, 0), (0, n - rate.shape[1])))
+    assert np.abs(force(np.repeat(x, len(turns), axis=0), turns)).max() < 1e-12

@@ -36,10 +36,10 @@ class MaterialSpec(Spec):
     """Poisson's ratio [-]."""
 
     axial_damping: NonNegativeTime = 0.0
-    """Kelvin-Voigt retardation time of the axial strain [s]."""
+    """Kelvin-Voigt retardation time of the axial strain, and of shear where sections have it [s]."""
 
     bending_damping: NonNegativeTime = 0.0
-    """Kelvin-Voigt retardation time of the curvature [s]."""
+    """Kelvin-Voigt retardation time of the curvature, and of twist where sections have it [s]."""
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield numbers of solids in other units."""
@@ -211,6 +211,20 @@ class SectionProperties(NamedTuple):
             axial_damping=material.axial_damping,
             bending_damping=material.bending_damping,
             fibres=getattr(section, "fibres", None),
+        )
+
+    @classmethod
+    def of_plane_sections(cls, own: BeamProperties) -> Self:
+        """Return those of fully parameterised beams: of plane sections, without factors of shear."""
+        about_y, about_z = (side**2 / 12.0 for side in (own.breadth, own.height))
+        shear = own.lame_mu * own.height * own.width
+        return cls(
+            mass_per_length=own.mass_per_length,
+            rotary_inertia=(own.mass_per_length * about_y, own.mass_per_length * about_z),
+            axial_stiffness=own.axial_stiffness,
+            shear_stiffness=(shear, shear),
+            torsion_stiffness=shear * (about_y + about_z),
+            bending_stiffness=(own.axial_stiffness * about_y, own.axial_stiffness * about_z),
         )
 
     def at(self, shares: "Array") -> Self:

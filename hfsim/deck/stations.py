@@ -49,7 +49,8 @@ class Station(NamedTuple):
     section: Any
 
 
-P = TypeVar("P", BeamProperties, SectionProperties)
+P = TypeVar("P", BeamProperties, SectionProperties, tuple[float, float])
+Q = TypeVar("Q", BeamProperties, SectionProperties, tuple[float, float])
 
 
 @frozen
@@ -72,7 +73,12 @@ class Varied(Generic[P]):
     @property
     def damped(self) -> bool:
         """Whether the material loses energy anywhere."""
-        return any(bool(one.axial_damping or one.bending_damping) for one in self._each)
+        each: list[Any] = self._each
+        return any(bool(one.axial_damping or one.bending_damping) for one in each)
+
+    def seen_as(self, other: Callable[[P], Q]) -> Varied[Q]:
+        """Return other properties, which follow from these station by station."""
+        return Varied(lambda material, section: other(self.of(material, section)), self.stations)
 
     def at(self, shares: Array, inside: Array | None = None) -> P:
         """Return the properties at shares of the length, each an array of their shape.
@@ -108,7 +114,9 @@ class Varied(Generic[P]):
             return self._each[k]
         if same and (section := _section_between(first.section, second.section, share)):
             return self.of(first.material, section)
-        return cast(P, _blended(self._each[k], self._each[k + 1], share))
+        ends: Any = self._each[k : k + 2]
+        mixed = _blended(ends[0], ends[1], share)
+        return cast(P, _squared(mixed, ends, share) if isinstance(mixed, BeamProperties) else mixed)
 
 
 BeamAlong: TypeAlias = BeamProperties | Varied[BeamProperties]
@@ -149,6 +157,19 @@ def _blended(first: Any, second: Any, share: float) -> Any:
     if isinstance(first, tuple):
         return _like(first, [_blended(a, b, share) for a, b in zip(first, second, strict=True)])
     return (1.0 - share) * first + share * second
+
+
+def _squared(mixed: BeamProperties, ends: Sequence[BeamProperties], share: float) -> BeamProperties:
+    """Return mixed properties with the rectangle that has their stiffness where the material is as mixed."""
+    if not (mixed.lame_mu and mixed.height):
+        return mixed
+    mu, nu = mixed.lame_mu, 0.5 * mixed.lame_lambda / (mixed.lame_lambda + mixed.lame_mu)
+    area = mixed.axial_stiffness / (2.0 * mu * (1.0 + nu))
+    first, second = (one.axial_stiffness * one.breadth**2 for one in ends)
+    about_y = _blended(first, second, share)
+    height = math.sqrt(12.0 * mixed.bending_stiffness / mixed.axial_stiffness)
+    breadth = math.sqrt(about_y / mixed.axial_stiffness)
+    return mixed._replace(height=height, width=area / height, breadth=breadth)
 
 
 def _stacked(values: Sequence[Any], shape: tuple[int, ...]) -> Any:

@@ -10,7 +10,7 @@ from solved import parsed, solved
 
 from hfsim.marching.integration import run_integration
 from hfsim.mechanics.pose import Pose
-from hfsim.parts.elements.forces import KelvinVoigtForce
+from hfsim.parts.elements.forces import MaterialDamping
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.trust.handover import hand_over
@@ -95,7 +95,7 @@ def test_damping_of_the_undeformed_beam_is_that_of_exact(rng, element):
     x = scenes[0].system.absolute(scenes[0].q[None])
     u, out = rng.normal(size=x.shape), np.zeros((2, *x.shape))
     elastic(scenes[0]).add_force(np.zeros(1), x, u, out[0])
-    own = next(part for part in scenes[1].system.forces if isinstance(part, KelvinVoigtForce))
+    own = next(part for part in scenes[1].system.forces if isinstance(part, MaterialDamping))
     own.add_force(np.zeros(1), x, u, out[1])
     assert own.power(np.zeros(1), x, u)[0] < 0.0
     assert out[0] == pytest.approx(out[1], abs=1e-8 * np.abs(out[1]).max())

@@ -1,13 +1,12 @@
 """Beams with stations: closed forms of tapered ones, steps, models against one another, stress."""
 
-from itertools import pairwise
-
 import numpy as np
 import posed
 import pytest
 import scipy.linalg
 import yaml
 from cantilevers import at_rest, displacement, inside
+from tapered import MATERIALS, STEP, TAPER, L, deck, gauss, scene_of, sizes
 
 from hfsim.deck.materials import SectionProperties
 from hfsim.errors import DeckError
@@ -17,67 +16,9 @@ from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 
-SECTIONS = {
-    "thick": {"shape": "rectangle", "width": 0.1, "height": 0.02},
-    "thin": {"shape": "rectangle", "width": 0.1, "height": 0.01},
-    "point": {"shape": "rectangle", "width": 0.02, "height": 0.01},
-    "rod": {"shape": "circle", "diameter": 0.02},
-    "pin": {"shape": "circle", "radius": 0.005},
-    "pipe": {"shape": "tube", "outer_radius": 0.01, "inner_radius": 0.008},
-    "numbers": {"area": 1.0e-3, "second_moment": 1.0e-8},
-    "fewer": {"area": 5.0e-4, "second_moment": 2.0e-9},
-}
-MATERIALS = {
-    "steel": {"density": 7800.0, "youngs_modulus": 2.1e8, "poisson_ratio": 0.25},
-    "alloy": {"density": 2700.0, "youngs_modulus": 7.0e7, "poisson_ratio": 0.25},
-}
-TAPER = [{"at": 0.0, "section": "thick"}, {"at": 1.0, "section": "thin"}]
-STEP = [
-    {"at": 0.0, "section": "rod"},
-    {"at": 0.5, "section": "rod"},
-    {"at": 0.5, "section": "pin", "material": "alloy"},
-    {"at": 1.0, "section": "pin", "material": "alloy"},
-]
-L = 1.5
-
-
-def deck(stations, n_dim=2, model="ancf", force=None, **beam):
-    """A cantilever with a force at its tip that grows to its size at t = 1."""
-    body = {"type": "beam", "material": "steel", "length": L, "stations": stations, **beam}
-    force = [0.0] * n_dim if force is None else force
-    law = {"type": "constant_rate", "rate": 1.0}
-    return {
-        "hfsim": 1,
-        "gravity": [0.0] * n_dim,
-        "materials": MATERIALS,
-        "sections": SECTIONS,
-        "bodies": {"b": body},
-        "joints": {"clamp": {"type": "fixed", "between": ["ground", "b.root"]}},
-        "loads": {"push": {"type": "force", "at": "b.tip", "force": force, "law": law}},
-        "solve": {"duration": 1.0, "model": model},
-    }
-
-
-def scene_of(*args, **kwargs):
-    return build(parse_deck(yaml.safe_dump(deck(*args, **kwargs))))
-
-
-def sizes(stations, s):
-    """Height, or diameter, at shares of the length by linear interpolation between stations."""
-    sections = [SECTIONS[one["section"]] for one in stations]
-    size = [one.get("height") or one.get("diameter") or 2.0 * one["radius"] for one in sections]
-    return np.interp(s, [one["at"] for one in stations], size)
-
-
-def gauss(stations, n=40):
-    """Places as shares of the length, and weights, of Gauss points between stations."""
-    g, w = np.polynomial.legendre.leggauss(n)
-    ends = sorted({one["at"] for one in stations})
-    parts = [(a + (b - a) * 0.5 * (g + 1.0), (b - a) * 0.5 * w) for a, b in pairwise(ends)]
-    return tuple(np.concatenate(one) for one in zip(*parts, strict=True))
-
-
 E, G, RHO = 2.1e8, 2.1e8 / 2.5, 7800.0
+CONTINUUM = {"degree": 6, "section_degree": 5, "poisson_ratio": 0.0}
+"""Sections stay plane: where they widen across the beam, they bend as theory says without Poisson's ratio."""
 KINDS = [
     ("cable", 2, "linear", {"degree": 5}),
     ("cable", 2, "exact", {"degree": 5}),
@@ -89,6 +30,7 @@ KINDS = [
     ("cosserat", 3, "exact", {"degree": 5}),
     ("cosserat", 3, "linear", {"degree": 5}),
     ("cosserat", 3, "lowOrder", {"degree": 5}),
+    *(("continuum", n_dim, model, CONTINUUM) for n_dim in (2, 3) for model in ("linear", "exact")),
 ]
 
 
@@ -99,8 +41,8 @@ def test_a_tapered_cantilever_bends_and_stretches_by_its_flexibility(element, n_
     s, w = gauss(stations)
     h, b = sizes(stations, s), np.interp(s, [0.0, 0.4, 1.0], [0.1, 0.1, 0.02])
     bent = np.sum(w * L**3 * (1.0 - s) ** 2 / (E * b * h**3 / 12))
-    if element == "cosserat":
-        bent += np.sum(w * L / (5 / 6 * G * b * h))
+    if element != "cable":
+        bent += np.sum(w * L / ((5 / 6 * G if element == "cosserat" else E / 2) * b * h))
     pulled = np.sum(w * L / (E * b * h))
     force = np.zeros(n_dim)
     force[1] = 1e-3
@@ -140,10 +82,12 @@ def test_what_lies_between_stations(stations):
             assert abs(a - b) > 0.1 * a
 
 
-@pytest.mark.parametrize(("element", "n_dim"), [("cable", 2), ("cosserat", 2), ("cosserat", 3)])
+@pytest.mark.parametrize(
+    ("element", "n_dim"), [("cable", 2), *((one, n) for one in ("cosserat", "continuum") for n in (2, 3))]
+)
 def test_frequencies_of_a_tapered_cantilever(element, n_dim):
     """Height to half, width constant: 3.82379 and 18.3173 (Naguleswaran, J. Sound Vib. 172, 1994)."""
-    more = {"degree": 6, "elements": 3, "element": element}
+    more = {"degree": 6, "elements": 3, "element": element, **(CONTINUUM if element == "continuum" else {})}
     scene = scene_of(TAPER, n_dim, "linear", length=20.0, **more)
     linear = scene.system.linearized(0.0, scene.q, scene.v)
     free = linear.allowed
@@ -154,7 +98,8 @@ def test_frequencies_of_a_tapered_cantilever(element, n_dim):
         assert np.abs(omega / scale / expected - 1.0).min() < 2e-5
 
 
-@pytest.mark.parametrize(("element", "n_dim"), [("cable", 2), ("cable", 3), ("cosserat", 2), ("cosserat", 3)])
+@pytest.mark.parametrize("n_dim", [2, 3])
+@pytest.mark.parametrize("element", ["cable", "cosserat", "continuum"])
 @pytest.mark.parametrize("stepped", [False, True])
 def test_a_rigid_tapered_beam_has_the_mass_and_inertia_of_its_sections(element, n_dim, stepped):
     stations = STEP if stepped else [{"at": 0.0, "section": "rod"}, {"at": 1.0, "section": "pin"}]
@@ -163,7 +108,7 @@ def test_a_rigid_tapered_beam_has_the_mass_and_inertia_of_its_sections(element, 
     if stepped:
         d, rho = np.where(s < 0.5, 0.02, 0.01), np.where(s < 0.5, RHO, 2700.0)
     m = rho * np.pi * d**2 / 4 * w * L
-    rotary = np.sum(rho * np.pi * d**4 / 64 * w * L) if element == "cosserat" else 0.0
+    rotary = np.sum(rho * np.pi * d**4 / 64 * w * L) if element != "cable" else 0.0
     expected = m.sum(), m @ s * L, m @ (s * L) ** 2 + rotary
     scene = scene_of(stations, n_dim, "rigid", element=element, elements=2)
     body, pose = scene.bodies["b"], scene.assembly.poses["b"]
@@ -274,11 +219,14 @@ def test_a_tapered_pendulum_posed_in_space_does_the_same(element, model):
 
 
 @pytest.mark.parametrize(("pull", "push"), [(1e-3, 0.0), (0.0, 1e-4)])
-@pytest.mark.parametrize(("element", "n_dim"), [("cable", 2), ("cosserat", 2), ("cosserat", 3)])
+@pytest.mark.parametrize(
+    ("element", "n_dim"), [("cable", 2), *((one, n) for one in ("cosserat", "continuum") for n in (2, 3))]
+)
 def test_forces_go_on_over_steps_and_stress_is_that_of_the_section(element, n_dim, pull, push):
     """Small load: Q = P, M = P (L - x) also at the step; stress = M / W + N / A of each section."""
     force = np.array([pull, push, 0.0][:n_dim]).tolist()
-    scene = scene_of(MADE, n_dim, "ancf", force, element=element, elements=4, degree=6)
+    more = CONTINUUM if element == "continuum" else {"degree": 6}
+    scene = scene_of(MADE, n_dim, "ancf", force, element=element, elements=4, **more)
     body, x = scene.bodies["b"], at_rest(scene, 1.0)
     s = np.array([0.1, 0.5 - 1e-6, 0.5, 0.6, 0.95])
     places, h = s * L, np.array([0.02, 0.02, 0.01, 0.01, 0.01])
@@ -307,8 +255,8 @@ def test_a_step_under_tension_costs_a_cable_accuracy():
 
 def test_damping_follows_the_material_along_the_beam():
     """Energy lost by a rod that stretches evenly at a rate r: int EA tau r^2 dx."""
-    for element in ("cable", "cosserat"):
-        data = deck(ROUND, 2, element=element, elements=2, degree=4)
+    for element in ("cable", "cosserat", "continuum"):
+        data = deck(ROUND, 2, element=element, elements=2, degree=3 if element == "continuum" else 4)
         times = {"steel": 0.2, "alloy": 0.3}
         data["materials"] = {k: {**one, "axial_damping": times[k]} for k, one in MATERIALS.items()}
         scene = build(parse_deck(yaml.safe_dump(data)))
@@ -317,6 +265,8 @@ def test_damping_follows_the_material_along_the_beam():
         vectors = body.undeformed.copy()
         if element == "cosserat":
             vectors[~body.positions.astype(bool)] = 0.0
+        elif element == "continuum":
+            vectors[2::3] = 0.0
         u[0, body.columns] = vectors.ravel()
         s, w = gauss(ROUND)
         EA = np.where(s < 0.5, E * 0.2, 7e7 * 0.3) * np.pi * sizes_of_round(s) ** 2 / 4

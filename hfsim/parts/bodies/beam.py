@@ -8,7 +8,6 @@ from pydantic import BeforeValidator, Field, ValidationError
 
 from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, alike, whole
 from hfsim.deck.reader import Path
-from hfsim.deck.sections import equivalent_side
 from hfsim.deck.spec import (
     Around,
     Complaint,
@@ -25,7 +24,7 @@ from hfsim.parts.bodies.models import MODELS, missing
 from hfsim.parts.specs import BodySpec
 
 if TYPE_CHECKING:
-    from hfsim.deck.materials import AnySection, ShapedSection
+    from hfsim.deck.materials import AnySection
     from hfsim.mechanics.body import Body
     from hfsim.parts.bodies.models import Model
 
@@ -57,19 +56,12 @@ _OWN = {
 }
 """Options that elements do not know, with their usual values."""
 
-_UNIFORM = "has integrals over its section that are done once for all of the beam"
 _STRAIGHT = {
     ("cable", 2): (("axis", "is straight"),),
     ("cable", 3): (("axis", "is straight"), ("section_angle", _NO_AXES), ("twist", _NO_AXES)),
-    ("continuum", 2): (("axis", "is straight in the plane"), ("stations", _UNIFORM)),
-    ("continuum", 3): (("stations", _UNIFORM),),
+    ("continuum", 2): (("axis", "is straight in the plane"),),
 }
 """Options of curved and turned sections that elements in plane or space do not know, and why."""
-
-
-def _sides(section: "ShapedSection") -> tuple[float, float]:
-    """Return height and width of the rectangle with a section's second moments [m]."""
-    return section.height, equivalent_side(section.bending[0], section.area)
 
 
 _EITHER = (("section", "stations", "Name of the section"), ("length", "axis", "Undeformed length [m]"))
@@ -211,7 +203,7 @@ class BeamSpec(BodySpec):
             return self.equal_parts
         from hfsim.parts.bodies.beam_axis import Axis
 
-        return Axis.of(self).fewest_elements
+        return -(-Axis.of(self).fewest_elements // self.equal_parts) * self.equal_parts
 
     @property
     def equal_parts(self) -> int:
@@ -287,8 +279,10 @@ class BeamSpec(BodySpec):
                 yield Complaint((key,), f"the model {model} has no {words}", f"{instead}, or another model")
         if lacks := beam.lacking(model, around.n_dim or 2):
             yield Complaint(("model",), *lacks)
-        if around.n_dim == 3 and beam.element == "continuum" and (self.axis or self.twist):
-            yield from beam._axis_complaints(around.sections.get(self.section or ""))
+        if beam.element == "continuum":
+            from hfsim.parts.bodies.section_sides import side_complaints
+
+            yield from side_complaints(beam, around)
         if around.elastic_form not in (None, "gram") and (self.strain, self.curvature) != ("green", "linear"):
             key = "strain" if self.strain != "green" else "curvature"
             message = f"elastic_form: {around.elastic_form} needs strain: green, curvature: linear"
@@ -319,20 +313,6 @@ class BeamSpec(BodySpec):
             message = f"a cable element has no section axes, but {first:.4g} about y and {second:.4g} about z"
             yield Complaint(("section",), message, "equal second moments, or element: cosserat")
 
-    def _axis_complaints(self, section: "AnySection | None") -> Iterator[Complaint]:
-        """Yield a line that is bent more than its sections or its elements allow."""
-        from hfsim.parts.bodies.beam_axis import Axis
-
-        axis, needed = Axis.of(self), self.fewest_elements
-        if section is not None and not section.stiff:
-            steepness = axis.steepness(*_sides(section))
-            if steepness >= 1.0:
-                message = f"sections cut one another: they reach {steepness:.3g} radii of the line from it"
-                yield Complaint(("axis",), message, "a larger radius, or a thinner section")
-        if self.elements < needed:
-            message = f"{self.elements} elements do not follow the axis: a quarter turn each at most"
-            yield Complaint(("elements",), message, f"{needed} or more", True)
-
     def _section_complaints(
         self, name: str, section: "AnySection | None", material: str | None
     ) -> Iterator[Complaint]:
@@ -346,8 +326,6 @@ class BeamSpec(BodySpec):
         elif material is not None and section.stiff:
             message = f"the section '{name}' has its stiffness and needs no material"
             yield Complaint(("material",), message, "remove this key", True)
-        if self.element == "continuum" and not section.stiff:
-            yield from self._outside(section)
 
     def _degree_complaints(self) -> Iterator[Complaint]:
         """Yield degrees that do not go together: sections do not turn faster than their line."""
@@ -359,23 +337,13 @@ class BeamSpec(BodySpec):
             instead = f"state section_degree: {self.degree - 1} too, or take element: cable"
             yield Complaint(("degree",), message, instead)
 
-    def _turned(self, place: Sequence[float]) -> Sequence[float]:
+    def in_sections(self, place: Sequence[float]) -> Sequence[float]:
         """Return a point with its distances from the line along the axes of the section."""
         if not (self.section_angle or self.twist):
             return place
         angle = (self.section_angle or 0.0) + (self.twist or 0.0) * place[0] / self.length
         c, s = math.cos(angle), math.sin(angle)
         return place[0], c * place[1] + s * place[2], c * place[2] - s * place[1]
-
-    def _outside(self, section: "ShapedSection") -> Iterator[Complaint]:
-        """Yield points outside the section's rectangle."""
-        sides = tuple(zip(_sides(section), ("high", "wide"), strict=True))
-        for name, place in self.points.items():
-            for axis, at, (side, word) in zip("yz", self._turned(place)[1:], sides, strict=False):
-                if abs(at) > side / 2:
-                    own = " in its own axes" if self._turned(place) is not place else ""
-                    message = f"{axis} = {at:.6g} m{own} is outside the section, {side:.3g} m {word}"
-                    yield Complaint(("points", name), message)
 
     def _element_complaints(self, n_dim: int) -> Iterator[Complaint]:
         if self.element == "continuum":

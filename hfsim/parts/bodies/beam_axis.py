@@ -21,6 +21,7 @@ PIECES = 64
 """Pieces of a curve between two of its points, on which its length and its frames are found."""
 SAMPLES = 2048
 """Pieces of an axis in which its turns are found."""
+_PARTS = 64
 MOST_TURN = 0.5 * np.pi
 """Angle by which an element may be curved and twisted [rad]: polynomials follow it no further."""
 ROUNDING = 1e-6
@@ -179,13 +180,18 @@ class Axis:
         about = 0.5 * np.stack([turn[:, k - 1, k - 2] - turn[:, k - 2, k - 1] for k in range(3)], axis=-1)
         return places, about * SAMPLES / self.length
 
-    def steepness(self, height: float, width: float) -> float:
+    @property
+    def parts(self) -> Array:
+        """Middles of parts of the axis in which its sections hardly change, as shares of its length, (n,)."""
+        return (np.arange(_PARTS) + 0.5) / _PARTS
+
+    def steepness(self, heights: Array, widths: Array) -> float:
         """Return the largest distance in a section from its line over the line's radius there, in space [-].
 
-        Beyond one, sections of this height and width [m] cut one another.
+        Beyond one, sections of these heights and widths [m] in `parts` cut one another.
         """
-        _, turns = self._turns
-        return float((0.5 * np.abs(turns) @ np.array([0.0, width, height])).max())
+        _, about_y, about_z = np.abs(self._turns[1]).T.reshape(3, _PARTS, -1)
+        return float((0.5 * (about_y * widths[:, None] + about_z * heights[:, None])).max())
 
     @property
     def fewest_elements(self) -> int:

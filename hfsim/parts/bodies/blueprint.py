@@ -13,8 +13,7 @@ from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELEMENTS, Continuum, ElasticLaw, Measures
 from hfsim.parts.elements._base import GramLaw
-from hfsim.parts.elements.continuum import uniform
-from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce, StrainForce
+from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce, MaterialDamping, StrainForce
 
 if TYPE_CHECKING:
     from hfsim.deck.stations import BeamAlong
@@ -94,27 +93,15 @@ class Blueprint(NamedTuple):
 
     @property
     def sections(self) -> SectionMesh:
-        """Nodes with section vectors and the mass, inertia and stiffness of its elements in space.
-
-        Sections stay plane, so that neither shear nor torsion has a factor.
-        """
-        from hfsim.deck.materials import SectionProperties
+        """Nodes with section vectors and the mass, inertia and stiffness of its elements in space."""
+        from hfsim.deck.materials import BeamProperties, SectionProperties
         from hfsim.parts.bodies.beam_axis import Axis, Line
         from hfsim.parts.bodies.section_mesh import SectionMesh
 
-        own, mesh = uniform(self.properties), self.mesh
-        about_y, about_z = (side**2 / 12.0 for side in (own.breadth, own.height))
-        shear = own.lame_mu * own.height * own.width
-        properties = SectionProperties(
-            mass_per_length=own.mass_per_length,
-            rotary_inertia=(own.mass_per_length * about_y, own.mass_per_length * about_z),
-            axial_stiffness=own.axial_stiffness,
-            shear_stiffness=(shear, shear),
-            torsion_stiffness=shear * (about_y + about_z),
-            bending_stiffness=(own.axial_stiffness * about_y, own.axial_stiffness * about_z),
-        )
+        own, mesh, seen = self.properties, self.mesh, SectionProperties.of_plane_sections
+        sections = seen(own) if isinstance(own, BeamProperties) else own.seen_as(seen)
         axis = mesh.line or Axis(Line(), mesh.length)
-        return SectionMesh(axis, mesh.count, mesh.element.degree, properties)
+        return SectionMesh(axis, mesh.count, mesh.element.degree, sections)
 
     @property
     def inertia(self) -> tuple[float, Array, Array]:
@@ -177,8 +164,17 @@ class Blueprint(NamedTuple):
             return StrainForce(self.connectivity(n, vectors), GramStrainLaw.of(law), item=self.item)
         return ElasticForce(self.connectivity(n, vectors), law, item=self.item)
 
-    def kelvin_voigt(self, n: int) -> KelvinVoigtForce:
+    def damping(self, n: int) -> MaterialDamping:
         """Return the damping force on its nodal vectors."""
+        if (points := self.mesh.section_points()) is None:
+            return self._kelvin_voigt(n)
+        from hfsim.parts.elements.continuum_damping import ContinuumDamping
+
+        elements = self.connectivity(n, self.mesh.element.differences())
+        return ContinuumDamping(elements, points.damping(), item=self.item)
+
+    def _kelvin_voigt(self, n: int) -> KelvinVoigtForce:
+        """Return that of lines."""
         element = self.mesh.element
         return KelvinVoigtForce.of(
             elements=self.connectivity(n, element.differences()),
@@ -202,5 +198,8 @@ class Blueprint(NamedTuple):
 
         law = self.law(self.measures._replace(curvature=curvature))
         K = np.asarray(law.hessian(straight)[0])
-        damped = self.properties.damped
-        return K, self.kelvin_voigt(0).resistance(straight) if damped else np.zeros_like(K)
+        if not self.properties.damped:
+            return K, np.zeros_like(K)
+        if (points := self.mesh.section_points()) is None:
+            return K, self._kelvin_voigt(0).resistance(straight)
+        return K, np.asarray(points.damping().hessian(straight)[0])

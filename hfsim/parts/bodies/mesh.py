@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.body import Place
-from hfsim.parts.elements import ElasticLaw, Element, Measures, elastic_form
+from hfsim.parts.elements import Continuum, ElasticLaw, Element, Measures, elastic_form
 
 if TYPE_CHECKING:
-    from hfsim.deck.materials import BeamProperties
     from hfsim.deck.stations import BeamAlong
     from hfsim.parts.bodies.beam_axis import Axis
+    from hfsim.parts.elements.continuum_points import ContinuumPoints
 
 
 class AxisRows(NamedTuple):
@@ -194,7 +195,17 @@ class BeamMesh:
 
     def law(self, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""
-        return self.element.law(self.properties, self.count, measures)
+        alike = isinstance(self.properties, BeamProperties)
+        points = None if alike else self.section_points()
+        return points.law() if points else self.element.law(self.properties, self.count, measures)
+
+    def section_points(self) -> ContinuumPoints | None:
+        """Return the Gauss points of the axes of its elements; None if these have no section vectors."""
+        if not isinstance(self.element, Continuum):
+            return None
+        from hfsim.parts.elements.continuum_points import ContinuumPoints
+
+        return ContinuumPoints.of(self.element, self.properties, self.count)
 
     def elastic_law(self, form: str, measures: Measures) -> tuple[ElasticLaw, Array]:
         """Return the law in one of the forms, and the matrix to its vectors from nodal ones."""

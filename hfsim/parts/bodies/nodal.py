@@ -190,7 +190,7 @@ class NodalBeam(VectorBeam):
         """Yield weight, elastic force and damping."""
         yield self.beam.weight(n)
         yield self.beam.elastic_force(n)
-        yield self.beam.kelvin_voigt(n)
+        yield self.beam.damping(n)
 
     def chart(self) -> Chart | None:
         """Return the map to the body frame, if it is stepped in that."""

@@ -13,8 +13,9 @@ from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ElasticLaw, Measures, elastic_form
-from hfsim.parts.elements.continuum import Continuum, uniform
-from hfsim.parts.elements.spatial_curved import CurvedContinuum, curved_law, curved_masses
+from hfsim.parts.elements.continuum import Continuum
+from hfsim.parts.elements.continuum_points import ContinuumPoints
+from hfsim.parts.elements.spatial_curved import CurvedContinuum, curved_masses
 
 
 @frozen
@@ -72,13 +73,18 @@ class AxisMesh(BeamMesh):
         """Return those of the part of each element beyond a share of its length."""
         if self._turned_only:
             return super().masses_from(start)
-        return curved_masses(self.element, uniform(self.properties), self._of_elements, start)
+        return curved_masses(self.element, self.properties, self._of_elements, start)
 
     def law(self, measures: Measures) -> ElasticLaw:
         """Return the elastic law of its elements on their difference vectors."""
         if self._turned_only:
             return super().law(measures)
-        return curved_law(self.element, uniform(self.properties), self._of_elements)
+        return self.section_points().law()
+
+    def section_points(self) -> ContinuumPoints:
+        """Return the Gauss points of the axes of its elements."""
+        undeformed = None if self._turned_only else self._of_elements
+        return ContinuumPoints.of(self.element, self.properties, self.count, undeformed)
 
     def elastic_law(self, form: str, measures: Measures) -> tuple[ElasticLaw, Array]:
         """Return the law in one of the forms, and the matrix to its vectors from nodal ones."""

@@ -118,15 +118,25 @@ class Continuum:
         return np.array([ends[0], *inner, ends[1]]) / self.length**derivative
 
     def mass(self, properties: BeamAlong, count: int = 1, start: float = 0.0) -> Array:
-        """Return the consistent mass matrix of the rectangular section [kg]."""
-        properties = uniform(properties)
-        x, wx = rest_of(gauss_legendre(max(self.degree, self.section_degree) + 1), start)
-        M = np.zeros((self._n_vectors, self._n_vectors))
-        for xi, a in zip(x, wx, strict=True):
-            for y, z, b in zip(*section_points(properties, self.n_dim, 2), strict=True):
-                N = self.shape(float(xi), float(y), (0, 0), float(z))
-                M += a * b * np.outer(N, N)
-        return np.asarray(properties.mass_per_length * self.length * M)
+        """Return the consistent mass matrix of the (equivalent) rectangle [kg], of each element if it varies.
+
+        It is that of the line, and of sections the one of their vectors with their second moments.
+        """
+        alike = isinstance(properties, BeamProperties)
+        x, w = rest_of(gauss_legendre(max(self.degree, self.section_degree) + (1 if alike else 2)), start)
+        own = properties.in_elements(x, count)
+        moments = (1.0, np.square(own.height) / 12.0, np.square(own.breadth) / 12.0)
+        M = np.zeros((1 if alike else count, self._n_vectors, self._n_vectors))
+        for by, moment in zip([(0,) * self.n_dim, *self._units[1:]], moments, strict=False):
+            rows = np.array([self.shape(float(xi), 0.0, by) for xi in x])
+            each = np.broadcast_to(w * own.mass_per_length * moment, (len(M), len(x)))
+            M += self.length * (rows.T * each[:, None]) @ rows
+        return M[0] if alike else M
+
+    @property
+    def _units(self) -> list[tuple[int, ...]]:
+        """Derivatives by x, by y[, by z]."""
+        return [tuple(map(int, one)) for one in np.eye(self.n_dim)]
 
     @property
     def axial_rule(self) -> tuple[Array, Array]:
@@ -154,13 +164,15 @@ class Continuum:
         y, z, across = section_points(properties, self.n_dim, ACROSS)
         volume = self.length * properties.height * properties.width
         places = [(float(xi), float(a), float(b)) for xi in x for a, b in zip(y, z, strict=True)]
-        units = [tuple(map(int, one)) for one in np.eye(self.n_dim)]
-        rows = np.array([[self.shape(xi, a, by, b) for xi, a, b in places] for by in units])
+        rows = np.array([[self.shape(xi, a, by, b) for xi, a, b in places] for by in self._units])
         return volume * np.outer(wx, across).ravel(), rows
 
     def law(self, properties: BeamAlong, count: int, measures: Measures = USUAL) -> ElasticLaw:
-        """Return the energy of ``count`` equal elements, the cheaper of two ways to the same numbers."""
-        properties = uniform(properties)
+        """Return the energy of ``count`` equal elements, the cheaper of two ways to the same numbers.
+
+        That of others is one of `hfsim.parts.elements.continuum_points`.
+        """
+        assert isinstance(properties, BeamProperties)
         if (self.degree, self.section_degree) == (3, 1):
             return self.gram_law(properties, count)
         return self.point_law(properties, count)
@@ -203,19 +215,19 @@ class Continuum:
 
         Returns
         -------
-        rows : ndarray, shape (n_dim, n_across, 2 n_dim - 1)
+        rows : ndarray, shape (..., n_dim, n_across, 2 n_dim - 1)
             From r', r_y[, r_z] and their derivatives by x / le to the gradients r_x, r_y[, r_z].
-        volumes : ndarray, shape (n_across,)
-            Of each point, for all of the length [m^3].
+        volumes : ndarray, shape (..., n_across)
+            Of each point, for all of the length [m^3]; of each of several sections, if these are several.
         """
         y, z, across = section_points(properties, self.n_dim, ACROSS)
         sides, n = (y, z)[: self.n_dim - 1], 2 * self.n_dim - 1
-        rows = np.zeros((self.n_dim, len(across), n))
-        rows[0, :, 0] = 1.0
+        rows = np.zeros((*y.shape[:-1], self.n_dim, len(across), n))
+        rows[..., 0, :, 0] = 1.0
         for k, side in enumerate(sides):
-            rows[k + 1, :, k + 1] = 1.0
-            rows[0, :, self.n_dim + k] = side / self.length
-        return rows, across * self.length * properties.height * properties.width
+            rows[..., k + 1, :, k + 1] = 1.0
+            rows[..., 0, :, self.n_dim + k] = side / self.length
+        return rows, np.multiply.outer(self.length * properties.height * properties.width, across)
 
     def to_points(self) -> Array:
         """Return the rows from difference vectors to those of `point_rows` at each point of the axis.
@@ -232,19 +244,13 @@ class Continuum:
         return np.asarray(to_points @ np.linalg.pinv(self.differences()))
 
 
-def uniform(properties: BeamAlong) -> BeamProperties:
-    """Return the properties of a beam that is the same all along: decks refuse others for this element."""
-    assert isinstance(properties, BeamProperties)
-    return properties
-
-
 def section_points(properties: BeamProperties, n_dim: int, points: int) -> tuple[Array, Array, Array]:
-    """Return y, z [m] and weights, whose sum is one, of Gauss points in the (equivalent) rectangle."""
+    """Return y, z [m], (..., n), and weights, of sum one, of Gauss points in (equivalent) rectangles."""
     t, w = gauss_legendre(points)
+    y, z = (np.multiply.outer(side, t - 0.5) for side in (properties.height, properties.breadth))
     if n_dim == 2:
-        return properties.height * (t - 0.5), np.zeros(points), w
-    y, z = np.meshgrid(properties.height * (t - 0.5), properties.breadth * (t - 0.5), indexing="ij")
-    return y.ravel(), z.ravel(), np.outer(w, w).ravel()
+        return y, np.zeros(points), w
+    return np.repeat(y, points, axis=-1), np.tile(z, points), np.outer(w, w).ravel()
 
 
 def strain_pairs(n_dim: int) -> tuple[tuple[int, int], ...]:
@@ -260,10 +266,10 @@ def strain_pairs(n_dim: int) -> tuple[tuple[int, int], ...]:
 
 
 def elasticity(properties: BeamProperties, n_dim: int) -> Array:
-    """Return the matrix of elastic coefficients E of eq. (22)-(23), of `strain_pairs` [Pa]."""
+    """Return the matrix of elastic coefficients E of eq. (22)-(23), of `strain_pairs` [Pa]; or matrices."""
     pairs = strain_pairs(n_dim)
-    E = properties.lame_mu * np.diag([2.0 if i == j else 1.0 for i, j in pairs])
-    E[:n_dim, :n_dim] += properties.lame_lambda
+    E = np.multiply.outer(properties.lame_mu, np.diag([2.0 if i == j else 1.0 for i, j in pairs]))
+    E[..., :n_dim, :n_dim] += np.multiply.outer(properties.lame_lambda, np.ones((n_dim, n_dim)))
     return np.asarray(E)
 
 

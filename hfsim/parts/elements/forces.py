@@ -218,17 +218,13 @@ class KelvinVoigtForce(MaterialDamping):
     def of(
         cls, elements: Connectivity, degree: int, length: float, properties: BeamAlong, item: str = ""
     ) -> KelvinVoigtForce:
-        """Return the force of elements of a length [m] in a row.
-
-        It is that of the centre line; gradients across the section, which come last, are not damped.
-        """
+        """Return the force of elements of a length [m] in a row."""
         points = exact_points(degree)
         w, slope, bend = gauss_rows(points, degree)
-        count, n_vectors, _ = elements.shape
+        count = len(elements.columns)
         own = properties.in_elements(gauss_legendre(points)[0], count)
         axial = own.axial_stiffness * length * own.axial_damping
         bending = own.bending_stiffness / length * own.bending_damping
-        slope, bend = (np.pad(rows, ((0, 0), (0, n_vectors - rows.shape[1]))) for rows in (slope, bend))
         return cls(
             elements=elements,
             slope=slope,

@@ -8,6 +8,7 @@ axes of the body frame serve.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,8 +16,9 @@ from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre, rest_of
 from hfsim.parts.elements.continuum import Continuum, section_points
-from hfsim.parts.elements.points import PointLaw
-from hfsim.parts.elements.varied import VariedGramLaw
+
+if TYPE_CHECKING:
+    from hfsim.deck.stations import BeamAlong
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,8 @@ def in_material(rows: Array, undeformed: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    rows : ndarray, shape (3, n_places, n_vectors)
-        From vectors to r_x, r_y, r_z.
+    rows : ndarray, shape (3, n_places, n_vectors) or (n, 3, n_places, n_vectors)
+        From vectors to r_x, r_y, r_z; the same in all, or of each.
     undeformed : ndarray, shape (n, n_vectors, 3)
         These vectors of n elements or points.
 
@@ -57,42 +59,32 @@ def in_material(rows: Array, undeformed: Array) -> tuple[Array, Array]:
     ndarray, shape (n, n_places)
     ndarray, shape (n, 3, n_places, n_vectors)
     """
-    F0 = np.einsum("iqa,eak->eqki", rows, undeformed)
-    return np.linalg.det(F0), np.einsum("iqa,eqik->ekqa", rows, np.linalg.inv(F0))
+    F0 = np.einsum("...iqa,...ak->...qki", rows, undeformed)
+    return np.linalg.det(F0), np.einsum("...iqa,...qik->...kqa", rows, np.linalg.inv(F0))
 
 
-def curved_law(element: Continuum, properties: BeamProperties, undeformed: Array) -> PointLaw:
-    """Return the elastic law of elements, on their difference vectors.
-
-    Parameters
-    ----------
-    element : Continuum
-        With the length and the degrees of all.
-    properties : BeamProperties
-    undeformed : ndarray, shape (n_elements, n_vectors, 3)
-        Their nodal vectors.
-    """
-    rows, volumes = element.point_rows(properties)
-    to_points, weights = element.to_points(), element.axial_rule[1]
-    there = np.einsum("apn,enk->peak", to_points, element.differences() @ undeformed)
-    own = there.reshape(-1, *there.shape[2:])
-    ratios, material = in_material(rows, own)
-    each = np.repeat(weights, len(undeformed))[:, None] * ratios * volumes
-    return PointLaw(VariedGramLaw.green_lagrange(material, each, own, properties), to_points)
-
-
-def curved_masses(
-    element: Continuum, properties: BeamProperties, undeformed: Array, start: float = 0.0
-) -> Array:
+def curved_masses(element: Continuum, properties: BeamAlong, undeformed: Array, start: float = 0.0) -> Array:
     """Return the mass matrices of one vector component of these elements, (n_elements, n, n) [kg].
 
     Of their parts beyond ``start``, a share of the length.
     """
-    x, wx = rest_of(gauss_legendre((3 * element.degree + 2 * element.section_degree) // 2 + 1), start)
-    y, z, across = section_points(properties, 3, 2)
-    places = [(float(xi), float(a), float(b)) for xi in x for a, b in zip(y, z, strict=True)]
-    units = ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))
-    N, *rows = (np.array([element.shape(xi, a, by, b) for xi, a, b in places]) for by in units)
-    ratios, _ = in_material(np.array(rows), undeformed)
-    each = properties.mass_per_length * element.length * np.outer(wx, across).ravel() * ratios
-    return np.asarray(np.einsum("eq,qn,qm->enm", each, N, N, optimize=True))
+    alike, count = isinstance(properties, BeamProperties), len(undeformed)
+    points = (3 * element.degree + 2 * element.section_degree) // 2 + (1 if alike else 2)
+    x, wx = rest_of(gauss_legendre(points), start)
+    own = properties.in_elements(x, count)
+    y, z, across = section_points(own, 3, 2)
+    one, nothing = np.ones((1 if alike else count, points, len(across))), np.zeros(1)
+
+    def rows(along: int, *sides: Array) -> Array:
+        """Return sums of shapes of the line, r_y and r_z, or their derivatives by x, (..., n_places, n)."""
+        units = ((along, 0, 0), (along, 1, 0), (along, 0, 1))
+        kinds = np.array([[element.shape(float(xi), 0.0, by) for xi in x] for by in units])
+        found = np.einsum("kexq,kxn->exqn", [np.broadcast_to(side, one.shape) for side in sides], kinds)
+        return np.asarray(found.reshape(len(found), -1, found.shape[-1]))
+
+    N = rows(0, one, y, z)
+    gradients = rows(1, one, y, z), rows(0, nothing, one, nothing), rows(0, nothing, nothing, one)
+    ratios, _ = in_material(np.stack(gradients, axis=1), undeformed)
+    density = np.multiply.outer(wx * own.mass_per_length, across).reshape(-1, N.shape[1])
+    each = element.length * density * ratios
+    return np.asarray((N * each[..., None]).swapaxes(1, 2) @ N)

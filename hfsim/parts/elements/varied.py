@@ -7,16 +7,16 @@ from functools import cached_property
 
 import numpy as np
 
-from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.parts.elements._base import RowLaw, in_turn
-from hfsim.parts.elements.continuum import elasticity, strain_pairs
 
 
 @frozen
 class VariedGramLaw(RowLaw):
     """U = 1/2 d^T C d at each point, with d = g - g0, g the products of its vectors, each pair once.
+
+    With retardation times in C the same form is a damping: of rates d' forces C d', on which they work.
 
     Attributes
     ----------
@@ -31,35 +31,6 @@ class VariedGramLaw(RowLaw):
     quadratic: Array
     reference: Array
     n_vectors: int
-
-    @classmethod
-    def green_lagrange(
-        cls, rows: Array, volumes: Array, undeformed: Array, properties: BeamProperties
-    ) -> VariedGramLaw:
-        """Return the energy (21)-(23) summed over places around each point.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (n_points, n_dim, n_places, n_vectors)
-            From the vectors to the deformation gradient at these places, column by column.
-        volumes : ndarray, shape (n_points, n_places)
-            [m^3].
-        undeformed : ndarray, shape (n_points, n_vectors, n_dim)
-        properties : BeamProperties
-        """
-        _, n_dim, places, n = rows.shape
-        first, second = np.triu_indices(n)
-        off, E = np.where(first == second, 0.0, 1.0), elasticity(properties, n_dim)
-        quadratic = np.zeros((len(rows), len(first), len(first)))
-        for q in range(places):
-            f = rows[:, :, q]
-            both = [f[:, i][:, first] * f[:, j][:, second] for i, j in strain_pairs(n_dim)]
-            swapped = [f[:, j][:, first] * f[:, i][:, second] for i, j in strain_pairs(n_dim)]
-            strains = np.stack([a + off * b for a, b in zip(both, swapped, strict=True)], axis=1)
-            strains[:, :n_dim] *= 0.5
-            quadratic += strains.swapaxes(1, 2) @ (volumes[:, q, None, None] * (E @ strains))
-        reference = np.sum(undeformed[:, first] * undeformed[:, second], axis=-1)
-        return cls(quadratic, reference, n)
 
     @property
     def quartic(self) -> bool:
@@ -104,22 +75,40 @@ class VariedGramLaw(RowLaw):
 
     def pull(self, v: Array) -> Array:
         """Return dU/dV [J] for `component_rows`, same shape."""
-        (first, second), (where, squares) = self._pairs, self._entries
+        first, second = self._pairs
         d = np.sum(v[first] * v[second], axis=1).reshape(len(first), len(self.reference), -1)
-        d -= self.reference.T[..., None]
-        H = np.matmul(self.quadratic, d.swapaxes(0, 1)).swapaxes(0, 1).reshape(len(first), -1)
+        return self.pull_of(v, d - self.reference.T[..., None])
+
+    def pull_of(self, v: Array, d: Array) -> Array:
+        """Return the same of other numbers in the place of d, (n_pairs, n_points, n_states)."""
+        where, squares = self._entries
+        H = np.matmul(self.quadratic, d.swapaxes(0, 1)).swapaxes(0, 1).reshape(len(d), -1)
         H[squares] *= 2.0
         return np.asarray(np.sum(H[where][:, :, None] * v, axis=1))
 
+    def rates_of(self, v: Array, w: Array) -> Array:
+        """Return by what d changes at rates w of the vectors v, (n_pairs, n_points, n_states)."""
+        first, second = self._pairs
+        rates = np.sum(v[first] * w[second] + w[first] * v[second], axis=1)
+        return np.asarray(rates.reshape(len(first), len(self.reference), -1))
+
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_points, n_vectors * n_dim, n_vectors * n_dim)."""
-        (first, second), (where, squares) = self._pairs, self._entries
-        d, each = self._changes(V), np.arange(len(first))
-        slopes = np.zeros((*d.shape, *V.shape[-2:]))
+        slopes = self.slopes(V)
+        material = slopes.swapaxes(-1, -2) @ self.quadratic @ slopes
+        return np.asarray(material + self.bent_by(self._changes(V), V.shape[-1]))
+
+    def slopes(self, V: Array) -> Array:
+        """Return dd/dV, shape (..., n_points, n_pairs, n_vectors * n_dim)."""
+        (first, second), each = self._pairs, np.arange(len(self._pairs[0]))
+        slopes = np.zeros((*V.shape[:-2], len(each), *V.shape[-2:]))
         slopes[..., each, first, :] += V[..., second, :]
         slopes[..., each, second, :] += V[..., first, :]
-        slopes = slopes.reshape(*d.shape, -1)
-        material = slopes.swapaxes(-1, -2) @ self.quadratic @ slopes
+        return slopes.reshape(*slopes.shape[:-2], -1)
+
+    def bent_by(self, d: Array, n_dim: int) -> Array:
+        """Return the derivative of `pull_of` by the vectors where d (..., n_points, n_pairs) stays."""
+        where, squares = self._entries
         H = (self.quadratic @ d[..., None])[..., 0]
         H[..., squares] *= 2.0
-        return np.asarray(material + np.kron(H[..., where], np.eye(V.shape[-1])))
+        return np.kron(H[..., where], np.eye(n_dim))
