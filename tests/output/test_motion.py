@@ -1,6 +1,7 @@
 """The animation: bounded, of the whole motion, and listed."""
 
 import json
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ def animated(scene, tmp_path, monkeypatch, *options):
     done = CliRunner().invoke(app, ["run", "deck.yaml", "--animate", "--no-plots", "-o", "out", *options])
     assert done.exit_code == 0, done.output
     assert "plots/motion.gif" in json.loads(Path("out/summary.json").read_text())["files"]
-    return Image.open("out/plots/motion.gif")
+    return Image.open(BytesIO(Path("out/plots/motion.gif").read_bytes()))
 
 
 def body(image):

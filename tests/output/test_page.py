@@ -75,10 +75,10 @@ def test_overlays_go_through_the_steps_of_each_run(monkeypatch):
     monkeypatch.setattr(overlays, "save", lambda drawn, folder: figures.update(drawn) or list(drawn))
     found = hfsim.compare("pendulum", ["linear"], {"solve.duration": 0.1, "output.interval": 0.05}, repeats=1)
     overlays.draw_comparison(list(found.runs.values()), found, None)
-    linear, exact = figures["b1.angular_velocity"].axes[0].lines
+    linear, exact = figures["b1.angular_velocity"].panels[0].curves
     for line, model in ((linear, "linear"), (exact, "exact")):
         run = found.runs[model]
         assert len(run.t) == 3
-        curve = dict(zip(*line.get_data(), strict=True))
+        curve = dict(line.points.tolist())
         assert len(curve) > 40
         assert [curve[t] for t in run.t] == run["b1.angular_velocity"].tolist()

@@ -12,7 +12,8 @@ from click.testing import CliRunner
 import hfsim
 from hfsim.cli import app
 from hfsim.output.pictures import FORMATS, put_pictures
-from hfsim.output.plots.style import finished, new_figure, save
+from hfsim.output.plots.figures import finished, new_figure
+from hfsim.output.plots.files import save
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk
 
@@ -42,7 +43,7 @@ def test_names_are_drawn_as_they_are(tmp_path, recwarn, name):
     assert name in [text.get_text() for text in figure.legends[0].get_texts()]
     decades = [text.get_text() for text in axes.get_yticklabels()]
     assert any("10^{-1}" in words for words in decades), "powers of ten stay formulae"
-    assert not recwarn.list
+    assert not [str(one.message) for one in recwarn.list]
 
 
 def drawing(*names, fail=None):

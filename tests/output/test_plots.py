@@ -1,18 +1,24 @@
 """Pictures of runs in space: what is drawn is what was computed, to one scale in all views."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from itertools import pairwise
+from unittest.mock import patch
 
 import numpy as np
 import pytest
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import LineCollection
+from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.colors import to_rgb
+from matplotlib.font_manager import FontProperties
+from matplotlib.transforms import Bbox
 
 from hfsim.marching.solution import Channel
 from hfsim.output.plots.history import time_figures
+from hfsim.output.plots.ink import DPI, Ink, text_width
+from hfsim.output.plots.letters import plain
+from hfsim.output.plots.panel import Arrow, Curve, Note, Strokes
 from hfsim.output.plots.run import draw_run
-from hfsim.output.plots.sheet import tick_words
 from hfsim.output.plots.space import oblique, oblique_shapes, spatial_path, spatial_shapes
 from hfsim.output.plots.style import colour
 from hfsim.output.plots.tracks import apart
@@ -59,43 +65,69 @@ def test_a_run_in_space_has_its_pictures(run, tmp_path):
 
 @pytest.mark.parametrize("draw", [spatial_path, spatial_shapes])
 def test_views_share_one_scale_and_stand_in_line(run, draw):
-    figure = draw(run)
-    FigureCanvasAgg(figure).draw()
-    views = {(axes.get_xlabel()[0], axes.get_ylabel()[0]): axes for axes in figure.axes[:3]}
+    views = {(panel.across.label[0], panel.upward.label[0]): panel for panel in draw(run).panels}
     assert set(views) == {("x", "y"), ("x", "z"), ("y", "z")}
-    metres = [axes.transData.transform([[0, 0], [1, 0], [0, 1]]) for axes in views.values()]
+    metres = [panel.place(np.array([[0, 0], [1, 0], [0, 1]])) for panel in views.values()]
     sizes = [np.linalg.norm(ends[1:] - ends[0], axis=1) for ends in metres]
     assert np.array(sizes) == pytest.approx(np.full((3, 2), sizes[0][0]), rel=1e-3)
-    above, front, right = (views[pair].get_window_extent() for pair in (("x", "y"), ("x", "z"), ("y", "z")))
-    assert (above.x0, above.x1) == pytest.approx((front.x0, front.x1), abs=1.0)
-    assert (right.y0, right.y1) == pytest.approx((front.y0, front.y1), abs=1.0)
-    assert above.y0 > front.y1 and right.x0 > front.x1
+    above, front, right = (views[pair].frame for pair in (("x", "y"), ("x", "z"), ("y", "z")))
+    assert above[0::2] == pytest.approx(front[0::2], abs=0.01)
+    assert right[1::2] == pytest.approx(front[1::2], abs=0.01)
+    assert above[1] > front[3] and right[0] > front[2]
 
 
 def test_paths_are_the_channels(run):
     columns = {channel.name: channel.values for channel in run.channels}
-    for axes in spatial_path(run).axes:
-        names = axes.get_xlabel()[0], axes.get_ylabel()[0]
-        curve = next(line for line in axes.lines if line.get_label() == "whip.tip")
+    for panel in spatial_path(run).panels:
+        names = panel.across.label[0], panel.upward.label[0]
+        curve = next(line for line in panel.curves if line.label == "whip.tip")
         track = np.array([columns[f"whip.tip.{one}"] for one in names])
-        x, y = curve.get_data()
-        assert np.array([x, y]) == pytest.approx(track)
+        assert pytest.approx(track) == curve.points.T
 
 
-def collections(axes):
-    return [one for one in axes.collections if isinstance(one, LineCollection)]
+class Watched(RendererAgg):
+    """Keeps where it drew what while a word was written."""
+
+    def __init__(self, size):
+        super().__init__(*(DPI * np.array(size)).round(), DPI)
+        self.drawn = []
+
+    def draw_path(self, gc, path, transform, rgbFace=None):
+        self.drawn.append(path.get_extents(transform))
+        super().draw_path(gc, path, transform, rgbFace)
+
+
+def written(figure):
+    """Return the words of a picture, each with the box around its letters [pixels]."""
+    renderer, found, write = Watched(figure.size), [], Ink.words
+
+    def words(ink, text, *where, **how):
+        renderer.drawn.clear()
+        write(ink, text, *where, **how)
+        found.append((text, Bbox.union(renderer.drawn)))
+
+    with patch.object(Ink, "words", words):
+        figure.draw(renderer)
+    return found
+
+
+def strokes(panel):
+    return [one for one in panel.things if isinstance(one, Strokes)]
+
+
+def words(panel):
+    return [one.text for one in panel.things if isinstance(one, Note)]
 
 
 def test_shapes_are_the_outlines_of_first_to_last(run):
     figure = spatial_shapes(run)
-    for axes in figure.axes[:3]:
-        pair = ["xyz".index(one[0]) for one in (axes.get_xlabel(), axes.get_ylabel())]
-        (lines,) = collections(axes)
-        segments = lines.get_segments()
+    for panel in figure.panels:
+        pair = ["xyz".index(one[0]) for one in (panel.across.label, panel.upward.label)]
+        segments = [one for thing in strokes(panel) for one in thing.every]
         for k, at in ((0, 0), (-2, -1)):
             assert segments[k] == pytest.approx(run.outlines["hub"][at][:, pair])
             assert segments[k + 1] == pytest.approx(run.outlines["whip"][at][:, pair])
-        low, high = axes.get_xlim()
+        low, high = panel.across.low, panel.across.high
         assert all(low < one[:, 0].min() and one[:, 0].max() < high for one in segments)
 
 
@@ -104,18 +136,22 @@ def test_the_oblique_picture_is_seen_from_above_in_front(run):
     assert plotted.T @ plotted == pytest.approx(np.eye(2), abs=1e-15)
     assert plotted[0, 0] > plotted[1, 0] > 0.0 and plotted[1, 1] > 0.0 > plotted[0, 1]
     assert plotted[2] == pytest.approx([0.0, plotted[2, 1]]) and plotted[2, 1] > 0.0
-    floor, *shadows, shapes = collections(oblique_shapes(run).axes[0])
-    assert shapes.get_segments()[0] == pytest.approx(oblique(run.outlines["hub"][0]))
+    (panel,) = oblique_shapes(run).panels
+    floor, shadows, shapes, *_ = strokes(panel)
+    assert shapes.every[0] == pytest.approx(oblique(run.outlines["hub"][0]))
     under = run.outlines["hub"][0].copy()
-    under[:, 2] = shadows[0].get_segments()[0][0, 1]  # any height: below means straight below
-    assert shadows[0].get_segments()[0][:, 0] == pytest.approx(oblique(under)[:, 0])
-    assert floor.get_segments()[0].shape == (2, 2)
+    under[:, 2] = shadows.every[0][0, 1]  # any height: below means straight below
+    assert shadows.every[0][:, 0] == pytest.approx(oblique(under)[:, 0])
+    assert floor.every[0].shape == (2, 2)
+    arrows = [one for one in panel.things if isinstance(one, Arrow)]
+    along = np.array([one.end - one.begin for one in arrows])
+    assert along / along[2, 1] * plotted[2, 1] == pytest.approx(plotted), "x, y and z of the ground"
 
 
 @pytest.mark.parametrize(("name", "jump"), [("rotation", np.pi), ("quaternion", 1.0)])
 def test_where_a_turn_has_several_values_its_curve_is_broken(run, name, jump):
-    (axes,) = time_figures(run)[name].axes
-    curves = np.array([line.get_ydata() for line in axes.lines])
+    (panel,) = time_figures(run)[name].panels
+    curves = np.array([line.points[:, 1] for line in panel.curves])
     assert np.isnan(curves).any(axis=0).sum() == np.isnan(curves).all(axis=0).sum() > 0
     steps = np.linalg.norm(np.diff(curves, axis=1), axis=0)
     assert np.nanmax(steps) < 0.5 * jump
@@ -125,11 +161,11 @@ def test_where_a_turn_has_several_values_its_curve_is_broken(run, name, jump):
 
 def test_vectors_of_several_subjects_have_a_row_for_each_component(run):
     figures = time_figures(run)
-    rows = figures["velocity"].axes
-    assert [axes.get_ylabel() for axes in rows] == [f"{name} [m/s]" for name in ("vx", "vy", "vz")]
-    assert all([line.get_label() for line in axes.lines] == ["whip.tip", "hub"] for axes in rows)
-    (axes,) = figures["joint_force"].axes
-    assert [line.get_label() for line in axes.lines] == [f"ball.force_{one}" for one in "xyz"]
+    rows = figures["velocity"].panels
+    assert [row.upward.label for row in rows] == [f"{name} [m/s]" for name in ("vx", "vy", "vz")]
+    assert all([line.label for line in row.curves] == ["whip.tip", "hub"] for row in rows)
+    (row,) = figures["joint_force"].panels
+    assert [line.label for line in row.curves] == [f"ball.force_{one}" for one in "xyz"]
 
 
 def test_labels_of_a_narrow_view_do_not_touch(run):
@@ -138,10 +174,12 @@ def test_labels_of_a_narrow_view_do_not_touch(run):
     circle = (0.0 * angle, 0.1 + 0.08 * np.sin(angle), 0.12 + 0.08 * np.cos(angle))
     channels = tuple(Channel(f"whip.tip.{k}", "m", one) for k, one in zip("xyz", circle, strict=True))
     figure = spatial_path(replace(run, channels=channels))
-    FigureCanvasAgg(figure).draw()
-    for axes in figure.axes[:3]:
-        boxes = [label.get_window_extent() for label in axes.get_xticklabels() if label.get_text()]
-        assert all(left.x1 < right.x0 for left, right in pairwise(boxes)), axes.get_xlabel()
+    for panel in figure.panels:
+        left, bottom, right, _ = DPI * np.array(panel.frame)
+        below = [box for text, box in written(figure) if text in panel.across.words]
+        row = [box for box in below if bottom - 25 < box.y0 < bottom and left < box.x1 and box.x0 < right]
+        assert len(row) == len(panel.across.words) > 0
+        assert all(left.x1 < right.x0 for left, right in pairwise(row)), panel.across.label
 
 
 def test_what_is_zero_but_for_rounding_is_drawn_as_zero(run):
@@ -156,15 +194,15 @@ def test_what_is_zero_but_for_rounding_is_drawn_as_zero(run):
         Channel("constraint.position", "m", 1e-16 * noise),
     )
     figures = time_figures(replace(run, channels=channels))
-    (force,) = figures["joint_force"].axes
-    assert not force.lines[0].get_ydata().any() and force.get_ylim() == (-1.0, 1.0)
-    assert "zero" in [text.get_text() for text in force.texts]
-    (axes,) = figures["velocity"].axes
-    across, along = (line.get_ydata() for line in axes.lines)
+    (force,) = figures["joint_force"].panels
+    assert not force.curves[0].points[:, 1].any() and force.upward[:2] == (-1.0, 1.0)
+    assert "zero" in words(force)
+    (panel,) = figures["velocity"].panels
+    across, along = (line.points[:, 1] for line in panel.curves)
     assert not across.any() and np.ptp(along) == 0.0 and along[0] == pytest.approx(2.0)
     for name, size in (("deflection", 1e-9), ("constraint", 1e-16)):
-        (axes,) = figures[name].axes
-        assert axes.lines[0].get_ydata() == pytest.approx(size * noise) and not axes.texts
+        (panel,) = figures[name].panels
+        assert panel.curves[0].points[:, 1] == pytest.approx(size * noise) and not words(panel)
 
 
 def drawn(run, **channels):
@@ -175,15 +213,14 @@ def drawn(run, **channels):
 
 def test_a_small_change_of_a_large_value_is_told_in_its_label(run):
     change = 6e-9 * np.sin(np.arange(len(run.t)))
-    (axes,) = drawn(run, energy__total=("J", 11.25 + change))["energy"].axes
-    assert axes.get_ylabel() == "energy \N{MINUS SIGN} 11.25 J [1e-9 J]"
-    assert {"0", "5", "\N{MINUS SIGN}5"} & set(tick_words(axes.yaxis))
-    assert axes.lines[0].get_ydata() == pytest.approx(11.25 + change, rel=1e-15)
-    (axes,) = drawn(run, energy__total=("J", 3e7 * change / 6e-9))["energy"].axes
-    assert axes.get_ylabel() == "energy [1e6 J]"
-    assert "20" in tick_words(axes.yaxis)
-    FigureCanvasAgg(axes.figure).draw()
-    assert not axes.yaxis.get_offset_text().get_text()
+    (panel,) = drawn(run, energy__total=("J", 11.25 + change))["energy"].panels
+    assert panel.upward.label == "energy \N{MINUS SIGN} 11.25 J [1e-9 J]"
+    assert {"0", "5", "\N{MINUS SIGN}5"} & set(panel.upward.words)
+    assert panel.curves[0].points[:, 1] == pytest.approx(11.25 + change, rel=1e-15)
+    (panel,) = drawn(run, energy__total=("J", 3e7 * change / 6e-9))["energy"].panels
+    assert panel.upward.label == "energy [1e6 J]"
+    k = panel.upward.words.index("20")
+    assert panel.upward.ticks[k] == pytest.approx(2e7)
 
 
 def test_curves_that_coincide_are_dashed_and_others_are_not(run):
@@ -195,9 +232,9 @@ def test_curves_that_coincide_are_dashed_and_others_are_not(run):
         whip__tip__x=("m", wave + 1e-6),
         whip__tip__y=("m", wave),
     )
-    rows = figures["position"].axes
-    assert [[line.get_linestyle() for line in axes.lines] for axes in rows] == [["-", "--"], ["-", "-"]]
-    assert rows[0].lines[1].get_ydata() == pytest.approx(wave + 1e-6)
+    rows = figures["position"].panels
+    assert [[bool(line.pen.dashes) for line in row.curves] for row in rows] == [[False, True], [False] * 2]
+    assert rows[0].curves[1].points[:, 1] == pytest.approx(wave + 1e-6)
 
 
 def test_what_a_failed_run_ends_in_is_marked_as_off_scale(run):
@@ -205,27 +242,32 @@ def test_what_a_failed_run_ends_in_is_marked_as_off_scale(run):
     wild = calm.copy()
     wild[-3:] = 1e3, 1e6, 1e9
     failed = replace(run, status="failed", failure={"time": float(run.t[-1])})
-    (axes,) = drawn(failed, whip__tip__deflection=("m", wild), hub__deflection=("m", calm))["deflection"].axes
-    low, high = axes.get_ylim()
+    figures = drawn(failed, whip__tip__deflection=("m", wild), hub__deflection=("m", calm))
+    (panel,) = figures["deflection"].panels
+    low, high, *_ = panel.upward
     assert -4.0 < low < high < 4.0
-    assert [text.get_text() for text in axes.texts] == ["off scale"]
-    mark = next(line for line in axes.lines if line.get_marker() == "^")
-    assert mark.get_xdata()[0] == run.t[-1] and mark.get_ydata()[0] == high
-    (axes,) = drawn(run, whip__tip__deflection=("m", wild))["deflection"].axes
-    assert axes.get_ylim()[1] > 1e9 and not axes.texts, "a run that is done has no bounds"
+    assert words(panel) == ["off scale"]
+    (mark,) = (one for one in panel.things if isinstance(one, Curve) and one.mark)
+    assert mark.mark.shape == "^" and not mark.clipped
+    assert mark.points.tolist() == [[run.t[-1], high]]
+    (panel,) = drawn(run, whip__tip__deflection=("m", wild))["deflection"].panels
+    assert panel.upward.high > 1e9 and not words(panel), "a run that is done has no bounds"
 
 
 def test_each_of_several_bodies_has_its_colour_paler_the_earlier(run):
-    (lines,) = collections(spatial_shapes(run).axes[0])
-    hub, whip = lines.get_colors()[0::2], lines.get_colors()[1::2]
+    figure = spatial_shapes(run)
+    colours = np.array([one.pen.colour for one in strokes(figure.panels[0])])
+    hub, whip = colours[0::2], colours[1::2]
     assert hub[-1][:3] == pytest.approx(to_rgb(colour(0))) and whip[-1][:3] == pytest.approx(
         to_rgb(colour(1))
     )
     assert (np.diff(hub[:, :3].sum(axis=1)) < 0.0).all() and (np.diff(whip[:, :3].sum(axis=1)) < 0.0).all()
-    names = [text.get_text() for text in spatial_shapes(run).legends[0].get_texts()]
-    assert names == ["hub", "whip"]
+    assert {name: own.pen.colour for name, own in figure.legend.items()} == {
+        "hub": tuple(hub[-1]),
+        "whip": tuple(whip[-1]),
+    }
     alone = replace(run, outlines={"hub": run.outlines["hub"]})
-    assert not spatial_shapes(alone).legends
+    assert not spatial_shapes(alone).legend
 
 
 def test_shapes_do_not_pile_up():
@@ -257,16 +299,33 @@ def test_titles_legends_and_labels_stay_apart(run, size):
         oblique_shapes(other),
     ]
     for figure in figures:
-        canvas = FigureCanvasAgg(figure)
-        canvas.draw()
-        (title,) = (text for text in figure.texts if text.get_text().startswith("pendulum"))
-        boxes = [title.get_window_extent(), *(axes.get_tightbbox() for axes in figure.axes)]
-        boxes += [legend.get_window_extent() for legend in figure.legends]
-        whole = figure.bbox
+        found = written(figure)
+        assert {*figure.title, *figure.legend} <= {text for text, _ in found}
+        boxes = [box.padded(1.0) for _, box in found]
+        boxes += [Bbox.from_extents(*(DPI * np.array(one.frame))) for one in figure.panels if one.framed]
+        width, height = DPI * np.array(figure.size)
         for k, box in enumerate(boxes):
-            assert box.x0 >= whole.x0 - 1 and box.x1 <= whole.x1 + 1, "nothing is cut off"
-            assert box.y0 >= whole.y0 - 1 and box.y1 <= whole.y1 + 1
-            for one in boxes[k + 1 :]:
-                wide = min(box.x1, one.x1) - max(box.x0, one.x0)
-                high = min(box.y1, one.y1) - max(box.y0, one.y0)
-                assert min(wide, high) <= 1.0, title.get_text()
+            assert 0.0 <= box.x0 < box.x1 <= width and 0.0 <= box.y0 < box.y1 <= height, "nothing is cut off"
+            over = [one for one in boxes[k + 1 :] if box.overlaps(one)]
+            assert not over, (found[k][0], figure.title)
+
+
+def test_words_are_drawn_letter_by_letter_as_the_library_lays_them_out():
+    """The same letters, about as wide; others than plain ones go to the library whole."""
+    for text in ("energy \N{MINUS SIGN} 11.25 J [1e-9 J]", "hub.angular_velocity", "0.25"):
+        ours, theirs = RendererAgg(400, 40, DPI), RendererAgg(400, 40, DPI)
+        Ink(ours).words(text, 0.1, 0.1)
+        theirs.draw_text(theirs.new_gc(), 11, 29, text, FontProperties(size=10.0), 0.0)
+        wide, _, _ = theirs.get_text_width_height_descent(text, FontProperties(size=10.0), False)
+        assert text_width(text) * DPI == pytest.approx(wide, abs=3.0)
+        dark = [255.0 - np.asarray(one.buffer_rgba())[..., 3].astype(float) for one in (ours, theirs)]
+        rows = [255.0 - one.mean(axis=1) for one in dark]
+        assert rows[0] == pytest.approx(rows[1], abs=0.1 * rows[1].max()), text
+    assert not plain("\u4e2d") and not plain("a\tb") and plain("100 % $x_$")
+
+
+def test_pictures_of_a_run_need_no_figures_of_the_library():
+    """They take longer to import, and several times as long to draw."""
+    code = "import sys, hfsim.output.plots.run\nprint('matplotlib.figure' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == "False\n"

@@ -95,16 +95,16 @@ def test_snapshots_have_pictures(scene):
     figures = dict(snapshot_figures(seen))
     assert set(figures) == {"snapshots", "along_whip"}
     shot = seen.snapshots[1]
-    rows = figures["along_whip"].axes
+    rows = figures["along_whip"].panels
     acting = {kind: one for kind, one in shot.along["whip"].items() if np.abs(one).max() > 1e-9}
-    for axes, (kind, values) in zip(rows, acting.items(), strict=True):
-        assert axes.get_ylabel().startswith(kind.split("_")[0])
-        line = axes.lines[1]
-        assert line.get_label() == "t = 0.12 s"
-        assert line.get_xdata() == pytest.approx(shot.places["whip"])
-        assert line.get_ydata() == pytest.approx(values, abs=1e-11 * np.abs(values).max() + 1e-11)
-    curves = figures["snapshots"].axes[0].lines
-    assert np.column_stack(curves[3].get_data()) == pytest.approx(shot.points["whip"][:, :2])
+    for panel, (kind, values) in zip(rows, acting.items(), strict=True):
+        assert panel.upward.label.startswith(kind.split("_")[0])
+        line = panel.curves[1]
+        assert line.label == "t = 0.12 s"
+        assert line.points[:, 0] == pytest.approx(shot.places["whip"])
+        assert line.points[:, 1] == pytest.approx(values, abs=1e-11 * np.abs(values).max() + 1e-11)
+    curves = figures["snapshots"].panels[0].curves
+    assert curves[3].points == pytest.approx(shot.points["whip"][:, :2])
     assert not dict(
         snapshot_figures(run(SCENES[scene].replace("snapshots: [0.25, 120 ms, 0.0, 0.25], ", "")))
     )

@@ -1,4 +1,8 @@
-"""Results to pictures; the only package that imports matplotlib. Each kind is imported where it is drawn."""
+"""Results to pictures; the only package that imports matplotlib. Each kind is imported where it is drawn.
+
+Pictures of runs are drawn by `sheet` straight on the library's renderers; its figures and axes, which take
+longer to import and several times as long to draw, serve studies (`figures`) and formats of vectors.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +11,14 @@ from importlib import import_module
 from matplotlib import artist
 
 
-def _import_library() -> None:
-    """Import the library without tables of properties in its help texts: a quarter of the time it takes."""
+def import_library(name: str) -> None:
+    """Import a part of the library without tables of properties in its help texts, which take long."""
     tables = artist.kwdoc
     artist.kwdoc = lambda artist: ""
     try:
-        import_module("matplotlib.figure")
+        import_module(name)
     finally:
         artist.kwdoc = tables
 
 
-_import_library()
+import_library("matplotlib.backends.backend_agg")

@@ -5,31 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.style import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    RED,
-    SKY,
-    colour,
-    decades,
-    dress_counts,
-    dress_log,
-    finished,
-    log_figure,
-    save,
-    slug,
-)
+from hfsim.output.plots.figures import decades, dress_counts, dress_log, finished, log_figure
+from hfsim.output.plots.files import save
+from hfsim.output.plots.style import BLUE, COLOURS, GREEN, ORANGE, PURPLE, RED, SKY, colour, slug
 from hfsim.studies.bench import Bench, Cell, Point, observed_order, pareto, tidy
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _METHOD_STYLES = {
     "gauss": (BLUE, "o"),

@@ -5,36 +5,25 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hfsim.marching.alike import jumps
 from hfsim.marching.rounding import levelled
 from hfsim.marching.solution import Channel, Run
+from hfsim.output.plots.figures import dress_log, finished, log_figure
+from hfsim.output.plots.files import save
 from hfsim.output.plots.history import broken
+from hfsim.output.plots.ink import DASHED, Mark, Pen
+from hfsim.output.plots.panel import Curve, Panel, key, mark_zero
+from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.sheet import Sheet
-from hfsim.output.plots.style import (
-    BLUE,
-    COLOURS,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    RED,
-    SIZE,
-    dress,
-    dress_log,
-    ended,
-    finished,
-    log_figure,
-    mark_zero,
-    save,
-    slug,
-    with_unit,
-)
+from hfsim.output.plots.style import BLUE, COLOURS, GREEN, ORANGE, PURPLE, RED, SIZE, ended, slug
 from hfsim.studies.compare import Comparison, ending, percent
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _MODEL_COLOURS = {
     "rigid": ORANGE,
@@ -71,9 +60,13 @@ def draw_comparison(runs: Sequence[Run], comparison: Comparison, folder: Path) -
         return []
     runs = [_shown(run, truth) for run in runs]
     truth = next(run for run in runs if run.model == comparison.reference)
-    figures = {slug(channel.name): _overlay_figure(runs, truth, channel) for channel in truth.channels}
+    figures: dict[str, Sheet | Figure | None] = {
+        slug(channel.name): _overlay_figure(runs, truth, channel) for channel in truth.channels
+    }
     cost = _cost_figure(comparison)
-    return save(figures | ({"error_against_cost": cost} if cost else {}), folder)
+    if cost is not None:
+        figures["error_against_cost"] = cost
+    return save(figures, folder)
 
 
 def _shown(run: Run, truth: Run) -> Run:
@@ -82,23 +75,26 @@ def _shown(run: Run, truth: Run) -> Run:
     return replace(drawn, channels=levelled(drawn.channels, truth.outlines))
 
 
-def _overlay_figure(runs: Sequence[Run], truth: Run, channel: Channel) -> Figure:
+def _overlay_figure(runs: Sequence[Run], truth: Run, channel: Channel) -> Sheet:
     sheet = Sheet()
-    axes = sheet.add(0.0, 0.0, SIZE[0] - 1.2, 3.6)
+    panel = sheet.add(0.0, 0.0, SIZE[0] - 1.2, 3.6)
     own = ((run, _channel(run, channel.name)) for run in runs)
     curves = [(run, one) for run, one in own if one is not None]
     low, high, clipped = overlay_limits(channel.values, [one.values for _, one in curves])
     for run, one in curves:
         if run is not truth:
-            _draw_model(axes, run, one, (low, high))
+            _draw_model(panel, run, one, (low, high))
     label = f"{truth.model} (reference)" + ("" if truth.status == "done" else f" ({ended(truth)})")
-    points = broken(truth.t, channel, jumps([channel]))
-    axes.plot(*points, "--", color="black", linewidth=1.5, label=label, zorder=5)
-    axes.set_ylim(low, high)
-    mark_zero(axes)
-    dress(axes, "time [s]", with_unit(channel.name, channel.unit))
+    points = np.column_stack(broken(truth.t, channel, jumps([channel])))
+    panel.things.append(Curve(points, Pen("black", 1.5, DASHED), label))
+    panel.fit()
+    panel.limit(y=(low, high))
+    stopped = ((run, one) for run, one in curves if run is not truth and run.status != "done")
+    panel.things += [_end(run, one, (low, high)) for run, one in stopped]
+    mark_zero(panel)
+    panel.dress("time [s]", with_unit(channel.name, channel.unit))
     note = f" (axis cut at {_CLIP:.0f} x the reference's range)" if clipped else ""
-    return sheet.finish(f"{truth.name}: {channel.name} by model{note}", [axes])
+    return sheet.finish(f"{truth.name}: {channel.name} by model{note}", [panel])
 
 
 def _channel(run: Run, name: str) -> Channel | None:
@@ -106,20 +102,26 @@ def _channel(run: Run, name: str) -> Channel | None:
     return found if found is not None and len(found.values) else None
 
 
-def _draw_model(axes: Axes, run: Run, channel: Channel, limits: tuple[float, float]) -> None:
+def _draw_model(panel: Panel, run: Run, channel: Channel, limits: tuple[float, float]) -> None:
     low, high = limits
     room = 2.0 * (high - low)
     t, values = broken(run.t, channel, jumps([channel]))
-    shown = np.clip(values, low - room, high + room)  # 1e200 would overflow the drawing library
+    values = np.clip(values, low - room, high + room)  # 1e200 would overflow the drawing library
+    shown = np.column_stack([t, values])
     colour = _MODEL_COLOURS.get(run.model, COLOURS[4])
     if run.status == "done":
-        axes.plot(t, shown, color=colour, linewidth=1.8, label=run.model)
+        panel.things.append(Curve(shown, Pen(colour, 1.8), run.model))
         return
-    axes.plot(t, shown, color=colour, linewidth=1.8)
-    cross: dict[str, Any] = {"marker": "X", "color": colour, "linewidth": 1.8}
-    axes.plot([], [], markersize=9, label=f"{run.model} ({ended(run)})", **cross)
-    edge = np.clip(values[-1], low, high)
-    axes.plot(run.t[-1], edge, markersize=10, markeredgecolor="white", clip_on=False, zorder=6, **cross)
+    panel.things.append(Curve(shown, Pen(colour, 1.8)))
+    broken_off = Mark("X", 9.0, colour, colour)
+    panel.things.append(key(f"{run.model} ({ended(run)})", Pen(colour, 1.8), broken_off))
+
+
+def _end(run: Run, channel: Channel, limits: tuple[float, float]) -> Curve:
+    """Return a cross where a model stopped."""
+    there = np.array([(run.t[-1], np.clip(channel.values[-1], *limits))])
+    mark = Mark("X", 10.0, _MODEL_COLOURS.get(run.model, COLOURS[4]), "white")
+    return Curve(there, mark=mark, clipped=False)
 
 
 def overlay_limits(reference: np.ndarray, curves: Sequence[np.ndarray]) -> tuple[float, float, bool]:

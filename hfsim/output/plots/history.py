@@ -7,20 +7,21 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hfsim.marching.alike import jumps
 from hfsim.marching.rounding import levelled
 from hfsim.marching.solution import Channel, Run
 from hfsim.maths.arrays import Array, IntArray
+from hfsim.output.plots.ink import Mark, Pen
+from hfsim.output.plots.panel import Curve, Note, Panel, mark_zero
+from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.sheet import Sheet
-from hfsim.output.plots.style import SIZE, colour, dress, headline, mark_zero, slug, with_unit
+from hfsim.output.plots.style import SIZE, colour, headline, slug
 from hfsim.parts.channels import CHANNELS, kind_of
 
 _BETWEEN = 0.2
 """Between two rows [inch]."""
-_STYLES = ("-", (0, (4.0, 3.0)), (0, (1.2, 2.4)), (0, (6.0, 2.0, 1.2, 2.0)))
+_DASHES = ((), (4.0, 3.0), (1.2, 2.4), (6.0, 2.0, 1.2, 2.0))
 """Of a curve that covers none, one, two, three others."""
 _LINE = 0.006
 """Height of a line in those of its axes."""
@@ -28,12 +29,12 @@ _BEFORE = 0.9
 """Part of the times of a failed run that sets the scale."""
 
 
-def time_figures(run: Run) -> dict[str, Figure]:
+def time_figures(run: Run) -> dict[str, Sheet]:
     """Return a picture for each plot that channels name, then one for each quantity of the others.
 
     What is zero or constant but for rounding is drawn so.
     """
-    figures: dict[str, Figure] = {}
+    figures: dict[str, Sheet] = {}
     run = replace(run, channels=levelled(run.channels, run.outlines))
     kinds = [(channel, kind_of(channel.name).plot) for channel in run.channels]
     for stem in dict.fromkeys(kind.plot.stem for kind in CHANNELS.values() if kind.plot.stem):
@@ -50,7 +51,7 @@ def _words(channels: Sequence[Channel]) -> str:
     return kind_of(channels[0].name).plot.words or _parts(channels[0])[1]
 
 
-def _time_figure(run: Run, channels: Sequence[Channel]) -> Figure:
+def _time_figure(run: Run, channels: Sequence[Channel]) -> Sheet:
     kinds = [kind_of(channel.name) for channel in channels]
     several = all(len(set(one)) > 1 for one in zip(*map(_parts, channels), strict=True))
     vectors = several and any(kind.dimensions == (3,) for kind in kinds)
@@ -64,7 +65,7 @@ def _parts(channel: Channel) -> tuple[str, str]:
     return subject, quantity
 
 
-def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Figure:
+def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Sheet:
     """Draw a row for each quantity and a colour for each subject."""
     quantities = sorted({_parts(channel)[1] for channel in channels})
     subjects = list(dict.fromkeys(_parts(channel)[0] for channel in channels))
@@ -72,25 +73,25 @@ def _quantities_figure(run: Run, channels: Sequence[Channel]) -> Figure:
     for wanted in quantities:
         own = [channel for channel in channels if _parts(channel)[1] == wanted]
         colours = [colour(subjects.index(_parts(channel)[0])) for channel in own]
-        curves = [Curve(c, _parts(c)[0], shade) for c, shade in zip(own, colours, strict=True)]
+        curves = [Shown(c, _parts(c)[0], shade) for c, shade in zip(own, colours, strict=True)]
         rows.append(Row(with_unit(wanted, channels[0].unit), curves))
     points = " of points" if kind_of(channels[0].name).plot.rows else ""
     of = f" of {subjects[0]}" if len(subjects) == 1 else points
     return _over_time(run, rows, 2.1 if len(rows) < 3 else 1.7, headline(run, _words(channels) + of))
 
 
-def _units_figure(run: Run, channels: Sequence[Channel]) -> Figure:
+def _units_figure(run: Run, channels: Sequence[Channel]) -> Sheet:
     """Draw a row for each unit and a colour for each channel."""
     words, rows = _words(channels), []
     for unit in dict.fromkeys(channel.unit for channel in channels):
         own = [channel for channel in channels if channel.unit == unit]
-        curves = [Curve(channel, channel.name, colour(i)) for i, channel in enumerate(own)]
+        curves = [Shown(channel, channel.name, colour(i)) for i, channel in enumerate(own)]
         rows.append(Row(with_unit(words, unit), curves))
     title = headline(run, channels[0].name if len(channels) == 1 else words)
     return _over_time(run, rows, 3.2 if len(rows) == 1 else 2.2, title)
 
 
-class Curve(NamedTuple):
+class Shown(NamedTuple):
     """A channel as it is drawn."""
 
     channel: Channel
@@ -102,47 +103,47 @@ class Row(NamedTuple):
     """Axes of a figure over time."""
 
     label: str
-    curves: Sequence[Curve]
+    curves: Sequence[Shown]
 
 
-def _over_time(run: Run, rows: Sequence[Row], height: float, title: str) -> Figure:
-    sheet, drawn = Sheet(), list[Axes]()
+def _over_time(run: Run, rows: Sequence[Row], height: float, title: str) -> Sheet:
+    sheet = Sheet()
     breaks = jumps([curve.channel for row in rows for curve in row.curves])
     for number, row in enumerate(rows):
         below = (len(rows) - 1 - number) * (height + _BETWEEN)
-        axes = sheet.add(0.0, below, SIZE[0] - 1.2, height, sharex=drawn[0] if drawn else None)
-        _draw(axes, run, row, breaks)
-        dress(axes, "" if below else "time [s]", row.label)
-        axes.tick_params(labelbottom=not below)
-        drawn.append(axes)
-    return sheet.finish(title, drawn)
+        panel = sheet.add(0.0, below, SIZE[0] - 1.2, height)
+        _draw(panel, run, row, breaks)
+        panel.dress("time [s]", row.label)
+        if below:
+            panel.hide_numbers()
+    return sheet.finish(title, sheet.panels)
 
 
-def _draw(axes: Axes, run: Run, row: Row, breaks: Mapping[str, IntArray]) -> None:
+def _draw(panel: Panel, run: Run, row: Row, breaks: Mapping[str, IntArray]) -> None:
     """Draw the curves of a row: those that cover another one are dashed, and what is off scale is marked."""
     values = [curve.channel.values for curve in row.curves]
     low, high, beyond = limits(values, run.status == "failed")
+    marks: list[Curve | Note] = []
     for curve, over in zip(row.curves, covering(values, high - low), strict=True):
         t, drawn = broken(run.t, curve.channel, breaks)
-        style = _STYLES[over % len(_STYLES)]
+        pen = Pen(curve.colour, 1.5 if over else 1.7, _DASHES[over % len(_DASHES)])
         shown = np.clip(drawn, 2.0 * low - high, 2.0 * high - low)
-        width = 1.5 if over else 1.7
-        axes.plot(t, shown, color=curve.colour, label=curve.label, linestyle=style, linewidth=width)
+        panel.things.append(Curve(np.column_stack([t, shown]), pen, curve.label))
         if beyond and np.nanmax(drawn) > high:
-            _mark_off_scale(axes, t[np.nanargmax(drawn)], high, "^", curve.colour)
+            marks += _off_scale(t[np.nanargmax(drawn)], high, "^", curve.colour)
         if beyond and np.nanmin(drawn) < low:
-            _mark_off_scale(axes, t[np.nanargmin(drawn)], low, "v", curve.colour)
-    axes.set_ylim(low, high)
+            marks += _off_scale(t[np.nanargmin(drawn)], low, "v", curve.colour)
     begin, end = float(run.t[0]), float(run.t[-1])
-    axes.set_xlim(begin - 0.02 * (end - begin), end + 0.02 * (end - begin) or 1.0)
-    mark_zero(axes)
+    panel.limit((begin - 0.02 * (end - begin), end + 0.02 * (end - begin) or 1.0), (low, high))
+    panel.things += marks
+    mark_zero(panel)
 
 
-def _mark_off_scale(axes: Axes, t: float, edge: float, marker: str, own: str) -> None:
-    axes.plot([t], [edge], marker, color=own, markersize=9, clip_on=False, zorder=6, label="_nolegend_")
-    where, side = ("top", -12) if marker == "^" else ("bottom", 12)
-    axes.annotate("off scale", (t, edge), (-6, side), textcoords="offset points", ha="right", va=where,
-                  color="0.35", fontsize=9)  # fmt: skip
+def _off_scale(t: float, edge: float, shape: str, own: str) -> tuple[Curve, Note]:
+    """Return a mark at the edge of the axes, and what it means."""
+    up, down = ("top", -12.0) if shape == "^" else ("bottom", 12.0)
+    mark = Curve(np.array([(t, edge)]), mark=Mark(shape, 9.0, own, own), clipped=False)
+    return mark, Note("off scale", t, edge, 9.0, across="right", up=up, move=(-6.0, down))
 
 
 def limits(curves: Sequence[Array], diverged: bool) -> tuple[float, float, bool]:

@@ -4,25 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from hfsim.maths.arrays import Array
+from hfsim.output.plots.figures import bare, dress, new_figure, outside_legend, set_title
+from hfsim.output.plots.files import save
 from hfsim.output.plots.space import oblique
-from hfsim.output.plots.style import (
-    BLUE,
-    RED,
-    bare,
-    colour,
-    dress,
-    new_figure,
-    outside_legend,
-    save,
-    set_title,
-)
+from hfsim.output.plots.style import BLUE, RED, colour
 from hfsim.studies.modes import Campbell, Mode, Modes
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _PANELS = 6
 """Of one picture."""

@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from PIL import Image
 
 from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array, BoolArray
+from hfsim.output.plots.files import renderer_of
+from hfsim.output.plots.ink import DPI, Ink, Mark, Pen
+from hfsim.output.plots.panel import Curve, Note, Panel, key
+from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.space import SHADOW, Floor, oblique, oblique_axes
-from hfsim.output.plots.style import COLOURS, as_they_are, colour, dress, headline
+from hfsim.output.plots.style import COLOURS, colour, headline
 from hfsim.output.plots.tracks import equal_axes, tracks_of
 
 _FRAMES, _PIXELS, _RATE = 150, 720, 20
@@ -67,24 +67,24 @@ def _palette(image: Image.Image) -> Image.Image:
 
 
 class Stage(NamedTuple):
-    """A figure and what moves in it.
+    """A picture and what moves in it.
 
     Attributes
     ----------
-    figure : Figure
-    axes : Axes
-    curves : list of (Line2D, ndarray)
+    sheet : Sheet
+    panel : Panel
+    curves : list of (Pen, ndarray)
         Lines, and the points (n_outlines, n_points, 2) they are drawn through [m].
-    trails : list of (Line2D, ndarray)
-        Lines, and the points (n_times, 2) they have been through by the end [m].
+    trails : list of ndarray
+        Points (n_times, 2) that lines have been through by the end [m].
     digits : int
         Of times.
     """
 
-    figure: Figure
-    axes: Axes
-    curves: list[tuple[Line2D, Array]]
-    trails: list[tuple[Line2D, Array]]
+    sheet: Sheet
+    panel: Panel
+    curves: list[tuple[Pen, Array]]
+    trails: list[Array]
     digits: int
 
     @classmethod
@@ -93,42 +93,33 @@ class Stage(NamedTuple):
         every = np.vstack([points.reshape(-1, run.dimension) for points in outlines.values()])
         floor: Floor | None = None
         if run.dimension == 3:
-            sheet, axes, floor = oblique_axes(every)
+            sheet, panel, floor = oblique_axes(every)
         else:
-            sheet, axes = equal_axes(every)
-            dress(axes, "x [m]", "y [m]")
-        stage = cls(sheet.figure, axes, [], [], max(0, 3 - math.floor(math.log10(run.end_time or 1.0))))
+            sheet, panel = equal_axes(every)
+            panel.dress("x [m]", "y [m]")
+        curves: list[tuple[Pen, Array]] = []
         if floor is not None:
-            for points in outlines.values():
-                stage.curves.append((_line(axes, SHADOW, 1.2), oblique(floor.below(points))))
+            curves += [(Pen(SHADOW, 1.2), oblique(floor.below(points))) for points in outlines.values()]
         flat = oblique if floor is not None else np.asarray
-        for track in tracks_of(run).values():
-            stage.trails.append((_line(axes, "0.75", 0.8), flat(track)))
         for i, (body, points) in enumerate(outlines.items()):
-            stage.curves.append((_line(axes, colour(i), 2.2, body), flat(points)))
-        sheet.finish(headline(run, "motion"), [axes] if len(outlines) <= len(COLOURS) else [])
-        return stage
+            pen = Pen(colour(i), 2.2)
+            curves.append((pen, flat(points)))
+            panel.things.append(key(body, pen, _dot(pen)))
+        sheet.finish(headline(run, "motion"), [panel] if len(outlines) <= len(COLOURS) else [])
+        digits = max(0, 3 - math.floor(math.log10(run.end_time or 1.0)))
+        return cls(sheet, panel, curves, [flat(track) for track in tracks_of(run).values()], digits)
 
-    @property
-    def artists(self) -> list[Line2D]:
-        """All that moves, in the order it is drawn in."""
-        return [line for line, _ in (*self.trails, *self.curves)]
-
-    def move(self, past: BoolArray, frame: int) -> None:
-        """Show a frame and, of the trails, those rows that are past."""
-        for line, points in self.curves:
-            line.set_data(*points[frame].T)
-        for line, points in self.trails:
-            line.set_data(*points[past].T)
+    def draw(self, ink: Ink, past: BoolArray, frame: int, words: str) -> None:
+        """Draw a frame with a word on it and, of the trails, those rows that are past."""
+        things: list[Curve | Note] = [Curve(track[past], Pen("0.75", 0.8)) for track in self.trails]
+        things += [Curve(points[frame], pen, "", _dot(pen), ends=True) for pen, points in self.curves]
+        above = Note(words, 1.0, 1.0, colour="black", across="right", up="bottom", inside=True)
+        for thing in (*things, above):
+            thing.draw(ink, self.panel)
 
 
-def _line(axes: Axes, own: str, width: float, label: str = "_nolegend_") -> Line2D:
-    marks: dict[str, Any] = {"marker": "o", "markersize": 1.2 * width, "markevery": [0, -1]}
-    line = Line2D(
-        [], [], color=own, linewidth=width, label=label, animated=True, solid_capstyle="round", **marks
-    )
-    axes.add_line(line)
-    return line
+def _dot(pen: Pen) -> Mark:
+    return Mark("o", 1.2 * pen.width, pen.colour, pen.colour)
 
 
 class Tempo(NamedTuple):
@@ -172,22 +163,14 @@ def _images(
     run = run.drawn
     assert run.outline_t is not None
     stage = Stage.of(run, outlines)
-    clock = stage.axes.text(
-        1.0, 1.0, "", transform=stage.axes.transAxes, ha="right", va="bottom", animated=True
-    )
-    size = stage.figure.get_size_inches()
-    stage.figure.set_dpi(min(stage.figure.dpi, _PIXELS / max(size)))
-    canvas: Any = FigureCanvasAgg(stage.figure)
-    with as_they_are(stage.figure):
-        canvas.draw()
-    still = canvas.copy_from_bbox(stage.figure.bbox)
-    words = f" ({tempo.words})" if tempo.words else ""
+    dpi = min(DPI, _PIXELS / max(stage.sheet.size))
+    renderer = renderer_of(stage.sheet, dpi)
+    still = renderer.copy_from_bbox(renderer.bbox)
+    ink = Ink(renderer)
+    told = f" ({tempo.words})" if tempo.words else ""
     for frame in frames:
         now = float(run.outline_t[frame])
-        stage.move(run.t <= now, frame)
-        clock.set_text(f"t = {now:.{stage.digits}f} s{words}")
-        canvas.restore_region(still)
-        for artist in (*stage.artists, clock):
-            stage.axes.draw_artist(artist)
-        pixels = np.asarray(canvas.buffer_rgba())[..., :3]
+        renderer.restore_region(still)
+        stage.draw(ink, run.t <= now, frame, f"t = {now:.{stage.digits}f} s{told}")
+        pixels = np.asarray(renderer.buffer_rgba())[..., :3]
         yield Image.fromarray(np.ascontiguousarray(pixels))

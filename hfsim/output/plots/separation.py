@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from matplotlib.ticker import FormatStrFormatter, LogFormatter
 
-from hfsim.output.plots.style import BLUE, GREEN, ORANGE, RED, dress_counts, finished, new_figure, save
+from hfsim.output.plots.figures import dress_counts, finished, new_figure
+from hfsim.output.plots.files import save
+from hfsim.output.plots.style import BLUE, GREEN, ORANGE, RED
 from hfsim.studies.separation.beams import STEPS
 from hfsim.studies.separation.results import PAPER_RATIO, SeparationBench
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _FORM_STYLES = {
     "direct": (RED, "s"),

@@ -6,15 +6,14 @@ from collections.abc import Mapping
 from typing import NamedTuple, Self
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array
+from hfsim.output.plots.ink import Pen
+from hfsim.output.plots.panel import Arrow, Note, Panel, Strokes
+from hfsim.output.plots.scale import Axis, ticks
 from hfsim.output.plots.sheet import Sheet
-from hfsim.output.plots.style import dress, headline
+from hfsim.output.plots.style import headline
 from hfsim.output.plots.tracks import (
     bounds,
     draw_shapes,
@@ -45,46 +44,43 @@ _PLOTTED = np.array([_ACROSS, _UP])
 SHADOW = "0.87"
 """Colour of what lies straight below the bodies."""
 
-_ARROW = {"arrowstyle": "-|>", "color": "0.35", "shrinkA": 0.0, "shrinkB": 0.0}
 
-
-def spatial_path(run: Run) -> Figure | None:
+def spatial_path(run: Run) -> Sheet | None:
     """Draw the paths of points in three views; None where there are none."""
     tracks = tracks_of(run)
     if not tracks or len(run.t) < 2:
         return None
     sheet, views = three_views(np.vstack(list(tracks.values())))
-    for pair, axes in views.items():
-        draw_tracks(axes, _seen(tracks, pair))
+    for pair, panel in views.items():
+        draw_tracks(panel, _seen(tracks, pair))
     return sheet.finish(headline(run, track_words(tracks)), list(views.values()))
 
 
-def spatial_shapes(run: Run) -> Figure | None:
+def spatial_shapes(run: Run) -> Sheet | None:
     """Draw the bodies at some times in three views; None where there are none."""
     shown = shown_outlines(run)
     if shown is None:
         return None
     times, outlines = shown
     sheet, views = three_views(_all_points(outlines))
-    for pair, axes in views.items():
-        draw_shapes(axes, _seen(outlines, pair), times)
+    for pair, panel in views.items():
+        draw_shapes(panel, _seen(outlines, pair), times)
     words = headline(run, "shapes of the bodies")
     return sheet.finish(words, list(views.values()), time_bar(outlines, times))
 
 
-def oblique_shapes(run: Run) -> Figure | None:
+def oblique_shapes(run: Run) -> Sheet | None:
     """Draw the bodies at some times as seen from above in front; None where there are none."""
     shown = shown_outlines(run)
     if shown is None:
         return None
     times, outlines = shown
-    sheet, axes, floor = oblique_axes(_all_points(outlines))
-    for points in outlines.values():
-        shadow = oblique(floor.below(points))
-        axes.add_collection(LineCollection(list(shadow), colors=SHADOW, linewidths=1.0), autolim=False)
-    draw_shapes(axes, {body: oblique(points) for body, points in outlines.items()}, times)
+    sheet, panel, floor = oblique_axes(_all_points(outlines))
+    shadows = [one for points in outlines.values() for one in oblique(floor.below(points))]
+    panel.things.append(Strokes(shadows, Pen(SHADOW, 1.0)))
+    draw_shapes(panel, {body: oblique(points) for body, points in outlines.items()}, times)
     words = headline(run, "shapes of the bodies")
-    return sheet.finish(words, [axes], time_bar(outlines, times))
+    return sheet.finish(words, [panel], time_bar(outlines, times))
 
 
 def _all_points(outlines: Mapping[str, Array]) -> Array:
@@ -95,7 +91,7 @@ def _seen(curves: Mapping[str, Array], pair: tuple[int, int]) -> dict[str, Array
     return {name: points[..., pair] for name, points in curves.items()}
 
 
-def three_views(points: Array) -> tuple[Sheet, dict[tuple[int, int], Axes]]:
+def three_views(points: Array) -> tuple[Sheet, dict[tuple[int, int], Panel]]:
     """Return a sheet and, by the two coordinates it shows, each view of points (n, 3) [m]."""
     low, high = bounds(points, _THINNEST)
     sizes = high - low
@@ -105,13 +101,15 @@ def three_views(points: Array) -> tuple[Sheet, dict[tuple[int, int], Axes]]:
     for (row, column), pair in _VIEWS.items():
         horizontal, vertical = pair
         place = column * (scale * x + _BETWEEN[0]), (1 - row) * (scale * z + _BETWEEN[1])
-        axes = sheet.add(*place, *(scale * sizes[[horizontal, vertical]]))
-        axes.set(xlim=(low[horizontal], high[horizontal]), ylim=(low[vertical], high[vertical]))
-        dress(axes, f"{'xyz'[horizontal]} [m]", f"{'xyz'[vertical]} [m]")
-        for axis, one, least in ((axes.xaxis, horizontal, 1), (axes.yaxis, vertical, 2)):
-            count = max(least, int(1.5 * scale * sizes[one]))
-            axis.set_major_locator(MaxNLocator(count, steps=_STEPS, min_n_ticks=least))
-        views[pair] = axes
+        panel = sheet.add(*place, *(scale * sizes[[horizontal, vertical]]).tolist())
+        panel.across, panel.upward = (
+            Axis(float(low[one]), float(high[one])).told(
+                f"{'xyz'[one]} [m]", max(least, int(1.5 * scale * sizes[one])), _STEPS, least
+            )
+            for one, least in ((horizontal, 1), (vertical, 2))
+        )
+        panel.framed = True
+        views[pair] = panel
     return sheet, views
 
 
@@ -137,8 +135,8 @@ class Floor(NamedTuple):
     def below_all(cls, points: Array) -> Self:
         """Return that of points, shape (n, 3) [m]."""
         low, high = bounds(points, _THINNEST)
-        ticks = MaxNLocator(9, steps=_STEPS).tick_values(0.0, float((high - low).max()))
-        step = float(ticks[1] - ticks[0])
+        places = ticks(0.0, float((high - low).max()), 9, _STEPS)
+        step = float(places[1] - places[0])
         first, last = np.floor(low / step), np.ceil(high / step)
         x, y = (step * np.arange(first[k], last[k] + 1.0) for k in range(2))
         return cls(x, y, float(np.floor(low[2] / (0.2 * step)) * 0.2 * step))
@@ -169,19 +167,17 @@ def oblique(points: Array) -> Array:
     return np.asarray(points @ _PLOTTED.T)
 
 
-def oblique_axes(points: Array) -> tuple[Sheet, Axes, Floor]:
+def oblique_axes(points: Array) -> tuple[Sheet, Panel, Floor]:
     """Return a sheet of the oblique view of points (n, 3) [m] with its floor and the ground's axes."""
     floor = Floor.below_all(points)
     lines = floor.lines()
-    sheet, axes = equal_axes(oblique(np.vstack([points, *lines])))
-    axes.set_axis_off()
-    axes.add_collection(LineCollection([oblique(line) for line in lines], colors="0.9", linewidths=0.8))
+    sheet, panel = equal_axes(oblique(np.vstack([points, *lines])))
+    panel.things.append(Strokes([oblique(line) for line in lines], Pen("0.9")))
     corner = oblique(floor.corner)
     for name, along in zip("xyz", floor.step * _PLOTTED.T, strict=True):
-        axes.annotate("", tuple(corner + along), tuple(corner), arrowprops=_ARROW)
-        x, y = corner + 1.15 * along
-        axes.text(x, y, name, color="0.35", ha="center", va="center")
+        x, y = (corner + 1.15 * along).tolist()
+        panel.things += [Arrow(corner, corner + along), Note(name, x, y)]
     words = ", ".join(f"{one:.4g}" for one in floor.corner)
     told = f"grid {floor.step:.4g} m, from ({words}) m"
-    axes.text(0.0, 0.0, told, transform=axes.transAxes, color="0.35", va="top", fontsize=9)
-    return sheet, axes, floor
+    panel.things.append(Note(told, 0.0, 0.0, 9.0, across="left", up="top", inside=True))
+    return sheet, panel, floor

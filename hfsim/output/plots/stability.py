@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
-from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.transforms import Affine2D
 
-from hfsim.output.plots.style import GREEN, ORANGE, PURPLE, RED, SKY, YELLOW, new_figure, save, set_title
+from hfsim.output.plots.figures import new_figure, set_title
+from hfsim.output.plots.files import save
+from hfsim.output.plots.style import GREEN, ORANGE, PURPLE, RED, SKY, YELLOW
 from hfsim.studies.stability.results import StabilityMap
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 _CLASS_STYLES = {
     "accurate": (GREEN, "A"),

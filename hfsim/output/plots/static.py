@@ -5,15 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.colors import to_rgba
 
 from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array
+from hfsim.output.plots.files import save
+from hfsim.output.plots.ink import DASHED, DOTTED, Mark, Pen
+from hfsim.output.plots.panel import Curve, Panel, Strokes
 from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.snapshots import snapshot_figures
 from hfsim.output.plots.space import oblique, oblique_axes, three_views
-from hfsim.output.plots.style import SIZE, colour, dress, headline, save
+from hfsim.output.plots.style import SIZE, colour, headline
 from hfsim.output.plots.tracks import equal_axes
 
 WORDS = {"limits": "limit point", "branches": "branch"}
@@ -37,41 +39,38 @@ def draw_static(run: Run, folder: Path) -> list[str]:
         File names written.
     """
     outlines = {body: points for body, points in run.outlines.items() if points.size}
-    figures: dict[str, Figure | None] = {}
+    figures: dict[str, Sheet | None] = {}
     if outlines and run.outline_t is not None and len(run.outline_t) > 1:
         every = np.concatenate([points.reshape(-1, run.dimension) for points in outlines.values()])
         if run.dimension == 3:
             sheet, views = three_views(every)
-            for pair, axes in views.items():
-                _draw(axes, {body: points[..., pair] for body, points in outlines.items()})
+            for pair, panel in views.items():
+                _draw(panel, {body: points[..., pair] for body, points in outlines.items()})
             figures["shapes"] = sheet.finish(headline(run, "at rest"), list(views.values()))
-            sheet, axes, _ = oblique_axes(every)
-            _draw(axes, {body: oblique(points) for body, points in outlines.items()})
-            figures["oblique"] = sheet.finish(headline(run, "at rest"), [axes])
+            sheet, panel, _ = oblique_axes(every)
+            _draw(panel, {body: oblique(points) for body, points in outlines.items()})
+            figures["oblique"] = sheet.finish(headline(run, "at rest"), [panel])
         else:
-            sheet, axes = equal_axes(every)
-            dress(axes, "x [m]", "y [m]")
-            _draw(axes, outlines)
-            figures["shapes"] = sheet.finish(headline(run, "at rest"), [axes])
+            sheet, panel = equal_axes(every)
+            panel.dress("x [m]", "y [m]")
+            _draw(panel, outlines)
+            figures["shapes"] = sheet.finish(headline(run, "at rest"), [panel])
     if len(run.t) > 1:
         figures["path"] = _path(run)
-    along = {name: figure for name, figure in snapshot_figures(run) if name != "snapshots"}
-    return save(figures | along, folder)
+    figures |= {name: figure for name, figure in snapshot_figures(run) if name != "snapshots"}
+    return save(figures, folder)
 
 
-def _draw(axes: Axes, outlines: dict[str, Array]) -> None:
+def _draw(panel: Panel, outlines: dict[str, Array]) -> None:
     """Draw projected outlines (n_places, n_points, 2): dashed at the start, in colours at rest."""
     for k, (body, points) in enumerate(outlines.items()):
-        axes.plot(*points[0].T, color=BEFORE, linewidth=1.2, linestyle="--", label="start")
-        for between in points[1:-1]:
-            axes.plot(*between.T, color=colour(k), linewidth=0.8, alpha=0.4)
-        axes.plot(
-            *points[-1].T, color=colour(k), linewidth=2.0, label=body, marker="o", markersize=3.0,
-            markevery=[0, -1],
-        )  # fmt: skip
+        panel.things.append(Curve(points[0], Pen(BEFORE, 1.2, DASHED), "start"))
+        own = colour(k)
+        panel.things.append(Strokes([*points[1:-1]], Pen(to_rgba(own, 0.4))))
+        panel.things.append(Curve(points[-1], Pen(own, 2.0), body, Mark("o", 3.0, own, own), ends=True))
 
 
-def _path(run: Run) -> Figure | None:
+def _path(run: Run) -> Sheet | None:
     """Draw the load factor against the largest displacements; None where no channel is one."""
     loads = run.channels[0].values
     moved = [(one, one.values - one.values[0]) for one in run.channels[1:] if one.unit in ("m", "rad")]
@@ -80,11 +79,16 @@ def _path(run: Run) -> Figure | None:
     if not shown:
         return None
     sheet = Sheet()
-    axes = sheet.add(0.0, 0.0, SIZE[0] - 1.2, SIZE[1] - 0.8)
+    panel = sheet.add(0.0, 0.0, SIZE[0] - 1.2, SIZE[1] - 0.8)
     for k, (channel, values) in enumerate(shown):
-        axes.plot(values, loads, color=colour(k), marker=".", markersize=4.0, label=channel.name)
-    for kind, style in (("limits", ":"), ("branches", "--")):
+        own = colour(k)
+        points = np.column_stack([values, loads])
+        panel.things.append(Curve(points, Pen(own, 1.5), channel.name, Mark("o", 2.0, own, own)))
+    panel.fit()
+    ends = panel.across.low, panel.across.high
+    for kind, dashes in (("limits", DOTTED), ("branches", DASHED)):
         for load in run.statistics.get(kind) or ():
-            axes.axhline(load, color="0.5", linewidth=0.8, linestyle=style, label=WORDS[kind])
-    dress(axes, f"displacement [{unit}]", "load factor")
-    return sheet.finish(headline(run, "the load along its path"), [axes])
+            line = np.array([(end, load) for end in ends])
+            panel.things.append(Curve(line, Pen("0.5", 0.8, dashes), WORDS[kind]))
+    panel.dress(f"displacement [{unit}]", "load factor")
+    return sheet.finish(headline(run, "the load along its path"), [panel])

@@ -5,30 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.axis import Axis
-from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.style import (
-    BLUE,
-    RED,
-    TIME_COLOURS,
-    colour,
-    new_figure,
-    save,
-    scaled,
-    slug,
-    with_unit,
-)
+from hfsim.output.plots.figures import new_figure, scaled
+from hfsim.output.plots.files import save
+from hfsim.output.plots.scale import with_unit
+from hfsim.output.plots.style import BLUE, RED, TIME_COLOURS, colour, slug
 from hfsim.parts.channels import kind_of
 from hfsim.studies.sweep.effects import groups, main_effects, mean_curve
 from hfsim.studies.sweep.result import Sweep
 from hfsim.studies.sweep.sensitivity import Sensitivity
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
 
 _MOST = 12
 """Quantities that are drawn."""

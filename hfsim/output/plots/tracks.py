@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgba
 
 from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array, IntArray, distinct
+from hfsim.output.plots.ink import Mark, Pen
+from hfsim.output.plots.panel import Curve, Panel, Strokes, key
 from hfsim.output.plots.sheet import Bar, Sheet
 from hfsim.output.plots.style import TIME_COLOURS, colour
 
@@ -33,14 +33,22 @@ def tracks_of(run: Run) -> dict[str, Array]:
     return {point: np.column_stack([columns[f"{point}.{axis}"] for axis in axes]) for point in whole}
 
 
-def draw_tracks(axes: Axes, tracks: Mapping[str, Array]) -> None:
+def draw_tracks(panel: Panel, tracks: Mapping[str, Array]) -> None:
     """Draw projected tracks, shape (n_times, 2), with their starts and ends."""
     for i, (point, track) in enumerate(tracks.items()):
-        axes.plot(*track.T, color=colour(i), linewidth=1.3, label=point)
-        axes.plot(*track[0], "o", color=colour(i), markerfacecolor="white")
-        axes.plot(*track[-1], "s", color=colour(i))
-    axes.plot([], [], "o", color="0.3", markerfacecolor="white", label="start")
-    axes.plot([], [], "s", color="0.3", label="end")
+        own = colour(i)
+        panel.things.append(Curve(track, Pen(own, 1.3), point))
+        panel.things.append(Curve(track[:1], mark=_start(own)))
+        panel.things.append(Curve(track[-1:], mark=_end(own)))
+    panel.things += [key("start", mark=_start("0.3")), key("end", mark=_end("0.3"))]
+
+
+def _start(own: str) -> Mark:
+    return Mark("o", 6.0, "white", own)
+
+
+def _end(own: str) -> Mark:
+    return Mark("s", 6.0, own, own)
 
 
 def track_words(tracks: Mapping[str, Array]) -> str:
@@ -48,26 +56,24 @@ def track_words(tracks: Mapping[str, Array]) -> str:
     return f"path of {next(iter(tracks))}" if len(tracks) == 1 else "paths of points"
 
 
-def draw_shapes(axes: Axes, outlines: Mapping[str, Array], times: Array) -> None:
+def draw_shapes(panel: Panel, outlines: Mapping[str, Array], times: Array) -> None:
     """Draw projected outlines, shape (n_times, n_points, 2), paler or in other colours the earlier they are.
 
     One body, or very many, have the colours of time; of several, each has its own.
     """
     shades = (times - times[0]) / (times[-1] - times[0] or 1.0)
-    bodies = list(outlines.items())
-    drawn = [
-        TIME_COLOURS(shades) if len(bodies) not in OWN else faded(colour(i), shades)
-        for i in range(len(bodies))
-    ]
-    lines = LineCollection([], linewidths=1.6, capstyle="round", joinstyle="round")
-    lines.set_segments([points[k] for k in range(len(times)) for _, points in bodies])
-    lines.set_color([own[k] for k in range(len(times)) for own in drawn])
-    axes.add_collection(lines, autolim=False)
-    for (body, points), own in zip(bodies, drawn, strict=True):
-        ends = points[:, [0, -1]].reshape(-1, 2)
-        axes.scatter(ends[:, 0], ends[:, 1], s=7, c=np.repeat(own, 2, axis=0), zorder=3)
-        if len(bodies) in OWN:
-            axes.plot([], [], color=own[-1], linewidth=2.0, label=body)
+    groups: list[tuple[Mapping[str, Array], Array]] = [(outlines, TIME_COLOURS(shades))]
+    if len(outlines) in OWN:
+        groups = [({one: outlines[one]}, faded(colour(i), shades)) for i, one in enumerate(outlines)]
+        panel.things += [key(one, Pen(tuple(own[-1]), 2.0)) for (one,), own in groups]
+    for k in range(len(times)):
+        for bodies, own in groups:
+            pen = Pen(tuple(own[k]), 1.6)
+            panel.things.append(Strokes([points[k] for points in bodies.values()], pen, "round"))
+    for bodies, own in groups:
+        for k in range(len(times)):
+            ends = np.concatenate([points[k, [0, -1]] for points in bodies.values()])
+            panel.things.append(Curve(ends, mark=Mark("o", 2.6, tuple(own[k]), tuple(own[k]), 1.5)))
 
 
 def time_bar(outlines: Mapping[str, Array], times: Array) -> Bar:
@@ -105,11 +111,11 @@ def apart(points: Array, most: int) -> IntArray:
     some = distinct(np.linspace(0, len(points) - 1, _TRIED).round().astype(int))
     seen = points[some][:, distinct(np.linspace(0, points.shape[1] - 1, _TRIED).round().astype(int))]
     least = _APART * float(np.ptp(points, axis=(0, 1)).max())
+    far = [np.sqrt(((seen[:k] - seen[k]) ** 2).sum(axis=-1).max(axis=1)) for k in range(len(some))]
     while True:
         kept = [0]
         for k in range(1, len(some)):
-            far = np.linalg.norm(seen[kept] - seen[k], axis=-1).max(axis=1).min()
-            if far > least:
+            if far[k][kept].min() > least:
                 kept.append(k)
         if kept[-1] != len(some) - 1:
             kept = [*(kept[:-1] if len(kept) > 1 else kept), len(some) - 1]
@@ -134,12 +140,12 @@ def bounds(points: Array, least: float = 0.12) -> Array:
     return np.array([middle - 0.55 * size, middle + 0.55 * size])
 
 
-def equal_axes(points: Array) -> tuple[Sheet, Axes]:
+def equal_axes(points: Array) -> tuple[Sheet, Panel]:
     """Return a sheet with axes of one scale, shaped to hold `points`, shape (n, 2) [m]."""
     low, high = bounds(points)
     ratio = float((high[1] - low[1]) / (high[0] - low[0]))
     width = float(np.clip(min(6.0 / ratio, 8.0), 2.0, 8.0))
     sheet = Sheet()
-    axes = sheet.add(0.0, 0.0, width, width * ratio)
-    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
-    return sheet, axes
+    panel = sheet.add(0.0, 0.0, width, width * ratio)
+    panel.limit((float(low[0]), float(high[0])), (float(low[1]), float(high[1])))
+    return sheet, panel
