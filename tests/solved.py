@@ -1,4 +1,6 @@
-"""Decks as data or text, parsed and simulated to their end."""
+"""Decks as data or text, parsed and simulated to their end; each once, as long as few others come between."""
+
+from functools import lru_cache
 
 import numpy as np
 import yaml
@@ -9,11 +11,22 @@ from hfsim.simulate import simulate
 
 def parsed(deck):
     """The checked deck of data or of text."""
-    return parse_deck(deck if isinstance(deck, str) else yaml.safe_dump(deck))
+    return parse_deck(_text(deck))
+
+
+def _text(deck):
+    return deck if isinstance(deck, str) else yaml.safe_dump(deck)
 
 
 def solved(deck):
     """Channels over time, (n_times, n_channels), and the run, which must have reached its end."""
-    result = simulate(parsed(deck), error_estimate=False)
+    return _solved(_text(deck))
+
+
+@lru_cache(maxsize=12)
+def _solved(text):
+    result = simulate(parse_deck(text), error_estimate=False)
     assert result.status == "done", result.reason
-    return np.stack([c.values for c in result.channels], axis=1), result
+    values = np.stack([c.values for c in result.channels], axis=1)
+    values.flags.writeable = False
+    return values, result

@@ -27,6 +27,11 @@ def files():
     return sorted(path for path in PACKAGE.rglob("*.py") if "cases" not in path.parts)
 
 
+@cache
+def parsed(path):
+    return ast.parse(path.read_text())
+
+
 def named(path):
     """Return the dotted name of a module inside the package."""
     parts = path.relative_to(PACKAGE).with_suffix("").parts
@@ -50,7 +55,7 @@ def graph():
     found = {}
     for name, path in names.items():
         targets = set()
-        for target, _, typing_only in imports(ast.parse(path.read_text())):
+        for target, _, typing_only in imports(parsed(path)):
             if name == "__init__" and typing_only:
                 continue
             short = target.removeprefix("hfsim.")
@@ -123,7 +128,7 @@ def siblings():
 def test_siblings_share_only_a_base(path):
     """Files of a package of parts import no other one, save its bases."""
     parts = path.relative_to(PACKAGE).parts
-    for name, _, _ in imports(ast.parse(path.read_text())):
+    for name, _, _ in imports(parsed(path)):
         if name.startswith(f"hfsim.parts.{parts[1]}."):
             assert name.split(".")[-1].startswith("_"), name
 
@@ -166,21 +171,24 @@ def test_nothing_stands_there_unused():
 
     What the manual's page on Python names is there for users.
     """
-    trees = {path: ast.parse(path.read_text()) for path in files()}
-    counts = Counter(name for tree in trees.values() for name in mentioned(tree))
+    own = {path: Counter(mentioned(parsed(path))) for path in files()}
+    counts = Counter[str]()
+    for names in own.values():
+        counts.update(names)
     counts.update(re.findall(r"\w+", (PACKAGE / "manual" / "python.md").read_text()))
     dead = [
         f"{named(path)}.{name}"
-        for path, tree in trees.items()
-        for node, name in defined(tree)
-        if not name.startswith(("__", "model_")) and counts[name] <= Counter(mentioned(node))[name]
+        for path in files()
+        for node, name in defined(parsed(path))
+        if not name.startswith(("__", "model_"))
+        and counts[name] == own[path][name] == Counter(mentioned(node))[name]
     ]
     assert not dead
 
 
 @pytest.mark.parametrize("path", cases())
 def test_heavy_packages_stay_where_they_belong(path):
-    for name, at_module_level, typing_only in imports(ast.parse(path.read_text())):
+    for name, at_module_level, typing_only in imports(parsed(path)):
         package = name.split(".")[0]
         if package == "matplotlib":
             assert path.is_relative_to(PACKAGE / "output" / "plots")

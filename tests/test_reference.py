@@ -83,11 +83,11 @@ def two_beams(model, duration, interval=0.01, tolerance=1e-8):
 
 
 def test_exact_keeps_the_spinning_beams_straight():
-    largest = np.abs(channel(two_beams("exact", 0.5, tolerance=1e-9), "b1.tip.deflection")).max()
-    assert largest == pytest.approx(6.708e-6, abs=0.6e-9)
+    closely = np.abs(channel(two_beams("exact", 0.5, 0.0005, 1e-9), "b1.tip.deflection"))
     # the reference was sampled every 10 ms; in between there is a little more, never much
-    closely = np.abs(channel(two_beams("exact", 0.5, 0.0005, 1e-9), "b1.tip.deflection")).max()
-    assert largest < closely < 6.8e-6
+    largest = closely[::20].max()
+    assert largest == pytest.approx(6.708e-6, abs=0.6e-9)
+    assert largest < closely.max() < 6.8e-6
 
 
 def test_low_order_keeps_the_spinning_beams_straight():
@@ -100,7 +100,8 @@ def test_linear_lets_the_spinning_beams_go():
     first = result.t[np.argmax(deflection > 0.1)]
     assert first == pytest.approx(0.17, abs=0.01)
     # orders of magnitude from what exact and lowOrder agree on
-    assert deflection.max() > 1e4 * np.abs(channel(two_beams("exact", 0.5), "b1.tip.deflection")).max()
+    exact = two_beams("exact", 0.5, 0.0005, 1e-9)
+    assert deflection.max() > 1e4 * np.abs(channel(exact, "b1.tip.deflection")).max()
 
 
 @pytest.mark.slow
@@ -263,7 +264,7 @@ def test_exact_runs_through_on_the_soft_beams():
 @pytest.mark.parametrize("model", ["exact", "ancf"])
 @pytest.mark.parametrize("case", SCENES)
 def test_gauss_keeps_the_energy(case, model):
-    duration = {"pendulum": 1.0, "hub_beams_soft": 1.0}.get(case, 0.2)
+    duration = {"pendulum": 0.6, "hub_beams_soft": 0.6}.get(case, 0.12)
     settings = (f"solve.duration={duration}", "solve.method=gauss")
     assert run(case, *settings, model=model).statistics["energy_drift"] < 1e-8
     assert run(case, *settings, "solve.tolerance=1e-10", model=model).statistics["energy_drift"] < 1e-10

@@ -15,13 +15,13 @@ def judged(tmp_path, count, run=False):
 
 
 def test_mutants_through_the_check(tmp_path):
-    found = judged(tmp_path, 150)
+    found = judged(tmp_path, 80)
     assert not [(one.number, one.faults) for one in found if one.faults]
     assert {one.code for one in found} == {0, 2}
 
 
 def test_mutants_through_short_runs(tmp_path):
-    found = judged(tmp_path, 15, run=True)
+    found = judged(tmp_path, 8, run=True)
     assert not [(one.number, one.faults) for one in found if one.faults]
     assert 0 in {one.code for one in found}
 

@@ -2,6 +2,7 @@
 """The JSON schema of decks: it takes every deck that hfsim takes, tells each key's text, and refuses slips."""
 
 import re
+from functools import cache
 from pathlib import Path
 
 import deck_reference
@@ -13,7 +14,6 @@ from hfsim.deck.reader import parse
 from hfsim.scene.schema import Deck
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = json_schema(Deck)
 BOUNDS = {
     "minimum": lambda value, bound: value >= bound,
     "maximum": lambda value, bound: value <= bound,
@@ -28,6 +28,11 @@ BOUNDS = {
 TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "integer": int, "number": (int, float)}
 TELLING = {"anyOf", "type", "description", "default", "title", "x-unit", "properties", "required"}
 TELLING |= {"items", "additionalProperties", "prefixItems", *BOUNDS, "$schema"}
+
+
+@cache
+def whole():
+    return json_schema(Deck)
 
 
 def wrong(value, schema, path=""):
@@ -60,7 +65,7 @@ def decks():
 
 @pytest.mark.parametrize("text", decks())
 def test_it_takes_every_shipped_deck(text):
-    assert not list(wrong(parse(text).data, SCHEMA))
+    assert not list(wrong(parse(text).data, whole()))
 
 
 SLIP = """
@@ -77,8 +82,8 @@ solve: {duration: 1.0}
      ("length: 1.0", "length: 1.0, elements: 0"), ("hfsim: 1", "hfsim: 2"), ("length: 1.0", "length: [1.0]")],
 )  # fmt: skip
 def test_it_refuses_slips(old, new):
-    assert not list(wrong(yaml.safe_load(SLIP), SCHEMA))
-    assert list(wrong(yaml.safe_load(SLIP.replace(old, new)), SCHEMA))
+    assert not list(wrong(yaml.safe_load(SLIP), whole()))
+    assert list(wrong(yaml.safe_load(SLIP.replace(old, new)), whole()))
 
 
 TABLE = SLIP + """
@@ -91,13 +96,13 @@ loads:
 
 
 def test_it_takes_files_parameters_and_expressions():
-    assert not list(wrong(yaml.safe_load(TABLE), SCHEMA))
-    assert list(wrong(yaml.safe_load(TABLE.replace("column", "colum")), SCHEMA))
+    assert not list(wrong(yaml.safe_load(TABLE), whole()))
+    assert list(wrong(yaml.safe_load(TABLE.replace("column", "colum")), whole()))
 
 
 def beam():
     """The keys of a beam."""
-    (found,) = [one for one in SCHEMA["properties"]["bodies"]["additionalProperties"]["anyOf"] if "elements" in one["properties"]]
+    (found,) = [one for one in whole()["properties"]["bodies"]["additionalProperties"]["anyOf"] if "elements" in one["properties"]]
     return found["properties"]
 
 
@@ -111,7 +116,7 @@ def open_keys(schema):
     return schema["additionalProperties"] if isinstance(schema.get("additionalProperties"), dict) else {}
 
 
-def keys(schema=SCHEMA, path="deck"):
+def keys(schema, path="deck"):
     """Yield every key of decks with its schema."""
     for number, one in enumerate(schema.get("anyOf", ())):
         yield from keys(one, f"{path}({number})")
@@ -122,7 +127,7 @@ def keys(schema=SCHEMA, path="deck"):
 
 
 def test_every_key_tells_what_it_is_and_what_it_may_be():
-    found = dict(keys())
+    found = dict(keys(whole()))
     assert len(found) > 120
     bare = [path for path, one in found.items() if "description" not in one]
     assert not bare
@@ -133,7 +138,8 @@ def test_every_key_tells_what_it_is_and_what_it_may_be():
 
 def test_the_manual_has_them_all():
     """Written anew by ``python tests/deck_reference.py``."""
-    assert deck_reference.PAGE.read_text() == deck_reference.page()
-    rows = [line for line in deck_reference.page().splitlines() if line.startswith("| `")]
+    page = deck_reference.page()
+    assert deck_reference.PAGE.read_text() == page
+    rows = [line for line in page.splitlines() if line.startswith("| `")]
     assert len(rows) > 150
     assert all(cell.strip() for row in rows for cell in re.split(r"(?<!\\)\|", row)[1:-1])

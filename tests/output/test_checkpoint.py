@@ -97,7 +97,7 @@ def whole(tmp_path_factory):
     return (folder / "history.csv").read_bytes()
 
 
-LONG = ("--set", "solve.duration=6")
+LONG = ("--set", "solve.duration=4")
 
 
 @pytest.mark.parametrize(

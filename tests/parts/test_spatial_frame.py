@@ -1,5 +1,7 @@
 """Hybrid coordinates in space: the map against differences, both charts, motions that change charts."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -106,6 +108,7 @@ def test_only_beams_beyond_the_edge_go_over(rng):
     assert changed.tolist() == [[2, 1]]
 
 
+@cache
 def motion(method, coordinates, **solve):
     changes = {"coordinates": coordinates, "method": method, **solve}
     deck = parse_deck(TURNING, "deck", [f"solve.{key}={value}" for key, value in changes.items()])

@@ -172,10 +172,10 @@ def test_steps_of_a_stiff_arm_that_is_spun_up(changes, method):
 
 def test_the_equations_solved_are_the_same():
     """At short steps, which need no strains as variables, the arm moves in the same way."""
-    scene = scene_of(solved(tolerance=1e-9, duration=0.05))
+    scene = scene_of(solved(tolerance=1e-9, duration=0.03))
     long = run_integration(scene, scene.deck.solve)
     assert long.problem.counts.steps < 25
-    short = scene_of(solved(method="radau", step=2.0e-4, stages=4, duration=0.05))
+    short = scene_of(solved(method="radau", step=2.0e-4, stages=4, duration=0.03))
     fine = run_integration(short, short.deck.solve)
     assert long.trajectory.q == pytest.approx(fine.trajectory.q, abs=1e-8)
 

@@ -110,7 +110,7 @@ def test_expectations_that_cannot_be_used(tmp_path, bad):
 
 
 def test_small_decks_of_the_set_hold():
-    names = ("free_fall", "thousand_periods", "springs_apart", "parametric", "mass_ratio")
+    names = ("free_fall", "springs_apart", "mass_ratio")
     chosen = [one for one in read_expectations(FOLDER) if one.name in names]
     result = extreme_set(FOLDER, chosen, 60.0, 30.0, 2)
     assert not {case.name: case.misses for case in result.cases if case.misses}

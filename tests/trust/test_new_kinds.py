@@ -81,7 +81,7 @@ def test_a_new_model_that_runs_away_is_diagnosed(monkeypatch):
     text = BLADE.replace("solve:", "initial: {b1: {angular_velocity: 40.0}}\nsolve:")
     scene = build(parse_deck(text, overrides=("solve.duration=2.0",)), models={"b1": "plain"})
     done = run_integration(scene, scene.deck.solve)
-    failure = diagnose(scene, done, Budget(3.0))
+    failure = diagnose(scene, done, Budget(1.5))
     assert (failure.kind, failure.item) == ("model", "bodies.b1")
     assert failure.remedy.endswith("--set solve.model=exact")
 
