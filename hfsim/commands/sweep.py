@@ -112,8 +112,7 @@ def sweep(
     deck, collect = _deck_of(words, collect)
     loaded = load_numbered(deck, overrides, talk)
     estimates = (not no_error_estimate, mesh_error, diagnosis)
-    named = read_vary(vary, sensitivity)
-    asked = Asked(named, sample, sampler, seed, table, collect, yes, *estimates, limit, sensitivity)
+    asked = Asked(read_vary(vary), sample, sampler, seed, table, collect, yes, *estimates, limit, sensitivity)
     wanted = wanted_of(asked, loaded, talk.note, keep, deck)
     with (
         workers.executor(loaded.source.texts) as executor,
@@ -140,20 +139,17 @@ def _deck_of(words: Sequence[str], collect: Sequence[str]) -> tuple[str, tuple[s
     return decks[0], (*collect, *(word for word in words if word not in decks))
 
 
-def read_vary(texts: Sequence[str], alone: bool) -> dict[str, str]:
-    """Return the values of each path, as text; paths may stand `alone`.
+def read_vary(texts: Sequence[str]) -> dict[str, str]:
+    """Return the values of each path, as text; empty where a path stands alone.
 
     Raises
     ------
     click.UsageError
         If one is named twice.
-    SweepError
-        If a text is not ``PATH=VALUES``.
     """
-    from hfsim.studies.sweep.plan import read_vary as read
-
     found: dict[str, str] = {}
-    for path, values in (read(text, alone) for text in texts):
+    for text in texts:
+        path, _, values = (part.strip() for part in text.partition("="))
         if path in found:
             raise click.UsageError(f"--vary says {path} twice")
         found[path] = values

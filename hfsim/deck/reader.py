@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from copy import copy
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import yaml
@@ -24,6 +26,8 @@ MOST_ENTRIES = 100_000
 """Entries of a deck, those of an alias counted wherever it stands."""
 LARGEST = 4_000_000
 """Characters of a deck."""
+_KNOWN, _SHORT = 32, 50_000
+"""Texts that are not read again if they come again soon, and their most characters."""
 
 _BaseLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -91,6 +95,12 @@ class Reader:
     def problems(self) -> list[DeckProblem]:
         """What is wrong, in the order of reading."""
         return list(self._problems.values())
+
+    def copied(self) -> Reader:
+        """Return the same with data and marks of its own."""
+        made = copy(self)
+        made.data, made.keys, made.values = _tree(self.data), dict(self.keys), dict(self.values)
+        return made
 
     def _read(self, node: yaml.Node, path: Path) -> Any:
         self.values[path] = _mark(node)
@@ -197,7 +207,21 @@ def _mark(node: yaml.Node) -> Mark:
 
 
 def parse(text: str) -> Reader | DeckProblem:
-    """Return what some YAML says, or why it cannot be read."""
+    """Return what some YAML says, or why it cannot be read; studies read one deck many times."""
+    if len(text) > _SHORT:
+        return _parsed(text)
+    found = _known(text)
+    return found.copied() if isinstance(found, Reader) else found
+
+
+def _tree(data: Any) -> Any:
+    """Return a copy of plain data."""
+    if isinstance(data, dict):
+        return {key: _tree(value) for key, value in data.items()}
+    return [_tree(value) for value in data] if isinstance(data, list) else data
+
+
+def _parsed(text: str) -> Reader | DeckProblem:
     if len(text) > LARGEST:
         return DeckProblem("", f"has {len(text)} characters, at most {LARGEST} are read", "", 1, 1)
     try:
@@ -211,6 +235,9 @@ def parse(text: str) -> Reader | DeckProblem:
         before = text[:position]
         line, column = before.count("\n") + 1, position - before.rfind("\n")
         return DeckProblem("", "a character that YAML does not allow", "", line, column)
+
+
+_known = lru_cache(_KNOWN)(_parsed)
 
 
 def _excess(text: str) -> DeckProblem | None:

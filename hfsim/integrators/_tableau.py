@@ -28,23 +28,21 @@ def legendre(theta: Array, count: int) -> tuple[Array, Array, Array]:
     """
     theta = np.asarray(theta, dtype=float)
     P = _legendre_values(2.0 * theta - 1.0, count + 2)
-    integrals = np.empty((len(theta), count + 1))
-    integrals[:, 0] = theta
-    k = np.arange(1, count + 1)
-    integrals[:, 1:] = (P[:, 2:] - P[:, :-2]) / (2.0 * (2.0 * k + 1.0))
-    double = np.empty((len(theta), count))
-    double[:, 0] = 0.5 * theta**2
+    k = 2.0 * (2.0 * np.arange(1, count + 1)[:, None] + 1.0)
     # the integral of P_k is a difference of P_(k+1) and P_(k-1), which are integrated in turn
-    for d in range(1, count):
-        double[:, d] = (integrals[:, d + 1] - integrals[:, d - 1]) / (2.0 * (2.0 * d + 1.0))
-    return P[:, :count], integrals[:, :count], double
+    once = np.concatenate([theta[None], (P[2:] - P[:-2]) / k])
+    twice = np.concatenate([0.5 * theta[None] ** 2, (once[2:] - once[:-2]) / k[:-1]])
+    rows = np.ascontiguousarray
+    return rows(P[:count].T), rows(once[:count].T), rows(twice.T)
 
 
 def _legendre_values(x: Array, count: int) -> Array:
-    P = np.ones((len(x), count))
-    P[:, 1] = x
+    """Return the polynomials at -1 <= x <= 1, shape (count, n)."""
+    P = np.ones((count, len(x)))
+    P[1] = x
+    odd = np.multiply.outer(2.0 * np.arange(count) + 1.0, x)
     for k in range(1, count - 1):
-        P[:, k + 1] = ((2 * k + 1) * x * P[:, k] - k * P[:, k - 1]) / (k + 1)
+        P[k + 1] = (odd[k] * P[k] - k * P[k - 1]) / (k + 1)
     return P
 
 

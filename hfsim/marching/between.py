@@ -11,7 +11,7 @@ from hfsim.integrators import Trajectory
 from hfsim.marching.integration import Leg
 from hfsim.marching.sampling import SceneSamples, compute_channels
 from hfsim.marching.solution import Channel
-from hfsim.marching.turns import count_turns
+from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, distinct
 from hfsim.maths.frozen import frozen
 
@@ -79,14 +79,14 @@ class Between:
 def _read(leg: Leg, times: Array) -> Iterator[Array]:
     """Yield rows, times [s] and channels, read from the steps at sorted times."""
     path = leg.done.trajectory
-    turns = count_turns(leg.scene, path, times, leg.record.begin_angles)
+    q, v, turns = read_states(leg.scene, path, times, leg.record.begin_angles)
     count = int(np.clip(IN_CACHE / max(1, leg.scene.system.n) ** 2, *AT_ONCE))
     for k in range(0, len(times), count):
         some = slice(k, k + count)
         with np.errstate(all="ignore"):
-            q, v = leg.scene.system.project(times[some], *path.at(times[some]))
+            states = leg.scene.system.project(times[some], q[some], v[some])
             counted = {name: one[some] for name, one in turns.items()}
-            samples = SceneSamples(leg.scene, times[some], q, v, counted)
+            samples = SceneSamples(leg.scene, times[some], *states, counted)
             columns = [one.values for one in compute_channels(samples)]
         yield np.column_stack([times[some], *columns])
 

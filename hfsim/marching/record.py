@@ -16,7 +16,7 @@ from hfsim.integrators import Counts, Memory, Trajectory, packed, part_of
 from hfsim.marching.balance import Balance, step_samples
 from hfsim.marching.sampling import SceneSamples, compute_channels, output_times
 from hfsim.marching.solution import Channel, Run
-from hfsim.marching.turns import count_turns
+from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, distinct
 from hfsim.parts.channels import kind_of
 from hfsim.scene.build import Scene
@@ -198,12 +198,12 @@ class LegRecord:
 
     def _rows(self, stretch: Trajectory, mine: slice) -> Array:
         scene, times = self.scene, self._times[mine]
-        turns = count_turns(scene, stretch, np.append(times, stretch.t_end), self._angles)
+        q, v, turns = read_states(scene, stretch, np.append(times, stretch.t_end), self._angles)
         self._angles = {**self._angles, **{name: float(angles[-1]) for name, angles in turns.items()}}
         self._next = mine.stop
         if not len(times):
             return np.empty((0, 1 + len(scene.deck.channels)))
-        q, v = scene.system.project(times, *stretch.at(times))
+        q, v = scene.system.project(times, q[:-1], v[:-1])
         samples = SceneSamples(scene, times, q, v, {name: angles[:-1] for name, angles in turns.items()})
         self._keep(np.column_stack([np.arange(mine.start, mine.stop), times, q, v]))
         return np.column_stack([times, *(column.values for column in compute_channels(samples))])

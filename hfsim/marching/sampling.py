@@ -10,7 +10,7 @@ import numpy as np
 
 from hfsim.integrators import Trajectory
 from hfsim.marching.solution import Channel, Snapshot
-from hfsim.marching.turns import count_turns
+from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.parts.channels import Samples, force_columns, kind_of
@@ -79,10 +79,9 @@ def sample(scene: Scene, trajectory: Trajectory) -> SceneSamples:
 def samples_at(
     scene: Scene, trajectory: Trajectory, times: Array, angles: Mapping[str, float] | None = None
 ) -> SceneSamples:
-    """Return samples at sorted times; ``angles`` as in `count_turns`."""
-    q, v = trajectory.at(times)
-    q, v = scene.system.project(times, q, v)
-    return SceneSamples(scene, times, q, v, count_turns(scene, trajectory, times, angles))
+    """Return samples at sorted times; ``angles`` as in `read_states`."""
+    q, v, turns = read_states(scene, trajectory, times, angles)
+    return SceneSamples(scene, times, *scene.system.project(times, q, v), turns)
 
 
 def compute_channels(samples: SceneSamples) -> tuple[Channel, ...]:

@@ -11,10 +11,12 @@ from hfsim.maths.arrays import Array, distinct
 from hfsim.scene.build import Scene
 
 
-def count_turns(
+def read_states(
     scene: Scene, trajectory: Trajectory, times: Array, angles: Mapping[str, float] | None = None
-) -> dict[str, Array]:
-    """Return the frame angles [rad], full turns included, of bodies without a frame coordinate.
+) -> tuple[Array, Array, dict[str, Array]]:
+    """Return states (q, v) at some times, and the frame angles [rad] of bodies without a frame coordinate.
+
+    Full turns are in the angles.
 
     Parameters
     ----------
@@ -27,26 +29,30 @@ def count_turns(
 
     Returns
     -------
-    dict of str to ndarray, shape (n_times,)
+    q, v : ndarray, shape (n_times, n)
+    turns : dict of str to ndarray, shape (n_times,)
     """
-    if scene.deck.dimension == 3:
-        return {}
-    unread = scene.left_out["turns"]
-    names = [
-        name
-        for name, body in scene.bodies.items()
-        if body.angle_column is None and f"turns of bodies.{name}" not in unread
-    ]
+    names = _counted(scene)
     if not names or not len(times):
-        return {}
+        return *trajectory.at(times), {}
     ends = trajectory.step_ends()
     inner = (ends[:-1, None] + np.diff(ends)[:, None] * np.array([0.25, 0.5, 0.75])).ravel()
     every = distinct(np.concatenate([ends, inner, times]))
-    x = scene.system.absolute(trajectory.at(every)[0])
+    q, v = trajectory.at(every)
+    x = scene.system.absolute(q)
     at = np.searchsorted(every, times)
     turns = {}
     for name in names:
         angle = np.unwrap(scene.marker(name).angle(x))
         start = (scene.start_angles if angles is None else angles)[name]
         turns[name] = (angle + 2.0 * np.pi * np.round((start - angle[0]) / (2.0 * np.pi)))[at]
-    return turns
+    return q[at], v[at], turns
+
+
+def _counted(scene: Scene) -> list[str]:
+    """Return the bodies whose turns are counted."""
+    if scene.deck.dimension == 3:
+        return []
+    unread, bodies = scene.left_out["turns"], scene.bodies.items()
+    free = (name for name, body in bodies if body.angle_column is None)
+    return [name for name in free if f"turns of bodies.{name}" not in unread]

@@ -34,10 +34,23 @@ from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.farm import Executor
 from hfsim.studies.sweep.asked import Asked
 from hfsim.studies.sweep.effects import main_effects
-from hfsim.studies.sweep.plan import Plan, SweepError
+from hfsim.studies.sweep.plan import Plan, readable, refusal
 from hfsim.studies.sweep.result import Sweep, gathered
-from hfsim.studies.sweep.sensitivity import Differences, Sensitivity, plan_differences, sensitivities
-from hfsim.studies.sweep.study import Keep, do_runs, refuse_hopeless, refuse_paths
+from hfsim.studies.sweep.sensitivity import (
+    Differences,
+    Sensitivity,
+    plan_differences,
+    sensitivities,
+    values_of,
+)
+from hfsim.studies.sweep.study import (
+    Keep,
+    Refusals,
+    do_runs,
+    refuse_entries,
+    refuse_unbuilt,
+    refuse_values,
+)
 from hfsim.studies.sweep.work import Row, Setting
 
 _TOLD = 12
@@ -154,17 +167,30 @@ def wanted_of(
     ------
     SweepError, DeckError
     """
-    differences = None
-    if asked.sensitivity:
-        if not asked.vary or asked.table is not None or asked.sample is not None:
-            raise SweepError("--sensitivity takes --vary PATH for each entry, and no --sample or --table")
-        setting = asked.setting(loaded)
-        refuse_paths(setting.load(()), asked.vary)
-        plan, differences = plan_differences(loaded, setting, asked.vary)
-    else:
+    wrong = Refusals()
+    if not asked.sensitivity:
         asked = asked.completed(loaded)
-        plan, setting = asked.plan(), asked.setting(loaded)
-    refuse_hopeless(setting, plan, note)
+    elif not asked.vary or asked.table is not None or asked.sample is not None:
+        raise refusal("--sensitivity", "takes --vary PATH for each entry, and no --sample or --table")
+    plan, differences, numbers = None, None, dict[str, float]()
+    setting = common = asked.setting(loaded)
+    with wrong.gathered():
+        setting = asked.collecting(common, loaded)
+    with wrong.gathered():
+        if asked.sensitivity:
+            numbers = values_of(loaded, setting, asked.vary)
+        else:
+            plan = asked.plan()
+    with wrong.gathered():
+        refuse_entries(loaded, asked.vary if plan is None else plan.paths)
+    if not asked.sensitivity:
+        with wrong.gathered():
+            values = readable(asked.vary, random=True)[0] if plan is None else plan.by_path
+            refuse_values(common, values, note)
+    wrong.tell(loaded)
+    if plan is None:
+        plan, differences = plan_differences(setting, numbers)
+    refuse_unbuilt(setting, plan)
     return Wanted(loaded, plan, setting, keep, source, differences)
 
 

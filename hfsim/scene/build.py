@@ -149,7 +149,14 @@ class Scene:
 
     def marker(self, point: str) -> Marker:
         """Return the marker of a point such as ``b1.tip``."""
-        return find_marker(point, self.bodies, self.deck)
+        if point not in self._markers:
+            self._markers[point] = find_marker(point, self.bodies, self.deck)
+        return self._markers[point]
+
+    @cached_property
+    def _markers(self) -> dict[str, Marker]:
+        """Those that were asked for."""
+        return {}
 
 
 class Part(NamedTuple):

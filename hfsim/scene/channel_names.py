@@ -24,6 +24,7 @@ class ChannelNames:
 
     def __init__(self, declared: Declared, dimension: int) -> None:
         self.declared, self.dimension = declared, dimension
+        self._of_scene = scene_words()
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield everything that is wrong."""
@@ -43,7 +44,7 @@ class ChannelNames:
         """Yield what is wrong with a channel that stands at a path."""
         owner, _, rest = channel.partition(".")
         points, joints = self.declared.points, self.declared.names("joints")
-        subject = owner if owner in scene_words() else ""
+        subject = owner if owner in self._of_scene else ""
         if not subject and owner in (joints or ()) and owner not in (self.declared.names("bodies") or ()):
             subject = "joint"
         if subject:
@@ -53,7 +54,7 @@ class ChannelNames:
         elif owner == "ground":
             yield Complaint(path, "the ground does not move", "name a point of a body")
         elif points is not None and joints is not None and owner not in points:
-            owners = [*(name for name in points if name != "ground"), *joints, *scene_words()]
+            owners = [*(name for name in points if name != "ground"), *joints, *self._of_scene]
             yield Complaint(path, f"there is no body or joint '{owner}'", did_you_mean(owner, owners))
         elif points is not None and joints is not None:
             yield from self._motion_complaint(path, channel)

@@ -88,9 +88,10 @@ def _names(declared: Declared) -> Iterator[Complaint]:
     bodies = declared.names("bodies")
     if bodies is not None and not bodies and "bodies" in declared.data:
         yield Complaint(("bodies",), "a scene needs at least one body", "", True)
+    taken = ("t", *scene_words())
     for key in ("bodies", "joints"):
         for name in declared.names(key) or ():
-            if name in ("t", *scene_words()):
+            if name in taken:
                 message = f"'{name}' is taken by the output's columns"
                 yield Complaint((key, name), message, "choose another name", True)
     for name in declared.names("joints") or ():

@@ -15,9 +15,9 @@ from hfsim.maths.shapes import gauss_legendre
 _SAME = 1e-9
 """Share of the time between two rows, from one of which a time counts as that row's."""
 _CLOSER = 17
-"""Times that are looked at around an extreme, ..."""
+"""Times that are looked at around an extreme; a parabola goes through the last."""
 _ROUNDS = 2
-"""... and how often; a parabola goes through the last."""
+"""How often, where it is not where the curve as it is drawn has it."""
 _INSIDE = 4
 """Gauss points between two times."""
 _SIGNS = {"max": 1.0, "min": -1.0}
@@ -109,22 +109,58 @@ def _extremes(quantities: Sequence[Quantity], run: Run) -> list[float]:
     """Return largest and smallest values: between the steps' curves ever closer, all of them at once."""
     for one in quantities:
         _values(one, run)
-    seen, columns = run.drawn, [channel.name for channel in run.channels]
-    signs = [_SIGNS[one.kind] for one in quantities]
+    seen, signs = run.drawn, [_SIGNS[one.kind] for one in quantities]
     curves = [sign * seen[one.channel] for sign, one in zip(signs, quantities, strict=True)]
-    most = np.array([curve.max() for curve in curves])
-    at = np.array([_around(seen.t, int(np.argmax(curve))) for curve in curves])
-    for _ in range(_ROUNDS if run.fine is not None and len(seen.t) > 1 else 0):
-        assert run.fine is not None
+    tops = [int(np.argmax(curve)) for curve in curves]
+    most = [float(curve[top]) for curve, top in zip(curves, tops, strict=True)]
+
+    def look(which: Sequence[int], at: Array) -> tuple[Array, Array]:
+        """Look between some times; return those that were looked at, and the curves there."""
         times = np.linspace(at[:, 0], at[:, 1], _CLOSER, axis=1)
-        every, place = np.unique(times, return_inverse=True)
-        table, place = run.fine.at(every), place.reshape(times.shape)
-        for k, (sign, one) in enumerate(zip(signs, quantities, strict=True)):
-            here = sign * table[place[k], columns.index(one.channel)]
-            best = int(np.argmax(here))
-            most[k] = max(most[k], _peak(here, best))
-            at[k] = _around(times[k], best)
-    return [float(sign * value) for sign, value in zip(signs, most, strict=True)]
+        values = _read_each([quantities[k] for k in which], run, times)
+        values *= np.array([signs[k] for k in which])[:, None]
+        for k, here in zip(which, values, strict=True):
+            most[k] = max(most[k], _peak(here, int(np.argmax(here))))
+        return times, values
+
+    if run.fine is not None and len(seen.t) > 1:
+        whole = range(len(quantities))
+        times, values = look(whole, np.array([_near(seen.t, curves[k], tops[k]) for k in whole]))
+        ends = seen.t[0], seen.t[-1]
+        if missed := [k for k in whole if _climbs(times[k], values[k], ends)]:
+            at = np.array([_around(seen.t, tops[k]) for k in missed])
+            for _ in range(_ROUNDS):
+                times, values = look(missed, at)
+                at = np.array([_around(t, int(np.argmax(y))) for t, y in zip(times, values, strict=True)])
+    return [sign * value for sign, value in zip(signs, most, strict=True)]
+
+
+def _read_each(quantities: Sequence[Quantity], run: Run, times: Array) -> Array:
+    """Return the channel of each quantity at times of its own, (n_quantities, n_times)."""
+    assert run.fine is not None
+    names = [channel.name for channel in run.channels]
+    every, place = np.unique(times, return_inverse=True)
+    columns = np.array([names.index(one.channel) for one in quantities])
+    return np.asarray(run.fine.at(every)[place.reshape(times.shape), columns[:, None]])
+
+
+def _near(times: Array, curve: Array, top: int) -> tuple[float, float]:
+    """Return times about the top of the parabola through the largest value of a curve and its neighbours."""
+    before, after = _around(times, top)
+    at = float(times[top])
+    if before < at < after:
+        rise, fall = np.diff(curve[top - 1 : top + 2]) / np.diff(times[top - 1 : top + 2])
+        if rise > fall:
+            at = 0.5 * (before + at) + 0.5 * (after - before) * float(rise / (rise - fall))
+    width = (after - before) / _CLOSER
+    return max(before, at - width), min(after, at + width)
+
+
+def _climbs(times: Array, values: Array, ends: tuple[float, float]) -> bool:
+    """Tell whether a curve has its largest value where one stopped to look, and the run did not."""
+    place = int(np.argmax(values))
+    inside = 0 < place < len(values) - 1
+    return not inside and times[place] not in ends and values.max() > values.min()
 
 
 def _peak(values: Array, best: int) -> float:

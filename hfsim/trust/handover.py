@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hfsim.integrators import Trajectory
-from hfsim.marching.turns import count_turns
+from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import rotation_vector
 from hfsim.mechanics.body import Body
@@ -41,7 +41,7 @@ def hand_over(old: Scene, new: Scene, path: Trajectory) -> tuple[Scene, float]:
         If a body goes over to a model that its state has no counterpart in.
     """
     time, q, v = np.array([path.t_end]), path.q, path.v
-    turns = count_turns(old, path, time)
+    _, _, turns = read_states(old, path, time)
     x, u = old.system.absolute(q[None]), old.system.absolute_velocity(q[None], v[None])
     _hand_turns(old.system, new.system, time, x)
     arranged, angles = old.system.arranged(q[None]), dict(old.start_angles)

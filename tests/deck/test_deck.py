@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 
 from hfsim.deck.law_specs import LAWS, AngleLaw, PositionLaw
 from hfsim.deck.materials import MaterialSpec, SectionProperties
+from hfsim.deck.reader import parse
 from hfsim.deck.sections import SectionSpec
 from hfsim.deck.source import OverrideProblem, parse_source
 from hfsim.deck.units import SI_UNITS, UNITS, UnitError, parse_quantity
@@ -472,3 +473,11 @@ def test_decks_do_not_import_heavy_packages():
     code = "import sys, hfsim.scene.schema; print([m for m in ('scipy', 'matplotlib') if m in sys.modules])"
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert output.strip() == "[]"
+
+
+def test_texts_that_are_read_again_come_back_as_they_were():
+    first, second = parse("a: {b: [1, 2]}"), parse("a: {b: [1, 2]}")
+    first.data["a"]["b"].append(3)
+    first.keys.clear()
+    assert second.data == parse("a: {b: [1, 2]}").data == {"a": {"b": [1, 2]}}
+    assert second.keys == parse("a: {b: [1, 2]}").keys != {}

@@ -213,9 +213,9 @@ def test_pictures(wheel):
         ((*(f"--vary={a}=lin(1,2,9000)" for a in (STIFF, "bodies.hub.mass")), "--yes"), "at most"),
         (("--vary", f"{STIFF}=1,2", "--sample", 5, "--sampler", "halton"), "there is no sampler"),
         (("--table", "none.csv"), "none.csv cannot be read"),
-        (("--table", "bad.csv"), r"bad.csv:3: 1 values for 2 columns"),
+        (("--table", "bad.csv"), r"bad.csv:3:1: error: 1 values for 2 columns"),
         (("--table", "empty.csv"), "no rows"),
-        (("--table", "hole.csv"), "hole.csv:2: a: the value is missing"),
+        (("--table", "hole.csv"), "hole.csv:2:1: error: a: the value is missing"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_told_before_anything_runs(wheel, options, why):
@@ -225,6 +225,29 @@ def test_what_is_wrong_is_told_before_anything_runs(wheel, options, why):
     told = call("wheel.yaml", *options)
     assert told.exit_code == 2, told.output
     assert re.search(why, " ".join(told.stderr.split())), told.stderr
+    assert not (wheel / "wheel.sweep").exists()
+
+
+def test_all_that_is_wrong_is_told_at_once(wheel):
+    vary = ("springs.coil.stifness=1,2", f"{STIFF}=lin(1,2)", "bodies.hub.mass=normal(1,2)")
+    collect = ("peak(hub.angle)", "max(hub.angel)", "max(hub.angle)", "at(0.6, hub.angle)")
+    told = call("wheel.yaml", *(f"--vary={one}" for one in vary), "--collect", *collect)
+    assert told.exit_code == 2
+    places = [line.split(": ")[:3] for line in told.stderr.splitlines() if ": error: " in line]
+    assert {(option, entry) for option, _, entry in places} == {
+        ("--vary", "springs.coil.stifness"),
+        ("--vary", STIFF),
+        ("--vary", "bodies.hub.mass"),
+        ("--collect", collect[0]),
+        ("--collect", collect[1]),
+        ("--collect", collect[3]),
+    }
+    told = call("wheel.yaml", "--sensitivity", *(f"--vary={one}" for one in vary), "--collect", *collect)
+    assert told.exit_code == 2 and "6 errors. Nothing was run." in told.stderr
+    (wheel / "two.csv").write_text(f"{STIFF},springs.coil.stifness\n1,2\n3\n,inf\n")
+    told = call("wheel.yaml", "--table", "two.csv", "--collect", "peak(hub.angle)")
+    assert [f"two.csv:{line}:1" in told.stderr for line in (2, 3, 4)] == [False, True, True]
+    assert told.stderr.count("two.csv:4:1") == 2 and "--collect: error: peak" in told.stderr
     assert not (wheel / "wheel.sweep").exists()
 
 
@@ -371,7 +394,7 @@ def test_derivatives_and_how_sure_they_are(wheel):
         (("--vary", STIFF, "--collect", "max(hub.angle)", "--sample", 3), "no --sample"),
         (("--vary", "solve.method", "--collect", "max(hub.angle)"), "no number there"),
         (("--vary", "springs.coil.stifness", "--collect", "max(hub.angle)"), "stifness"),
-        (("--vary", f"{STIFF}=1,2", "--collect", "max(hub.angle)"), "takes one number"),
+        (("--vary", f"{STIFF}=1,2", "--collect", "max(hub.angle)"), "not one number"),
         (("--vary", STIFF, "--collect", "frequency(1)"), "numbers of runs alone"),
     ],
 )

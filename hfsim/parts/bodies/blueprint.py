@@ -117,7 +117,8 @@ class Blueprint(NamedTuple):
     def undeformed(self) -> Array:
         """Nodal vectors in the body frame, shape (n_vectors, n_dim)."""
         plane = self.mesh.undeformed
-        return np.pad(plane, ((0, 0), (0, self.n_dim - plane.shape[1])))
+        missing = self.n_dim - plane.shape[1]
+        return np.pad(plane, ((0, 0), (0, missing))) if missing else plane
 
     def reference(self, place: Place) -> Place:
         """Return where a point is in the undeformed body frame: places count along the line."""

@@ -313,9 +313,10 @@ class GramLaw(RowLaw):
 
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_elements)."""
-        G = V @ V.swapaxes(-1, -2)
-        d = G.reshape(*G.shape[:-2], -1) - self.reference
-        return np.asarray(self.scale * np.sum((0.5 * (d @ self.quadratic) + self.linear) * d, axis=-1))
+        G = sum(V[..., :, None, k] * V[..., None, :, k] for k in range(self.dimension))
+        d = np.reshape(G, (*V.shape[:-2], -1)) - self.reference
+        pulled = (d.reshape(-1, len(self.quadratic)) @ self.quadratic).reshape(d.shape)  # all in one product
+        return np.asarray(self.scale * np.sum((0.5 * pulled + self.linear) * d, axis=-1))
 
     def pull(self, v: Array) -> Array:
         """Return dU/dV [J] for `component_rows`, same shape."""

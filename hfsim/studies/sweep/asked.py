@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hfsim.scene.loading import LoadedDeck
-from hfsim.studies.sweep.plan import SAMPLERS, Plan, SweepError, grid, sample, table
-from hfsim.studies.sweep.study import read_collected, setting_of
+from hfsim.studies.sweep.plan import SAMPLERS, TABLE, VARY, Plan, grid, refusal, sample, table
+from hfsim.studies.sweep.study import collecting, read_collected
 from hfsim.studies.sweep.work import Setting
 
 MANY = 100_000
@@ -74,32 +74,39 @@ class Asked:
 
         Raises
         ------
-        SweepError
+        DeckError
         """
         assert self.sampler is not None and self.seed is not None
         if self.table is not None:
             if self.vary or self.sample is not None:
-                raise SweepError("--table says all: it takes no --vary and no --sample")
+                raise refusal(TABLE, "says all: it takes no --vary and no --sample")
             plan = table(self.table)
         elif self.sample is not None:
+            if self.sampler not in SAMPLERS:
+                known = ", ".join(SAMPLERS)
+                raise refusal("--sampler", f"there is no sampler '{self.sampler}'; there are {known}")
             plan = sample(self.vary, self.sample, self.sampler, self.seed)
         else:
             plan = grid(self.vary)
         if plan.count > MANY and not self.many:
-            raise SweepError(f"{plan.count} runs are many: say --yes if you mean it")
+            raise refusal(VARY, f"{plan.count} runs are many: say --yes if you mean it")
         return plan
 
     def setting(self, loaded: LoadedDeck) -> Setting:
-        """Return what all runs of a deck share.
+        """Return what all runs of a deck share, but for what is collected."""
+        left_out = (f"{key}=null" for key in _LEFT_OUT if loaded.source.data.get(key) is not None)
+        return Setting(
+            loaded.source.text, loaded.source.file, (*loaded.overrides, *left_out), (),
+            self.error_estimate, self.mesh_error, self.diagnosis, self.limit or math.inf,
+        )  # fmt: skip
+
+    def collecting(self, setting: Setting, loaded: LoadedDeck) -> Setting:
+        """Return the same with what is collected.
 
         Raises
         ------
-        SweepError
+        DeckError
         """
         if self.sensitivity and not self.collect:
-            raise SweepError("--sensitivity needs --collect: of what derivatives are wanted")
-        base = Setting(
-            "", "", tuple(f"{key}=null" for key in _LEFT_OUT if loaded.source.data.get(key) is not None), (),
-            self.error_estimate, self.mesh_error, self.diagnosis, self.limit or math.inf,
-        )  # fmt: skip
-        return setting_of(loaded, read_collected(self.collect, loaded), base)
+            raise refusal("--sensitivity", "needs --collect: of what derivatives are wanted")
+        return collecting(setting, read_collected(self.collect, loaded), loaded)

@@ -9,13 +9,14 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hfsim.deck.ranges import RangeError, Value, Values, read_values, written
-from hfsim.errors import HfsimError
+from hfsim.errors import MOST_PROBLEMS, DeckError, DeckProblem, HfsimError
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 
@@ -27,10 +28,19 @@ _INSIDE = 1e-12
 """Shares keep this distance from 0 and 1, where a distribution may have no value."""
 
 
+VARY, TABLE = "--vary", "--table"
+"""Options, as what is wrong with them is placed."""
+
+
 class SweepError(HfsimError):
     """A sweep that cannot be made as it is asked for."""
 
     exit_code = 2
+
+
+def refusal(option: str, message: str, hint: str = "") -> DeckError:
+    """Return what refuses an option."""
+    return DeckError(option, [DeckProblem("", message, hint, file=option)])
 
 
 @frozen
@@ -68,40 +78,48 @@ class Plan:
         return tuple(f"{path}={written(value)}" for path, value in pairs)
 
     @property
+    def by_path(self) -> dict[str, Values]:
+        """The values of each path."""
+        return dict(zip(self.paths, self.values, strict=True))
+
+    @property
     def axes(self) -> tuple[tuple[Value, ...], ...]:
         """The values of each path of a grid."""
         return tuple(one.listed for one in self.values)
 
 
-def read_vary(text: str, alone: bool = False) -> tuple[str, str]:
-    """Return path and values of ``PATH=VALUES``, or of ``PATH`` `alone`.
-
-    Raises
-    ------
-    SweepError
-    """
-    path, equals, values = text.partition("=")
-    if alone and not equals and path.strip():
-        return path.strip(), ""
-    if not equals or not path.strip() or not values.strip():
-        raise SweepError(f"--vary {text}: write PATH=lin(first,last,count), PATH=log(...) or PATH=a,b,c")
-    return path.strip(), values.strip()
-
-
-def read_all(vary: Mapping[str, str]) -> dict[str, Values]:
-    """Return the values of each path.
-
-    Raises
-    ------
-    SweepError
-        Naming the path whose values cannot be read.
-    """
-    found = {}
+def readable(vary: Mapping[str, str], random: bool) -> tuple[dict[str, Values], list[DeckProblem]]:
+    """Return the values of each path, and what cannot be read; with `random` there may be distributions."""
+    found, wrong = dict[str, Values](), list[DeckProblem]()
     for path, text in vary.items():
+        if not text:
+            hint = "write PATH=lin(first,last,count), PATH=log(...) or PATH=a,b,c"
+            wrong.append(DeckProblem(path, "no values are said", hint, file=VARY))
+            continue
         try:
             found[path] = read_values(text)
         except RangeError as error:
-            raise SweepError(f"--vary {path}: {error}") from None
+            wrong.append(DeckProblem(path, error.message, error.hint, file=VARY))
+        else:
+            if found[path].kind and not random:
+                hint = "say how many runs: --sample N"
+                wrong.append(DeckProblem(path, f"{text} is random", hint, file=VARY))
+    return found, wrong
+
+
+def read_all(vary: Mapping[str, str], random: bool) -> dict[str, Values]:
+    """Return the values of each path; see `readable`.
+
+    Raises
+    ------
+    DeckError
+        With all that cannot be read.
+    """
+    found, wrong = readable(vary, random)
+    if wrong:
+        raise DeckError(VARY, wrong)
+    if not found:
+        raise refusal(VARY, "nothing is varied", "say --vary PATH=VALUES, or --table FILE")
     return found
 
 
@@ -110,15 +128,10 @@ def grid(vary: Mapping[str, str]) -> Plan:
 
     Raises
     ------
-    SweepError
+    DeckError
         If values cannot be read, are random, or are too many.
     """
-    values = read_all(vary)
-    if not values:
-        raise SweepError("nothing is varied: say --vary PATH=VALUES, or --table FILE")
-    for path, one in values.items():
-        if one.kind:
-            raise SweepError(f"--vary {path}: {vary[path]} is random: say how many runs, --sample N")
+    values = read_all(vary, random=False)
     lengths = [len(one.listed) for one in values.values()]
     listed = [one.listed for one in values.values()]
 
@@ -143,14 +156,10 @@ def sample(vary: Mapping[str, str], count: int, sampler: str = SAMPLERS[0], seed
 
     Raises
     ------
-    SweepError
+    DeckError
         If values cannot be read, or there are none.
     """
-    values = read_all(vary)
-    if not values:
-        raise SweepError("nothing is varied: say --vary PATH=VALUES for what is to be sampled")
-    if sampler not in SAMPLERS:
-        raise SweepError(f"there is no sampler '{sampler}'; there are {', '.join(SAMPLERS)}")
+    values = read_all(vary, random=True)
     shares = _shares(_few(count), len(values), sampler, seed)
     spread = tuple(values.values())
 
@@ -165,20 +174,23 @@ def sample(vary: Mapping[str, str], count: int, sampler: str = SAMPLERS[0], seed
 def _shares(count: int, n_axes: int, sampler: str, seed: int) -> Array:
     """Return points of the unit cube, shape (count, n_axes)."""
     random = np.random.default_rng(seed)
-    if sampler == "random":
-        shares = random.random((count, n_axes))
-    else:
-        from scipy.stats import qmc
-
-        kind = {"lhs": qmc.LatinHypercube, "sobol": qmc.Sobol}[sampler]
-        try:
-            made = kind(n_axes, rng=random)
-        except TypeError:  # older SciPy
-            made = kind(n_axes, seed=random)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # numbers of points that are no power of two
-            shares = made.random(count)
+    shares = _sobol(count, n_axes, random) if sampler == "sobol" else random.random((count, n_axes))
+    if sampler == "lhs":  # one in each of as many strata; SciPy's own takes a second to import
+        strata = random.permuted(np.tile(np.arange(count), (n_axes, 1)), axis=1).T
+        shares = (strata + shares) / count
     return np.clip(shares, _INSIDE, 1.0 - _INSIDE)
+
+
+def _sobol(count: int, n_axes: int, random: np.random.Generator) -> Array:
+    from scipy.stats import qmc
+
+    try:
+        made = qmc.Sobol(n_axes, rng=random)
+    except TypeError:  # older SciPy
+        made = qmc.Sobol(n_axes, seed=random)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # numbers of points that are no power of two
+        return np.asarray(made.random(count))
 
 
 def listed(paths: tuple[str, ...], rows: Sequence[tuple[Value, ...]], facts: dict[str, Any]) -> Plan:
@@ -192,28 +204,32 @@ def table(path: Path) -> Plan:
 
     Raises
     ------
-    SweepError
-        With the place in the file.
+    DeckError
+        With all places in the file where it is wrong.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
-        raise SweepError(f"{path} cannot be read: {getattr(error, 'strerror', '') or error}") from None
+        why = getattr(error, "strerror", "") or error
+        raise refusal(TABLE, f"{path} cannot be read: {why}") from None
     lines = csv.reader(io.StringIO(text), skipinitialspace=True)
     paths = tuple(name.strip() for name in next(lines, []))
-    if not paths or not all(paths):
-        raise SweepError(f"{path}:1: the first row names the entries that are varied, e.g. bodies.arm.length")
-    if len(set(paths)) < len(paths):
-        twice = next(name for name in paths if paths.count(name) > 1)
-        raise SweepError(f"{path}:1: two columns are called {twice}")
+    wrong = list(_wrong_names(paths))
     columns: list[list[Value]] = [[] for _ in paths]
-    for line, cells in _filled(lines):
+    for line, cells in () if wrong else _filled(lines):
         if len(cells) != len(paths):
-            raise SweepError(f"{path}:{line}: {len(cells)} values for {len(paths)} columns")
+            wrong.append((line, "", f"{len(cells)} values for {len(paths)} columns"))
+            continue
         for name, cell, column in zip(paths, cells, columns, strict=True):
-            column.append(_value(cell.strip(), f"{path}:{line}: {name}"))
+            value = _value(cell.strip())
+            wrong += [(line, name, value)] if isinstance(value, _Wrong) else []
+            column.append(value)
+    if wrong:
+        file = str(path)
+        places = (DeckProblem(name, str(why), "", line, 1, 1, file) for line, name, why in wrong)
+        raise DeckError(file, [*islice(places, MOST_PROBLEMS + 1)], "", {file: text})
     if not columns[0]:
-        raise SweepError(f"{path}: there are no rows below the first")
+        raise refusal(TABLE, f"{path}: there are no rows below the first")
     packed = [np.array(one) if all(isinstance(v, float) for v in one) else one for one in columns]
 
     def row(number: int) -> tuple[Value, ...]:
@@ -230,21 +246,31 @@ def _filled(lines: Any) -> Iterator[tuple[int, list[str]]]:
     yield from ((lines.line_num, cells) for cells in lines if any(cell.strip() for cell in cells))
 
 
-def _value(text: str, place: str) -> Value:
+def _wrong_names(paths: tuple[str, ...]) -> Iterator[tuple[int, str, str]]:
+    """Yield what is wrong with the first row of a table, with line and entry."""
+    if not paths or not all(paths):
+        yield 1, "", "the first row names the entries that are varied, e.g. bodies.arm.length"
+    elif len(set(paths)) < len(paths):
+        yield 1, next(name for name in paths if paths.count(name) > 1), "two columns are called so"
+
+
+class _Wrong(str):
+    """Why a cell has no value."""
+
+
+def _value(text: str) -> Value:
     if not text:
-        raise SweepError(f"{place}: the value is missing")
+        return _Wrong("the value is missing")
     try:
         value = float(text)
     except ValueError:
         return text
-    if not math.isfinite(value):
-        raise SweepError(f"{place}: '{text}' is not finite")
-    return value
+    return value if math.isfinite(value) else _Wrong(f"'{text}' is not finite")
 
 
 def _few(count: int) -> int:
     if count < 1:
-        raise SweepError("a sweep has one run at least")
+        raise refusal("--sample", "a sweep has one run at least")
     if count > MOST_RUNS:
-        raise SweepError(f"{count} runs are too many; a sweep has at most {MOST_RUNS}")
+        raise refusal(VARY, f"{count} runs are too many; a sweep has at most {MOST_RUNS}")
     return count

@@ -9,14 +9,18 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.deck.overrides import why_unset
 from hfsim.deck.ranges import Value
 from hfsim.deck.source import entry_at, path_in
 from hfsim.deck.units import quantity_of_any_kind
+from hfsim.errors import DeckError, DeckProblem
 from hfsim.scene.loading import LoadedDeck
+from hfsim.scene.schema import Deck
 from hfsim.simulate import simulate
 from hfsim.studies.collect import collect_all
-from hfsim.studies.sweep.plan import Plan, SweepError, listed
+from hfsim.studies.sweep.plan import VARY, Plan, SweepError, listed
 from hfsim.studies.sweep.result import Sweep
+from hfsim.studies.sweep.study import COLLECT
 from hfsim.studies.sweep.work import Setting
 
 _AROUND = (1.0, -1.0, 0.5, -0.5)
@@ -79,9 +83,31 @@ class Sensitivity:
         return self.derivative is not None and (self.error or 0.0) < 0.1 * abs(self.derivative)
 
 
-def plan_differences(
-    loaded: LoadedDeck, setting: Setting, vary: Mapping[str, str]
-) -> tuple[Plan, Differences]:
+def values_of(loaded: LoadedDeck, setting: Setting, vary: Mapping[str, str]) -> dict[str, float]:
+    """Return the value of each entry: the one that is said, or the deck's.
+
+    Raises
+    ------
+    DeckError
+        With all entries that are no numbers, and what is collected that is not of runs.
+    """
+    found, wrong = dict[str, float](), list[DeckProblem]()
+    for one in setting.quantities:
+        if one.number:
+            why = "--sensitivity is of numbers of runs alone, not of frequencies and the like"
+            wrong.append(DeckProblem(str(one), why, file=COLLECT))
+    for path, text in vary.items():
+        value = _number(loaded, path, text)
+        if isinstance(value, float):
+            found[path] = value
+        elif why_unset(loaded.source.data, path, Deck) is None:  # else that is told
+            wrong.append(DeckProblem(path, *value, file=VARY))
+    if wrong:
+        raise DeckError(VARY, wrong)
+    return found
+
+
+def plan_differences(setting: Setting, values: dict[str, float]) -> tuple[Plan, Differences]:
     """Return the runs that derivatives need: the deck's own, and four for each entry.
 
     Steps are such that errors of runs and of differences are about alike: the cube root of the error in time
@@ -89,12 +115,11 @@ def plan_differences(
 
     Raises
     ------
+    DeckError
+        If the deck is refused with the values.
     SweepError
-        If an entry is no number, or the deck's own run fails.
+        If the deck's own run fails.
     """
-    if any(one.number for one in setting.quantities):
-        raise SweepError("--sensitivity is of numbers of runs alone, not of frequencies and dampings")
-    values = {path: _number(loaded, path, text) for path, text in vary.items()}
     own = tuple(f"{path}={value!r}" for path, value in values.items())
     run = simulate(setting.load(own), outlines=False, after=math.inf)
     if run.status != "done":
@@ -119,21 +144,20 @@ def plan_differences(
     return listed(tuple(values), rows, facts), Differences(values, steps, errors)
 
 
-def _number(loaded: LoadedDeck, path: str, text: str) -> float:
-    """Return the value of an entry: the one that is said, or the deck's."""
+def _number(loaded: LoadedDeck, path: str, text: str) -> float | tuple[str, str]:
+    """Return the value of an entry, or why it is none and what would be one."""
     if text:
         try:
             return float(text)
         except ValueError:
-            why = "--sensitivity takes one number, or the deck's own"
-            raise SweepError(f"--vary {path}={text}: {why}") from None
+            return f"'{text}' is not one number", "--sensitivity takes one, or the deck's own"
     data: Any = loaded.source.data if path.startswith("parameters.") else loaded.deck.resolved()
     value = entry_at(data, path_in(data, path))
     if isinstance(value, str) and path.startswith("parameters."):
         found = quantity_of_any_kind(value)
         value = found if isinstance(found, float) else value
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise SweepError(f"--vary {path}: the deck has no number there; write --vary {path}=NUMBER")
+        return "the deck has no number there", f"write --vary {path}=NUMBER"
     return float(value)
 
 

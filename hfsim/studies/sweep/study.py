@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
 
 from hfsim.deck.overrides import why_unset
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
-from hfsim.deck.ranges import Value, written
+from hfsim.deck.ranges import Value, Values, written
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.integrators import import_for
 from hfsim.marching.solution import Run
@@ -18,7 +18,7 @@ from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
 from hfsim.studies.collect import channels_of
 from hfsim.studies.farm import Executor, Outcome, Task
-from hfsim.studies.sweep.plan import Plan, SweepError
+from hfsim.studies.sweep.plan import VARY, Plan
 from hfsim.studies.sweep.work import LOST, Order, Row, Setting, row_without, solve_row
 
 _TRIES = 3
@@ -27,6 +27,8 @@ _PATIENCE = 2.0
 """Time after which a worker is ended, over that which its run may take."""
 _TRIED = 12
 """Values of each path that are tried before anything runs."""
+COLLECT = "--collect"
+"""The option that names what is collected, as what is wrong with it is placed."""
 _USUAL = ("final", "min", "max")
 """What is collected of every channel where nothing is named."""
 
@@ -34,84 +36,107 @@ Keep = Callable[[LoadedDeck, Run], dict[str, bytes]]
 """Makes the files that are kept of a run."""
 
 
-@dataclass(frozen=True)
-class PathProblem(DeckProblem):
-    """Something wrong with an entry that is varied, which has no place in the deck."""
-
-    def headline(self, file: str, kind: str = "error") -> str:
-        """Return the same of the command line."""
-        return super().headline("--vary", kind)
-
-
 def read_collected(texts: Sequence[str], loaded: LoadedDeck) -> tuple[Quantity, ...]:
     """Return what is collected; without any text last values and extremes of all channels of the deck.
 
     Raises
     ------
-    SweepError
-        If a text names no quantity of a run.
+    DeckError
+        With all texts that name no quantity of a run.
     """
     if not texts:
         return tuple(Quantity(kind, name) for name in loaded.deck.channels for kind in _USUAL)
-    found = []
+    found, wrong = list[Quantity](), list[DeckProblem]()
     for text in texts:
         try:
             found.append(read_quantity(text))
         except QuantityError as error:
-            hint = f" ({error.hint})" if error.hint else ""
-            raise SweepError(f"--collect {text}: {error}{hint}") from None
-        if not found[-1].of_runs:
-            raise SweepError(f"--collect {text}: a run has no {found[-1].kind}")
-        if (found[-1].time or 0.0) > loaded.deck.solve.duration:
-            raise SweepError(f"--collect {text}: the run ends at {loaded.deck.solve.duration:g} s")
+            wrong.append(DeckProblem(text, str(error), error.hint, file=COLLECT))
+        else:
+            wrong += [DeckProblem(text, *why, file=COLLECT) for why in _why_not(found[-1], loaded)]
+    if wrong:
+        raise DeckError(COLLECT, wrong)
     return tuple(dict.fromkeys(found))
 
 
-def setting_of(loaded: LoadedDeck, quantities: Sequence[Quantity], base: Setting) -> Setting:
-    """Return what all runs of a deck share: its text, and that what is collected is among its channels.
+def _why_not(quantity: Quantity, loaded: LoadedDeck) -> Iterator[tuple[str, str]]:
+    """Yield why the runs of a deck do not have a quantity, and what they have."""
+    if not quantity.of_runs:
+        yield f"a run has no {quantity.kind}", ""
+    if (quantity.time or 0.0) > loaded.deck.solve.duration:
+        yield f"the run ends at {loaded.deck.solve.duration:g} s", ""
+    if quantity.channel and quantity.channel not in loaded.deck.channels:
+        try:
+            loaded.changed([f"output.channels=[{quantity.channel}]"])
+        except DeckError as error:
+            yield error.problems[0].message, error.problems[0].hint
 
-    Raises
-    ------
-    SweepError
-        If there is no such channel.
-    """
+
+def collecting(setting: Setting, quantities: Sequence[Quantity], loaded: LoadedDeck) -> Setting:
+    """Return the setting with what is collected, which is among the channels then."""
     names = loaded.deck.channels
     more = [name for name in channels_of(quantities) if name not in names]
-    overrides = loaded.overrides
-    for name in more:
-        try:
-            loaded.changed([f"output.channels=[{name}]"])
-        except DeckError as error:
-            wrong = error.problems[0]
-            hint = f" ({wrong.hint})" if wrong.hint else ""
-            raise SweepError(f"--collect: {wrong.message}{hint}") from None
-    if more:
-        overrides = (*overrides, f"output.channels=[{', '.join([*names, *more])}]")
-    source = loaded.source
-    return replace(
-        base,
-        text=source.text,
-        file=source.file,
-        overrides=(*overrides, *base.overrides),
-        quantities=tuple(quantities),
-    )
+    own = (f"output.channels=[{', '.join([*names, *more])}]",) if more else ()
+    return replace(setting, overrides=(*setting.overrides, *own), quantities=tuple(quantities))
 
 
 # --- before anything runs ------------------------------------------------------------------------
 
 
-def refuse_hopeless(setting: Setting, plan: Plan, note: Callable[[str], None]) -> None:
-    """Refuse entries that do not exist or refuse all their values, and sweeps whose runs are all refused.
+class Refusals:
+    """All that is wrong with what is asked for: gathered, and then told at once."""
+
+    def __init__(self) -> None:
+        self._problems: list[DeckProblem] = []
+        self._texts: dict[str, str] = {}
+
+    @contextmanager
+    def gathered(self) -> Iterator[None]:
+        """Gather what the block refuses."""
+        try:
+            yield
+        except DeckError as error:
+            self._problems += error.problems
+            self._texts |= error.others
+
+    def tell(self, loaded: LoadedDeck) -> None:
+        """Raise all of it; do nothing where there is none.
+
+        Raises
+        ------
+        DeckError
+        """
+        if self._problems:
+            raise DeckError(loaded.source.file, self._problems, loaded.source.text, self._texts)
+
+
+def refuse_entries(loaded: LoadedDeck, paths: Iterable[str]) -> None:
+    """Refuse entries that a deck has no place for.
+
+    Raises
+    ------
+    DeckError
+        With all of them.
+    """
+    why = {path: why_unset(loaded.source.data, path, Deck) for path in paths}
+    if wrong := [DeckProblem(path, *one, file=VARY) for path, one in why.items() if one]:
+        raise DeckError(VARY, wrong)
+
+
+def refuse_values(setting: Setting, vary: Mapping[str, Values], note: Callable[[str], None]) -> None:
+    """Refuse entries that refuse all their values.
 
     Values that alone are refused, among others that are not, are told to `note`: their runs will say so.
 
     Raises
     ------
     DeckError
+        With all of them.
     """
-    loaded = setting.load(())
-    refuse_paths(loaded, plan.paths)
-    for path, values in zip(plan.paths, plan.values, strict=True):
+    refused, data = list[DeckProblem](), setting.load(()).source.data
+    for path, values in vary.items():
+        if why_unset(data, path, Deck):  # that is told
+            continue
         tried = [values.at((k + 0.5) / _TRIED) for k in range(_TRIED)]
         if not values.kind:
             tried = [values.listed[round(k)] for k in _spread(len(values.listed))]
@@ -119,22 +144,12 @@ def refuse_hopeless(setting: Setting, plan: Plan, note: Callable[[str], None]) -
         wrong = {one: problem for one, problem in problems.items() if problem is not None}
         if wrong and len(wrong) == len(problems):
             first = next(iter(wrong.values()))
-            raise _refused(loaded, first.path, first.message, first.hint)
+            refused.append(DeckProblem(first.path, first.message, first.hint, file=VARY))
+            continue
         for one, problem in wrong.items():
             note(f"{path}={written(one)} is refused: {problem.message}; its runs will say so")
-    _refuse_unbuilt(setting, plan)
-
-
-def refuse_paths(loaded: LoadedDeck, paths: Iterable[str]) -> None:
-    """Refuse entries that a deck has no place for.
-
-    Raises
-    ------
-    DeckError
-    """
-    for path in paths:
-        if why := why_unset(loaded.source.data, path, Deck):
-            raise _refused(loaded, path, *why)
+    if refused:
+        raise DeckError(VARY, refused)
 
 
 def _spread(count: int) -> list[float]:
@@ -150,12 +165,13 @@ def _problem(setting: Setting, path: str, value: Value) -> DeckProblem | None:
     return None
 
 
-def _refused(loaded: LoadedDeck, path: str, message: str, hint: str = "") -> DeckError:
-    return DeckError(loaded.source.file, [PathProblem(path, message, hint)])
+def refuse_unbuilt(setting: Setting, plan: Plan) -> None:
+    """Raise what is wrong with the first run if it cannot be put together, nor some others.
 
-
-def _refuse_unbuilt(setting: Setting, plan: Plan) -> None:
-    """Raise what is wrong with the first run if it cannot be put together, nor some others."""
+    Raises
+    ------
+    DeckError
+    """
     first: DeckError | None = None
     for number in dict.fromkeys((0, plan.count // 2, plan.count - 1)):
         try:
