@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -59,8 +60,12 @@ def static(
     With --path a row for each point of the path from no load to the whole load, which may turn round on the
     way; with --buckling the smallest load factors at which the scene gives way.
 
+    With -o - the rows go to standard output as CSV, all else to standard error, and nothing is written.
+
     Exit code 3: there is no equilibrium, or none is found; what was reached is kept.
     """
+    if to.output == Path("-") and (talk.as_json or vtk):
+        raise click.UsageError("-o - writes the rows alone, without --json and --vtk")
     import_libraries()
     from hfsim.output.runfolder import Stopwatch
 
@@ -92,19 +97,28 @@ def _do(
     from hfsim.output.recording import save_run
     from hfsim.output.runfolder import RunLog, claim, folder_name
     from hfsim.output.static import tell
-    from hfsim.output.writers import Provenance
+    from hfsim.output.stream import Stream
+    from hfsim.output.writers import Provenance, summary_of
     from hfsim.studies.static import run_static
 
-    name = loaded.deck.name
-    folder: RunFolder = claim(to.output or Path(folder_name(name, ".out")), to.force)
-    if folder.replaces:
-        talk.note(f"{folder.path}: replacing {folder.replaces}")
-    provenance = Provenance.of(loaded, argument, overrides)
+    name, provenance = loaded.deck.name, Provenance.of(loaded, argument, overrides)
+    folder: RunFolder | None = None
+    if to.output != Path("-"):
+        folder = claim(to.output or Path(folder_name(name, ".out")), to.force)
+        if folder.replaces:
+            talk.note(f"{folder.path}: replacing {folder.replaces}")
     log = RunLog(talk.detail)
     log.add(command_line())
     with Progress(name, sys.stderr, talk.quiet) as shown:
         shown(0.0)
         found = run_static(loaded, wish)
+    if folder is None:
+        stream = Stream(sys.stdout, provenance)
+        stream.begin(one.name for one in found.channels)
+        stream.take(found, provenance)
+        facts = summary_of(watch.added_to(found), provenance, ())
+        tell(found, facts, None, replace(talk, aside=True), loaded.warnings)
+        return found.exit_code
     wanted = Extras(to.plots, vtk=vtk, format=to.format).of(loaded.deck.output)
     run, summary = save_run(folder, found, provenance, watch, log, wanted)
     tell(run, summary, folder.path, talk, loaded.warnings)

@@ -20,9 +20,7 @@ def tell(
     run: Run, summary: Mapping[str, Any], folder: Path | None, talk: Talk, told: Container[str] = ()
 ) -> None:
     """Print the results of one run, and what the user should be warned of, save what was told before."""
-    for note in (summary.get("assembly") or {}).get("notes", ()):
-        talk.note(f"{run.name}: {note}")
-    talk.warn(run.name, (one for one in summary["warnings"] if one not in told))
+    tell_doubts(run, summary, talk, told)
     if run.status != "done":
         print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
         if run.failure:
@@ -41,6 +39,13 @@ def tell(
         talk.note(f"{run.name}: {words}; what helps: {advice}")
     talk.facts(summary)
     talk.result(f"{run.name}: {headline(run)}\n{as_text(run, summary, folder)}")
+
+
+def tell_doubts(run: Run, summary: Mapping[str, Any], talk: Talk, told: Container[str]) -> None:
+    """Print how the scene was put together and what is doubtful, save what was told before."""
+    for note in (summary.get("assembly") or {}).get("notes", ()):
+        talk.note(f"{run.name}: {note}")
+    talk.warn(run.name, (one for one in summary["warnings"] if one not in told))
 
 
 def ringing_words(found: Mapping[str, Any]) -> str:
@@ -73,12 +78,19 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
         "error estimate": errors(summary),
         "energy drift": number(summary["energy_drift"]),
         **({"constraint drift": _drift(summary)} if summary["multipliers"] else {}),
-        "results": f"{folder}/" if folder else "standard output",
     }
-    width = max(map(len, facts))
-    lines = [wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items()]
+    lines = fact_lines(facts, folder)
     levels = level_table(summary["refinement"]) if summary.get("refinement") else []
     return "\n".join([*lines, *levels, *last_values(run, summary)])
+
+
+def fact_lines(facts: Mapping[str, str], folder: Path | None) -> list[str]:
+    """Return facts by their names, those without text left out, and where the results went."""
+    facts = {**facts, "results": f"{folder}/" if folder else "standard output"}
+    width = max(map(len, facts))
+    return [
+        wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items() if text
+    ]
 
 
 def _method(run: Run, summary: Mapping[str, Any]) -> str:

@@ -7,9 +7,9 @@ from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfsim.output.report import findings, last_values
+from hfsim.output.report import fact_lines, findings, last_values, tell_doubts
 from hfsim.output.talk import Talk, print_error
-from hfsim.output.text import number, plural, wrapped
+from hfsim.output.text import number, plural
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
@@ -19,9 +19,7 @@ def tell(
     run: Run, summary: Mapping[str, Any], folder: Path | None, talk: Talk, told: Container[str] = ()
 ) -> None:
     """Print an equilibrium, and what the user should be warned of, save what was told before."""
-    for note in (summary.get("assembly") or {}).get("notes", ()):
-        talk.note(f"{run.name}: {note}")
-    talk.warn(run.name, (one for one in summary["warnings"] if one not in told))
+    tell_doubts(run, summary, talk, told)
     if run.status != "done":
         print_error(f"{run.name}: no equilibrium: {run.reason}")
         print_error(findings(run.failure or {}))
@@ -45,13 +43,8 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
         "slowest motion": _slowest(summary["smallest_eigenvalue"]),
         "critical": _critical(summary),
         "path": _path(summary),
-        "results": f"{folder}/" if folder else "not written",
     }
-    width = max(map(len, facts))
-    lines = [
-        wrapped(text, f"  {name.ljust(width)}  ", " " * (width + 6)) for name, text in facts.items() if text
-    ]
-    return "\n".join([*lines, *last_values(run, {**summary, "error_estimate": 0.0})])
+    return "\n".join([*fact_lines(facts, folder), *last_values(run, {**summary, "error_estimate": 0.0})])
 
 
 def _slowest(eigenvalue: float | None) -> str:

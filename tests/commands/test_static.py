@@ -39,6 +39,17 @@ def test_the_folder_is_that_of_a_run_with_one_row(here):
     assert not (folder / "plots" / "shapes.png").exists()
 
 
+def test_rows_go_to_standard_output(here):
+    done = call("pendulum", "-o", "-", "--path")
+    head, *rows = done.stdout.splitlines()
+    assert head.startswith("t,load,b1.tip.x") and rows
+    assert "standard output" in done.stderr and done.exit_code == 3
+    done = call("pendulum", "-o", "-")
+    assert done.exit_code == 0 and len(done.stdout.splitlines()) == 2
+    assert call("pendulum", "-o", "-", "--json").exit_code == 2
+    assert not list(here.iterdir())
+
+
 def test_what_nothing_holds_ends_with_exit_code_3_and_is_kept(here):
     done = call("flying_spaghetti", "--no-plots")
     assert done.exit_code == 3
