@@ -28,6 +28,8 @@ _TEXT = (
     Column("kind"),
     Column("moves", "mostly"),
 )
+FREE = ("rigid", "drift")
+"""Kinds of modes that nothing brings back."""
 _MOST_TOLD = 6
 _STILL = 1e-9
 """Speed over the size [1/s] that is none."""
@@ -74,6 +76,12 @@ def state_warnings(found: Modes) -> Iterator[str]:
             "square by mass); modes are those of the moment: --about equilibrium, or steady, looks for a "
             "state that lasts"
         )
+    free = [mode.change.real for mode in found.modes if mode.kind in FREE]
+    if found.about.state == "equilibrium" and free:
+        from hfsim.scene.equilibrium import one_of_many
+
+        scene = found.about.scene
+        yield one_of_many(scene, scene.system.reduction.free_rates(np.array(free)))
     if facts["uneven"]:
         yield (
             "no steady rotation: what acts, such as weight across the axis, is other after a part of a turn; "
@@ -88,7 +96,7 @@ def _verdict(found: Modes) -> Iterator[str]:
         yield f"unstable: mode {mode.number}, {mode.kind}: it {how}, by exp({mode.growth:.4g} t)"
     if len(found.unstable) > _MOST_TOLD:
         yield f"and {plural(len(found.unstable) - _MOST_TOLD, 'more unstable mode')}"
-    free = [mode.number for mode in found.modes if mode.kind in ("rigid", "drift")]
+    free = [mode.number for mode in found.modes if mode.kind in FREE]
     if free:
         yield f"free: nothing brings back {plural(len(free), 'mode')} ({_listed(free)}), of frequency zero"
     if not found.unstable:

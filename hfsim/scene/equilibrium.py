@@ -18,7 +18,7 @@ from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.point_loads import Load
 from hfsim.mechanics.pose import Pose
-from hfsim.mechanics.resistances import Push
+from hfsim.mechanics.resistances import Control, Push
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.statics.problem import Problem, State, Watch, Weighted
@@ -46,6 +46,16 @@ class FactorLaw(Law):
         if self.law is None:
             return np.full_like(t, self.factor if order == 0 else 0.0)
         return self.factor * self.law._derivative(t, order)
+
+
+@dataclass(frozen=True)
+class StandingLaw(Law):
+    """A law that stands still wherever it has come to."""
+
+    law: Law
+
+    def _derivative(self, t: Array, order: int) -> Array:
+        return self.law.value(t) if order == 0 else np.zeros_like(t)
 
 
 class Assembled(Protocol):
@@ -124,6 +134,7 @@ def problem_of(
     varied: Collection[str] | None = None,
     bodies: Collection[str] | None = None,
     x: Array | None = None,
+    moving: bool = False,
 ) -> Problem:
     """Return the static problem of a scene at a time [s].
 
@@ -139,6 +150,8 @@ def problem_of(
         Those that can move; all without it.
     x : ndarray, shape (1, n_x), optional
         Coordinates from which it is sought; those of the start without them.
+    moving : bool
+        Whether what servos go to counts as moving, as in a steady rotation.
     """
     system, x = scene.system, scene.system.absolute(scene.q[None]) if x is None else x
     z = system.reduction.free(x)
@@ -150,7 +163,7 @@ def problem_of(
         free = np.asarray(abs(system.reduction.basis)[still].sum(axis=0)).ravel() == 0.0
         part = system.reduction.part(free, z)
         system, z = replace(system, equations=replace(system.equations, reduction=part)), z[:, free]
-    forces = tuple(_weighted(scene, varied))
+    forces = tuple(_weighted(scene, varied, moving))
     return Problem.of(system, t, z, forces, gauge_of(scene), watch or (lambda load, state: None))
 
 
@@ -170,10 +183,21 @@ def _load(part: ForcePart) -> str:
     return name if pushes and kind == "joints" else ""
 
 
-def _weighted(scene: Assembled, varied: Collection[str] | None) -> Iterator[Weighted]:
+def _standing(part: ForcePart) -> ForcePart:
+    """Return a force at rest: that of a servo without the rate at which what it goes to moves on."""
+    if not isinstance(part, Tie) or not any(isinstance(one, Control) for one in part.resistances):
+        return part
+    resistances = (
+        replace(one, law=StandingLaw(one.law)) if isinstance(one, Control) else one
+        for one in part.resistances
+    )
+    return replace(part, resistances=tuple(resistances))
+
+
+def _weighted(scene: Assembled, varied: Collection[str] | None, moving: bool) -> Iterator[Weighted]:
     """Yield all forces with their factors."""
     heavy = varied is None or GRAVITY in varied
-    for part in scene.system.forces:
+    for part in scene.system.forces if moving else map(_standing, scene.system.forces):
         name = _load(part)
         if (name and (varied is None or name in varied)) or (heavy and isinstance(part, ConstantForce)):
             yield Weighted(part, 0.0, 1.0)
@@ -187,12 +211,13 @@ def _weighted(scene: Assembled, varied: Collection[str] | None) -> Iterator[Weig
 
 
 def scaled(scene: Assembled, varied: Collection[str] | None, factor: float) -> System:
-    """Return the equations of a scene with all loads that are varied scaled."""
+    """Return the equations of a scene at rest with all loads that are varied scaled."""
+    forces = tuple(map(_standing, scene.system.forces))
     if factor == 1.0:
-        return scene.system
+        return replace(scene.system, forces=forces)
     heavy = varied is None or GRAVITY in varied
     found: list[ForcePart] = []
-    for part in scene.system.forces:
+    for part in forces:
         name, own = _load(part), part
         if name and (varied is None or name in varied):
             if isinstance(part, Tie):
@@ -271,6 +296,11 @@ def held_by_nothing(scene: Assembled, motions: Array) -> list[str]:
     return told or moving
 
 
+def one_of_many(scene: Assembled, motions: Array) -> str:
+    """Return in a sentence that motions (k, n) lead from an equilibrium to others."""
+    return f"one equilibrium of many, since nothing resists: {'; '.join(held_by_nothing(scene, motions))}"
+
+
 def doubts(scene: Assembled, found: Equilibrium) -> Iterator[str]:
     """Yield what a user should know of an equilibrium before trusting it."""
     if found.reason:
@@ -282,8 +312,7 @@ def doubts(scene: Assembled, found: Equilibrium) -> Iterator[str]:
             "a smaller load, or a small load across, leads to one that is"
         )
     if len(found.neutral):
-        names = "; ".join(held_by_nothing(scene, found.neutral))
-        yield f"one equilibrium of many, since nothing resists: {names}"
+        yield one_of_many(scene, found.neutral)
     if found.limit is not None:
         yield (
             f"beyond {found.limit:.4g} of the loads the scene snaps to another place: "

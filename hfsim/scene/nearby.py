@@ -27,7 +27,7 @@ def nearby(scene: Assembled, t: float, x: Array, turning: Turning) -> Array | No
         None if there are none so near.
     """
     time, place = np.array([t]), x[None]
-    problem, u = problem_of(scene, t, varied=(), x=place), turning.rates(place)
+    problem, u = problem_of(scene, t, varied=(), x=place, moving=True), turning.rates(place)
     _, multipliers = scene.system.equations.solve(time, place, u, scene.system.force(time, place, u))
     start = problem.start._replace(multipliers=multipliers)
     problem = replace(problem, start=start, turning=turning, hold=HOLD)

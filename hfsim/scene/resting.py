@@ -81,7 +81,7 @@ def _steady(scene: Assembled) -> Rest:
     spec, turns = scene.deck.steady, Turns(scene)
     assert spec is not None
     turning = turning_with(scene, spec.body)
-    problem = replace(problem_of(scene, 0.0, turns), turning=turning)
+    problem = replace(problem_of(scene, 0.0, turns, moving=True), turning=turning)
     found = equilibrium_of(scene, problem)
     path = f"initial.{STEADY}"
     if found.reason:

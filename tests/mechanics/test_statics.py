@@ -14,6 +14,7 @@ from hfsim.scene.build import build
 from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, why_not
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
+from hfsim.studies.static import run_static
 
 BEAM = """
 hfsim: 1
@@ -150,6 +151,21 @@ def test_forces_and_stiffness_are_taken_once_where_a_step_is_tried_shorter(monke
     assert found.relaxed and found.stable
     # one at the start for the first step, and one in each state that is come to
     assert len(taken) <= found.effort.steps + 2
+
+
+def test_a_servo_rests_where_its_law_has_come_to():
+    text = """
+hfsim: 1
+bodies: {hub: {type: rigid, mass: 1.0, inertia: 1.0}}
+joints:
+  pin: {type: revolute, between: [ground, hub]}
+  motor:
+    {type: servo, between: [ground, hub], angle: {type: constant_rate, rate: 2.0}, stiffness: 9, damping: 4}
+solve: {duration: 1.0}
+output: {channels: [hub.angle, motor.moment]}
+"""
+    run = run_static(parse_deck(text), 0.5)
+    assert [c.values[0] for c in run.channels] == pytest.approx([1.0, 0.0], abs=1e-12)
 
 
 # --- mechanisms -----------------------------------------------------------------------------------

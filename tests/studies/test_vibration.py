@@ -15,6 +15,7 @@ import hfsim
 from hfsim.cli import app
 from hfsim.maths.eigenpairs import eigenpairs
 from hfsim.maths.pencils import Pencil
+from hfsim.output.modes import state_warnings
 from hfsim.scene.loading import parse_deck
 from hfsim.studies.modes.about import about
 
@@ -175,6 +176,13 @@ def test_a_stiff_beam_on_a_pin_is_a_pendulum():
     assert circular(found)[0] == pytest.approx(np.sqrt(1.5e-3), rel=1e-5)
     assert found.facts()["about"]["steady"]
     assert not found_in(hung.replace("-90", "-80"), 3).facts()["about"]["steady"]
+
+
+def test_an_equilibrium_that_nothing_holds_is_one_of_many():
+    text = plane("c: {type: revolute, between: [ground, b.root]}", 2)
+    told = {state: [*state_warnings(found_in(text, 3, about=state))] for state in ("equilibrium", "start")}
+    many = "one equilibrium of many, since nothing resists: b: turns about c"
+    assert told == {"equilibrium": [many], "start": []}
 
 
 def blade(model, gamma, alpha, elements):
