@@ -18,6 +18,7 @@ _Text = Annotated[str, ReadBy(read_text, type="string")]
 _Bound = Annotated[float, measures(above=0)]
 _Grade = Literal["A", "B", "C", "D", "E"]
 _State = Literal["start", "equilibrium", "steady"]
+_Study = Literal["run", "static", "modes"]
 
 
 class RowSpec(Spec):
@@ -39,8 +40,8 @@ class RowSpec(Spec):
     set: Annotated[dict[_Text, Any], EmptyAllowed] = Field(default_factory=dict)
     """Entries of the deck that this row has otherwise, by dotted paths as of `--set`."""
 
-    study: Literal["run", "static", "modes"] | None = None
-    """What finds it; without it the one that has such quantities, for channels a run."""
+    study: _Study | None = None
+    """What finds it, where that is not as of the others."""
 
     about: _State | None = None
     """State whose modes these are, where that is not as of the others."""
@@ -84,6 +85,10 @@ class VerifySpec(Spec):
     """State whose modes are told: the start, the equilibrium next to it, or the steady rotation, which also
     stands in place of rest."""
 
+    study: _Study | None = None
+    """What finds the quantities that it has; others, and all without it, are found by the study that has
+    them, those of channels by a run."""
+
     seconds: PositiveTime | None = None
     """About how long all of it takes [s]: what takes long is begun first."""
 
@@ -106,7 +111,7 @@ class VerifySpec(Spec):
 
     def study_of(self, row: RowSpec) -> str:
         """Return what finds the quantity of a row."""
-        return row.study or row.quantity.studies[0]
+        return row.study or usual_study(row.quantity, self.study)
 
     def place_of(self, row: RowSpec) -> float | str:
         """Return where a study that is no run looks: at loads of a time [s], or at a state."""
@@ -123,6 +128,11 @@ class VerifySpec(Spec):
         return share * abs(row.published) if share is not None else self.bound or 0.0
 
 
+def usual_study(quantity: Quantity, wanted: object) -> str:
+    """Return what finds a quantity: the study that is wanted, if it has such."""
+    return wanted if isinstance(wanted, str) and wanted in quantity.studies else quantity.studies[0]
+
+
 def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iterator[Complaint]:
     """Yield rows that do not fit the rest of a deck: what is no channel, comes too late or cannot be set.
 
@@ -133,7 +143,8 @@ def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iter
     entries : mapping
         Of each top-level key what could be read.
     """
-    checks = QuantityChecks(data, entries)
+    checks, verify = QuantityChecks(data, entries), data["verify"]
+    usual = verify.get("study") if isinstance(verify, dict) else None
     for number, row in _rows_in(data):
         at = ("verify", "rows", number)
         changed = row["set"] if isinstance(row.get("set"), dict) else {}
@@ -145,7 +156,7 @@ def complaints_of_rows(data: dict[str, Any], entries: Mapping[str, Any]) -> Iter
             quantity = read_quantity(text if isinstance(text, str) else "")
             if not any(path.startswith(_WHAT_THERE_IS) for path in changed):
                 yield from checks.unknown((*at, "quantity"), quantity)
-            if not changed and row.get("study", "run") == "run":
+            if not changed and row.get("study", usual_study(quantity, usual)) == "run":
                 yield from checks.too_late((*at, "quantity"), quantity)
 
 

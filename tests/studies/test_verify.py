@@ -130,6 +130,11 @@ def test_a_run_that_fails_is_a_failed_row():
     assert "limit" in rows[0].reason
 
 
+def test_a_study_of_all_rows_finds_what_it_has():
+    rest = MASS.replace("  bound: 1.0e-9\n", "  bound: 1.0e-9\n  study: static\n")
+    assert [row.study for row in rows_of(rest)] == ["static", "static", "run", "run", "static"]
+
+
 def test_what_a_row_sets_must_make_a_deck():
     with pytest.raises(DeckError, match=r"mass\.yaml:\d+:\d+: error: verify\.rows\.4.*greater than 0"):
         rows_of(MASS.replace("parameters.m: 0.5", "bodies.mass.mass: -1"))
