@@ -143,7 +143,7 @@ def interruption_words(stop: KeyboardInterrupt) -> str:
     return "interrupted from the keyboard"
 
 
-@dataclass
+@dataclass(eq=False)
 class SolverFailure(HfsimError):  # noqa: N818
     """The integration could not go on: the solver failed or the model broke down.
 

@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from hfsim.deck.spec import Complaint, ReadBy, entry_of, refusal, refused, shown
+from hfsim.deck.spec import Before, Complaint, ReadBy, entry_of, refusal, refused, shown
 from hfsim.deck.units import RANGES, SI_UNITS, UnitError, describe, parse_quantity
 
 _BOUNDS: dict[str, tuple[Callable[[float, float], bool], str]] = {
@@ -150,7 +150,7 @@ def entries(value: object, counts: tuple[int, ...], what: str) -> object:
     return value
 
 
-_vector = BeforeValidator(partial(entries, counts=(2, 3), what="numbers"))
+_vector = Before(partial(entries, counts=(2, 3), what="numbers"))
 
 Vector = Annotated[tuple[Number, ...], _vector]
 LengthVector = Annotated[tuple[Length, ...], _vector]
@@ -159,7 +159,7 @@ AccelerationVector = Annotated[tuple[Acceleration, ...], _vector]
 ForceVector = Annotated[tuple[Force, ...], _vector]
 ForcePerLengthVector = Annotated[tuple[Annotated[float, measures("force_per_length")], ...], _vector]
 
-_triple = BeforeValidator(partial(entries, counts=(3,), what="numbers"))
+_triple = Before(partial(entries, counts=(3,), what="numbers"))
 
 SpatialAngle = Annotated[tuple[Angle, ...], _triple]
 
@@ -243,7 +243,7 @@ def shortest(axis: tuple[float, ...], noun: str = "an axis") -> tuple[float, ...
 
 Axis = Annotated[Vector, AfterValidator(shortest)]
 
-Between = Annotated[tuple[str, str], BeforeValidator(partial(entries, counts=(2,), what="points"))]
+Between = Annotated[tuple[str, str], Before(partial(entries, counts=(2,), what="points"))]
 """The two points that a joint or a spring connects."""
 
 
@@ -296,7 +296,7 @@ def _empty_map(value: object) -> object:
     return {} if value is None else value
 
 
-EmptyAllowed = BeforeValidator(_empty_map)
+EmptyAllowed = Before(_empty_map)
 
 Points = Annotated[dict[Name, LengthVector], EmptyAllowed]
 

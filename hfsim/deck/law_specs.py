@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 import numpy as np
 from annotated_types import MinLen
-from pydantic import BeforeValidator, Field
+from pydantic import Field
 
 from hfsim.deck.fields import Angle, NonNegativeTime, Number, PositiveFrequency, PositiveTime, Time, read_text
 from hfsim.deck.law_spec import LawSpec
 from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, SplineLaw, StepLaw
 from hfsim.deck.reader import Path
-from hfsim.deck.spec import Around, Complaint, OneOf, ReadBy, refuse_all
+from hfsim.deck.spec import Around, Before, Complaint, OneOf, ReadBy, refuse_all
 from hfsim.deck.units import UnitError, parse_quantity
 
 if TYPE_CHECKING:
@@ -376,8 +376,8 @@ def _in_si(item: object, dimension: str, factor: float, path: Path, refused: lis
         return item
 
 
-def _driving(value: str, rate: str) -> BeforeValidator:
-    return BeforeValidator(partial(_read_law, value=value, rate=rate))
+def _driving(value: str, rate: str) -> Before:
+    return Before(partial(_read_law, value=value, rate=rate))
 
 
 _by_type = OneOf("type", LAWS, others=({"type": "number"}, {"type": "string"}))

@@ -4,10 +4,10 @@ from collections.abc import Iterator
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator
+from pydantic import AfterValidator
 
 from hfsim.deck.fields import Angle, Axis, Number, SpatialAngle, entries, shortest
-from hfsim.deck.spec import Complaint, Spec
+from hfsim.deck.spec import Before, Complaint, Spec
 from hfsim.maths.arrays import Array
 
 FORMS = "{axis, angle}, {rotation_vector}, {quaternion: [w, x, y, z]} or {x, y}"
@@ -24,7 +24,7 @@ def _checked(q: tuple[float, ...]) -> tuple[float, ...]:
 
 Quaternion = Annotated[
     tuple[Number, ...],
-    BeforeValidator(lambda value: entries(value, (4,), "numbers")),
+    Before(lambda value: entries(value, (4,), "numbers")),
     AfterValidator(_checked),
 ]
 

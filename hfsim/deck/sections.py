@@ -8,10 +8,8 @@ import math
 from collections.abc import Iterator
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Protocol
 
-from pydantic import BeforeValidator
-
 from hfsim.deck.fields import PositiveArea, PositiveNumber, PositiveSecondMoment, alike, entries, within
-from hfsim.deck.spec import Around, Complaint, OneOf, Spec
+from hfsim.deck.spec import Around, Before, Complaint, OneOf, Spec
 
 _USUAL = (1e-5, 1e5)
 """Height over width of sections that are built [-]."""
@@ -21,7 +19,7 @@ SHEAR_FACTOR = 5.0 / 6.0
 """Of a rectangle, and of sections that state none: shear stress over the height is a parabola."""
 Moments = tuple[float, float]
 """Two numbers: of bending about the section's y axis, and about z; or along y, and along z."""
-PAIR = BeforeValidator(lambda value: entries(value, (2,), "numbers"))
+PAIR = Before(lambda value: entries(value, (2,), "numbers"))
 
 
 def equivalent_side(second_moment: float, area: float) -> float:

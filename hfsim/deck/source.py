@@ -57,7 +57,7 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
     return f"known: {', '.join([*islice(known, _LISTED), *more])}" if known else ""
 
 
-@dataclass
+@dataclass(eq=False)
 class DeckSource:
     """A deck as it was written.
 

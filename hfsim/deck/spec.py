@@ -13,7 +13,11 @@ from typing import Any, ClassVar, NamedTuple, Self
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError
-from pydantic_core.core_schema import no_info_plain_validator_function, no_info_wrap_validator_function
+from pydantic_core.core_schema import (
+    no_info_before_validator_function,
+    no_info_plain_validator_function,
+    no_info_wrap_validator_function,
+)
 
 from hfsim.deck.reader import Path
 from hfsim.deck.source import did_you_mean
@@ -202,6 +206,23 @@ class ReadBy:
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
         """Tell pydantic how the field is validated."""
         return no_info_plain_validator_function(self.read, metadata={"shape": self.shape})
+
+
+class Before:
+    """Marks a field's type: a function looks at the deck's value, or changes it, before it is read.
+
+    Attributes
+    ----------
+    look : callable
+        From the deck's value to the one that is read.
+    """
+
+    def __init__(self, look: Callable[[Any], object]) -> None:
+        self.look = look
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> CoreSchema:
+        """Tell pydantic how the field is validated."""
+        return no_info_before_validator_function(self.look, handler(source))
 
 
 class OneOf:

@@ -17,7 +17,7 @@ GAINING = 1.2
 """Progress over that of the window before from which steps are growing, and the run is left alone."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Pace(Remembering):
     """Ends a run that crawls: two windows in a row at whose pace the end is out of reach.
 

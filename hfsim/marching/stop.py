@@ -60,7 +60,7 @@ SHIELD = Shield()
 """That of this process."""
 
 
-@dataclass
+@dataclass(eq=False)
 class Budget:
     """Time that work may take [s].
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import TypeVar, dataclass_transform
+from dataclasses import dataclass, field, fields
+from typing import Any, TypeVar, dataclass_transform
 
 _Class = TypeVar("_Class")
 
@@ -12,7 +12,16 @@ _Class = TypeVar("_Class")
 def frozen(cls: type[_Class]) -> type[_Class]:
     """Make a dataclass whose instances differ by identity and are not to be changed.
 
-    Type checkers refuse changes. While the program runs nothing does: a dataclass that guards itself takes
-    more than twice as long to be made, when the program starts, and so do its instances.
+    Type checkers refuse changes. While the program runs nothing does: a dataclass that guards itself, with a
+    text of its own, takes four times as long to be made, when the program starts, and its instances twice.
     """
-    return dataclass(eq=False)(cls)
+    made = dataclass(eq=False, repr=False)(cls)
+    if "__repr__" not in vars(cls):
+        made.__repr__ = _shown  # type: ignore[method-assign]
+    return made
+
+
+def _shown(self: Any) -> str:
+    """Return the text of an instance, as dataclasses have it."""
+    pairs = (f"{one.name}={getattr(self, one.name)!r}" for one in fields(self) if one.repr)
+    return f"{type(self).__qualname__}({', '.join(pairs)})"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import fields, replace
 from typing import Any, ClassVar, Self, TypeVar
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 
 
-@dataclass(frozen=True)
+@frozen
 class AlikeBodies:
     """Base of what serves alike bodies together that stand side by side.
 
@@ -31,11 +32,16 @@ class AlikeBodies:
     def joined(self, other: AlikeBodies) -> Self | None:
         """Return one for these bodies and those of another; None unless they are alike and side by side."""
         sizes = {(one.columns.stop - one.columns.start) / one.bodies for one in (self, other)}
-        alike = replace(self, columns=other.columns, bodies=other.bodies) == other and len(sizes) == 1
+        alike = self._each() == other._each() and len(sizes) == 1
         if not alike or self.columns.stop != other.columns.start:
             return None
         columns = slice(self.columns.start, other.columns.stop)
         return replace(self, columns=columns, bodies=self.bodies + other.bodies)
+
+    def _each(self) -> tuple[Any, ...]:
+        """Return what each of the bodies is like."""
+        names = (one.name for one in fields(self) if one.name not in ("columns", "bodies"))
+        return type(self), *(getattr(self, name) for name in names)
 
 
 class Chart(AlikeBodies):

@@ -37,7 +37,7 @@ class FolderError(HfsimError):
     exit_code = 2
 
 
-@dataclass
+@dataclass(eq=False)
 class RunFolder:
     """A folder whose use for new results was granted by `claim`.
 
@@ -114,7 +114,7 @@ def _locked(path: Path) -> int | None:
     return held
 
 
-@dataclass
+@dataclass(eq=False)
 class Stopwatch(PhaseClock):
     """Phases of one job, beginning with the process itself.
 

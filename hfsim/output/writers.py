@@ -218,4 +218,5 @@ def write_resolved(path: Path, provenance: Provenance, model: str) -> None:
     deck["solve"] = {**(deck.get("solve") or {}), "model": model}
     source = printable(provenance.source).replace("\n", " ")
     head = f"# {source} with every default filled in, as hfsim {__version__} ran it.\n"
-    write_text(path, head + yaml.safe_dump(deck, sort_keys=False, allow_unicode=True))
+    dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+    write_text(path, head + yaml.dump(deck, Dumper=dumper, sort_keys=False, allow_unicode=True))

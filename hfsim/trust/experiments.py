@@ -46,7 +46,7 @@ def time_for(seconds: float) -> float:
     return max(seconds, AT_LEAST)
 
 
-@dataclass
+@dataclass(eq=False)
 class Experiments:
     """Short runs of one scene around a failure, within a budget.
 

@@ -4,12 +4,13 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from hfsim.deck.fields import Angle, Flag, Points, PositiveLength, alike, whole
 from hfsim.deck.reader import Path
 from hfsim.deck.spec import (
     Around,
+    Before,
     Complaint,
     Spec,
     entry_of,
@@ -108,7 +109,7 @@ class BeamSpec(BodySpec):
     length: PositiveLength = 0.0
     """Undeformed length [m]; that of its axis, if it states one."""
 
-    elements: Annotated[int, _ELEMENTS, BeforeValidator(_read_elements)] = DEFAULT_ELEMENTS
+    elements: Annotated[int, _ELEMENTS, Before(_read_elements)] = DEFAULT_ELEMENTS
     """Number of elements [-]; auto: `run` chooses it and the degree, all else takes 4."""
 
     element: Annotated[str, named_in("hfsim.parts.elements.ELEMENTS", "cosserat")] | None = None

@@ -13,12 +13,12 @@ that length as imaginary part (`ROOT`, `angle_of`, `with_root`).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import as_complex, wrap
 from hfsim.mechanics.chart import Chart
 
@@ -64,7 +64,7 @@ class Frames(NamedTuple):
     origin: ComplexArray
 
 
-@dataclass(frozen=True)
+@frozen
 class FrameChart(Chart):
     """Map between hybrid coordinates and absolute nodal coordinates of alike beams.
 

@@ -8,7 +8,6 @@ determine every strain of the element's degree.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -47,7 +46,7 @@ class InteriorGeometry:
     gradient: ComplexArray
 
 
-@dataclass(frozen=True)
+@frozen
 class InteriorBeams(BeamIncrements):
     """Natural increments of alike beams with interior vectors: a small solve an element gives the strains."""
 

@@ -14,7 +14,6 @@ component in the place of an interior vector.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -26,7 +25,7 @@ from hfsim.parts.bodies.planar_frame import ROOT, relative, with_root
 from hfsim.parts.elements.polynomial import mean_square_slope
 
 
-@dataclass(frozen=True)
+@frozen
 class BeamIncrements(BodyIncrements):
     """What natural increments of all beams have in common.
 
@@ -114,7 +113,7 @@ class Geometry:
     gradient: tuple[ComplexArray, ComplexArray, ComplexArray]
 
 
-@dataclass(frozen=True)
+@frozen
 class NaturalBeams(BeamIncrements):
     """Natural increments of alike beams whose elements have no interior vectors."""
 

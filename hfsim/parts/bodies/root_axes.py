@@ -7,12 +7,12 @@ its body frame is place and section vectors of the root as they are, and p = D^-
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import cross, normal
 from hfsim.mechanics.chart import Chart
 
@@ -65,7 +65,7 @@ class SectionFrames(NamedTuple):
     c: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class SectionFrameChart(Chart):
     """Map between coordinates in the body frame and absolute nodal vectors of alike beams.
 

@@ -13,12 +13,12 @@ and where a step ends beyond `EDGE`, the motion goes on in the other one (`Spati
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import skew
 from hfsim.mechanics.chart import Chart
 
@@ -94,7 +94,7 @@ class Spin(NamedTuple):
     roll: Array
 
 
-@dataclass(frozen=True)
+@frozen
 class SpatialFrameChart(Chart):
     """Map between hybrid and absolute nodal coordinates of alike beams in space.
 

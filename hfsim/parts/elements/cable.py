@@ -16,7 +16,6 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.shapes import gauss_legendre, hierarchic, rest_of
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 from hfsim.parts.elements.polynomial import exact_points, green_linear_law
-from hfsim.parts.elements.quadrature import QuadratureLaw
 
 if TYPE_CHECKING:
     from hfsim.deck.stations import BeamAlong
@@ -94,6 +93,8 @@ class Cable:
             if self.degree <= LAST_GRAM_DEGREE:
                 return self.gram_law(properties, count, measures.n_dim)
             measures = measures._replace(axial_points=enough, bending_points=self.degree - 1)
+        from hfsim.parts.elements.quadrature import QuadratureLaw
+
         points = measures.axial_points or enough, measures.bending_points or enough
         stretched, bent = (properties.in_elements(gauss_legendre(n)[0], count) for n in points)
         return QuadratureLaw(

@@ -4,10 +4,9 @@ from collections.abc import Iterator
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator
 
 from hfsim.deck.fields import Angle, Axis, Between, Orientation, entries
-from hfsim.deck.spec import Complaint
+from hfsim.deck.spec import Before, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift
 from hfsim.parts.specs import JointSpec
@@ -15,7 +14,7 @@ from hfsim.parts.specs import JointSpec
 _SQUARE = 1e-3
 """Cosine of an angle that is not a right one."""
 
-TwoAxes = Annotated[tuple[Axis, Axis], BeforeValidator(lambda value: entries(value, (2,), "axes"))]
+TwoAxes = Annotated[tuple[Axis, Axis], Before(lambda value: entries(value, (2,), "axes"))]
 
 
 class UniversalSpec(JointSpec):
