@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hfsim.output.api import Deck, check, compare, load, run, verify
     from hfsim.output.modes_api import campbell, modes
     from hfsim.output.static_api import static
-    from hfsim.output.sweep_api import sweep
+    from hfsim.output.sweep_api import sensitivity, sweep
     from hfsim.studies.compare import Comparison
     from hfsim.studies.sweep.result import Sweep
     from hfsim.studies.verify import Verification
@@ -34,13 +34,13 @@ _PLACES = {
     "Sweep": "hfsim.studies.sweep.result",
     "Verification": "hfsim.studies.verify",
     "static": "hfsim.output.static_api",
-    "sweep": "hfsim.output.sweep_api",
+    **dict.fromkeys(("sensitivity", "sweep"), "hfsim.output.sweep_api"),
 }
 """Where each public name stands."""
 
 __all__ = [
     "Comparison", "Deck", "DeckError", "HfsimError", "Run", "Sweep", "UnfinishedRunError", "Verification",
-    "campbell", "check", "compare", "load", "modes", "run", "static", "sweep", "verify",
+    "campbell", "check", "compare", "load", "modes", "run", "sensitivity", "static", "sweep", "verify",
 ]  # fmt: skip
 
 

@@ -49,8 +49,8 @@ _MANY = 100_000
     "--collect",
     multiple=True,
     metavar="QUANTITY",
-    help="What is gathered: final, max, min or rms(CHANNEL), at(TIME, CHANNEL), frequency "
-    "or damping(NUMBER); last values and extremes of all channels without it. "
+    help="What is gathered: final, max, min or rms(CHANNEL), at(TIME, CHANNEL), frequency, "
+    "damping or critical(NUMBER); last values and extremes of all channels without it. "
     "Several may follow.",
 )
 @click.option(

@@ -71,11 +71,6 @@ class Quantity(NamedTuple):
         """Studies that have it, the usual one first."""
         return FORMS[self.kind][1]
 
-    @property
-    def of_runs(self) -> bool:
-        """Whether each run of a sweep has it, be it of the small motions about its start."""
-        return not {"run", "modes"}.isdisjoint(self.studies)
-
 
 def read_quantity(text: str) -> Quantity:
     """Return what a text names.

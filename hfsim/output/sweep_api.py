@@ -6,17 +6,19 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfsim.deck.ranges import written
 from hfsim.marching.stop import Progress
 from hfsim.output.api import AnyDeck, load
-from hfsim.output.sweep import Rows, into_folder, perform, wanted_of
+from hfsim.output.sweep import Rows, Wanted, into_folder, perform, wanted_of
 from hfsim.output.talk import Destination, Talk
 from hfsim.studies.cluster import ClusterLost, Workers
 from hfsim.studies.sweep.asked import Asked
+from hfsim.studies.sweep.sensitivity import Sensitivity, sensitivities
 
 if TYPE_CHECKING:
+    from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.sweep.result import Sweep
 
 
@@ -91,19 +93,89 @@ def sweep(
         {path: _text(values) for path, values in (vary or {}).items()}, sample, sampler, seed,
         None if table is None else Path(table), collect, True, error_estimate, mesh_error, limit=limit,
     )  # fmt: skip
-    wanted = wanted_of(asked, load(deck, changes).with_numbers(), _silent, keep)
-    told = progress or _no_progress
-    with Workers(jobs or os.cpu_count() or 1, dask).executor(wanted.loaded.source.texts) as executor:
-        if output is None:
-            result = perform(wanted, executor, Rows(wanted.plan), told)
-        else:
-            to = Destination(Path(output), force, plots)
-            result = into_folder(wanted, executor, to, Talk(quiet=True), told, resume)
-    if executor.lost:
-        raise ClusterLost(executor.lost)
-    if result.status == "interrupted":
-        raise KeyboardInterrupt
-    return result
+    work = _Work(jobs, dask, output, force, resume, keep, plots, progress)
+    return work.done(asked, load(deck, changes))[0]
+
+
+def sensitivity(
+    deck: AnyDeck,
+    vary: Sequence[str] | Mapping[str, float | None],
+    collect: Sequence[str],
+    changes: Mapping[str, Any] | None = None,
+    *,
+    jobs: int = 0,
+    dask: str = "",
+    limit: float | None = None,
+    output: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    resume: bool = False,
+    plots: bool = True,
+    progress: Progress | None = None,
+) -> tuple[Sensitivity, ...]:
+    """Find how numbers of a run change with entries of its deck; what ``hfsim sweep --sensitivity`` does.
+
+    Parameters
+    ----------
+    deck, changes
+        As in `hfsim.load`.
+    vary : sequence of str, or mapping
+        Dotted paths, or ``parameters.NAME``; with a number each where it is not the deck's own that counts.
+    collect : sequence of str
+        Numbers of each run: ``"max(b1.tip.x)"``.
+    jobs, dask, limit, output, force, resume, plots, progress
+        As in `hfsim.sweep`.
+
+    Returns
+    -------
+    tuple of Sensitivity
+        One for each number and entry: ``quantity``, ``path``, ``derivative``, ``error``, ``elasticity``,
+        ``sure``.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If the deck is bad, or refuses what is varied.
+    HfsimError
+        If the deck's own run fails, or the folder must not be written to.
+    KeyboardInterrupt
+        If the keyboard or a signal ends it.
+    """
+    values = vary if isinstance(vary, Mapping) else dict.fromkeys(vary)
+    texts = {path: "" if value is None else repr(float(value)) for path, value in values.items()}
+    asked = Asked(texts, collect=collect, many=True, limit=limit, sensitivity=True)
+    work = _Work(jobs, dask, output, force, resume, "nothing", plots, progress)
+    result, wanted = work.done(asked, load(deck, changes))
+    assert wanted.differences is not None
+    return sensitivities(result, wanted.differences)
+
+
+class _Work(NamedTuple):
+    """How a sweep is done, and where its results go; see `sweep`."""
+
+    jobs: int
+    dask: str
+    output: str | os.PathLike[str] | None
+    force: bool
+    resume: bool
+    keep: str
+    plots: bool
+    progress: Progress | None
+
+    def done(self, asked: Asked, loaded: LoadedDeck) -> tuple[Sweep, Wanted]:
+        """Do what is asked for; return all of its runs, and what they are."""
+        wanted = wanted_of(asked, loaded.with_numbers(), _silent, self.keep)
+        told, texts = self.progress or _no_progress, wanted.loaded.source.texts
+        with Workers(self.jobs or os.cpu_count() or 1, self.dask).executor(texts) as executor:
+            if self.output is None:
+                result = perform(wanted, executor, Rows(wanted.plan), told)
+            else:
+                to = Destination(Path(self.output), self.force, self.plots)
+                result = into_folder(wanted, executor, to, Talk(quiet=True), told, self.resume)
+        if executor.lost:
+            raise ClusterLost(executor.lost)
+        if result.status == "interrupted":
+            raise KeyboardInterrupt
+        return result, wanted
 
 
 def _text(values: Any) -> str:

@@ -39,13 +39,6 @@ def _one(value: object) -> str:
     return written(float(value)) if isinstance(value, int | float) else json.dumps(value)
 
 
-def _read_collected(value: object) -> Quantity:
-    quantity = quantity_of(value)
-    if not quantity.of_runs:
-        raise refusal(f"{shown(value)}: a run has no {quantity.kind}")
-    return quantity
-
-
 class SweepSpec(Spec):
     """Many runs of the deck, as `hfsim sweep` does them where its options say nothing else."""
 
@@ -67,9 +60,9 @@ class SweepSpec(Spec):
     runs: _Text | None = None
     """CSV file beside the deck that has the runs: paths in its first row."""
 
-    collect: tuple[Annotated[Quantity, ReadBy(_read_collected, type="string")], ...] = ()
-    """What is gathered: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency or
-    damping(NUMBER)."""
+    collect: tuple[Annotated[Quantity, ReadBy(quantity_of, type="string")], ...] = ()
+    """What is gathered: final(CHANNEL), at(TIME, CHANNEL), max, min or rms(CHANNEL), frequency, damping
+    or critical(NUMBER)."""
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield what says twice which runs there are, and random values without their number."""

@@ -145,6 +145,16 @@ def test_frequencies_are_collected_with_runs_and_without(wheel):
     assert rows_of("alone")[0]["error_estimate"] == ""
 
 
+def test_critical_loads_are_collected(wheel):
+    push = "loads: {push: {type: force, at: hub.rim, force: [-20.0, 0.0]}}\n"
+    (wheel / "wheel.yaml").write_text(WHEEL + push)
+    options = ("--vary", f"{STIFF}=50,200", "--collect", "critical(1)", "frequency(1)", "--no-plots")
+    assert call("wheel.yaml", *options, "--set", "initial.hub.angular_velocity=0").exit_code == 0
+    for row in rows_of("wheel.sweep"):
+        assert float(row["critical(1)"]) == pytest.approx(float(row[STIFF]) / 20.0, rel=1e-9)
+        assert row["status"] == "done" and row["frequency(1)"]
+
+
 def test_a_failed_run_is_a_row(wheel):
     two = ("--vary", "bodies.hub.mass=1,-1", "--vary", "solve.max_steps=1,1000")
     told = call("wheel.yaml", *two, "--no-plots", "--set", "solve.duration=20")
@@ -401,6 +411,17 @@ def test_derivatives_and_how_sure_they_are(wheel):
 def test_derivatives_that_cannot_be_are_refused(wheel, options, why):
     told = call("wheel.yaml", "--sensitivity", *options)
     assert told.exit_code == 2 and why in " ".join(told.stderr.split()), told.output
+
+
+def test_derivatives_from_python(wheel):
+    spin = "initial.hub.angular_velocity"
+    found = hfsim.sensitivity("wheel.yaml", [STIFF, spin], ["max(hub.angle)"], output="s", plots=False)
+    assert [one.elasticity for one in found] == pytest.approx([-0.5, 1.0], rel=1e-5)
+    assert all(one.sure for one in found) and (wheel / "s/sensitivity.csv").exists()
+    other = hfsim.sensitivity("wheel.yaml", {spin: 2.0, STIFF: None}, ["max(hub.angle)"], jobs=1)
+    assert [one.at for one in other] == [2.0, 100.0] and other[0].value == pytest.approx(0.2, rel=1e-6)
+    with pytest.raises(hfsim.DeckError, match="stifness"):
+        hfsim.sensitivity("wheel.yaml", ["springs.coil.stifness"], ["max(hub.angle)"])
 
 
 def test_from_python(wheel):

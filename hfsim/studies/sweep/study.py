@@ -61,8 +61,6 @@ def read_collected(texts: Sequence[str], loaded: LoadedDeck) -> tuple[Quantity, 
 
 def _why_not(quantity: Quantity, loaded: LoadedDeck) -> Iterator[tuple[str, str]]:
     """Yield why the runs of a deck do not have a quantity, and what they have."""
-    if not quantity.of_runs:
-        yield f"a run has no {quantity.kind}", ""
     if (quantity.time or 0.0) > loaded.deck.solve.duration:
         yield f"the run ends at {loaded.deck.solve.duration:g} s", ""
     if quantity.channel and quantity.channel not in loaded.deck.channels:

@@ -26,8 +26,8 @@ FACTS = ("status", "class", "reason", "error_estimate", "energy_drift", "warning
 """What is known of every run beside what is collected."""
 REFUSED = "refused"
 """Status of a run whose deck is refused."""
-_START = "start"
-"""State about which small motions are looked at, where the deck starts."""
+_PLACES: dict[str, float | str] = {"modes": "start", "static": 0.0}
+"""Studies beside the run that have quantities of their own: of which state, or of loads at which time [s]."""
 LOST = "lost"
 """Status of a run whose workers died; taking a sweep up again repeats it."""
 
@@ -91,9 +91,9 @@ def solve_row(order: Order) -> tuple[Row, dict[str, bytes]]:
     setting, start = order.setting, time.process_time()
     try:
         loaded = setting.load(order.overrides)
-        modes = _of_modes(setting, loaded)
-        if modes and len(modes) == len(setting.quantities):
-            row = _row_of_modes(setting, list(modes.values()))
+        known = _without_run(setting, loaded)
+        if known and len(known) == len(setting.quantities):
+            row = _row_without_run(setting, known)
             row["cpu_s"] = round(time.process_time() - start, 6)
             return row, {}
         run = _run(setting, loaded)
@@ -101,7 +101,7 @@ def solve_row(order: Order) -> tuple[Row, dict[str, bytes]]:
         wrong = error.problems[0]
         why = f"{wrong.path}: {wrong.message}" if wrong.path else wrong.message
         return row_without(REFUSED, why, setting, "deck"), {}
-    collected = _collected(setting, run, modes)
+    collected = _collected(setting, run, known)
     row = {
         "status": run.status,
         "class": (run.failure or {}).get("class", ""),
@@ -135,33 +135,34 @@ def _run(setting: Setting, loaded: LoadedDeck) -> Run:
     )
 
 
-def _of_modes(setting: Setting, loaded: LoadedDeck) -> dict[Quantity, Answer]:
-    """Return what is collected of small motions, at the start of the run."""
-    wanted = tuple(one for one in setting.quantities if one.studies[0] == "modes")
-    if not wanted:
-        return {}
-    from hfsim.studies.verify.finders import Order as ToFind
-    from hfsim.studies.verify.finders import answer
+def _without_run(setting: Setting, loaded: LoadedDeck) -> dict[Quantity, Answer]:
+    """Return what is collected of small motions about the start, and of the equilibrium under its loads."""
+    found: dict[Quantity, Answer] = {}
+    for study, place in _PLACES.items():
+        wanted = tuple(one for one in setting.quantities if one.studies[0] == study)
+        if wanted:
+            from hfsim.studies.verify.finders import Order as ToFind
+            from hfsim.studies.verify.finders import answer
 
-    bounds = (math.inf,) * len(wanted)
-    order = ToFind("modes", _START, setting.text, setting.file, loaded.overrides, wanted, bounds)
-    return dict(zip(wanted, answer(order)[0], strict=True))
+            bounds = (math.inf,) * len(wanted)
+            order = ToFind(study, place, setting.text, setting.file, loaded.overrides, wanted, bounds)
+            found |= zip(wanted, answer(order)[0], strict=True)
+    return found
 
 
-def _row_of_modes(setting: Setting, found: list[Answer]) -> Row:
-    """Return the row of small motions without a run."""
-    why = next((one.reason for one in found if one.value is None), "")
+def _row_without_run(setting: Setting, found: Mapping[Quantity, Answer]) -> Row:
+    why = next((one.reason for one in found.values() if one.value is None), "")
     row = row_without("failed" if why else "done", why, setting)
-    return {**row, "collected": [one.value for one in found]}
+    return {**row, "collected": [found[one].value for one in setting.quantities]}
 
 
-def _collected(setting: Setting, run: Run, modes: Mapping[Quantity, Answer]) -> list[float | None]:
+def _collected(setting: Setting, run: Run, known: Mapping[Quantity, Answer]) -> list[float | None]:
     """Return what is collected; nothing of a run that did not reach its end."""
-    own = [one for one in setting.quantities if one not in modes]
+    own = [one for one in setting.quantities if one not in known]
     values: Iterator[float] = iter(())
     with suppress(CollectError):
         values = iter(collect_all(own, run) if run.status == "done" else ())
-    return [modes[one].value if one in modes else _finite(next(values, None)) for one in setting.quantities]
+    return [known[one].value if one in known else _finite(next(values, None)) for one in setting.quantities]
 
 
 def row_without(status: str, reason: str, setting: Setting, kind: str = "") -> Row:
