@@ -36,7 +36,7 @@ initial:
   b: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
   c: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
   top: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
-solve: {{duration: 0.2, tolerance: 1.0e-9, model: {model}}}
+solve: {{duration: 0.14, tolerance: 1.0e-9, model: {model}}}
 output:
   interval: 0.05
   channels: [c.tip.x, c.tip.y, c.tip.z, top.x, top.y, top.z, c.tip.twist, energy.total]

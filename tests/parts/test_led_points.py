@@ -20,7 +20,7 @@ def scene(spatial, bodies, joints, channels):
         "sections": {"rod": {"shape": "circle", "diameter": 0.012}},
         "bodies": {**bodies, "b": BEAM},
         "joints": joints,
-        "solve": {"duration": 0.4, "tolerance": 1e-10},
+        "solve": {"duration": 0.3, "tolerance": 1e-10},
         "output": {"interval": 0.02, "channels": channels},
     }
 

@@ -44,7 +44,7 @@ output: {{interval: 0.01, channels: [b1.tip.x, b1.tip.y, b1.tip.z, energy.total]
 
 
 def rotor(curve="straight", **changed):
-    numbers = {"modulus": 7.0e8, "damping": 0.0, "rate": 3.0, "model": "linear", "duration": 0.02}
+    numbers = {"modulus": 7.0e8, "damping": 0.0, "rate": 3.0, "model": "linear", "duration": 0.015}
     numbers |= {"tolerance": 1.0e-10, "coordinates": "auto", **changed}
     text = ROTOR.format(curve=CURVES[curve], **numbers)
     data = yaml.safe_load(text)
@@ -168,7 +168,7 @@ def test_planar_steps_in_the_frame_give_those_in_nodal_vectors():
         ends = []
         for coordinates in ("frame", "absolute"):
             data = yaml.safe_load(PLANAR)
-            data["solve"] |= {"model": model, "coordinates": coordinates, "tolerance": 1e-10, "duration": 0.05}
+            data["solve"] |= {"model": model, "coordinates": coordinates, "tolerance": 1e-10, "duration": 0.03}
             data["output"] = {"channels": ["b1.tip.x", "b1.tip.y"]}
             ends.append(solved(data)[0])
         assert ends[0] == pytest.approx(ends[1], abs=1e-9)

@@ -170,7 +170,7 @@ joints: {{axle: {{type: revolute, between: [ground, wheel], axis: [0.2, 0.3, 1.0
 springs: {{coil: {{type: rotational, between: [ground, wheel], stiffness: 2.0, damping: {damping},
                   rest_angle: 0.4, axis: [0.2, 0.3, 1.0]}}}}
 initial: {{wheel: {{angular_velocity: [6.0, 9.0, 30.0]}}}}
-solve: {{duration: 6.0, tolerance: 1.0e-9}}
+solve: {{duration: 4.0, tolerance: 1.0e-9}}
 output: {{interval: 0.05, channels: [wheel.angular_velocity_z, energy.total, energy.potential]}}
 """
 

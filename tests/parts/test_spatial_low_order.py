@@ -38,7 +38,7 @@ joints:
   elbow: {type: revolute, between: [b1.mid, b2.root]}
 loads: {push: {type: force, at: b2.tip, force: [0.5, 1.0]}}
 initial: {hub: {angle: 0.3, angular_velocity: 2.0}, b1: {angle: 0.3, angular_velocity: 2.0}, b2: {angle: -0.2}}
-solve: {model: lowOrder, duration: 0.03, tolerance: 1.0e-11}
+solve: {model: lowOrder, duration: 0.02, tolerance: 1.0e-11}
 output: {interval: 0.01, channels: [b1.tip.x, b1.tip.y, b2.tip.x, b2.tip.y, energy.total, energy.strain]}
 """)
 SPACE = """
@@ -61,7 +61,7 @@ output: {{interval: 0.01, channels: [b1.tip.x, b1.tip.y, b1.tip.z, b2.tip.x, b2.
 """
 
 
-def deck(truncation="second_order", duration=0.02):
+def deck(truncation="second_order", duration=0.014):
     return yaml.safe_load(SPACE.format(truncation=truncation, duration=duration))
 
 

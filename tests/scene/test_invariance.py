@@ -17,7 +17,7 @@ from hfsim.simulate import simulate
 R, SHIFT = rotation(np.array([0.9, -1.7, 0.6])), np.array([0.4, -2.0, 1.3])
 EVERY = yaml.safe_load((Path(__file__).parents[2] / "cases" / "joints.yaml").read_text("utf-8"))
 """The shipped case with every kind of joint, spring and load."""
-EVERY["solve"], EVERY["output"]["interval"] = {"duration": 0.4, "tolerance": 1e-11}, 0.1
+EVERY["solve"], EVERY["output"]["interval"] = {"duration": 0.3, "tolerance": 1e-11}, 0.1
 
 
 def run(deck):
@@ -126,7 +126,7 @@ initial:
   rope: {angle: -1.0}
   bob: {angle: -1.2, angular_velocity: 0.5}
   cart: {angle: 0.0}
-solve: {duration: 0.15, tolerance: 1.0e-11}
+solve: {duration: 0.1, tolerance: 1.0e-11}
 output: {interval: 0.05, channels: [arm.tip.x, arm.tip.y, bob.x, bob.y, rope.tip.x, rope.tip.y, energy.total]}
 """)
 DRIVEN = {"motor": {"type": "driver", "between": ["ground", "hub"], "angle": {"type": "sine", "amplitude": 0.8, "frequency": 0.7, "offset": 0.3}}}
@@ -138,7 +138,7 @@ def test_a_planar_scene_posed_in_space_does_the_same(driven, element):
     plane = deepcopy({**PLANE, "joints": {**PLANE["joints"], **(DRIVEN if driven else {})}})
     for beam in ("arm", "rope") if element == "cosserat" else ():
         plane["bodies"][beam] |= {"element": element, "elements": 1, "degree": 2}
-        plane["solve"]["duration"] = 0.05
+        plane["solve"]["duration"] = 0.03
     if driven:
         plane["initial"] = {**plane["initial"], "hub": {"angle": 0.3}}
     space = posed.in_space(plane, R, SHIFT)
@@ -176,7 +176,7 @@ loads: {push: {type: force, at: bob, force: [0.2, -0.1, 0.3]}}
 initial:
   arm: {orientation: {x: [0.6, 0.8, 0.0], y: [-0.8, 0.6, 0.0]}}
   bob: {orientation: {x: [0.6, 0.8, 0.0], y: [-0.8, 0.6, 0.0]}}
-solve: {duration: 0.1, tolerance: 1.0e-10}
+solve: {duration: 0.07, tolerance: 1.0e-10}
 output: {interval: 0.05, channels: [arm.tip.x, arm.tip.y, arm.tip.z, bob.x, bob.y, bob.z]}
 """)
 

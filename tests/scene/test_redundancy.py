@@ -73,7 +73,7 @@ joints:
   lower: {{type: revolute, between: [ground.low, door.low], axis: [0.3, 0.0, 1.8]}}
   upper: {{type: {upper}, between: [ground.high, door.high]{more}}}
 initial: {{door: {{angular_velocity: [0.3, 0.0, 1.8]}}}}
-solve: {{duration: 1.0, tolerance: 1.0e-9}}
+solve: {{duration: 0.6, tolerance: 1.0e-9}}
 output: {{channels: [door.x, door.rotation_z, lower.force_z, upper.force_z, upper.force_x, lower.force_x]}}
 """
 HINGED = DOOR.format(upper="revolute", more=", axis: [0.3, 0.0, 1.8]")
