@@ -46,6 +46,12 @@ MORE = ("elements: 2", "elements: 8")
 LINEAR, LOW_ORDER = (("duration: 0.4", f"duration: 0.4, model: {model}") for model in ("linear", "lowOrder"))
 CONTINUUM = ("elements: 2", "elements: 2, element: continuum")
 MANY = ("elements: 2", "elements: 8, element: continuum")
+HIGHER = ("elements: 2", "elements: 2, element: continuum, degree: 4, section_degree: 3")
+TAPERED = (
+    "section: bar, length: 1.0, elements: 2",
+    "stations: [{at: 0, section: bar}, {at: 1, section: thin}], length: 1.0, elements: 2, element: continuum",
+)
+THIN = ("height: 0.01}}", "height: 0.01}, thin: {shape: rectangle, width: 0.01, height: 0.005}}")
 DAMPED = ("poisson_ratio: 0.3", "poisson_ratio: 0.3, bending_damping: 1.0e-6")
 
 
@@ -97,14 +103,18 @@ def test_carried_increments_of_a_turned_scene_are_the_same(rng):
 
 
 @pytest.fixture(
-    params=[[], [CONTINUUM], [LINEAR], [LOW_ORDER]], ids=["cosserat", "continuum", "linear", "lowOrder"]
+    params=[[], [CONTINUUM], [HIGHER], [THIN, TAPERED], [LINEAR], [LOW_ORDER]],
+    ids=["cosserat", "continuum", "higher continuum", "tapered continuum", "linear", "lowOrder"],
 )
 def either(request):
     """A scene with a beam of an element and a model that has strains."""
     return scene_of(*request.param)
 
 
-@pytest.mark.parametrize("changes", [[], [MORE], [CONTINUUM], [MANY], [LINEAR], [MORE, LOW_ORDER]])
+@pytest.mark.parametrize(
+    "changes",
+    [*([], [MORE], [CONTINUUM], [MANY], [HIGHER], [THIN, TAPERED]), *([LINEAR], [MORE, LOW_ORDER])],
+)
 def test_strains_and_their_slopes(changes, rng):
     scene = scene_of(*changes)
     strains, q = Strains.of(scene.system), bent(scene, rng)
@@ -155,8 +165,13 @@ def test_derivatives_with_expected_strains(either, rng):
         ([CONTINUUM], "auto"),
         ([MANY], "auto"),
         ([CONTINUUM, DAMPED], "auto"),
+        ([HIGHER], "auto"),
+        ([THIN, TAPERED], "auto"),
     ],
-    ids=["dense", "sparse", "damped", "gauss", "continuum", "more continuum", "damped continuum"],
+    ids=[
+        *("dense", "sparse", "damped", "gauss", "continuum", "more continuum", "damped continuum"),
+        *("higher continuum", "tapered continuum"),
+    ],
 )
 def test_steps_of_a_stiff_arm_that_is_spun_up(changes, method):
     """Steps follow the motion, not the stiffness: without strains as variables there are hundreds."""

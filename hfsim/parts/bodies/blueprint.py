@@ -159,11 +159,17 @@ class Blueprint(NamedTuple):
     def elastic_force(self, n: int) -> ElasticForce:
         """Return the elastic force on its nodal vectors in the form asked for."""
         law, vectors = self.mesh.elastic_law(self.form, self.measures)
-        if self.n_dim == 3 and self.mesh.element.per_node > 2 and isinstance(law, GramLaw):
+        elements = self.connectivity(n, vectors)
+        if self.n_dim == 3 and self.mesh.element.per_node > 2:
             from hfsim.parts.elements.gram_strains import GramStrainLaw
+            from hfsim.parts.elements.point_strains import PointStrainLaw
+            from hfsim.parts.elements.points import PointLaw
 
-            return StrainForce(self.connectivity(n, vectors), GramStrainLaw.of(law), item=self.item)
-        return ElasticForce(self.connectivity(n, vectors), law, item=self.item)
+            if isinstance(law, GramLaw):
+                return StrainForce(elements, GramStrainLaw.of(law), item=self.item)
+            if isinstance(law, PointLaw):
+                return StrainForce(elements, PointStrainLaw.of(law), item=self.item)
+        return ElasticForce(elements, law, item=self.item)
 
     def damping(self, n: int) -> MaterialDamping:
         """Return the damping force on its nodal vectors."""

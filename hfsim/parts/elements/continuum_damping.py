@@ -58,19 +58,20 @@ class ContinuumDamping(MaterialDamping):
         """Add minus B^T C B V'."""
         v = self.elements.rows(x)
         rates = self.law.rates_of(v, self.elements.rows(u))
-        out -= self.elements.push(self.law.pull_of(v, rates), len(x))
+        stressed = np.matmul(self.law.quadratic, rates.swapaxes(0, 1))
+        out -= self.elements.push(self.law.pushed(v, stressed), len(x))
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by x in one state."""
         V, dV = self.elements.vectors(x)[0], self.elements.vectors(u)[0]
-        B, turned = self.law.slopes(V), self.law.slopes(dV)
-        rates = (B @ dV.reshape(len(dV), -1, 1))[..., 0]
+        B, turned = self.law.product_slopes(V), self.law.product_slopes(dV)
+        stressed = self.law.quadratic @ (B @ dV.reshape(len(dV), -1, 1))
         resisted = B.swapaxes(-1, -2) @ (self.law.quadratic @ turned)
-        return self.elements.entries(self.law.bent_by(rates, V.shape[-1]) + resisted)
+        return self.elements.entries(self.law.bent_by(stressed[..., 0], V.shape[-1]) + resisted)
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of the force by u in one state."""
-        B = self.law.slopes(self.elements.vectors(x)[0])
+        B = self.law.product_slopes(self.elements.vectors(x)[0])
         return self.elements.entries(B.swapaxes(-1, -2) @ (self.law.quadratic @ B))
 
     def power(self, t: Array, x: Array, u: Array) -> Array:

@@ -77,9 +77,25 @@ class GramStrainLaw(GramLaw):
 
     def pull_of(self, v: Array, e: Array) -> Array:
         """Return `pull` with given strains, (n_kinds, n_elements, n_batch or 1)."""
-        V = v.reshape(*v.shape[:2], len(self.scale), -1)
-        h = np.broadcast_to(self._stresses(e), (len(v), *V.shape[:1], *V.shape[2:]))
-        return np.asarray(2.0 * np.einsum("abem,biem->aiem", h, V)).reshape(v.shape)
+        rows, size, pairs = self._factors
+        halves, linear = self._pushing
+        h = halves.dot((self.stiffness[..., None] * e).reshape(len(e), -1)).reshape(len(halves), *e.shape[1:])
+        h += linear
+        if h.size != len(h) * v.shape[-1]:
+            h = np.repeat(h, v.shape[-1] // h.shape[1], axis=2)
+        shares = v.reshape(-1, v.shape[-1]).take(rows[2 * size :], axis=0)
+        shares *= h.reshape(len(h), -1).take(pairs, axis=0)
+        return np.asarray(np.add.reduce(shares.reshape(len(v), *v.shape), axis=0))
+
+    @cached_property
+    def _pushing(self) -> tuple[Array, Array]:
+        """2 dU/dG by pairs, of what each strain is multiplied by, and its constant part.
+
+        Shapes (n_pairs, n_kinds) and (n_pairs, n_elements, 1).
+        """
+        one, other = self.pairs
+        linear = (self.scale[:, None] * self.linear)[:, one * self._n_vectors + other]
+        return 2.0 * self._squares[1][:, one, other].T, 2.0 * linear.T[..., None]
 
     def hessian_of(self, V: Array, e: Array) -> Array:
         """Return `hessian` with given strains, (n_kinds, 1, n_elements), in one state."""

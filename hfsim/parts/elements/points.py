@@ -51,7 +51,7 @@ class PointLaw(RowLaw):
         """The form at the points and these; elements differ in their scale only."""
         return self.law.shared, self.rows.tobytes()
 
-    def joined(self, other: PointLaw) -> PointLaw:
+    def joined(self, other: PointLaw) -> Self:
         """Return the law of this one's elements followed by the other's."""
         return replace(self, law=self.law.in_turn(other.law, self.rows.shape[1]))
 
@@ -73,19 +73,27 @@ class PointLaw(RowLaw):
 
     def pull(self, v: Array) -> Array:
         """Return dU/dV [J] in rows."""
-        rows, columns = self._matrices
+        return self._pushed(self.law.pull(self._rows_at_points(v)), v)
+
+    def _rows_at_points(self, v: Array) -> Array:
+        """Return the vectors at points in rows, (n_at_point, n_dim, n_points * n_elements * n_states)."""
         count, points, _ = self.rows.shape
-        n_dim = v.shape[1]
-        z = rows.dot(v.reshape(len(v), -1)).reshape(count, points, n_dim, -1)
-        at_points = np.ascontiguousarray(z.swapaxes(1, 2)).reshape(count, n_dim, -1)
-        pulled = self.law.pull(at_points).reshape(count, n_dim, points, -1).swapaxes(1, 2)
-        return np.asarray(columns.dot(pulled.reshape(len(rows), -1))).reshape(v.shape)
+        z = self._matrices[0].dot(v.reshape(len(v), -1)).reshape(count, points, v.shape[1], -1)
+        return np.ascontiguousarray(z.swapaxes(1, 2)).reshape(count, v.shape[1], -1)
+
+    def _pushed(self, pulled: Array, v: Array) -> Array:
+        """Return derivatives by vectors in rows v from those by the ones at points."""
+        count, points, _ = self.rows.shape
+        at_points = pulled.reshape(count, v.shape[1], points, -1).swapaxes(1, 2)
+        return np.asarray(self._matrices[1].dot(at_points.reshape(count * points, -1))).reshape(v.shape)
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""
-        count, points, n = self.rows.shape
-        n_dim = V.shape[-1]
-        H = self.law.hessian(self._at_points(V))
+        return self._summed(self.law.hessian(self._at_points(V)), V)
+
+    def _summed(self, H: Array, V: Array) -> Array:
+        """Return second derivatives by vectors V from those by the ones at points."""
+        (count, points, n), n_dim = self.rows.shape, V.shape[-1]
         H = H.reshape(*V.shape[:-3], points, -1, count, n_dim, count, n_dim)
         out = np.einsum("apm,...peaibj,bpn->...eminj", self.rows, H, self.rows, optimize=True)
         return np.asarray(out.reshape(*V.shape[:-2], n * n_dim, n * n_dim))

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+from dataclasses import replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -42,12 +44,13 @@ class VariedGramLaw(RowLaw):
         """The number of vectors; points differ in their numbers only."""
         return self.n_vectors
 
-    def in_turn(self, other: VariedGramLaw, points: int) -> VariedGramLaw:
+    def in_turn(self, other: VariedGramLaw, points: int) -> Self:
         """Return the law of elements of so many points and of others, point by point."""
-        quadratic = in_turn(self.quadratic, other.quadratic, points)
-        return VariedGramLaw(quadratic, in_turn(self.reference, other.reference, points), self.n_vectors)
+        pairs = (self.quadratic, other.quadratic), (self.reference, other.reference)
+        quadratic, reference = (in_turn(*pair, points) for pair in pairs)
+        return replace(self, quadratic=quadratic, reference=reference)
 
-    def joined(self, other: VariedGramLaw) -> VariedGramLaw:
+    def joined(self, other: VariedGramLaw) -> Self:
         """Return the law of this one's points followed by the other's."""
         return self.in_turn(other, 1)
 
@@ -75,14 +78,22 @@ class VariedGramLaw(RowLaw):
 
     def pull(self, v: Array) -> Array:
         """Return dU/dV [J] for `component_rows`, same shape."""
+        return self.pushed(v, np.matmul(self.quadratic, self.changes_of(v).swapaxes(0, 1)))
+
+    def changes_of(self, v: Array) -> Array:
+        """Return d of `component_rows`, (n_pairs, n_points, n_states)."""
         first, second = self._pairs
         d = np.sum(v[first] * v[second], axis=1).reshape(len(first), len(self.reference), -1)
-        return self.pull_of(v, d - self.reference.T[..., None])
+        d -= self.reference.T[..., None]
+        return np.asarray(d)
 
-    def pull_of(self, v: Array, d: Array) -> Array:
-        """Return the same of other numbers in the place of d, (n_pairs, n_points, n_states)."""
+    def pushed(self, v: Array, h: Array) -> Array:
+        """Return what h by d, (n_points, n_pairs, n_states) [J], is by the vectors, same shape as v.
+
+        Overwrites h.
+        """
         where, squares = self._entries
-        H = np.matmul(self.quadratic, d.swapaxes(0, 1)).swapaxes(0, 1).reshape(len(d), -1)
+        H = h.swapaxes(0, 1).reshape(h.shape[1], -1)
         H[squares] *= 2.0
         return np.asarray(np.sum(H[where][:, :, None] * v, axis=1))
 
@@ -94,11 +105,12 @@ class VariedGramLaw(RowLaw):
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_points, n_vectors * n_dim, n_vectors * n_dim)."""
-        slopes = self.slopes(V)
+        slopes = self.product_slopes(V)
         material = slopes.swapaxes(-1, -2) @ self.quadratic @ slopes
-        return np.asarray(material + self.bent_by(self._changes(V), V.shape[-1]))
+        h = (self.quadratic @ self._changes(V)[..., None])[..., 0]
+        return np.asarray(material + self.bent_by(h, V.shape[-1]))
 
-    def slopes(self, V: Array) -> Array:
+    def product_slopes(self, V: Array) -> Array:
         """Return dd/dV, shape (..., n_points, n_pairs, n_vectors * n_dim)."""
         (first, second), each = self._pairs, np.arange(len(self._pairs[0]))
         slopes = np.zeros((*V.shape[:-2], len(each), *V.shape[-2:]))
@@ -106,9 +118,9 @@ class VariedGramLaw(RowLaw):
         slopes[..., each, second, :] += V[..., first, :]
         return slopes.reshape(*slopes.shape[:-2], -1)
 
-    def bent_by(self, d: Array, n_dim: int) -> Array:
-        """Return the derivative of `pull_of` by the vectors where d (..., n_points, n_pairs) stays."""
+    def bent_by(self, h: Array, n_dim: int) -> Array:
+        """Return the derivative of `pushed` by the vectors where h (..., n_points, n_pairs) stays."""
         where, squares = self._entries
-        H = (self.quadratic @ d[..., None])[..., 0]
+        H = h.copy()
         H[..., squares] *= 2.0
         return np.kron(H[..., where], np.eye(n_dim))
