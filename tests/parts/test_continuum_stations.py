@@ -200,6 +200,19 @@ def test_points_are_inside_the_section_at_their_place(place):
             parse_deck(yaml.safe_dump(data))
 
 
+@pytest.mark.parametrize("sections", [("thick", "thin"), ("thin", "thick")])
+def test_points_at_a_step_are_inside_the_larger_section(sections):
+    places = [(0.0, sections[0]), (0.5, sections[0]), (0.5, sections[1]), (1.0, sections[1])]
+    stations = [{"at": at, "section": name} for at, name in places]
+    for height, inside in ((0.0199, True), (0.0201, False)):
+        data = deck(stations, element="continuum", points={"edge": [0.5 * L, 0.5 * height]})
+        if inside:
+            assert parse_deck(yaml.safe_dump(data)).deck.bodies["b"].points
+            continue
+        with pytest.raises(DeckError, match=r"is outside the section, 0\.02 m high"):
+            parse_deck(yaml.safe_dump(data))
+
+
 def test_sections_of_a_curved_beam_cut_one_another_where_they_are_thick():
     """Of an axis that bends near its tip, where the beam is thin or thick."""
     points = [*([x, 0.0, 0.0] for x in (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)), [1.2, 0.05, 0.0], [1.4, 0.2, 0.0]]
