@@ -25,8 +25,11 @@ from hfsim.scene.shipped import find_deck
 
 if TYPE_CHECKING:
     from hfsim.integrators import Memory
+    from hfsim.output.extras import Extras
     from hfsim.output.recording import Recording
+    from hfsim.output.runfolder import RunFolder, RunLog, Stopwatch
     from hfsim.output.stream import Stream
+    from hfsim.output.writers import Provenance
     from hfsim.studies.compare import Comparison
     from hfsim.studies.verify import Verification
 
@@ -146,23 +149,31 @@ def _written(
     plots: bool | str,
     wish: Mapping[str, Any],
 ) -> Run:
-    from hfsim.output.extras import Extras
     from hfsim.output.recording import Recording
-    from hfsim.output.runfolder import RunLog, Stopwatch, claim
-    from hfsim.output.writers import Provenance
 
-    deck, log = loaded.deck, RunLog()
-    provenance = Provenance.of(loaded, loaded.source.file, loaded.overrides)
-    watch = Stopwatch(cpu_start=time.process_time())
-    recording = Recording(claim(output, force), deck.name, deck.solve.model, provenance, watch, log)
+    deck = loaded.deck
+    folder, provenance, watch, log, wanted = folder_for(loaded, output, force, plots, wish["after"])
+    recording = Recording(folder, deck.name, deck.solve.model, provenance, watch, log)
     try:
         result = carry_out(loaded, progress, recording=recording, **wish)
     except BaseException as error:
         recording.abandon(error)
         raise
-    kind = plots if isinstance(plots, str) else "png"
-    wanted = Extras(bool(plots), after=wish["after"], format=kind).of(deck.output)
     return recording.finish(result, wanted)[0]
+
+
+def folder_for(
+    loaded: LoadedDeck, output: Path, force: bool, plots: bool | str, after: float | None = None
+) -> tuple[RunFolder, Provenance, Stopwatch, RunLog, Extras]:
+    """Return the folder of a run from Python, what it comes from, its clock and log, and what is drawn."""
+    from hfsim.output.extras import Extras
+    from hfsim.output.runfolder import RunLog, Stopwatch, claim
+    from hfsim.output.writers import Provenance
+
+    provenance = Provenance.of(loaded, loaded.source.file, loaded.overrides)
+    kind = plots if isinstance(plots, str) else "png"
+    wanted = Extras(bool(plots), after=after, format=kind).of(loaded.deck.output)
+    return claim(output, force), provenance, Stopwatch(cpu_start=time.process_time()), RunLog(), wanted
 
 
 def carry_out(

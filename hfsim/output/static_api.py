@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import UnfinishedRunError
-from hfsim.output.api import AnyDeck, load
+from hfsim.output.api import AnyDeck, folder_for, load
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
-    from hfsim.output.runfolder import RunFolder
 
 
 def static(
@@ -66,25 +64,12 @@ def static(
     from hfsim.studies.static import Wish, run_static
 
     loaded = load(deck, changes).with_numbers()
-    folder = None if output is None else _claimed(Path(output), force)
-    wish = Wish(at, path, buckling, None if vary is None else tuple(vary))
-    result = run_static(loaded, wish)
-    if folder is not None:
-        from hfsim.output.extras import Extras
+    to = None if output is None else folder_for(loaded, Path(output), force, plots)
+    result = run_static(loaded, Wish(at, path, buckling, None if vary is None else tuple(vary)))
+    if to is not None:
         from hfsim.output.recording import save_run
-        from hfsim.output.runfolder import RunLog, Stopwatch
-        from hfsim.output.writers import Provenance
 
-        provenance = Provenance.of(loaded, loaded.source.file, loaded.overrides)
-        wanted = Extras(bool(plots), format=plots if isinstance(plots, str) else "png").of(loaded.deck.output)
-        watch = Stopwatch(cpu_start=time.process_time())
-        result, _ = save_run(folder, result, provenance, watch, RunLog(), wanted)
+        result, _ = save_run(to[0], result, *to[1:])
     if check and result.exit_code:
         raise UnfinishedRunError(result)
     return result
-
-
-def _claimed(path: Path, force: bool) -> RunFolder:
-    from hfsim.output.runfolder import claim
-
-    return claim(path, force)

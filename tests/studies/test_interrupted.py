@@ -13,24 +13,6 @@ from click.testing import CliRunner
 from hfsim.cli import app
 from hfsim.studies.farm import Farm
 
-WHEEL = """
-hfsim: 1
-name: wheel
-bodies: {hub: {type: rigid, mass: 1.0, inertia: 1.0, points: {rim: [1.0, 0.0]}}}
-joints: {pin: {type: revolute, between: [ground, hub]}}
-springs: {coil: {type: rotational, between: [ground, hub], stiffness: 100.0}}
-initial: {hub: {angular_velocity: 1.0}}
-solve: {duration: 0.5, tolerance: 1.0e-6}
-output: {channels: [hub.angle, hub.rim.x]}
-"""
-
-
-@pytest.fixture
-def wheel(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "wheel.yaml").write_text(WHEEL)
-    return tmp_path
-
 
 def call(*arguments):
     return CliRunner().invoke(app, [str(argument) for argument in arguments])

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from wheel import WHEEL
 
 import hfsim
 from hfsim.cli import app
@@ -22,24 +23,7 @@ from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 from hfsim.studies.sweep import plan as plans
 
-WHEEL = """
-hfsim: 1
-name: wheel
-bodies: {hub: {type: rigid, mass: 1.0, inertia: 1.0, points: {rim: [1.0, 0.0]}}}
-joints: {pin: {type: revolute, between: [ground, hub]}}
-springs: {coil: {type: rotational, between: [ground, hub], stiffness: 100.0}}
-initial: {hub: {angular_velocity: 1.0}}
-solve: {duration: 0.5, tolerance: 1.0e-8}
-output: {channels: [hub.angle, hub.rim.x]}
-"""
 STIFF = "springs.coil.stiffness"
-
-
-@pytest.fixture
-def wheel(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "wheel.yaml").write_text(WHEEL)
-    return tmp_path
 
 
 def call(*arguments):

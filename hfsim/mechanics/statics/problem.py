@@ -13,12 +13,10 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
 from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.small_motions import derivative, resistance
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turning import Turning
-
-_STEP = 1e-5
-"""Of central differences, relative to coordinates larger than 1."""
 
 
 class Weighted(NamedTuple):
@@ -290,19 +288,15 @@ class Problem:
         whole = assemble(parts, (system.n_x, system.n_x), sparse)
         if self.turning is not None:
             W = self.turning.matrix
-            felt = [one.part.rate_tangent(self.t, x, u) for one in self.forces if one.part.uses_rates]
             whole = whole + load * (equations.constant_mass @ W @ W)
-            whole = whole + load**0.5 * (assemble(felt, (system.n_x, system.n_x), sparse) @ W)
+            whole = whole + load**0.5 * (resistance(system, self.t, x, u) @ W)
         return Tangent(system.reduction.reduced(whole), self.jacobian(state))
 
     def _by_differences(self, state: State, load: float) -> Tangent:
-        z, n = state.z, state.z.shape[1]
-        step = _STEP * np.maximum(1.0, np.abs(z[0]))
-        moved = np.concatenate([z + np.diag(step), z - np.diag(step)])
-        multipliers = np.repeat(state.multipliers, 2 * n, axis=0)
-        force = self._missing(moved, multipliers, load)[0]
-        K = ((force[n:] - force[:n]) / (2.0 * step[:, None])).T
-        return Tangent(K, np.asarray(self.jacobian(state)))
+        def held_back(moved: Array) -> Array:
+            return -self._missing(moved, np.repeat(state.multipliers, len(moved), axis=0), load)[0]
+
+        return Tangent(derivative(held_back, state.z[0]), np.asarray(self.jacobian(state)))
 
     def expecting(self, state: State, dz: Array) -> list[Array | None]:
         """Return the strains of each force to which changes (1, n) of a state are to lead."""
