@@ -12,7 +12,7 @@ from hfsim.marching.integration import Leg
 from hfsim.marching.sampling import SceneSamples, compute_channels
 from hfsim.marching.solution import Channel
 from hfsim.marching.turns import read_states
-from hfsim.maths.arrays import Array, distinct
+from hfsim.maths.arrays import Array, BoolArray, distinct
 from hfsim.maths.frozen import frozen
 
 ENOUGH = 1200
@@ -25,6 +25,8 @@ INSIDE = 16
 """Times in one of few steps at most."""
 STAGES = 2
 """Times in one long step among many at most, over the number of its polynomials."""
+VISIBLE, ROUNDING = 5e-4, 1e-7
+"""Part of its range by which a curve may be missed unseen; what changes by less of its size is rounding."""
 AT_ONCE, IN_CACHE = (64, 512), 1e6
 """Least and most times that are read in one go, and squares of coordinates in them: more numbers would be
 fetched from memory over and over."""
@@ -54,19 +56,27 @@ class Between:
         if len(self.t) < 2:
             return self.t, self.channels
         rows = np.column_stack([self.t, *(channel.values for channel in self.channels)])
-        parts = [rows, *self._parts()]
-        table = np.concatenate(parts)
-        table = table[np.isfinite(table).all(axis=1)]
-        _, first = np.unique(table[:, 0], return_index=True)  # of one time, the row of the output
-        columns = np.ascontiguousarray(table[first].T)
+        times = [self._times(leg) for leg in self.legs]
+        rough = [one[::2] for one in times]
+        table = self._with(rows, rough)
+        bent = bends(table, [channel.unit for channel in self.channels])
+        table = self._with(table, [_within(one[1::2], table[:, 0], bent) for one in times])
+        columns = np.ascontiguousarray(table.T)
         named = zip(self.channels, columns[1:], strict=True)
         return columns[0], tuple(channel._replace(values=values) for channel, values in named)
 
-    def _parts(self) -> Iterator[Array]:
-        for leg in self.legs:
-            path = leg.done.trajectory
-            room = int(min(MOST, MOST_NUMBERS / max(1, leg.scene.system.n)))
-            yield from _read(leg, times_between(path, self.t, room))
+    def _times(self, leg: Leg) -> Array:
+        room = int(min(MOST, MOST_NUMBERS / max(1, leg.scene.system.n)))
+        return times_between(leg.done.trajectory, self.t, room)
+
+    def _with(self, table: Array, times: Sequence[Array]) -> Array:
+        """Return a table in order of time with rows at more times of each leg."""
+        wanted = [pair for pair in zip(self.legs, times, strict=True) if len(pair[1])]
+        parts = [one for leg, own in wanted for one in _read(leg, own)]
+        table = np.concatenate([table, *parts])
+        table = table[np.isfinite(table).all(axis=1)]
+        _, first = np.unique(table[:, 0], return_index=True)  # of one time, the row of the output
+        return np.asarray(table[first])
 
     def at(self, times: Array) -> Array:
         """Return the channels at sorted times within the run, shape (n_times, n_channels)."""
@@ -74,6 +84,33 @@ class Between:
         owner = np.searchsorted(ends, times)
         parts = [one for k, leg in enumerate(self.legs) for one in _read(leg, times[owner == k])]
         return np.concatenate(parts)[:, 1:]
+
+
+def bends(table: Array, units: Sequence[str]) -> BoolArray:
+    """Return between which rows of a table, times and channels, a straight line may be seen to miss a curve.
+
+    What is constant, but for rounding beside its value or beside others of its unit, needs no more rows.
+    """
+    t, values = table[:, 0], table[:, 1:]
+    ranges, size = np.ptp(values, axis=0), np.abs(values).max(axis=0)
+    largest = dict.fromkeys(units, 0.0)
+    for unit, one in zip(units, ranges.tolist(), strict=True):
+        largest[unit] = max(largest[unit], one)
+    beside = np.array([largest[unit] for unit in units])
+    told = (ranges > ROUNDING * size) & (ranges > ROUNDING * beside)
+    part = ((t[1:-1] - t[:-2]) / (t[2:] - t[:-2]))[:, None]
+    straight = (1.0 - part) * values[:-2] + part * values[2:]
+    # a line over half the time misses a quarter
+    missed = (np.abs(values[1:-1] - straight) > 4.0 * VISIBLE * ranges)[:, told].any(axis=1)
+    bent = np.zeros(len(t) - 1, dtype=bool)
+    bent[:-1] |= missed
+    bent[1:] |= missed
+    return bent
+
+
+def _within(times: Array, ends: Array, chosen: BoolArray) -> Array:
+    """Return those times that are in chosen intervals."""
+    return times[chosen[np.clip(np.searchsorted(ends, times) - 1, 0, len(chosen) - 1)]]
 
 
 def _read(leg: Leg, times: Array) -> Iterator[Array]:

@@ -9,7 +9,8 @@ from test_record import TURNING, Notes
 
 import hfsim.marching.record
 from hfsim.integrators import Segment, Trajectory
-from hfsim.marching.between import times_between
+from hfsim.marching import between
+from hfsim.marching.between import bends, times_between
 from hfsim.mechanics.system import System
 from hfsim.output.api import carry_out
 from hfsim.scene.loading import load_deck, parse_deck
@@ -50,6 +51,35 @@ def test_curves_are_those_of_a_fine_output(deck, overrides):
     assert drawn.t[at].tobytes() == coarse.t.tobytes()
     for mine, row in zip(drawn.channels, coarse.channels, strict=True):
         assert mine.values[at].tobytes() == row.values.tobytes(), "rows are in the curve as they are"
+
+
+def test_smooth_parts_of_curves_have_fewer_times_unseen(monkeypatch):
+    path = ["output.interval=0.05", "output.channels=[b1.tip.x, b1.tip.y]"]
+    whip = load_deck(CASES / "pendulum.yaml", path)
+    few = run(whip).drawn
+    monkeypatch.setattr(between, "bends", lambda table, units: np.ones(len(table) - 1, dtype=bool))
+    every = run(whip).drawn
+    assert len(few.t) < 0.7 * len(every.t) and np.isin(few.t, every.t).all()
+    assert far(few, every) < 2.0 * between.VISIBLE
+
+
+def test_straight_lines_may_be_seen_to_miss_bends_but_not_rounding():
+    t = np.linspace(0.0, 1.0, 101)
+    noise = np.cos(1e3 * t)
+    rows = {
+        "kink": (np.abs(t - 0.5), [49, 50]),
+        "line": (3.0 * t, []),
+        "arc": (np.sin(t), []),
+        "waves": (np.sin(60.0 * t), None),
+        "rounding": (7.0 + 1e-9 * noise, []),
+    }
+    for name, (values, where) in rows.items():
+        bent = bends(np.column_stack([t, values]), ["m"])
+        assert len(bent) == 100
+        assert np.flatnonzero(bent).tolist() == where if where is not None else bent.mean() > 0.9, name
+    both = np.column_stack([t, 1e-9 * noise, t])
+    assert not bends(both, ["N", "N"]).any(), "a force that is none beside another"
+    assert bends(both, ["N", "m"]).mean() > 0.9
 
 
 def test_curves_go_through_a_change_of_models():

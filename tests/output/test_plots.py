@@ -145,7 +145,8 @@ def test_the_oblique_picture_is_seen_from_above_in_front(run):
     assert floor.every[0].shape == (2, 2)
     arrows = [one for one in panel.things if isinstance(one, Arrow)]
     along = np.array([one.end - one.begin for one in arrows])
-    assert along / along[2, 1] * plotted[2, 1] == pytest.approx(plotted), "x, y and z of the ground"
+    size = np.linalg.norm(plotted[2]) / np.linalg.norm(along[2])
+    assert size * along == pytest.approx(plotted), "x, y and z of the ground"
 
 
 @pytest.mark.parametrize(("name", "jump"), [("rotation", np.pi), ("quaternion", 1.0)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -140,7 +139,6 @@ class Arrow(NamedTuple):
         ink.line(head, Pen(self.colour, 1.0))
 
 
-@dataclass
 class Panel:
     """Axes on a sheet.
 
@@ -157,16 +155,12 @@ class Panel:
         What is drawn in it, from the first to the last.
     """
 
-    x: float
-    y: float
-    width: float
-    height: float
-    left: float = 0.0
-    bottom: float = 0.0
-    across: Axis = _UNSTATED
-    upward: Axis = _UNSTATED
-    framed: bool = False
-    things: list[Curve | Strokes | Note | Arrow] = field(default_factory=list)
+    def __init__(self, x: float, y: float, width: float, height: float) -> None:
+        self.x, self.y, self.width, self.height = x, y, width, height
+        self.left = self.bottom = 0.0
+        self.across = self.upward = _UNSTATED
+        self.framed = False
+        self.things: list[Curve | Strokes | Note | Arrow] = []
 
     @property
     def curves(self) -> list[Curve]:

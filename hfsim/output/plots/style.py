@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.colors import ListedColormap
 
 from hfsim.marching.solution import Run
-from hfsim.studies.compare.words import ending
 
 SIZE = (8.0, 4.6)
 """Width and height of a plot against time [inch]."""
@@ -31,6 +30,8 @@ def slug(name: str) -> str:
 
 def ended(run: Run) -> str:
     """Return how and when a run ended before its time."""
+    from hfsim.studies.compare.words import ending  # of all runs few end before their time
+
     return f"{ending(run.status)} at {run.stop_time:.3g} s"
 
 
