@@ -114,24 +114,26 @@ def _extremes(quantities: Sequence[Quantity], run: Run) -> list[float]:
     tops = [int(np.argmax(curve)) for curve in curves]
     most = [float(curve[top]) for curve, top in zip(curves, tops, strict=True)]
 
-    def look(which: Sequence[int], at: Array) -> tuple[Array, Array]:
-        """Look between some times; return those that were looked at, and the curves there."""
+    def look(which: Sequence[int], at: Array) -> tuple[Array, Array, list[int]]:
+        """Look between some times; return these, the curves there, and where each is largest."""
         times = np.linspace(at[:, 0], at[:, 1], _CLOSER, axis=1)
         values = _read_each([quantities[k] for k in which], run, times)
         values *= np.array([signs[k] for k in which])[:, None]
-        for k, here in zip(which, values, strict=True):
-            most[k] = max(most[k], _peak(here, int(np.argmax(here))))
-        return times, values
+        best: list[int] = values.argmax(axis=1).tolist()
+        for k, here, place in zip(which, values, best, strict=True):
+            most[k] = max(most[k], _peak(here, place))
+        return times, values, best
 
     if run.fine is not None and len(seen.t) > 1:
         whole = range(len(quantities))
-        times, values = look(whole, np.array([_near(seen.t, curves[k], tops[k]) for k in whole]))
-        ends = seen.t[0], seen.t[-1]
-        if missed := [k for k in whole if _climbs(times[k], values[k], ends)]:
+        times, values, best = look(whole, np.array([_near(seen.t, curves[k], tops[k]) for k in whole]))
+        ends = float(seen.t[0]), float(seen.t[-1])
+        edges = (k for k in whole if best[k] in (0, _CLOSER - 1) and times[k, best[k]] not in ends)
+        if missed := [k for k in edges if np.ptp(values[k]) > 0.0]:  # it climbs where one stopped to look
             at = np.array([_around(seen.t, tops[k]) for k in missed])
             for _ in range(_ROUNDS):
-                times, values = look(missed, at)
-                at = np.array([_around(t, int(np.argmax(y))) for t, y in zip(times, values, strict=True)])
+                times, _, best = look(missed, at)
+                at = np.array([_around(t, place) for t, place in zip(times, best, strict=True)])
     return [sign * value for sign, value in zip(signs, most, strict=True)]
 
 
@@ -149,18 +151,12 @@ def _near(times: Array, curve: Array, top: int) -> tuple[float, float]:
     before, after = _around(times, top)
     at = float(times[top])
     if before < at < after:
-        rise, fall = np.diff(curve[top - 1 : top + 2]) / np.diff(times[top - 1 : top + 2])
+        low, high, last = map(float, curve[top - 1 : top + 2])
+        rise, fall = (high - low) / (at - before), (last - high) / (after - at)
         if rise > fall:
-            at = 0.5 * (before + at) + 0.5 * (after - before) * float(rise / (rise - fall))
+            at = 0.5 * (before + at) + 0.5 * (after - before) * rise / (rise - fall)
     width = (after - before) / _CLOSER
     return max(before, at - width), min(after, at + width)
-
-
-def _climbs(times: Array, values: Array, ends: tuple[float, float]) -> bool:
-    """Tell whether a curve has its largest value where one stopped to look, and the run did not."""
-    place = int(np.argmax(values))
-    inside = 0 < place < len(values) - 1
-    return not inside and times[place] not in ends and values.max() > values.min()
 
 
 def _peak(values: Array, best: int) -> float:
