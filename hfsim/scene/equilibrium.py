@@ -22,8 +22,10 @@ from hfsim.mechanics.resistances import Control, Push
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.statics.problem import Problem, State, Watch, Weighted
+from hfsim.mechanics.statics.relaxation import ENDLESS
 from hfsim.mechanics.system import System
 from hfsim.mechanics.ties import Tie
+from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.freedom import FreeMotion
 from hfsim.scene.loading import LoadedDeck
@@ -76,6 +78,10 @@ class Assembled(Protocol):
     @property
     def bodies(self) -> Mapping[str, Body]:
         """Bodies by their names."""
+
+    @property
+    def models(self) -> Mapping[str, str]:
+        """Model of each beam."""
 
     @property
     def q(self) -> Array:
@@ -333,6 +339,12 @@ def why_not(scene: Assembled, t: float, found: Equilibrium) -> SolverFailure:
         reason = f"the loads can be put on to {found.limit:.4g} of their size, and beyond no rest is found"
         remedy = "--path follows the load through its limit; --set changes a load"
         return SolverFailure(reason, t, evidence={"load": found.limit, "search": found.reason}, remedy=remedy)
+    rough = [name for name, model in scene.models.items() if MODELS[model].leaves_out]
+    if rough and found.reason == ENDLESS:
+        reason = f"no place of rest is found with the model {scene.models[rough[0]]} of {', '.join(rough)}"
+        remedy = "hfsim static with --model exact"
+        evidence = {"search": found.reason}
+        return SolverFailure(reason, t, f"bodies.{rough[0]}", "model", evidence, remedy)
     if len(found.neutral):
         names = held_by_nothing(scene, found.neutral)
         reason = f"nothing holds what the loads push: {'; '.join(names)}"

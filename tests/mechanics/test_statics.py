@@ -9,6 +9,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from hfsim.errors import SolverFailure
 from hfsim.mechanics.statics.problem import Problem, State, Tangent
+from hfsim.mechanics.statics.relaxation import ENDLESS
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import build
 from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, why_not
@@ -166,6 +167,14 @@ output: {channels: [hub.angle, motor.moment]}
 """
     run = run_static(parse_deck(text), 0.5)
     assert [c.values[0] for c in run.channels] == pytest.approx([1.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(("model", "blamed"), [("lowOrder", "model"), ("exact", "deck")])
+def test_a_rough_model_is_blamed_before_the_joints_where_no_rest_is_found(model, blamed):
+    scene = beam(model=model, angle=-0.5 * np.pi)
+    found = search(scene)
+    lost = replace(found, reason=ENDLESS, neutral=np.eye(1, found.state.z.shape[1]))
+    assert why_not(scene, 0.0, lost).kind == blamed
 
 
 # --- mechanisms -----------------------------------------------------------------------------------

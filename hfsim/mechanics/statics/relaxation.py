@@ -25,6 +25,8 @@ SAME = 1e-5
 """Change of a state up to which all within it is the same place of rest [rad]."""
 SHORT = 1e-25
 """Of the shortest step, over the longest."""
+ENDLESS = "it does not come to rest"
+"""What is said after so many steps."""
 ASTRAY = 60.0
 """Way after which nothing will hold it any more [rad]."""
 
@@ -69,7 +71,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         step = min(longest, step * (2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)))
         before = size
         force, gap, K, J = _equations(problem, state, level)
-    raise NotFoundError("it does not come to rest", state, dz if before > SAME else None)
+    raise NotFoundError(ENDLESS, state, dz if before > SAME else None)
 
 
 def _equations(problem: Problem, state: State, level: Level) -> tuple[Array, Array, Matrix, Matrix]:
