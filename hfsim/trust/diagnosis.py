@@ -24,11 +24,17 @@ from hfsim.mechanics.linearized import by_differences
 from hfsim.mechanics.modes import first_order
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.scene.build import Scene, build
-from hfsim.trust.experiments import DENSE, GOOD_BALANCE, Experiments, command, joint_dependence, listed
+from hfsim.trust.experiments import (
+    DEAD,
+    DENSE,
+    GOOD_BALANCE,
+    Experiments,
+    command,
+    joint_dependence,
+    listed,
+)
 from hfsim.trust.validity import STEEP, truncated_beams, watch_validity
 
-DEAD = 1e-3
-"""Smallest singular value of the joint equations, over that at the start, that means a dead centre."""
 MASSLESS = 1e-8
 """Mass over the scene's total from which a body without inertia is to blame for motions too fast."""
 

@@ -21,6 +21,8 @@ from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import SolveSpec
 
+DEAD = 1e-3
+"""Smallest singular value of the joint equations, over that at the start, that means a dead centre."""
 GOOD_BALANCE = 1e-3
 """Energy drift up to which an experiment counts as passed."""
 AT_LEAST = 2.0

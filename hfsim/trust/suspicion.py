@@ -7,10 +7,13 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import SolverFailure
+from hfsim.integrators import Trajectory
 from hfsim.marching.integration import Integration
 from hfsim.marching.stop import Budget
+from hfsim.maths.rank import Dependence
 from hfsim.scene.build import Scene
 from hfsim.trust.experiments import (
+    DEAD,
     GOOD_BALANCE,
     Experiments,
     Update,
@@ -20,6 +23,8 @@ from hfsim.trust.experiments import (
 )
 from hfsim.trust.growth import Growth, amplitude_of, disturbed_growth, loaded_items
 
+LOOKED_AT, NEAREST = (60, 300), 4
+"""Times at which singular positions are looked for, and how many of the nearest are looked at closely."""
 REDUNDANT = 1e-6
 """Smallest singular value of the joint equations below which joints are all but redundant."""
 
@@ -82,8 +87,43 @@ def _suspicious_balance(trial: Experiments, drift: float) -> SolverFailure | Non
         remedy = trial.command_exact(beams[0].name, force=True)
         item = f"bodies.{beams[0].name}"
         return failure(reason, item, "model", remedy, term="inertia forces of third order")
+    if (passed := singular_position(scene, trial.done.trajectory)) is not None:
+        return _led_over(trial, drift, *passed)
     remedy = command(scene.loaded, {"solve.tolerance": 1e-10}, force=True)
     return failure(", and no experiment kept it in the time allowed", "solve", "numerical", remedy)
+
+
+def singular_position(scene: Scene, path: Trajectory) -> tuple[float, Dependence] | None:
+    """Return when joint equations lost their rank on the way, and which; None if they did not."""
+    if not scene.system.n_rows:
+        return None
+    least, most = LOOKED_AT
+    times = np.linspace(0.0, path.t_end, min(max(least, len(path.step_ends())), most))
+
+    def size(t: float) -> float:
+        return joint_dependence(scene, path.at(np.array([t]))[0][0]).size
+
+    sizes = np.array([size(t) for t in times])
+    bound = DEAD * sizes[0]
+    inner = np.flatnonzero((sizes[1:-1] <= sizes[:-2]) & (sizes[1:-1] <= sizes[2:])) + 1
+    for k in inner[np.argsort(sizes[inner])][:NEAREST]:
+        from scipy.optimize import minimize_scalar
+
+        found = minimize_scalar(size, bounds=(times[k - 1], times[k + 1]), method="bounded")
+        if found.fun <= bound:
+            return float(found.x), joint_dependence(scene, path.at(np.array([found.x]))[0][0])
+    return None
+
+
+def _led_over(trial: Experiments, drift: float, t: float, found: Dependence) -> SolverFailure:
+    """Return that a step may have led out of a singular position on another way than the motion's."""
+    names = listed(found.joints)
+    reason = f"the energy balance is off: at t = {t:.4g} s the equations of joints {names} lose their rank, "
+    reason += "and a step may go on from there on another way, such as with crossed loops"
+    evidence = {"energy_drift": drift, "smallest_singular_value": found.size}
+    until = command(trial.scene.loaded, {"solve.duration": float(f"{0.98 * t:.3g}")}, force=True)
+    remedy = f"keep it away from there, for smaller steps need not help; until then: {until}"
+    return SolverFailure(reason, t, f"joints.{found.joints[-1]}", "physical", evidence, remedy)
 
 
 def _left_range(trial: Experiments, validity: dict[str, Any]) -> SolverFailure | None:

@@ -15,9 +15,11 @@ from hfsim.deck import units
 from hfsim.errors import DeckError, SolverFailure
 from hfsim.integrators import Limits, Problem, _pace, integrate
 from hfsim.integrators.explicit import Explicit
+from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
+from hfsim.trust.suspicion import singular_position
 
 CASES = Path(__file__).parents[2] / "cases"
 
@@ -135,6 +137,36 @@ def test_redundant_joints_are_named_with_their_lines():
     (problem,) = refusal.value.problems
     assert problem.path == "joints.pin" and problem.line == line_of(text, "pin")
     assert f"'nail' (line {line_of(text, 'nail')})" in problem.message
+
+
+PARALLELOGRAM = """hfsim: 1
+ground: {points: {there: [1.0, 0.0]}}
+bodies:
+  left: &bar {type: rigid, mass: 1.0, inertia: 0.1, points: {low: [-0.5, 0.0], top: [0.5, 0.0]}}
+  right: *bar
+  across: *bar
+joints:
+  foot: {type: revolute, between: [ground, left.low]}
+  other: {type: revolute, between: [ground.there, right.low]}
+  near: {type: revolute, between: [left.top, across.low]}
+  far: {type: revolute, between: [across.top, right.top]}
+initial:
+  left: &up {angle: 90 deg, angular_velocity: -2.0}
+  right: *up
+  across: {angle: 0.0, angular_velocity: 0.0}
+solve: {duration: 1.0, tolerance: 1.0e-5}
+output: {channels: [left.angle]}
+"""
+
+
+def test_a_loop_that_lines_up_on_the_way_passed_a_singular_position():
+    loaded = parse_deck(PARALLELOGRAM)
+    scene = build(loaded)
+    t, found = singular_position(scene, run_integration(scene, scene.deck.solve).trajectory)
+    assert t == pytest.approx(0.25 * np.pi, abs=1e-3)
+    assert set(found.joints) <= {"foot", "other", "near", "far"} and found.size < 1e-3
+    short = build(loaded.changed(["solve.duration=0.7"]))
+    assert singular_position(short, run_integration(short, short.deck.solve).trajectory) is None
 
 
 def test_nearly_redundant_joints_are_suspicious():
