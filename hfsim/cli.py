@@ -18,6 +18,7 @@ from types import ModuleType
 import click
 
 from hfsim import __version__
+from hfsim.maths.kernel import KERNEL
 
 COMMANDS = {
     "run": "Simulate decks: CSV, plots, summary.",
@@ -80,8 +81,11 @@ class LazyGroup(click.Group):
             ctx.exit(report_error(error))
 
 
+VERSION = f"%(prog)s, version %(version)s, kernel {KERNEL}"
+
+
 @click.group(cls=LazyGroup, context_settings=_HELP)
-@click.version_option(__version__, prog_name="hfsim")
+@click.version_option(__version__, prog_name="hfsim", message=VERSION)
 def app() -> None:
     """Simulate flexible multibody systems: four models of one scene, with their error and cost.
 

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.traced import outside
 
 
 class Law(ABC):
@@ -39,15 +40,15 @@ class Law(ABC):
 
     def value(self, t: ArrayLike) -> Array:
         """Return the value at times t [s]."""
-        return self._derivative(np.asarray(t, dtype=float), 0)
+        return outside(self._derivative, np.asarray(t, dtype=float), 0)
 
     def rate(self, t: ArrayLike) -> Array:
         """Return the first time derivative at times t [s]."""
-        return self._derivative(np.asarray(t, dtype=float), 1)
+        return outside(self._derivative, np.asarray(t, dtype=float), 1)
 
     def acceleration(self, t: ArrayLike) -> Array:
         """Return the second time derivative at times t [s]."""
-        return self._derivative(np.asarray(t, dtype=float), 2)
+        return outside(self._derivative, np.asarray(t, dtype=float), 2)
 
     @abstractmethod
     def _derivative(self, t: Array, order: int) -> Array:

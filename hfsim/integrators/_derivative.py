@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix
 
-Correction = Callable[[Array], tuple[Array, float]]
+Correction = Callable[[Array], tuple[Array, Array]]
 """From residuals at the stages, as displacements (s, n_r), to corrections and the size of their consequence:
 the displacement to which the change of the velocity at the end of the step leads, which is what an unfinished
 iteration does to the steps that follow."""
@@ -69,8 +69,14 @@ class ByStep(Generic[_Value]):
     def __init__(self) -> None:
         self._h: float | None = None
 
+    def anew(self) -> ByStep[_Value]:
+        """Return one that has kept nothing."""
+        return ByStep()
+
     def of(self, h: float, make: Callable[[], _Value]) -> _Value:
-        """Return what belongs to a step length."""
+        """Return what belongs to a step length; while that is recorded, it is made anew."""
+        if isinstance(h, np.ndarray):
+            return make()
         if h != self._h:
             self._value, self._h = make(), h
         return self._value
@@ -89,6 +95,7 @@ class Derivative:
         Where: t, q, v, expected strains, and the angles whose turns are counted.
     """
 
+    holds_arrays: ClassVar[bool] = True
     increments: Increments
     fastest: float
     taken: Array

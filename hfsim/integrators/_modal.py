@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
+from hfsim.maths.traced import chosen
 from hfsim.mechanics.linearized import Linearized
 
 DRIVEN = 1e-6
@@ -37,6 +39,7 @@ class Joints:
     jacobian: Array
     closing: Array
     forces: Array
+    holds_arrays: ClassVar[bool] = True
 
     @classmethod
     def of(cls, at: Linearized, jacobian: Array, R: Array) -> Joints:
@@ -80,12 +83,16 @@ class ModalDerivative(Derivative):
     mass: Array | None = None
 
     def __post_init__(self) -> None:
-        self.fastest = float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
         # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
         self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
         self._divisor: ByStep[tuple[ComplexArray, ComplexArray]] = ByStep()
         rows = self.L if self.joints is None else np.concatenate([self.L, self.joints.jacobian])
         self._columns = np.ascontiguousarray(rows.T)
+
+    @cached_property
+    def fastest(self) -> float:  # type: ignore[override]
+        """Largest circular frequency [rad/s]."""
+        return float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
 
     @classmethod
     def of(cls, at: Linearized, natural: Increments, q: Array) -> ModalDerivative:
@@ -144,22 +151,32 @@ class ModalDerivative(Derivative):
 
         What the joints are driven by goes on uniformly accelerated, and takes the modes along.
         """
-        oscillating = np.isrealobj(self.w2) and bool((self.w2 >= 0.0).all())
-        omega = np.sqrt(self.w2 if oscillating else self.w2.astype(complex))
+        real = np.isrealobj(self.w2)
+        omega = np.sqrt(np.abs(self.w2) if real else self.w2)
         omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
         tau = (h * table.nodes)[:, None]
         half = 0.5 * tau * omega
-        sine = np.sin(half) / omega
-        once, twice = 2.0 * sine * np.cos(half), 2.0 * sine * sine
+        sine, cosine, square = np.sin(half), np.cos(half), omega * omega
+        if real:
+            # what does not swing grows
+            grows = self.w2 < 0.0
+            sine, cosine = np.where(grows, np.sinh(half), sine), np.where(grows, np.cosh(half), cosine)
+            square = np.where(grows, -square, square)
+        sine = sine / omega
+        once, twice = 2.0 * sine * cosine, 2.0 * sine * sine
         p1, p2 = self.L @ start.first, self._modal_acceleration(start)
         swing = p1 * once + p2 * twice
         if self.joints is None:
             return np.asarray((self._real(swing) @ self.R.T).real)
         rate, acceleration = self.joints.jacobian @ start.first, self.joints.jacobian @ start.second
         opened = tau * rate + 0.5 * tau**2 * acceleration
-        if float(np.abs(opened[-1]).max(initial=0.0)) > DRIVEN:
-            swing = swing - (rate @ self.joints.forces) * _response(tau, once, omega, 1)
-            swing = swing - (acceleration @ self.joints.forces) * _response(tau, twice, omega, 2)
+        driving = rate @ self.joints.forces, acceleration @ self.joints.forces
+
+        def driven() -> Array | ComplexArray:
+            answers = _response(tau, once, square, 1), _response(tau, twice, square, 2)
+            return np.asarray(swing - driving[0] * answers[0] - driving[1] * answers[1])
+
+        swing = chosen(np.abs(opened[-1]).max(initial=0.0) > DRIVEN, driven, lambda: swing)
         return np.asarray((self._real(swing) @ self.R.T).real + self.joints.closed(opened))
 
     def _modal_acceleration(self, start: Start) -> Array | ComplexArray:
@@ -177,7 +194,7 @@ class ModalDerivative(Derivative):
         joints, m = self.joints, len(self.w2)
         columns = self._columns if self.mass is None else None
 
-        def correct(r: Array) -> tuple[Array, float]:
+        def correct(r: Array) -> tuple[Array, Array]:
             r = r if columns is None else r @ columns
             z = right @ r[:, :m]
             if joints is not None:
@@ -191,7 +208,7 @@ class ModalDerivative(Derivative):
                 rest = joints.closed(r[:, m:])
                 y += rest
                 consequence += 0.5 * (end_rate @ rest)
-            return y.real, float(np.abs(consequence.real).max())
+            return y.real, np.abs(consequence.real).max()
 
         return correct
 
@@ -208,13 +225,13 @@ class ModalDerivative(Derivative):
         return lambda r: np.asarray(inverse @ r)
 
 
-def _response(tau: Array, free: Array | ComplexArray, omega: Array | ComplexArray, power: int) -> Any:
+def _response(tau: Array, free: Array | ComplexArray, square: Array | ComplexArray, power: int) -> Any:
     """Return how modes at rest answer forces tau^power / power!, beside how they swing by themselves.
 
     The latter, ``free``, is sin(omega tau) / omega or (1 - cos(omega tau)) / omega^2: what is left of
-    tau^power / power!, over omega^2.
+    tau^power / power!, over omega^2, the ``square``.
     """
     forced = tau**power / power
-    slow = np.abs(omega) * tau[-1] < SLOW
+    slow = np.abs(square) * tau[-1] ** 2 < SLOW**2
     small = forced * tau**2 / ((power + 1) * (power + 2))
-    return np.where(slow, small, (forced - free) / np.where(slow, 1.0, omega) ** 2)
+    return np.where(slow, small, (forced - free) / np.where(slow, 1.0, square))

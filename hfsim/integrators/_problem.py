@@ -164,7 +164,7 @@ class Problem:
 
     def evaluate(self, t: Array, q: Array, v: Array, strains: Array | None = None) -> Array:
         """Return accelerations of a batch, with strains that are expected if given, and count the call."""
-        self._count(q)
+        self.count(q)
         if strains is None or self.strains is None:
             return np.asarray(self.acceleration(t, q, v))
         return self.strains.expected(strains).acceleration(t, q, v)
@@ -174,7 +174,7 @@ class Problem:
     ) -> tuple[Array, Array]:
         """Return by how much accelerations of a batch fail the equations, strains as in `evaluate`."""
         assert self.imbalance is not None
-        self._count(q)
+        self.count(q)
         if strains is None or self.strains is None:
             return self.imbalance(t, q, v, a)
         return self.strains.expected(strains).imbalance(t, q, v, a)
@@ -182,11 +182,12 @@ class Problem:
     def sloping(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return accelerations of a batch with their slopes by q and v, and count the call."""
         assert self.slopes is not None
-        self._count(q)
+        self.count(q)
         self.counts.factorisations += 1
         return self.slopes(t, q, v)
 
-    def _count(self, q: Array) -> None:
+    def count(self, q: Array) -> None:
+        """Count the evaluation of a batch."""
         self.counts.calls += 1
         self.counts.evaluations += len(q)
 

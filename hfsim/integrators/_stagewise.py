@@ -10,6 +10,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from hfsim.integrators._base import Attempt
+from hfsim.integrators._iteration import Iteration, Place
 from hfsim.integrators._problem import Problem
 from hfsim.integrators.collocation import CollocationMethod, CollocationStepper, Ending
 from hfsim.maths.arrays import Array
@@ -22,6 +23,7 @@ FAR = 1e2
 class StagewiseStepper(CollocationStepper):
     """Collocation at work where slopes of the accelerations are cheap."""
 
+    replays = False
     growths = ((3, 3.0), (4, 1.3), (5, 1.0), (MAX_ITERATIONS, 0.85))
     remembers = (*CollocationStepper.remembers, "_course", "_length")
 
@@ -45,23 +47,27 @@ class StagewiseStepper(CollocationStepper):
         self._old = False
         self._course, self._length = self._made
 
-    def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
-        """Return stage accelerations that go on from the last step, at first those of the start."""
+    def _guess(self, place: Place, a0: Array) -> Iteration:
+        """Return a step with accelerations that go on from the last step, at first those of the start."""
+        step = Iteration(self._problem, self._derivative, self.table, place, corrects=False)
         if not len(self._course):
-            return np.repeat(a0[None], self.table.stages, axis=0)
-        places = 1.0 + 2.0 * h / self._length * self.table.nodes
-        return np.asarray(legvander(places, len(self._course) - 1) @ self._course)
+            step.a = np.repeat(a0[None], self.table.stages, axis=0)
+        else:
+            places = 1.0 + 2.0 * place.h / self._length * self.table.nodes
+            step.a = np.asarray(legvander(places, len(self._course) - 1) @ self._course)
+        return step
 
     def _renew(self, t: float, q: Array, v: Array, h: float, expected: Array | None = None) -> None:
         """Keep the derivative at the start: it takes no part in the steps."""
 
-    def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
-        """Return the stage accelerations, or None if neither guess leads to them."""
-        found = self._newton(t, q, v, h, a)
+    def _solve(self, place: Place) -> bool:
+        """Iterate; return whether either guess leads to the stage accelerations."""
+        found = self._newton(*place, self._step.a)
         if found is None and len(self._course):
-            start = self._start_acceleration(t, q, v)
-            found = self._newton(t, q, v, h, np.repeat(start[None], self.table.stages, axis=0))
-        return found
+            found = self._newton(*place, np.repeat(self._known[None], self.table.stages, axis=0))
+        if found is not None:
+            self._step.take(found, None)
+        return found is not None
 
     def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         table, problem, (s, n) = self.table, self._problem, a.shape

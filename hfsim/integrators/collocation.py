@@ -22,11 +22,11 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, relative, unsolved
-from hfsim.integrators._derivative import Stages, Start, Strained
+from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, unsolved
+from hfsim.integrators._iteration import LINEAR, SAME, End, Iteration, Place
 from hfsim.integrators._problem import Increments, Problem
+from hfsim.integrators._replayed import Replay, Replays
 from hfsim.integrators._tableau import Collocation, gauss, radau
-from hfsim.integrators.derivative import derivative, taken_again
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 
@@ -35,12 +35,8 @@ STAGEWISE = "hfsim.integrators._stagewise.StagewiseStepper"
 MAX_ITERATIONS = 20
 SERVES_WELL = 5
 """Iterations in a step up to which its derivative is kept for one more."""
-LINEAR = 1e-3
-"""Natural increments below which their linear map to the state is good enough."""
 GOAL = 3e-4
 """Part of the tolerance that an unfinished iteration may take."""
-SAME = 1e-5
-"""Natural increments after which the geometry need not be computed anew."""
 ROUNDING = 1e-10
 """Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more: in
 fine meshes the stiffest modes amplify it so far."""
@@ -48,8 +44,6 @@ LAST_DIGIT = 4e-16
 """Corrections, relative to the largest coordinate, that are rounding."""
 TARGET = 0.4
 """Error at which steps are aimed, over the tolerance."""
-TAIL = 0.25
-"""Part of the last terms of the Legendre series that is an error of the positions, as measured."""
 SERVES = 2
 """Steps for which a derivative is kept at most."""
 SHRUNK = 0.7
@@ -128,40 +122,34 @@ class CollocationStepper(Stepper):
         return f"{self.name}:{self.table.stages}"
 
     growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
+    replays: ClassVar[bool] = True
+    """Whether steps are replayed natively where they can be."""
     remembers: ClassVar[tuple[str, ...]] = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known")
 
     def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._tolerance = method, problem, method.tolerance
         self.name, self.table, self._stiff = method.name, method.table, False
-        self._derivative = derivative(problem, t, q, v)
+        self._replays = Replays(problem, self.replays)
+        self._derivative = self._replays.derivative(None, t, q, v)
         self._old, self._served, self._iterations = False, 0, 0
         self._cap = np.inf
         self._known_at, self._known = np.nan, q
-        self._expected: Array | None = None
-        """Strains at the stages to which the first guess leads if these go along with it."""
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
-        a0 = self._start_acceleration(t, q, v)
-        a = self._guess(q, v, a0, h)
-        if self._old and self._renew_inside(t, q, v, h, a):
-            a = self._guess(q, v, a0, h)
-        solved = self._solve(t, q, v, h, a)
-        if solved is None:
+        place = Place(t, q, v, h)
+        self._step = self._guess(place, self._start_acceleration(t, q, v))
+        if self._old and self._renew_inside(place, self._step):
+            self._step = self._guess(place, self._known)
+        if not self._solve(place):
             self._cap = SHRUNK * h
             self._renew(t, q, v, SHRUNK * h)
             return unsolved(SHRUNK)
-        a, table = solved, self.table
-        self._last = a[-1]
-        error = self._error(a, q, h)
-        return Attempt(
-            error=error,
-            growth=self._growth(error, h),
-            q=q + h * v + h * h * (table.b2 @ a),
-            v=v + h * (table.b @ a),
-            series=table.to_legendre @ a,
-        )
+        end = self._step.end()
+        self._last = self._step.a[-1].copy()
+        error = self._error(place, end)
+        return Attempt(error, self._growth(error, h), end.q, end.v, end.series)
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Ask for a new derivative every other step, or at once if it served badly.
@@ -182,7 +170,7 @@ class CollocationStepper(Stepper):
         """Take the same derivative again."""
         super().recall(memory)
         self._choose()
-        self._derivative = taken_again(self._problem, memory["taken"], self._natural)
+        self._derivative = self._replays.taken_again(self._natural, memory["taken"])
 
     def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations at the start of a step, known if the last one had a stage at its end."""
@@ -190,20 +178,9 @@ class CollocationStepper(Stepper):
             self._known_at, self._known = t, self._problem.single(t, q, v)
         return self._known
 
-    def _error(self, a: Array, q: Array, h: float) -> float:
-        """Return the size of the last terms in the Legendre series of the positions, over the tolerance.
-
-        Those of the velocities count where they reach farther than the step.
-        """
-        table = self.table
-        error = relative(h * h * self._tail(table.A2, a), q, self._tolerance)
-        if not self.reach:
-            return error
-        return max(error, relative(h * self.reach * self._tail(table.A, a), q, self._tolerance))
-
-    def _tail(self, integrated: Array, a: Array) -> Array:
-        """Return the size of the last terms of what stage accelerations become when they are integrated."""
-        return np.asarray(TAIL * np.abs(self.table.to_legendre[-2:] @ (integrated @ a)).max(axis=0))
+    def _error(self, place: Place, end: End) -> float:
+        """Return the error over the tolerance; that of velocities counts where it reaches farther."""
+        return max(float(end.error), self.reach * float(end.rate_error)) / self._tolerance
 
     def _growth(self, error: float, h: float) -> float:
         """Return the factor on the step: long steps with some more iterations cost less."""
@@ -213,30 +190,30 @@ class CollocationStepper(Stepper):
         most = next(factor for iterations, factor in self.growths if self._iterations <= iterations)
         return min(growth, most, self._cap / h)
 
-    def _guess(self, q: Array, v: Array, a0: Array, h: float) -> Array:
-        """Return stage accelerations of modes that swing freely from the start of the step."""
-        natural, table = self._derivative.increments, self.table
-        at = natural.geometry(q[None])
-        rates = (rate[0] for rate in natural.rates(at, v[None], a0[None]))
-        y = self._derivative.free_motion(table, Start(at, a0, *rates), h)
-        moved = natural.advance(at, y)
-        if self._problem.strains is not None:
-            self._expected = self._problem.strains.seen(q[None]) + self._derivative.strain_changes(y)
-        return np.asarray(table.A2_inverse @ (moved - (h * table.nodes)[:, None] * v) / h**2)
+    def _guess(self, place: Place, a0: Array) -> Iteration | Replay:
+        """Return a step that begins with modes that swing freely from its start."""
+        step = self._replays.step(self._derivative, self.table, place, self._strained)
+        step.guess(a0)
+        return step
 
-    def _renew_inside(self, t: float, q: Array, v: Array, h: float, a: Array) -> bool:
+    @property
+    def _strained(self) -> bool:
+        """Whether strains are variables of the iteration."""
+        return self._stiff and self._problem.strains is not None
+
+    def _renew_inside(self, place: Place, step: Iteration | Replay) -> bool:
         """Compute the derivative anew at the stage in the middle; return whether the method has changed."""
-        table, middle = self.table, self.table.stages // 2
-        tau = h * table.nodes[middle]
+        (t, q, v, h), table, middle = place, self.table, self.table.stages // 2
+        tau, a, expected = h * table.nodes[middle], step.a, step.expected
         q, v = q + tau * v + h * h * (table.A2[middle] @ a), v + h * (table.A[middle] @ a)
-        self._renew(t + tau, q, v, h, None if self._expected is None else self._expected[middle])
+        self._renew(t + tau, q, v, h, None if expected is None else expected[middle].copy())
         return self.table is not table
 
     def _renew(self, t: float, q: Array, v: Array, h: float, expected: Array | None = None) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         self._stiff = bool(h * self._derivative.fastest > STIFF * self.table.stages)
         self._choose()
-        self._derivative = derivative(self._problem, t, q, v, self._natural, expected)
+        self._derivative = self._replays.derivative(self._natural, t, q, v, expected)
         self._old, self._served = False, 0
 
     def _choose(self) -> None:
@@ -249,37 +226,27 @@ class CollocationStepper(Stepper):
     def _natural(self) -> Increments | None:
         return self._problem.increments if self._stiff else None
 
-    def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
-        """Return the stage accelerations, or None if the iteration does not converge."""
-        table, problem, natural = self.table, self._problem, self._derivative.increments
-        times, uniform = t + h * table.nodes, q + (h * table.nodes)[:, None] * v
-        scaled = np.concatenate([h * h * table.A2, h * table.A])
-        back, s = table.A2_inverse / h**2, table.stages
-        A2 = scaled[:s]
-        correct, residual = self._derivative.correction(table, h), self._derivative.residual
-        ending, size = Ending(q, self._tolerance), np.inf
-        strains, strained = problem.strains if self._stiff else None, None
-        expected = self._expected
+    def _solve(self, place: Place) -> bool:
+        """Iterate; return whether that converges."""
+        if self._step.derivative is not self._derivative:
+            self._step = self._again(place, self._step)
+        ending, size = Ending(place.q, self._tolerance), np.inf
         for k in range(MAX_ITERATIONS):
-            moved = scaled @ a
-            Q = uniform + moved[:s]
-            if size > SAME:
-                at = natural.geometry(Q)
-            if strains is not None and expected is not None:
-                strained = Strained(strains.seen(Q), expected)
-            # each stage is read in its own geometry before they are summed
-            r = residual(problem, Stages(at, times, Q, v + moved[s:], a, strained))
-            y, change = correct(A2 @ r)
-            if strained is not None:
-                expected = strained.seen + self._derivative.strain_changes(y)
-            size = float(np.abs(y).max())
-            a = a + back @ (natural.from_natural if size < LINEAR else natural.advance)(at, y)
-            problem.counts.iterations += 1
+            change, size = map(float, self._step.correct(anew=size > SAME))
+            self._step.advance(finite=not size < LINEAR)
+            self._problem.counts.iterations += 1
             self._iterations = k + 1
             converged = ending.after(k, change, size)
             if converged is not None:
-                return a if converged and np.isfinite(a).all() else None
-        return None
+                return converged and bool(np.isfinite(self._step.a).all())
+        return False
+
+    def _again(self, place: Place, before: Iteration | Replay) -> Iteration | Replay:
+        """Return the step with the derivative of now and the guess of before."""
+        a, expected = before.a.copy(), None if before.expected is None else before.expected.copy()
+        step = self._replays.step(self._derivative, self.table, place, self._strained)
+        step.take(a, expected)
+        return step
 
 
 class Ending:

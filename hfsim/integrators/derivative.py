@@ -47,18 +47,38 @@ def derivative(
     with_inertia : bool
         Whether inertia forces that change with the state count where they are at hand.
     """
-    problem.counts.factorisations += 1
-    strains, natural = problem.strains, natural or PlainIncrements()
-    place = [np.array([t]), q, v]
-    if strains is None:
+    if problem.strains is not None and expected is None:
+        expected = problem.strains.seen(q[None])[0]
+    found = computed(problem, natural or PlainIncrements(), with_inertia, t, q, v, expected)
+    return taken_at(found, problem, t, q, v, expected)
+
+
+def computed(
+    problem: Problem,
+    natural: Increments,
+    with_inertia: bool,
+    t: float,
+    q: Array,
+    v: Array,
+    expected: Array | None,
+) -> Derivative:
+    """Compute what `derivative` returns, but for where it was taken."""
+    strains = problem.strains
+    if strains is None or expected is None:
         slopes = problem.slopes if with_inertia else None
         near = problem.near if slopes is None else slopes.linearized
-        found = _in_its_form(near(t, q, v), q, natural)
-    else:
-        expected = strains.seen(q[None])[0] if expected is None else expected
-        found = _in_its_form(problem.near(t, q, v, expected), q, natural)
-        found.know_strains(strains.stiffness, strains.slopes(q), q)
-        place.append(expected)
+        return _in_its_form(near(t, q, v), q, natural)
+    found = _in_its_form(problem.near(t, q, v, expected), q, natural)
+    found.know_strains(strains.stiffness, strains.slopes(q), q)
+    return found
+
+
+def taken_at(
+    found: Derivative, problem: Problem, t: float, q: Array, v: Array, expected: Array | None
+) -> Derivative:
+    """Return a derivative that knows where it was taken, and count it."""
+    problem.counts.factorisations += 1
+    place = [np.array([t]), q, v] if expected is None else [np.array([t]), q, v, expected]
     found.taken = np.concatenate([*place, problem.turns.angles(t, q)])
     return found
 
@@ -67,12 +87,18 @@ def taken_again(
     problem: Problem, taken: Array, natural: Increments | None = None, with_inertia: bool = False
 ) -> Derivative:
     """Compute a derivative where one was taken."""
+    place, angles = place_of(problem, taken)
+    with problem.turns.supposed(place[0], angles):
+        return derivative(problem, *place[:3], natural, place[3], with_inertia)
+
+
+def place_of(problem: Problem, taken: Array) -> tuple[tuple[float, Array, Array, Array | None], Array]:
+    """Return where a derivative was taken, (t, q, v, expected strains), and the angles that were counted."""
     place, angles = np.split(taken, [len(taken) - len(problem.turns)])
     count = 0 if problem.strains is None else problem.strains.count
     n = (len(place) - 1 - count) // 2
     t, q, v, expected = float(place[0]), place[1 : n + 1], place[n + 1 : 2 * n + 1], place[2 * n + 1 :]
-    with problem.turns.supposed(t, angles):
-        return derivative(problem, t, q, v, natural, expected, with_inertia)
+    return (t, q, v, expected if count else None), angles
 
 
 def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:
@@ -149,10 +175,10 @@ class DenseDerivative(Derivative):
         inverse = self._inverse.of(h, lambda: self._inverted(h * table.poles[:, None, None]))
         left, right, end_rate = 2.0 * table.left, table.right, table.end_rate / h
 
-        def correct(r: Array) -> tuple[Array, float]:
+        def correct(r: Array) -> tuple[Array, Array]:
             y = (left @ (inverse @ (right @ r)[:, :, None])[:, :, 0]).real
             # without modes every velocity error counts as if it were slow, which is on the safe side
-            return y, 0.5 * float(np.abs(end_rate @ y).max())
+            return y, 0.5 * np.abs(end_rate @ y).max()
 
         return correct
 
@@ -229,11 +255,11 @@ class SparseDerivative(Derivative):
         left, right, end_rate = 2.0 * table.left, table.right, table.end_rate / h
         natural, geometry = self.increments, self._geometry
 
-        def correct(r: Array) -> tuple[Array, float]:
+        def correct(r: Array) -> tuple[Array, Array]:
             sides = (right @ side for side in self._right_sides(r))
             solved = np.array([solve(f, gaps) for solve, f, gaps in zip(factors, *sides, strict=True)])
             y = natural.to_natural(geometry, np.ascontiguousarray((left @ solved).real))
-            return y, 0.5 * float(np.abs(end_rate @ y).max())
+            return y, 0.5 * np.abs(end_rate @ y).max()
 
         return correct
 

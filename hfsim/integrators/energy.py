@@ -27,9 +27,10 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, relative
+from hfsim.integrators._iteration import LINEAR, End, Place
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss, legendre
-from hfsim.integrators.collocation import LINEAR, CollocationMethod, CollocationStepper
+from hfsim.integrators.collocation import CollocationMethod, CollocationStepper
 from hfsim.maths.arrays import Array
 
 DEFAULT_STAGES = 4
@@ -114,6 +115,8 @@ class EnergyMethod(CollocationMethod):
 class EnergyStepper(CollocationStepper):
     """HBVM(k, s) at work, with as many points along the path as the energy asks for."""
 
+    replays = False
+
     def __init__(self, method: EnergyMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         super().__init__(method, problem, t, q, v)
         least = 2 * method.stages
@@ -133,9 +136,9 @@ class EnergyStepper(CollocationStepper):
         self._old = self._iterations > SERVES_WELL
         self._cap *= 1.05
 
-    def _error(self, a: Array, q: Array, h: float) -> float:
+    def _error(self, place: Place, end: End) -> float:
         """Return what the first term that the series leaves out would move within the step."""
-        s = self.table.stages
+        (_, q, _, h), s = place, self.table.stages
         left_out = h * np.abs(self._path.beyond @ self._along) / (2.0 * (2 * s + 1))
         return relative(max(h / (2.0 * (2 * s + 3)), self.reach) * left_out, q, self._tolerance)
 
@@ -143,12 +146,17 @@ class EnergyStepper(CollocationStepper):
         growth = 0.8 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 2))
         return float(growth if error > 1.0 else min(growth, 1.25, self._cap / h))
 
-    def _solve(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
-        """Return the stage accelerations, or None if no iteration converges."""
-        solved = self._simplified(t, q, v, h, a)
+    def _solve(self, place: Place) -> bool:
+        """Iterate; return whether any iteration converges."""
+        a = self._step.a
+        solved = self._simplified(*place, a)
         if solved is None:
-            solved = self._newton(t, q, v, h, a)
-        return self._followed(t, q, v, h) if solved is None else solved
+            solved = self._newton(*place, a)
+        if solved is None:
+            solved = self._followed(*place)
+        if solved is not None:
+            self._step.take(solved, None)
+        return solved is not None
 
     def _followed(self, t: float, q: Array, v: Array, h: float) -> Array | None:
         """Follow the solution from a step of no length, where the accelerations are those at the start."""
@@ -187,10 +195,10 @@ class EnergyStepper(CollocationStepper):
             self._iterations = k + 1
             defect = self._defect(t, q, v, h, a)
             at = natural.geometry(uniform + A2 @ a)
-            y, change = correct(A2 @ self._derivative.reading(natural.to_natural(at, defect)))
+            y, consequence = correct(A2 @ self._derivative.reading(natural.to_natural(at, defect)))
             small = float(np.abs(y).max()) < LINEAR
             a = a + back @ (natural.from_natural if small else natural.advance)(at, y)
-            ended = ending.after(change)
+            ended = ending.after(float(consequence))
             if ended is not None:
                 return a if ended and np.isfinite(a).all() else None
         return None

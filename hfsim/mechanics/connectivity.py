@@ -9,6 +9,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray, component_rows
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.maths.traced import outside
 
 
 @frozen
@@ -53,11 +54,11 @@ class Connectivity:
 
     def rows(self, x: Array) -> Array:
         """Return difference vectors as rows of equal components, (n_vectors, n_dim, n_elements * n_batch)."""
-        return np.asarray(self.gather.dot(x.T)).reshape(self._kinds)
+        return _product(self.gather, x.T).reshape(self._kinds)
 
     def push(self, rows: Array, n_batch: int) -> Array:
         """Return derivatives by the coordinates, shape (n_batch, n), from those by rows of vectors."""
-        return np.asarray(self.scatter.dot(rows.reshape(-1, n_batch))).T
+        return _product(self.scatter, rows.reshape(-1, n_batch)).T
 
     @cached_property
     def _kinds(self) -> tuple[int, int, int]:
@@ -91,3 +92,7 @@ class Connectivity:
         """Return the connectivity of these elements followed by others of the same kind."""
         columns = np.concatenate([self.columns, other.columns])
         return Connectivity(self.n, columns, np.concatenate([self.local, other.local]), self.n_dim)
+
+
+def _product(matrix: Matrix, columns: Array) -> Array:
+    return outside(matrix.__matmul__, columns) if is_sparse(matrix) else np.asarray(np.dot(matrix, columns))

@@ -61,7 +61,7 @@ class NodalMarker(LinearMarker):
 
     def spin_stiffness(self, x: Array, moment: Array) -> Entries:
         """Return the second derivative of Im log t: -Im(dt dt / t^2)."""
-        w = float(moment[0]) / complex(self._slope(x)[0]) ** 2
+        w = moment[0] / self._slope(x)[0] ** 2
         turn = np.array([[-w.imag, -w.real], [-w.real, w.imag]])
         row = self.slope_row[self._involved]
         return Entries.of_block(self.support, self.support, np.kron(np.outer(row, row), turn))
@@ -109,7 +109,7 @@ class RigidMarker(Marker):
     def position_stiffness(self, x: Array, force: Array) -> Entries:
         """Return the force times -A c, on the angle."""
         angle = self.support[self.n_dim :]
-        return Entries(angle, angle, np.array([-float(as_vectors(self._arm(x))[0] @ force)]))
+        return Entries(angle, angle, -(as_vectors(self._arm(x))[:1] @ force))
 
     def angle(self, x: Array) -> Array:
         """Return the body's angle, with its full turns."""

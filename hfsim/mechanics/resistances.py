@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.traced import outside
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
@@ -163,8 +164,8 @@ class TableSpring(Resistance):
 
     def _stored(self, s: Array) -> Array:
         inside, beyond = self._places(s)
-        straight = (self.curve(inside) + 0.5 * self.slope(inside) * beyond) * beyond
-        return np.asarray(self.integral(inside) + straight)
+        straight = (outside(self.curve, inside) + 0.5 * outside(self.slope, inside) * beyond) * beyond
+        return np.asarray(outside(self.integral, inside) + straight)
 
     def energy(self, s: Array) -> Array:
         """Return the integral of the force from the rest."""
@@ -173,7 +174,7 @@ class TableSpring(Resistance):
     def elastic(self, s: Array) -> Array:
         """Return the force."""
         inside, beyond = self._places(s)
-        return np.asarray(self.curve(inside) + self.slope(inside) * beyond)
+        return np.asarray(outside(self.curve, inside) + outside(self.slope, inside) * beyond)
 
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return that."""
@@ -181,7 +182,7 @@ class TableSpring(Resistance):
 
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return the derivative of the curve."""
-        return np.asarray(self.slope(self._places(s)[0])), np.zeros_like(s)
+        return np.asarray(outside(self.slope, self._places(s)[0])), np.zeros_like(s)
 
 
 @dataclass(frozen=True)

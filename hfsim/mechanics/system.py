@@ -18,6 +18,7 @@ from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
+from hfsim.maths.traced import apart
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.equations import Equations, VariableMass
@@ -152,8 +153,7 @@ class System:
     @cached_property
     def uses_rates(self) -> bool:
         """Whether forces or constraints need the rates u."""
-        needed = any(f.uses_rates for f in self.forces) or not self.equations.phi.constant
-        return needed or self.keeps_rates
+        return self.keeps_rates or any(f.uses_rates for f in self.forces) or not self.equations.phi.constant
 
     @cached_property
     def dissipates(self) -> bool:
@@ -185,7 +185,7 @@ class System:
         """Return the generalised force of all parts, shape (n_batch, n_x)."""
         f = np.zeros_like(x)
         for part in self.forces:
-            part.add_force(t, x, u, f)
+            apart(part.add_force, t, x, u, f)
         return f
 
     def kinetic_energy(self, x: Array, u: Array) -> Array:
@@ -204,7 +204,7 @@ class System:
         """Return the power put in by loads, dampers and drivers [W], shape (n_batch,)."""
         power = np.asarray(sum((f.power(t, x, u) for f in self.forces), np.zeros(len(x))))
         if any(c.driven for c in self.constraints):
-            _, multipliers = self.equations.solve(t, x, u, self.force(t, x, u))
+            multipliers = self.equations.solve(t, x, u, self.force(t, x, u))[1]
             power += np.sum(multipliers * self.equations.phi.rate(t), axis=-1)
         return power
 

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.traced import outside
 
 NEAR = 0.5 * np.pi
 """How far an angle may leave what was expected of it within a step [rad]; by half a turn it is ambiguous."""
@@ -58,6 +59,9 @@ class TurnCount:
 
     def counted(self, t: Array, angle: Array) -> Array:
         """Return angles (n_batch,), given modulo a turn, with all their turns."""
+        return outside(self._counted, t, angle)
+
+    def _counted(self, t: Array, angle: Array) -> Array:
         return np.asarray(angle + 2.0 * np.pi * np.round((self.expected(t) - angle) / (2.0 * np.pi)))
 
     def start(self, here: Turning) -> None:

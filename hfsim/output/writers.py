@@ -19,6 +19,7 @@ import numpy as np
 
 from hfsim import __version__
 from hfsim.marching.solution import Run
+from hfsim.maths.kernel import KERNEL
 from hfsim.output.disk import write_text
 from hfsim.output.text import Column, printable
 
@@ -202,7 +203,7 @@ def running_summary(name: str, model: str, provenance: Provenance) -> dict[str, 
 
 def versions() -> dict[str, str]:
     """Return the versions of hfsim, Python and those libraries this process has really used."""
-    found = {"hfsim": __version__, "python": platform.python_version()}
+    found = {"hfsim": __version__, "kernel": KERNEL, "python": platform.python_version()}
     for name in ("numpy", "scipy", "pydantic", "matplotlib"):
         module = sys.modules.get(name)
         if module is not None:

@@ -343,7 +343,7 @@ class GramLaw(RowLaw):
         """Return 2 dU/dG from both factors of each product; overwrites the first."""
         matrix, constant, factor = self.coefficients
         products *= others
-        H = matrix.dot(products)
+        H = np.dot(matrix, products)
         by_element = H.reshape(len(H), len(self.scale), -1)
         by_element += constant
         if factor is not None:

@@ -78,14 +78,14 @@ class PointLaw(RowLaw):
     def _rows_at_points(self, v: Array) -> Array:
         """Return the vectors at points in rows, (n_at_point, n_dim, n_points * n_elements * n_states)."""
         count, points, _ = self.rows.shape
-        z = self._matrices[0].dot(v.reshape(len(v), -1)).reshape(count, points, v.shape[1], -1)
+        z = np.dot(self._matrices[0], v.reshape(len(v), -1)).reshape(count, points, v.shape[1], -1)
         return np.ascontiguousarray(z.swapaxes(1, 2)).reshape(count, v.shape[1], -1)
 
     def _pushed(self, pulled: Array, v: Array) -> Array:
         """Return derivatives by vectors in rows v from those by the ones at points."""
         count, points, _ = self.rows.shape
         at_points = pulled.reshape(count, v.shape[1], points, -1).swapaxes(1, 2)
-        return np.asarray(self._matrices[1].dot(at_points.reshape(count * points, -1))).reshape(v.shape)
+        return np.asarray(np.dot(self._matrices[1], at_points.reshape(count * points, -1))).reshape(v.shape)
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_elements, n_vectors * n_dim, n_vectors * n_dim)."""

@@ -135,7 +135,7 @@ class QuadratureLaw(RowLaw):
         The Green strain's share is the sum of w/2 (|s|^2 - 1) s over the Gauss points, s = r'.
         """
         rows, scatter, one, factor = self._rows
-        z = rows.dot(v.reshape(len(v), -1))
+        z = np.dot(rows, v.reshape(len(v), -1))
         s = z.reshape(len(z), *v.shape[1:])[: self.axial_points]
         square = s * s
         tension = square[:, 0]
@@ -152,7 +152,7 @@ class QuadratureLaw(RowLaw):
             bent = z[self.axial_points :].reshape(-1, self.n_dim, self._count, v.shape[-1] // self._count)
             bent *= factor[1]
         s *= tension.reshape(len(tension), 1, -1)
-        return np.asarray(scatter.dot(z)).reshape(v.shape)
+        return np.asarray(np.dot(scatter, z)).reshape(v.shape)
 
     def _strain(self, s: Array) -> tuple[Array, Array, Array]:
         """Strain, and the factors of s and of the unit tensor in its first and second derivative."""
@@ -195,7 +195,7 @@ class QuadratureLaw(RowLaw):
         """
         rows, columns = self._all_rows
         axial, bending = self._weights
-        z = rows.dot(v.reshape(len(v), -1)).reshape(len(rows), self.n_dim, self._count, -1)
+        z = np.dot(rows, v.reshape(len(v), -1)).reshape(len(rows), self.n_dim, self._count, -1)
         out = np.empty_like(z)
         first, second = self.axial_points, self.axial_points + self.bending_points
         a, s, c = z[:first], z[first:second], z[second:]
@@ -209,7 +209,7 @@ class QuadratureLaw(RowLaw):
         stretch2 = np.add.reduce(a * a, axis=1)
         strain = 2.0 - 2.0 / np.sqrt(stretch2) if self.engineering else stretch2 - 1.0
         np.multiply((axial * strain)[:, None], a, out[:first])
-        return np.asarray(columns.dot(out.reshape(len(rows), -1))).reshape(v.shape)
+        return np.asarray(np.dot(columns, out.reshape(len(rows), -1))).reshape(v.shape)
 
     def _bending_hessian(self, V: Array) -> Array:
         w, slope, bend = gauss_rows(self.bending_points, self.degree)

@@ -1,0 +1,162 @@
+"""A collocation step: its first guess, its Newton iteration and its end.
+
+All that is done with arrays in a step stands here; what it decides, and Python's numbers, stand in
+`hfsim.integrators.collocation`.  So a step can be replayed natively (`hfsim.integrators._replayed`).
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfsim.integrators._derivative import Derivative, Stages, Start, Strained
+from hfsim.integrators._problem import Problem
+from hfsim.integrators._tableau import Collocation
+from hfsim.maths.arrays import Array
+
+LINEAR = 1e-3
+"""Natural increments below which their linear map to the state is good enough."""
+SAME = 1e-5
+"""Natural increments after which the geometry need not be computed anew."""
+TAIL = 0.25
+"""Part of the last terms of the Legendre series that is an error of the positions, as measured."""
+
+
+class Place(NamedTuple):
+    """Where a step begins, and its length."""
+
+    t: float
+    q: Array
+    v: Array
+    h: float
+
+
+class End(NamedTuple):
+    """What a step leads to."""
+
+    q: Array
+    v: Array
+    series: Array
+    """Of the accelerations, as in `Segment`."""
+    error: Array
+    """Size of the last terms in the Legendre series of the positions, relative above 1, shape ()."""
+    rate_error: Array
+    """The same of the velocities, in a unit of time."""
+
+
+class Iteration:
+    """A step at work.
+
+    Parameters
+    ----------
+    problem : Problem
+    derivative : Derivative
+    table : Collocation
+    place : Place
+    strained : bool
+        Whether strains are variables of the iteration.
+    corrects : bool
+        Whether corrections will be asked for.
+
+    Attributes
+    ----------
+    derivative : Derivative
+    a : ndarray, shape (s, n)
+        Accelerations at the stages.
+    correction_found : ndarray, shape (s, n)
+        The last one, in natural increments.
+    expected : ndarray, shape (s, n_strains), or None
+        Strains to which the guess, or the last correction, leads if these go along with it.
+    """
+
+    a: Array
+    correction_found: Array
+
+    def __init__(
+        self,
+        problem: Problem,
+        derivative: Derivative,
+        table: Collocation,
+        place: Place,
+        strained: bool = False,
+        corrects: bool = True,
+    ) -> None:
+        self.derivative = derivative
+        self.expected: Array | None = None
+        self._problem, self._table, self._place, self._strained = problem, table, place, strained
+        t, q, v, h = place
+        times = h * table.nodes
+        self._t, self._uniform = t + times, q + times[:, None] * v
+        # from accelerations at the stages to displacements and rates, and back
+        self._scaled = np.concatenate([h * h * table.A2, h * table.A])
+        self._back = table.A2_inverse / (h * h)
+        if corrects:
+            self._correction = derivative.correction(table, h)
+
+    def guess(self, a0: Array) -> None:
+        """Let modes swing freely from the start of the step, where accelerations are ``a0``."""
+        _, q, v, h = self._place
+        natural = self.derivative.increments
+        at = natural.geometry(q[None])
+        rates = (rate[0] for rate in natural.rates(at, v[None], a0[None]))
+        y = self.derivative.free_motion(self._table, Start(at, a0, *rates), h)
+        moved = natural.advance(at, y)
+        if self._problem.strains is not None:
+            seen = self._problem.strains.seen(q[None])
+            self.expected = np.asarray(seen + self.derivative.strain_changes(y))
+        self.a = np.asarray(self._back @ (moved - (h * self._table.nodes)[:, None] * v))
+
+    def take(self, a: Array, expected: Array | None) -> None:
+        """Begin with a guess made elsewhere."""
+        self.a, self.expected = a.copy(), expected
+
+    def correct(self, anew: bool = True) -> tuple[Array, Array]:
+        """Find a correction in natural increments.
+
+        Stages are read in their own geometry before they are summed.
+
+        Parameters
+        ----------
+        anew : bool
+            Whether the geometry has changed since the last correction.
+
+        Returns
+        -------
+        change, size : ndarray, shape ()
+            Size of the correction's consequence, and of the correction.
+        """
+        s, problem = len(self._t), self._problem
+        moved = self._scaled @ self.a
+        q, v, strained = self._uniform + moved[:s], self._place.v + moved[s:], None
+        if anew:
+            self._at: Any = self.derivative.increments.geometry(q)
+        if self._strained and self.expected is not None:
+            assert problem.strains is not None
+            strained = Strained(problem.strains.seen(q), self.expected)
+        r = self.derivative.residual(problem, Stages(self._at, self._t, q, v, self.a, strained))
+        self.correction_found, change = self._correction(self._scaled[:s] @ r)
+        if strained is not None:
+            self.expected = strained.seen + self.derivative.strain_changes(self.correction_found)
+        return change, np.abs(self.correction_found).max()
+
+    def advance(self, finite: bool) -> None:
+        """Add the correction, as finite increments or as small ones."""
+        natural = self.derivative.increments
+        add = natural.advance if finite else natural.from_natural
+        self.a += self._back @ add(self._at, self.correction_found)
+
+    def end(self) -> End:
+        """Return what the step leads to."""
+        (_, q, v, h), table, a = self._place, self._table, self.a
+        scale = 1.0 + np.abs(q)
+        last = table.to_legendre[-2:]
+        errors = (np.abs(last @ (one @ a)).max(axis=0) / scale for one in (table.A2, table.A))
+        first, second = (TAIL * one.max() for one in errors)
+        return End(
+            q + h * v + h * h * (table.b2 @ a),
+            v + h * (table.b @ a),
+            table.to_legendre @ a,
+            np.asarray(h * h * first),
+            np.asarray(h * second),
+        )

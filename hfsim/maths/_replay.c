@@ -1,0 +1,376 @@
+/* Replays tapes of array operations (hfsim/maths/tape.py): a list of operations on fixed memory.
+ *
+ * An operation has a code, a shape of at most DIMS dimensions and for each operand an address and strides in
+ * bytes; what they mean stands at the codes.  No Python object is touched but by CALL.
+ */
+#define Py_LIMITED_API 0x030b0000
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <complex.h>
+#include <math.h>
+#include <stdint.h>
+#ifdef PROFILE
+#include <time.h>
+#endif
+#include <stdlib.h>
+#include <string.h>
+
+#define DIMS 5
+#define OPERANDS 4
+typedef int64_t i64;
+typedef double complex cplx;
+typedef struct {
+    i64 code, ndim, shape[DIMS];
+    char *at[OPERANDS];
+    i64 step[OPERANDS][DIMS];
+    i64 more;
+} Op;
+
+#if !defined(__SANITIZE_ADDRESS__) && defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__linux__)
+#define WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
+#else
+#define WIDE
+#endif
+#define IVDEP _Pragma("GCC ivdep")
+
+typedef void (*Inner)(char **at, const i64 *step, i64 n);
+
+/* ---------------------------------------------------------------- elementwise: out, a, b */
+
+#define AT(T, k, i) (*(T *)(at[k] + (i) * step[k]))
+#define BINARY(NAME, TO, T, EXPR)                                                                            \
+    WIDE static void NAME(char **at, const i64 *step, i64 n) {                                               \
+        i64 i;                                                                                               \
+        if (step[0] == sizeof(TO) && step[1] == sizeof(T) && step[2] == sizeof(T)) {                         \
+            TO *o = (TO *)at[0]; const T *p = (const T *)at[1], *q = (const T *)at[2];                       \
+            IVDEP for (i = 0; i < n; i++) { T a = p[i], b = q[i]; o[i] = EXPR; }                             \
+        } else if (step[0] == sizeof(TO) && step[1] == sizeof(T) && step[2] == 0) {                          \
+            TO *o = (TO *)at[0]; const T *p = (const T *)at[1]; const T b = *(T *)at[2];                     \
+            IVDEP for (i = 0; i < n; i++) { T a = p[i]; o[i] = EXPR; }                                       \
+        } else if (step[0] == sizeof(TO) && step[1] == 0 && step[2] == sizeof(T)) {                          \
+            TO *o = (TO *)at[0]; const T *q = (const T *)at[2]; const T a = *(T *)at[1];                     \
+            IVDEP for (i = 0; i < n; i++) { T b = q[i]; o[i] = EXPR; }                                       \
+        } else {                                                                                             \
+            for (i = 0; i < n; i++) { T a = AT(T, 1, i), b = AT(T, 2, i); AT(TO, 0, i) = EXPR; }             \
+        }                                                                                                    \
+    }
+#define UNARY(NAME, TO, T, EXPR)                                                                             \
+    WIDE static void NAME(char **at, const i64 *step, i64 n) {                                               \
+        i64 i;                                                                                               \
+        if (step[0] == sizeof(TO) && step[1] == sizeof(T)) {                                                 \
+            TO *o = (TO *)at[0]; const T *p = (const T *)at[1];                                              \
+            IVDEP for (i = 0; i < n; i++) { T a = p[i]; o[i] = EXPR; }                                       \
+        } else {                                                                                             \
+            for (i = 0; i < n; i++) { T a = AT(T, 1, i); AT(TO, 0, i) = EXPR; }                              \
+        }                                                                                                    \
+    }
+/* out op= a, where out may stand still: then several partial results, which do not wait for one another */
+#define REDUCE(NAME, T, EXPR)                                                                                \
+    static inline T NAME##_of(T r, T a) { return EXPR; }                                                     \
+    WIDE static void NAME(char **at, const i64 *step, i64 n) {                                               \
+        i64 i = 0;                                                                                           \
+        if (step[0] == 0) {                                                                                  \
+            T r = *(T *)at[0];                                                                               \
+            if (n >= 8) {                                                                                    \
+                T p0 = AT(T, 1, 0), p1 = AT(T, 1, 1), p2 = AT(T, 1, 2), p3 = AT(T, 1, 3);                    \
+                for (i = 4; i + 4 <= n; i += 4) {                                                            \
+                    p0 = NAME##_of(p0, AT(T, 1, i)); p1 = NAME##_of(p1, AT(T, 1, i + 1));                    \
+                    p2 = NAME##_of(p2, AT(T, 1, i + 2)); p3 = NAME##_of(p3, AT(T, 1, i + 3));                \
+                }                                                                                            \
+                r = NAME##_of(r, NAME##_of(NAME##_of(p0, p1), NAME##_of(p2, p3)));                           \
+            }                                                                                                \
+            for (; i < n; i++) r = NAME##_of(r, AT(T, 1, i));                                                \
+            *(T *)at[0] = r;                                                                                 \
+        } else if (step[0] == sizeof(T) && step[1] == sizeof(T)) {                                           \
+            T *o = (T *)at[0]; const T *p = (const T *)at[1];                                                \
+            IVDEP for (i = 0; i < n; i++) o[i] = NAME##_of(o[i], p[i]);                                      \
+        } else {                                                                                             \
+            for (i = 0; i < n; i++) AT(T, 0, i) = NAME##_of(AT(T, 0, i), AT(T, 1, i));                       \
+        }                                                                                                    \
+    }
+
+static inline cplx mul(cplx a, cplx b) {
+    double x = creal(a), y = cimag(a), u = creal(b), v = cimag(b);
+    return CMPLX(x * u - y * v, x * v + y * u);
+}
+static inline cplx quo(cplx a, cplx b) {
+    double x = creal(a), y = cimag(a), u = creal(b), v = cimag(b), r, d;
+    if (fabs(u) >= fabs(v)) {
+        if (u == 0 && v == 0) return CMPLX(x / fabs(u), y / fabs(u));
+        r = v / u; d = 1.0 / (u + v * r);
+        return CMPLX((x + y * r) * d, (y - x * r) * d);
+    }
+    r = u / v; d = 1.0 / (v + u * r);
+    return CMPLX((x * r + y) * d, (y * r - x) * d);
+}
+static inline double larger(double a, double b) { return (a >= b || a != a) ? a : b; }
+static inline double smaller(double a, double b) { return (a <= b || a != a) ? a : b; }
+
+BINARY(add_d, double, double, a + b)
+BINARY(sub_d, double, double, a - b)
+BINARY(mul_d, double, double, a * b)
+BINARY(div_d, double, double, a / b)
+BINARY(max_d, double, double, larger(a, b))
+BINARY(min_d, double, double, smaller(a, b))
+BINARY(pow_d, double, double, pow(a, b))
+BINARY(hyp_d, double, double, hypot(a, b))
+BINARY(at2_d, double, double, atan2(a, b))
+BINARY(add_D, cplx, cplx, a + b)
+BINARY(sub_D, cplx, cplx, a - b)
+BINARY(mul_D, cplx, cplx, mul(a, b))
+BINARY(div_D, cplx, cplx, quo(a, b))
+BINARY(lt_d, char, double, a < b)
+BINARY(le_d, char, double, a <= b)
+BINARY(gt_d, char, double, a > b)
+BINARY(ge_d, char, double, a >= b)
+UNARY(copy_d, double, double, a)
+UNARY(copy_D, cplx, cplx, a)
+UNARY(copy_b, char, char, a)
+UNARY(cast_D, cplx, double, a)
+UNARY(neg_d, double, double, -a)
+UNARY(abs_d, double, double, fabs(a))
+UNARY(sqr_d, double, double, a *a)
+UNARY(sqrt_d, double, double, sqrt(a))
+UNARY(sin_d, double, double, sin(a))
+UNARY(cos_d, double, double, cos(a))
+UNARY(tan_d, double, double, tan(a))
+UNARY(exp_d, double, double, exp(a))
+UNARY(sinh_d, double, double, sinh(a))
+UNARY(cosh_d, double, double, cosh(a))
+UNARY(sign_d, double, double, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a)
+UNARY(neg_D, cplx, cplx, -a)
+UNARY(sqr_D, cplx, cplx, mul(a, a))
+UNARY(conj_D, cplx, cplx, conj(a))
+UNARY(exp_D, cplx, cplx, cexp(a))
+UNARY(abs_D, double, cplx, cabs(a))
+REDUCE(radd_d, double, r + a)
+REDUCE(radd_D, cplx, r + a)
+REDUCE(rmax_d, double, larger(r, a))
+REDUCE(rmin_d, double, smaller(r, a))
+
+static void where_d(char **at, const i64 *step, i64 n) {
+    for (i64 i = 0; i < n; i++) AT(double, 0, i) = AT(char, 1, i) ? AT(double, 2, i) : AT(double, 3, i);
+}
+static void where_D(char **at, const i64 *step, i64 n) {
+    for (i64 i = 0; i < n; i++) AT(cplx, 0, i) = AT(char, 1, i) ? AT(cplx, 2, i) : AT(cplx, 3, i);
+}
+
+/* out, a, places: out[i] = a[i + places[i]], places in bytes; and the other way round */
+static void gather_d(char **at, const i64 *step, i64 n) {
+    if (step[2] == 0 && step[0] == 8 && step[1] == 8) memcpy(at[0], at[1] + *(i64 *)at[2], n * 8);
+    else for (i64 i = 0; i < n; i++) AT(double, 0, i) = *(double *)(at[1] + i * step[1] + AT(i64, 2, i));
+}
+static void sadd_d(char **at, const i64 *step, i64 n) {
+    for (i64 i = 0; i < n; i++) *(double *)(at[0] + i * step[0] + AT(i64, 2, i)) += AT(double, 1, i);
+}
+static void gather_D(char **at, const i64 *step, i64 n) {
+    for (i64 i = 0; i < n; i++) AT(cplx, 0, i) = *(cplx *)(at[1] + i * step[1] + AT(i64, 2, i));
+}
+static void scatter_d(char **at, const i64 *step, i64 n) {
+    for (i64 i = 0; i < n; i++) *(double *)(at[0] + i * step[0] + AT(i64, 2, i)) = AT(double, 1, i);
+}
+static void scatter_D(char **at, const i64 *step, i64 n) {
+    for (i64 i = 0; i < n; i++) *(cplx *)(at[0] + i * step[0] + AT(i64, 2, i)) = AT(cplx, 1, i);
+}
+
+#define ELEMENTWISE(X)                                                                                       \
+    X(add_d, 3) X(sub_d, 3) X(mul_d, 3) X(div_d, 3) X(max_d, 3) X(min_d, 3) X(pow_d, 3) X(hyp_d, 3)          \
+    X(at2_d, 3) X(add_D, 3) X(sub_D, 3) X(mul_D, 3) X(div_D, 3) X(lt_d, 3) X(le_d, 3) X(gt_d, 3) X(ge_d, 3)  \
+    X(copy_d, 2) X(copy_D, 2) X(copy_b, 2) X(cast_D, 2) X(neg_d, 2) X(abs_d, 2) X(sqr_d, 2) X(sqrt_d, 2)     \
+    X(sin_d, 2) X(cos_d, 2) X(tan_d, 2) X(exp_d, 2) X(sinh_d, 2) X(cosh_d, 2) X(sign_d, 2) X(neg_D, 2) X(sqr_D, 2) X(conj_D, 2)        \
+    X(exp_D, 2) X(abs_D, 2) X(radd_d, 2) X(radd_D, 2) X(rmax_d, 2) X(rmin_d, 2) X(where_d, 4) X(where_D, 4)  \
+    X(gather_d, 3) X(scatter_d, 3) X(gather_D, 3) X(sadd_d, 3) X(scatter_D, 3)
+
+#define NAMED(f, k) f##_code,
+enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, CALL, CODES };
+#define LISTED(f, k) {f, k, #f},
+static const struct { Inner inner; int operands; const char *name; } TABLE[] = {ELEMENTWISE(LISTED)};
+
+static inline void elementwise(const Op *o, Inner inner, int operands) {
+    char *at[OPERANDS];
+    i64 step[OPERANDS], count[DIMS] = {0};
+    int d, k, last = (int)o->ndim - 1;
+    for (k = 0; k < operands; k++) { at[k] = o->at[k]; step[k] = o->step[k][last]; }
+    for (;;) {
+        char *here[OPERANDS];
+        for (k = 0; k < operands; k++) here[k] = at[k];
+        inner(here, step, o->shape[last]);
+        for (d = last - 1; d >= 0; d--) {
+            for (k = 0; k < operands; k++) at[k] += o->step[k][d];
+            if (++count[d] < o->shape[d]) break;
+            for (k = 0; k < operands; k++) at[k] -= o->step[k][d] * o->shape[d];
+            count[d] = 0;
+        }
+        if (d < 0) return;
+    }
+}
+
+/* ---------------------------------------------------------------- products of matrices */
+
+/* shape: m, k, n, batch, batch; steps: out (i, -, j), a (i, k, -), b (-, k, j); more: 0 set, 1 add, -1 subtract */
+#define MR 4
+#define NR 8
+typedef double vec __attribute__((vector_size(32), aligned(8)));
+static double *scratch;
+static i64 scratch_size;
+
+WIDE static void product(const Op *o, char *c, const char *a, const char *b) {
+    const i64 m = o->shape[0], kk = o->shape[1], n = o->shape[2], mode = o->more;
+    const i64 ci = o->step[0][0], cj = o->step[0][2], ai = o->step[1][0], ak = o->step[1][1];
+    const i64 bk = o->step[2][1], bj = o->step[2][2];
+    i64 i, j, k, r, s;
+    for (j = 0; j < n; j += NR) {
+        i64 wide = n - j < NR ? n - j : NR;
+        const double *panel; i64 pk;
+        if (bj == 8 && wide == NR) { panel = (const double *)(b + j * 8); pk = bk; }
+        else {
+            for (k = 0; k < kk; k++) {
+                for (s = 0; s < wide; s++) scratch[k * NR + s] = *(const double *)(b + k * bk + (j + s) * bj);
+                for (; s < NR; s++) scratch[k * NR + s] = 0.0;
+            }
+            panel = scratch; pk = NR * 8;
+        }
+        for (i = 0; i < m; i += MR) {
+            i64 high = m - i < MR ? m - i : MR;
+            double out[MR][NR];
+            const char *a0 = a + i * ai, *p = (const char *)panel;
+            if (high == MR) {
+                const char *a1 = a0 + ai, *a2 = a1 + ai, *a3 = a2 + ai;
+                vec c00 = {0}, c01 = {0}, c10 = {0}, c11 = {0}, c20 = {0}, c21 = {0}, c30 = {0}, c31 = {0};
+                for (k = 0; k < kk; k++, p += pk) {
+                    vec b0 = *(const vec *)p, b1 = *(const vec *)(p + 32);
+                    double x0 = *(const double *)(a0 + k * ak), x1 = *(const double *)(a1 + k * ak);
+                    double x2 = *(const double *)(a2 + k * ak), x3 = *(const double *)(a3 + k * ak);
+                    c00 += x0 * b0; c01 += x0 * b1; c10 += x1 * b0; c11 += x1 * b1;
+                    c20 += x2 * b0; c21 += x2 * b1; c30 += x3 * b0; c31 += x3 * b1;
+                }
+                *(vec *)&out[0][0] = c00; *(vec *)&out[0][4] = c01; *(vec *)&out[1][0] = c10; *(vec *)&out[1][4] = c11;
+                *(vec *)&out[2][0] = c20; *(vec *)&out[2][4] = c21; *(vec *)&out[3][0] = c30; *(vec *)&out[3][4] = c31;
+            } else {
+                for (r = 0; r < high; r++, a0 += ai) {
+                    vec c0 = {0}, c1 = {0};
+                    p = (const char *)panel;
+                    for (k = 0; k < kk; k++, p += pk) {
+                        double x = *(const double *)(a0 + k * ak);
+                        c0 += x * *(const vec *)p; c1 += x * *(const vec *)(p + 32);
+                    }
+                    *(vec *)&out[r][0] = c0; *(vec *)&out[r][4] = c1;
+                }
+            }
+            for (r = 0; r < high; r++) {
+                char *row = c + (i + r) * ci + j * cj;
+                if (mode == 0 && cj == 8 && wide == NR) memcpy(row, out[r], NR * 8);
+                else if (mode == 0) for (s = 0; s < wide; s++) *(double *)(row + s * cj) = out[r][s];
+                else if (mode == 1) for (s = 0; s < wide; s++) *(double *)(row + s * cj) += out[r][s];
+                else for (s = 0; s < wide; s++) *(double *)(row + s * cj) -= out[r][s];
+            }
+        }
+    }
+}
+
+static int matmul(const Op *o) {
+    i64 need = (o->shape[1] + 1) * NR;
+    if (need > scratch_size) {
+        double *grown = realloc(scratch, need * 8);
+        if (!grown) return -1;
+        scratch = grown; scratch_size = need;
+    }
+    for (i64 p = 0; p < o->shape[3]; p++)
+        for (i64 q = 0; q < o->shape[4]; q++)
+            product(o, o->at[0] + p * o->step[0][3] + q * o->step[0][4], o->at[1] + p * o->step[1][3] + q * o->step[1][4],
+                    o->at[2] + p * o->step[2][3] + q * o->step[2][4]);
+    return 0;
+}
+
+/* out, weights, b, places: out[places[2 k] + j] += weights[k] b[places[2 k + 1] + j]; shape: entries, columns */
+WIDE static void sparse(const Op *o) {
+    const i64 entries = o->shape[0], n = o->shape[1], cj = o->step[0][1], bj = o->step[2][1];
+    const double *weights = (const double *)o->at[1];
+    const i64 *places = (const i64 *)o->at[3];
+    for (i64 k = 0; k < entries; k++) {
+        char *c = o->at[0] + places[2 * k];
+        const char *b = o->at[2] + places[2 * k + 1];
+        const double w = weights[k];
+        if (cj == 8 && bj == 8) {
+            double *x = (double *)c; const double *y = (const double *)b;
+            IVDEP for (i64 j = 0; j < n; j++) x[j] += w * y[j];
+        } else {
+            IVDEP for (i64 j = 0; j < n; j++) *(double *)(c + j * cj) += w * *(const double *)(b + j * bj);
+        }
+    }
+}
+
+/* ---------------------------------------------------------------- Python */
+
+static PyObject *run(PyObject *self, PyObject *args) {
+    Py_buffer ops;
+    PyObject *calls;
+    if (!PyArg_ParseTuple(args, "y*O!", &ops, &PyList_Type, &calls)) return NULL;
+    const Op *o = ops.buf, *end = o + ops.len / sizeof(Op);
+    int failed = 0;
+    for (; o < end && !failed; o++) {
+        if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
+        else if (o->code == MATMUL) { if (matmul(o)) { PyErr_NoMemory(); failed = 1; } }
+        else if (o->code == SPARSE) sparse(o);
+        else {
+            PyObject *done = PyObject_CallNoArgs(PyList_GetItem(calls, o->more));
+            if (!done) failed = 1; else Py_DECREF(done);
+        }
+    }
+    PyBuffer_Release(&ops);
+    if (failed) return NULL;
+    Py_RETURN_NONE;
+}
+
+#ifdef PROFILE
+static PyObject *profile(PyObject *self, PyObject *args) { /* least ns per op over replays of the whole tape */
+    Py_buffer ops; int reps;
+    if (!PyArg_ParseTuple(args, "y*i", &ops, &reps)) return NULL;
+    const Op *o = ops.buf; i64 n = ops.len / sizeof(Op);
+    double *best = malloc(n * 8);
+    for (i64 i = 0; i < n; i++) best[i] = 1e9;
+    for (int r = 0; r < reps; r++) for (i64 i = 0; i < n; i++) {
+        struct timespec b, e; clock_gettime(CLOCK_MONOTONIC, &b);
+        if (o[i].code < MATMUL) elementwise(o + i, TABLE[o[i].code].inner, TABLE[o[i].code].operands);
+        else if (o[i].code == MATMUL) matmul(o + i);
+        else if (o[i].code == SPARSE) sparse(o + i);
+        clock_gettime(CLOCK_MONOTONIC, &e);
+        double t = (e.tv_sec - b.tv_sec) * 1e9 + (e.tv_nsec - b.tv_nsec);
+        if (t < best[i]) best[i] = t;
+    }
+    PyObject *out = PyList_New(n);
+    for (i64 i = 0; i < n; i++) PyList_SetItem(out, i, PyFloat_FromDouble(best[i]));
+    free(best);
+    PyBuffer_Release(&ops);
+    return out;
+}
+
+#endif
+static PyMethodDef METHODS[] = {
+    {"run", run, METH_VARARGS, "Do operations (n, WORDS) on their memory, and calls of Python from a list."},
+#ifdef PROFILE
+    {"profile", profile, METH_VARARGS, "Return the least time of each operation [ns]."},
+#endif
+    {NULL, NULL, 0, NULL},
+};
+
+static int set_code(PyObject *codes, const char *name, long code) {
+    PyObject *value = PyLong_FromLong(code);
+    int failed = !value || PyDict_SetItemString(codes, name, value);
+    Py_XDECREF(value);
+    return failed;
+}
+
+static int fill(PyObject *module) {
+    PyObject *codes = PyDict_New();
+    int failed = !codes || set_code(codes, "matmul", MATMUL) || set_code(codes, "sparse", SPARSE) || set_code(codes, "call", CALL);
+    for (int k = 0; k < MATMUL && !failed; k++) failed = set_code(codes, TABLE[k].name, k);
+    failed = failed || PyModule_AddObjectRef(module, "CODES", codes);
+    Py_XDECREF(codes);
+    return failed ? -1 : 0;
+}
+
+static PyModuleDef_Slot SLOTS[] = {{Py_mod_exec, fill}, {0, NULL}};
+static struct PyModuleDef MODULE = {PyModuleDef_HEAD_INIT, "_replay", "Replays tapes of array operations.", 0,
+                                    METHODS, SLOTS, NULL, NULL, NULL};
+PyMODINIT_FUNC PyInit__replay(void) { return PyModuleDef_Init(&MODULE); }

@@ -1,0 +1,172 @@
+"""Functions of NumPy as tapes know them, and the recording itself: see `hfsim.maths.tape`."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.recorder import Recorder
+from hfsim.maths.tape import COMPLEX, KINDS, REAL, TRUTH
+from hfsim.maths.traced import Recording, Refused, Traced, plain, recorder
+
+LONGEST_SUM = 32
+"""Terms of a cumulative sum that are written down one by one."""
+
+
+def _concatenate(tape: Recorder, arrays: Any, axis: int = 0, out: Any = None, **how: Any) -> Any:
+    if out is not None:
+        raise Refused("joined into an array")
+    arrays = [np.asarray(a) for a in arrays]
+    axis %= arrays[0].ndim
+    shape, before = list(arrays[0].shape), (slice(None),) * axis
+    shape[axis] = sum(a.shape[axis] for a in arrays)
+    made, first = tape.own(np.ndarray(tuple(shape), np.result_type(*arrays))), 0
+    for a in arrays:
+        last = first + a.shape[axis]
+        if last > first:
+            tape.put( made, (*before, slice(first, last)), a)
+        first = last
+    return made
+
+
+def _where(tape: Recorder, condition: Any, x: Any, y: Any) -> Any:
+    raw = [plain(a) if isinstance(a, Traced) else a for a in (condition, x, y)]
+    value = np.where(*raw)
+    if value.dtype not in (REAL, COMPLEX) or np.asarray(raw[0]).dtype != TRUTH:
+        raise Refused("a choice of such numbers")
+    out = tape.own(np.array(value))
+    cases = (tape.cast(np.asarray(a), value.dtype) for a in (x, y))
+    tape.emit(f"where_{KINDS[value.dtype]}", out, condition, *cases)
+    return out
+
+
+def _dot(tape: Recorder, a: Any, b: Any) -> Any:
+    if np.ndim(a) > 2 or np.ndim(b) > 2 or 0 in (np.ndim(a), np.ndim(b)):
+        raise Refused("a product of such shapes")
+    return tape.ufunc(np.matmul, "__call__", (a, b), None, {})
+
+
+def _cumsum(tape: Recorder, a: Any, axis: int | None = None) -> Any:
+    if axis is None or a.shape[axis] > LONGEST_SUM:
+        return tape.called(np.cumsum, (a, axis), {})
+    out, ahead = a.copy(), (slice(None),) * (axis % a.ndim)
+    for k in range(1, a.shape[axis]):
+        out[(*ahead, k)] += out[(*ahead, k - 1)]
+    return out
+
+
+def _bincount(tape: Recorder, places: Any, weights: Any = None, minlength: int = 0) -> Any:
+    if isinstance(places, Traced) or weights is None:
+        raise Refused("places that depend on the state")
+    out = np.zeros(max(minlength, int(places.max(initial=-1)) + 1))
+    raw, target, where = tape.raw(weights), plain(out), tape.keep(8 * places.astype(np.int64))
+    tape.row("sadd_d", raw.shape, [target, raw, where], [(0,), raw.strides, where.strides], order=1)
+    target[...] = ORIGINAL["bincount"](places, raw, minlength)
+    return out
+
+
+def _like(name: str) -> Callable[..., Any]:
+    return lambda tape, a, dtype=None, **how: getattr(np, name)(a.shape, dtype or a.dtype)
+
+
+FUNCTIONS: dict[Any, Callable[..., Any]] = {
+    np.concatenate: _concatenate,
+    np.where: _where,
+    np.dot: _dot,
+    np.cumsum: _cumsum,
+    np.bincount: _bincount,
+    np.zeros_like: _like("zeros"),
+    np.empty_like: _like("empty"),
+    np.ones_like: _like("ones"),
+    np.copy: lambda tape, a, **how: a.copy(),
+    np.repeat: lambda tape, a, repeats, axis=None: a.repeat(repeats, axis),
+    **{
+        f: lambda tape, *args, f=f: f(*(plain(a) if isinstance(a, Traced) else a for a in args))
+        for f in (np.isrealobj, np.iscomplexobj, np.ndim, np.shape, np.size, np.result_type)
+    },
+}
+"""What is written down in a way of its own."""
+TRANSPARENT = {
+    *(np.sum, np.max, np.min, np.stack, np.hstack, np.vstack, np.split, np.array_split, np.swapaxes),
+    *(np.transpose, np.moveaxis, np.expand_dims, np.squeeze, np.reshape, np.ravel, np.take, np.real, np.imag),
+}
+"""What is made of other operations alone."""
+
+# ---------------------------------------------------------------------- recording
+
+
+def _inside(a: Any) -> bool:
+    return isinstance(a, Traced) or (isinstance(a, list | tuple) and any(map(_inside, a)))
+
+
+def _asarray(a: Any, dtype: Any = None, *args: Any, **how: Any) -> Any:
+    if not _inside(a):
+        return ORIGINAL["asarray"](a, dtype, *args, **how)
+    found = a if isinstance(a, Traced) else np.stack([_asarray(one) for one in a])
+    return found if dtype is None else recorder().cast(found, np.dtype(dtype))
+
+
+def _array(a: Any, dtype: Any = None, **how: Any) -> Any:
+    if not _inside(a):
+        return ORIGINAL["array"](a, dtype, **how)
+    found = _asarray(a, dtype)
+    return found.copy() if found is a else found
+
+
+def _contiguous(a: Any, dtype: Any = None) -> Any:
+    if not _inside(a):
+        return ORIGINAL["ascontiguousarray"](a, dtype)
+    found = _asarray(a, dtype)
+    return found if found.flags.c_contiguous else found.copy()
+
+
+def _made(name: str) -> Callable[..., Any]:
+    """Return what makes an array in the memory of the tape, which is filled anew at every replay."""
+
+    def make(*args: Any, **how: Any) -> Any:
+        found = ORIGINAL[name](*args, **how)
+        other = threading.get_ident() != Recording.thread
+        if other or isinstance(found, Traced) or found.dtype not in (REAL, COMPLEX):
+            return found
+        out = recorder().own(found if found.flags.owndata else found.copy())
+        if not name.startswith("empty"):
+            recorder().put(out, ..., found.copy())
+        return out
+
+    return make
+
+
+MADE = ("zeros", "empty", "ones", "full")
+REPLACED: dict[str, Callable[..., Any]] = {
+    "asarray": _asarray,
+    "array": _array,
+    "ascontiguousarray": _contiguous,
+    **{name: _made(name) for name in (*MADE, *(f"{name}_like" for name in MADE[:4]), "eye", "repeat")},
+}
+"""Functions of NumPy that its protocols do not reach: they stand in for them while something is recorded."""
+ORIGINAL = {name: getattr(np, name) for name in (*REPLACED, "bincount")}
+
+
+@contextmanager
+def recording(tape: Recorder) -> Iterator[None]:
+    """Write down on a tape what is done with its memory."""
+    _set(tape)
+    try:
+        yield
+    finally:
+        _set(None)
+
+
+def _set(tape: Recorder | None) -> None:
+    Recording.tape, Recording.thread = tape, 0 if tape is None else threading.get_ident()
+    for name in REPLACED:
+        setattr(np, name, (ORIGINAL if tape is None else REPLACED)[name])
+
+
+Recorder.switch = staticmethod(_set)
+Recorder.functions.update(FUNCTIONS)
+Recorder.transparent.update(TRANSPARENT)

@@ -1,0 +1,151 @@
+"""Functions of arrays that are recorded once and replayed from then on."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Iterator
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from hfsim.maths import kernel
+from hfsim.maths.arrays import Array, random_signs
+from hfsim.maths.traced import Refused, plain
+
+AGREEING = 1e-7
+"""Difference from NumPy, over the largest entry, that is rounding: what is wrong is wrong by far more."""
+ROUNDING = 1e-9
+"""The same over the largest coordinate: guesses may be stiff, which amplifies it."""
+UNREADABLE = (
+    *(Refused, TypeError, ValueError, AttributeError, IndexError, KeyError, NotImplementedError),
+    np.linalg.LinAlgError,
+)
+"""What a recording may fail with: what fails for other reasons does so again in NumPy."""
+
+REACH = 100.0
+"""The same over what a change in the last digit makes."""
+
+_Result = TypeVar("_Result")
+
+
+class Replayed(Generic[_Result]):
+    """A function of arrays whose result is an array, or an object that holds some.
+
+    Parameters
+    ----------
+    function : callable
+    measure : callable, optional
+        Result -> array by which results are compared; that itself without it.
+
+    Attributes
+    ----------
+    refused : Exception or None
+        Why it is not replayed.
+    """
+
+    def __init__(
+        self, function: Callable[..., _Result], measure: Callable[[_Result], Array] | None = None
+    ) -> None:
+        self._function, self._measure = function, measure
+        self._program: Callable[[], None] | None = None
+        self.refused: Exception | None = None if kernel.KERNEL == "native" else Refused("switched off")
+
+    def __call__(self, *given: Any) -> _Result:
+        """Return what the function returns."""
+        if self.refused is not None:
+            return self._function(*given)
+        if self._program is None:
+            self._record(given)
+            if self.refused is not None:
+                return self._function(*given)
+        return self._again(given)
+
+    def _again(self, given: tuple[Any, ...]) -> _Result:
+        assert self._program is not None
+        for memory, value in zip(self._inputs, given, strict=True):
+            memory[...] = value
+        self._program()
+        found: _Result = rebuilt(self._template)
+        return found
+
+    def _record(self, given: tuple[Any, ...]) -> None:
+        from hfsim.maths.recorder import Recorder
+        from hfsim.maths.recording import recording
+
+        self._function(*given)  # what is kept when it is first asked for must not be made on the tape
+        tape = Recorder()
+        inputs = [tape.input(np.asarray(one, dtype=float)) for one in given]
+        try:
+            with np.errstate(all="ignore"), recording(tape):
+                found = self._function(*inputs)
+            outputs = [one for _, one in arrays_in(found)]
+            tape.cut()
+            (self._program,) = tape.programs(*filter(tape.knows, outputs))
+            self._inputs, self._template = [plain(one) for one in inputs], rebuilt(found, plain)
+            tape.poison()
+            some = tuple(map(shaken, given))
+            one, other = self._measured(self._again(some)), self._measured(self._function(*some))
+            agree(other, one)
+        except UNREADABLE as why:
+            self.refused = why
+
+    def _measured(self, found: _Result) -> Array:
+        return self._measure(found) if self._measure else np.asarray(found)
+
+
+def agree(own: Array, found: Array, scale: float = 0.0, near: Array | None = None) -> None:
+    """Refuse what differs from what NumPy finds.
+
+    Parameters
+    ----------
+    own, found : ndarray
+        Of the same shape: NumPy's, and that of the recording.
+    scale : float
+        Size beside which differences are small too.
+    near : ndarray, optional
+        What NumPy finds with numbers that differ in their last digit.
+    """
+    size = float(np.abs(own).max(initial=0.0))
+    error = float(np.abs(own - found).max(initial=0.0))
+    reach = 0.0 if near is None else float(np.abs(own - near).max(initial=0.0))
+    if np.isfinite(size) and not error <= max(AGREEING * size, ROUNDING * scale, REACH * reach):
+        raise Refused(f"{error:.3g} of {size:.3g} differ")
+
+
+def jittered(a: Any) -> Array:
+    """Return numbers that differ from others in their last digits."""
+    return np.asarray(np.multiply(a, 1.0 + 4e-16 * random_signs(np.shape(a))))
+
+
+def shaken(a: Any) -> Array:
+    """Return numbers that differ a little from others."""
+    return np.asarray(np.multiply(a, 1.0 + 1e-3 * random_signs(np.shape(a))) + 1e-6)
+
+
+def arrays_in(holder: Any, name: str = "") -> Iterator[tuple[str, Array]]:
+    """Yield the numbers that an object consists of, each with its name."""
+    if isinstance(holder, np.ndarray):
+        if holder.dtype.kind in "fc":
+            yield name, holder
+    elif isinstance(holder, tuple):
+        for k, one in enumerate(holder):
+            yield from arrays_in(one, f"{name}.{k}")
+    elif getattr(holder, "holds_arrays", False):
+        for key, value in vars(holder).items():
+            yield from arrays_in(value, f"{name}.{key}")
+
+
+def rebuilt(holder: Any, change: Callable[[Array], Array] = lambda a: plain(a).copy()) -> Any:
+    """Return an object with other arrays: copies without more said."""
+    if isinstance(holder, np.ndarray):
+        return change(holder) if holder.dtype.kind in "fc" else holder
+    if isinstance(holder, tuple):
+        parts = [rebuilt(one, change) for one in holder]
+        return type(holder)(*parts) if hasattr(holder, "_fields") else tuple(parts)
+    if hasattr(holder, "anew"):
+        return holder.anew()
+    if not getattr(holder, "holds_arrays", False):
+        return holder
+    found = copy.copy(holder)
+    found.__dict__.update({key: rebuilt(value, change) for key, value in vars(holder).items()})
+    return found

@@ -1,0 +1,159 @@
+"""Arrays that have a tape write down what is done with them, and what code says to such a tape."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+
+
+class Refused(Exception):  # noqa: N818
+    """What cannot be recorded."""
+
+
+class Recording:
+    """The tape that records, if any, and in which thread."""
+
+    tape: Any = None
+    thread = 0
+
+
+def recorder() -> Any:
+    """Return the tape that records."""
+    if Recording.tape is None:
+        raise Refused("nothing records")
+    return Recording.tape
+
+
+class Traced(np.ndarray):
+    """An array in the memory of a tape."""
+
+    __array_priority__ = 1e9
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **how: Any) -> Any:
+        """Write down an operation."""
+        return recorder().ufunc(ufunc, method, inputs, None if out is None else out[0], how)
+
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        """Write down a function of NumPy."""
+        return recorder().function(func, args, kwargs)
+
+    def __getitem__(self, key: Any) -> Any:
+        return recorder().take(self, key)
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        recorder().put(self, key, value)
+
+    def __iter__(self) -> Iterator[Any]:
+        return (self[k] for k in range(len(self)))
+
+    def copy(self, order: Any = "C") -> Any:
+        """Write down a copy."""
+        return recorder().copied(self, plain(self).copy(order))
+
+    def __copy__(self) -> Any:
+        return self.copy()
+
+    def reshape(self, *shape: Any, **how: Any) -> Any:
+        """Return a view, or one of a copy."""
+        found = plain(self).reshape(*shape, **how)
+        return found.view(Traced) if owner(found) is owner(self) else self.copy().reshape(*shape, **how)
+
+    def ravel(self, order: Any = "C") -> Any:
+        """Return a view, or one of a copy."""
+        return self.reshape(-1, order=order)
+
+    def flatten(self, order: Any = "C") -> Any:
+        """Return a copy."""
+        return self.copy().reshape(-1, order=order)
+
+    def astype(self, dtype: Any, **how: Any) -> Any:  # type: ignore[override]
+        """Write down a copy."""
+        found = recorder().cast(self, np.dtype(dtype))
+        return self.copy() if found is self else found
+
+    def take(  # type: ignore[override]
+        self, indices: Any, axis: int | None = None, **how: Any
+    ) -> Any:
+        """Write down a selection."""
+        if how:
+            raise Refused("take")
+        if axis is None:
+            return self.reshape(-1)[np.asarray(indices)]
+        return self[(slice(None),) * (axis % self.ndim) + (np.asarray(indices),)]
+
+    def dot(self, other: Any) -> Any:  # type: ignore[override]
+        """Write down a product."""
+        return recorder().function(np.dot, (self, other), {})
+
+    def repeat(self, repeats: Any, axis: int | None = None) -> Any:  # type: ignore[override]
+        """Write down a selection."""
+        if axis is None:
+            return self.reshape(-1).repeat(repeats, 0)
+        return self.take(np.repeat(np.arange(self.shape[axis]), repeats), axis)
+
+    def fill(self, value: Any) -> None:
+        """Write down that all entries are set."""
+        self[...] = value
+
+    def _refuse(self, *args: Any, **how: Any) -> Any:
+        raise Refused("a value of the state decides")
+
+    __bool__ = __float__ = __int__ = __complex__ = __index__ = __contains__ = _refuse
+    item = tolist = tobytes = nonzero = sort = argsort = argmax = argmin = resize = put = _refuse
+    cumsum = cumprod = choose = compress = partition = searchsorted = prod = byteswap = dump = _refuse
+
+
+def apart(function: Callable[..., None], *args: Any) -> None:
+    """Do what writes into its last argument; while a tape records, as a call of Python if it is refused."""
+    tape, out = Recording.tape, args[-1]
+    if tape is None or not tape.knows(out):
+        function(*args)
+        return
+    before = plain(out).copy()
+    try:
+        with tape.attempt():
+            function(*args)
+    except Refused:
+        memory = [plain(a) if isinstance(a, np.ndarray) else a for a in args]
+        memory[-1][...] = before
+        tape.told.append(str(function))
+        with tape.paused():
+            function(*memory)
+        tape.call(lambda: function(*memory))
+
+
+def outside(function: Callable[..., Array], *args: Any) -> Array:
+    """Return an array that a function returns; while a tape records, the function is a call of Python."""
+    tape = Recording.tape
+    if tape is None or not any(isinstance(a, np.ndarray) and tape.knows(a) for a in args):
+        return function(*args)
+    return np.asarray(tape.called(function, args, {}))
+
+
+def chosen(condition: Any, one: Callable[[], Any], other: Callable[[], Any]) -> Any:
+    """Return one array where a condition holds and another one elsewhere; a tape that records needs both."""
+    if Recording.tape is None or not isinstance(condition, np.ndarray):
+        return one() if condition else other()
+    return np.where(condition, one(), other())
+
+
+def plain(a: Any) -> np.ndarray:
+    """Return an array as NumPy's own type, on the same memory."""
+    return a.view(np.ndarray) if isinstance(a, np.ndarray) else np.array(a)
+
+
+def owner(a: Any) -> Any:
+    """Return what owns the memory of an array."""
+    base = a.base
+    while base is not None:
+        a, base = base, getattr(base, "base", None)
+    return a
+
+
+def address(a: np.ndarray) -> int:
+    """Return where an array begins."""
+    return int(a.__array_interface__["data"][0])

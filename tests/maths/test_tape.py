@@ -1,0 +1,184 @@
+"""Tapes do what NumPy does, and refuse what they cannot."""
+
+import threading
+
+import numpy as np
+import pytest
+
+from hfsim.maths import kernel
+from hfsim.maths.recording import Recorder, recording
+from hfsim.maths.replayed import Replayed
+from hfsim.maths.traced import Refused, apart, chosen, outside, plain
+
+pytestmark = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
+
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+C = np.random.default_rng(1).standard_normal((5, 7))
+Z = np.random.default_rng(2).standard_normal((4, 7, 2)) @ np.array([1.0, 1.0j])
+SOME = np.array([3, 0, 2])
+
+
+def filled(x):
+    out = np.zeros((7, 6))
+    out[:, SOME] = x[:, :3]
+    out[SOME] += 2.0 * x[SOME]
+    return out
+
+
+def overlapping(x):
+    out = x.copy()
+    out[1:] = out[:-1] + out[1:]
+    return out
+
+
+def shifted(x):
+    out = np.exp(1j * x)
+    out.imag[:, ::2] = x[:, ::2]
+    out[:, 0] -= out[:, 5]
+    return np.ascontiguousarray(out).view(float)
+
+
+FUNCTIONS = {
+    "sums": lambda x, y: x + y[0] - 2.0 * y,
+    "powers": lambda x, y: (x**2 + x**3) / (y * y),
+    "functions": lambda x, y: np.sin(x) * np.cosh(y) + np.arctan2(x, y) + np.hypot(x, y) + np.sqrt(np.abs(x)),
+    "extremes": lambda x, y: np.maximum(x, y) + np.minimum(x, 0.0) + np.abs(x).max() + y.min(axis=0),
+    "products": lambda x, y: C @ (x @ y.T),
+    "products of vectors": lambda x, y: (C @ x[:, 0]) * (x[0] @ y[1]),
+    "products of batches": lambda x, y: (x[:, None, :] @ y[:, :, None])[:, 0, 0],
+    "products of complex numbers": lambda x, y: ((Z @ x) @ (1j * y).T).real,
+    "half of a product": lambda x, y: (Z @ (x + 1j * y)).imag,
+    "dot": lambda x, y: np.dot(C, x.reshape(7, -1)),
+    "selections": lambda x, y: x.take(SOME, axis=0) * 2.0 + y[:3] + x[[1, 1, 4]],
+    "columns": lambda x, y: x[:, SOME] + y[:, [1, 1, 2]],
+    "writing": lambda x, y: filled(x) * y,
+    "overlapping": lambda x, y: overlapping(x) + y,
+    "totals": lambda x, y: x.sum(axis=0) + np.sum(x * y, axis=-1)[:6] + np.add.reduce(x).sum(),
+    "totals inside": lambda x, y: np.add.reduce((x * y).reshape(7, 2, 3), axis=1),
+    "cumulative": lambda x, y: np.cumsum(x[:, ::-1], axis=-1)[:, ::-1] * y,
+    "joined": lambda x, y: np.concatenate([x, y[:2], np.stack([x[0], y[0]])]),
+    "choices": lambda x, y: np.where(x > y, x, 2.0 * y),
+    "complex": lambda x, y: np.abs((x + 2j * y) * (1 + 2j)) + ((x + 1j) / (y + 1j)).conj().imag,
+    "parts": lambda x, y: shifted(x),
+    "repeated": lambda x, y: np.repeat(x[:1], 7, axis=0) * y,
+    "bins": lambda x, y: np.bincount(np.array([0, 2, 2, 5]), weights=x[0, :4], minlength=7)[:, None] * y,
+    "transposed": lambda x, y: np.ascontiguousarray(x.T).T + np.swapaxes(y.T, 0, 1),
+    "Python": lambda x, y: np.linalg.solve(x[:6], y[:6]) + np.kron(x[:1], np.ones((6, 1))),
+    "decided": lambda x, y: chosen(np.abs(x).max() > 1.0, lambda: x + y, lambda: x - y),
+    "outside": lambda x, y: outside(lambda a: np.where(a.max() > 0, a, -a), x) * y,
+}
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_what_is_replayed_is_what_numpy_does(name, rng):
+    function = FUNCTIONS[name]
+    x, y = rng.standard_normal((2, 7, 6))
+    tape = Recorder()
+    inputs = tape.input(x), tape.input(y)
+    with recording(tape):
+        found = function(*inputs)
+    tape.cut()
+    (program,) = tape.programs(found)
+    tape.poison()
+    for _ in range(2):
+        x, y = rng.standard_normal((2, 7, 6))
+        for memory, value in zip(inputs, (x, y), strict=True):
+            plain(memory)[...] = value
+        program()
+        np.testing.assert_allclose(plain(found), function(x, y), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda x: x if x.max() > 0.0 else -x,
+        lambda x: x * float(x[0, 0]),
+        lambda x: x[np.argsort(x[:, 0])],
+        lambda x: sum(x.tolist()[0]) * x,
+        lambda x: np.ndarray.transpose(np.ndarray.copy(x)) + 1.0,
+    ],
+)
+def test_what_values_decide_or_cannot_be_followed_is_refused(function, rng):
+    tape = Recorder()
+    x = tape.input(rng.standard_normal((3, 3)))
+    with pytest.raises(Refused), recording(tape):
+        function(x)
+    assert type(np.zeros(2)) is np.ndarray
+
+
+def test_what_is_written_behind_the_back_of_a_tape_is_noticed(rng):
+    """A function in C fills what `numpy.empty` gave: the recording would repeat the first result for ever."""
+
+    def behind(x):
+        out = np.empty(4)
+        memoryview(plain(out))[1] = 3.0
+        return out * x[0, :4]
+
+    replayed = Replayed(behind)
+    x = rng.standard_normal((3, 5))
+    assert replayed(x).shape == (4,)
+    assert "differ" in str(replayed.refused)
+
+
+def test_what_remains_constant_by_mistake_is_noticed(rng):
+    kept = np.zeros(5)
+
+    def lost(x):
+        kept[:] = x[0]
+        return kept * x[1]
+
+    replayed = Replayed(lost)
+    x = rng.standard_normal((3, 5))
+    np.testing.assert_array_equal(replayed(x), x[0] * x[1])
+    assert replayed.refused is not None
+
+
+def test_a_refused_part_is_done_by_python(rng):
+    def part(x, out):
+        out += x if x.max() > 0.0 else 2.0 * x
+
+    def force(x):
+        out = np.zeros_like(x)
+        apart(part, x, out)
+        apart(lambda x, out: out.__iadd__(x * x) is None or None, x, out)
+        return 3.0 * out
+
+    replayed = Replayed(force)
+    for _ in range(4):
+        x = rng.standard_normal((3, 5))
+        x[0, 0] = 4.0
+        np.testing.assert_allclose(replayed(x), 3.0 * (x + x * x), rtol=1e-14)
+    assert replayed.refused is None
+    x = -np.abs(x)
+    np.testing.assert_allclose(replayed(x), 3.0 * (2.0 * x + x * x), rtol=1e-14)
+
+
+def test_errors_of_python_come_through():
+    replayed = Replayed(lambda x: np.linalg.inv(x) * 2.0)
+    replayed(np.eye(3))
+    assert replayed.refused is None
+    with pytest.raises(np.linalg.LinAlgError):
+        replayed(np.zeros((3, 3)))
+
+
+def test_what_is_not_finite_stays_so():
+    replayed = Replayed(lambda x: np.concatenate([x[:1] / x[1:], [np.abs(x).max(), (x @ x)]]))
+    replayed(np.array([1.0, 2.0]))
+    with np.errstate(all="ignore"):
+        assert np.isinf(replayed(np.array([1.0, 0.0]))[0])
+        assert np.isnan(replayed(np.array([np.nan, 2.0]))).all()
+
+
+def test_other_threads_do_not_notice(rng):
+    tape, kinds = Recorder(), []
+    with recording(tape):
+        thread = threading.Thread(target=lambda: kinds.append(type(np.zeros(3))))
+        thread.start()
+        thread.join()
+    assert kinds == [np.ndarray]
