@@ -182,7 +182,7 @@ static void scatter_D(char **at, const i64 *step, i64 n) {
     X(gather_d, 3) X(scatter_d, 3) X(gather_D, 3) X(sadd_d, 3) X(scatter_D, 3)
 
 #define NAMED(f, k) f##_code,
-enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, CALL, CODES };
+enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, SOLVE, CALL, CODES };
 #define LISTED(f, k) {f, k, #f},
 static const struct { Inner inner; int operands; const char *name; } TABLE[] = {ELEMENTWISE(LISTED)};
 
@@ -213,6 +213,15 @@ static inline void elementwise(const Op *o, Inner inner, int operands) {
 typedef double vec __attribute__((vector_size(32), aligned(8)));
 static double *scratch;
 static i64 scratch_size;
+
+static int ample(i64 need) {
+    if (need > scratch_size) {
+        double *grown = realloc(scratch, need * 8);
+        if (!grown) return -1;
+        scratch = grown; scratch_size = need;
+    }
+    return 0;
+}
 
 WIDE static void product(const Op *o, char *c, const char *a, const char *b) {
     const i64 m = o->shape[0], kk = o->shape[1], n = o->shape[2], mode = o->more;
@@ -269,12 +278,7 @@ WIDE static void product(const Op *o, char *c, const char *a, const char *b) {
 }
 
 static int matmul(const Op *o) {
-    i64 need = (o->shape[1] + 1) * NR;
-    if (need > scratch_size) {
-        double *grown = realloc(scratch, need * 8);
-        if (!grown) return -1;
-        scratch = grown; scratch_size = need;
-    }
+    if (ample((o->shape[1] + 1) * NR)) return -1;
     for (i64 p = 0; p < o->shape[3]; p++)
         for (i64 q = 0; q < o->shape[4]; q++)
             product(o, o->at[0] + p * o->step[0][3] + q * o->step[0][4], o->at[1] + p * o->step[1][3] + q * o->step[1][4],
@@ -300,7 +304,62 @@ WIDE static void sparse(const Op *o) {
     }
 }
 
+/* ---------------------------------------------------------------- linear equations */
+
+/* a x = b by elimination with row pivots; [a b] and the order of its rows are in scratch */
+WIDE static int eliminate(i64 n, i64 wide, double *rows, double **row) {
+    i64 c, r, j;
+    for (r = 0; r < n; r++) row[r] = rows + r * wide;
+    for (c = 0; c < n; c++) {
+        double most = fabs(row[c][c]), *pivot;
+        i64 best = c;
+        for (r = c + 1; r < n; r++) if (fabs(row[r][c]) > most) { most = fabs(row[r][c]); best = r; }
+        pivot = row[best]; row[best] = row[c]; row[c] = pivot;
+        if (most == 0.0) return 1;
+        const double inverse = 1.0 / pivot[c];
+        for (r = c + 1; r < n; r++) {
+            double *x = row[r];
+            const double f = x[c] * inverse;
+            if (f != 0.0) { IVDEP for (j = c + 1; j < wide; j++) x[j] -= f * pivot[j]; }
+        }
+    }
+    for (c = n - 1; c >= 0; c--) {
+        double *y = row[c];
+        for (r = c + 1; r < n; r++) {
+            const double f = y[r], *x = row[r];
+            IVDEP for (j = n; j < wide; j++) y[j] -= f * x[j];
+        }
+        const double inverse = 1.0 / y[c];
+        IVDEP for (j = n; j < wide; j++) y[j] *= inverse;
+    }
+    return 0;
+}
+
+/* shape: n, columns, batch, batch; steps: (i, j, batch, batch) of out, a and b, which is 1 without an address */
+static int solve(const Op *o) {
+    const i64 n = o->shape[0], k = o->shape[1], wide = n + k;
+    const i64 *so = o->step[0], *sa = o->step[1], *sb = o->step[2];
+    if (ample(n * (wide + 1))) return -1;
+    double *rows = scratch, **row = (double **)(scratch + n * wide);
+    for (i64 p = 0; p < o->shape[2]; p++) for (i64 q = 0; q < o->shape[3]; q++) {
+        const char *a = o->at[1] + p * sa[2] + q * sa[3], *b = o->at[2] + p * sb[2] + q * sb[3];
+        char *out = o->at[0] + p * so[2] + q * so[3];
+        for (i64 i = 0; i < n; i++) {
+            double *x = rows + i * wide;
+            for (i64 j = 0; j < n; j++) x[j] = *(const double *)(a + i * sa[0] + j * sa[1]);
+            if (o->at[2]) for (i64 j = 0; j < k; j++) x[n + j] = *(const double *)(b + i * sb[0] + j * sb[1]);
+            else for (i64 j = 0; j < k; j++) x[n + j] = i == j;
+        }
+        if (eliminate(n, wide, rows, row)) return 1;
+        for (i64 i = 0; i < n; i++)
+            for (i64 j = 0; j < k; j++) *(double *)(out + i * so[0] + j * so[1]) = row[i][n + j];
+    }
+    return 0;
+}
+
 /* ---------------------------------------------------------------- Python */
+
+static PyObject *singular;
 
 static PyObject *run(PyObject *self, PyObject *args) {
     Py_buffer ops;
@@ -312,7 +371,11 @@ static PyObject *run(PyObject *self, PyObject *args) {
         if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
         else if (o->code == MATMUL) { if (matmul(o)) { PyErr_NoMemory(); failed = 1; } }
         else if (o->code == SPARSE) sparse(o);
-        else {
+        else if (o->code == SOLVE) {
+            failed = solve(o);
+            if (failed > 0) PyErr_SetString(singular, "Singular matrix");
+            else if (failed) PyErr_NoMemory();
+        } else {
             PyObject *done = PyObject_CallNoArgs(PyList_GetItem(calls, o->more));
             if (!done) failed = 1; else Py_DECREF(done);
         }
@@ -334,6 +397,7 @@ static PyObject *profile(PyObject *self, PyObject *args) { /* least ns per op ov
         if (o[i].code < MATMUL) elementwise(o + i, TABLE[o[i].code].inner, TABLE[o[i].code].operands);
         else if (o[i].code == MATMUL) matmul(o + i);
         else if (o[i].code == SPARSE) sparse(o + i);
+        else if (o[i].code == SOLVE) solve(o + i);
         clock_gettime(CLOCK_MONOTONIC, &e);
         double t = (e.tv_sec - b.tv_sec) * 1e9 + (e.tv_nsec - b.tv_nsec);
         if (t < best[i]) best[i] = t;
@@ -363,10 +427,15 @@ static int set_code(PyObject *codes, const char *name, long code) {
 
 static int fill(PyObject *module) {
     PyObject *codes = PyDict_New();
-    int failed = !codes || set_code(codes, "matmul", MATMUL) || set_code(codes, "sparse", SPARSE) || set_code(codes, "call", CALL);
+    int failed = !codes || set_code(codes, "matmul", MATMUL) || set_code(codes, "sparse", SPARSE) || set_code(codes, "solve", SOLVE) ||
+                  set_code(codes, "call", CALL);
     for (int k = 0; k < MATMUL && !failed; k++) failed = set_code(codes, TABLE[k].name, k);
     failed = failed || PyModule_AddObjectRef(module, "CODES", codes);
     Py_XDECREF(codes);
+    PyObject *linalg = PyImport_ImportModule("numpy.linalg");
+    singular = linalg ? PyObject_GetAttrString(linalg, "LinAlgError") : NULL;
+    Py_XDECREF(linalg);
+    failed = failed || !singular;
     return failed ? -1 : 0;
 }
 

@@ -15,6 +15,8 @@ from hfsim.maths.traced import Recording, Refused, Traced, plain, recorder
 
 LONGEST_SUM = 32
 """Terms of a cumulative sum that are written down one by one."""
+LARGE = 120
+"""Linear equations from which LAPACK, called from Python, is faster."""
 
 
 def _concatenate(tape: Recorder, arrays: Any, axis: int = 0, out: Any = None, **how: Any) -> Any:
@@ -69,6 +71,22 @@ def _bincount(tape: Recorder, places: Any, weights: Any = None, minlength: int =
     return out
 
 
+def _solve(tape: Recorder, a: Any, b: Any) -> Any:
+    if np.ndim(b) == 1:
+        return _solved(tape, np.linalg.solve, a, b[:, None])[..., 0]
+    return _solved(tape, np.linalg.solve, a, b)
+
+
+def _solved(tape: Recorder, function: Callable[..., Any], *given: Any) -> Any:
+    """Write down linear equations: large or complex ones as a call of Python."""
+    raw = [tape.raw(one) for one in given]
+    if any(one.dtype != REAL for one in raw) or raw[0].shape[-1] > LARGE or raw[0].ndim > 4:
+        return tape.called(function, given, {})
+    out = tape.own(function(*raw))
+    tape.solve(plain(out), raw[0], raw[1] if len(raw) > 1 else None)
+    return out
+
+
 def _like(name: str) -> Callable[..., Any]:
     return lambda tape, a, dtype=None, **how: getattr(np, name)(a.shape, dtype or a.dtype)
 
@@ -79,6 +97,8 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.dot: _dot,
     np.cumsum: _cumsum,
     np.bincount: _bincount,
+    np.linalg.solve: _solve,
+    np.linalg.inv: lambda tape, a: _solved(tape, np.linalg.inv, a),
     np.zeros_like: _like("zeros"),
     np.empty_like: _like("empty"),
     np.ones_like: _like("ones"),

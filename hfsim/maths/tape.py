@@ -210,6 +210,21 @@ class Tape:
         self._add(row, (out, b))
         return True
 
+    def solve(self, out: np.ndarray, a: np.ndarray, b: np.ndarray | None) -> None:
+        """Write down the solution of linear equations, batch by batch; without ``b`` an inverse."""
+        if 0 in out.shape:
+            return
+        operands = (out, a) if b is None else (out, a, b)
+        batch = out.shape[:-2]
+        row = [0] * WORDS
+        row[:6] = CODES["solve"], 4, *out.shape[-2:], 1, 1
+        row[4 : 4 + len(batch)] = batch
+        row[2 + DIMS : 2 + DIMS + len(operands)] = map(address, operands)
+        for x, one in enumerate(operands):
+            first, steps = FIRST_STRIDE + x * DIMS, np.broadcast_to(one, batch + one.shape[-2:]).strides
+            row[first : first + out.ndim] = *steps[-2:], *steps[:-2]
+        self._add(row, operands)
+
     def call(self, function: Callable[[], None]) -> None:
         """Write down a call of Python, on memory that it knows."""
         row = [0] * WORDS

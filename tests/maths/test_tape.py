@@ -69,7 +69,13 @@ FUNCTIONS = {
     "repeated": lambda x, y: np.repeat(x[:1], 7, axis=0) * y,
     "bins": lambda x, y: np.bincount(np.array([0, 2, 2, 5]), weights=x[0, :4], minlength=7)[:, None] * y,
     "transposed": lambda x, y: np.ascontiguousarray(x.T).T + np.swapaxes(y.T, 0, 1),
-    "Python": lambda x, y: np.linalg.solve(x[:6], y[:6]) + np.kron(x[:1], np.ones((6, 1))),
+    "linear equations": lambda x, y: np.linalg.solve(x[:6], y[:6]) + np.linalg.solve(y[:6].T, x[0]),
+    "linear equations in batches": lambda x, y: np.linalg.solve(
+        (x[:, :, None] * y[:, None] + 3.0 * np.eye(6)).reshape(1, 7, 6, 6)[:, :, ::-1], y[:, :, None]
+    ),
+    "constant matrix": lambda x, y: np.linalg.solve(C[:, :5], x[:5]) + np.linalg.solve(x[:5, :5], C[:, :1]),
+    "inverses": lambda x, y: np.linalg.inv((x * y)[:6]) + np.linalg.inv(x[:6].T),
+    "Python": lambda x, y: np.linalg.inv(x[:6] + 1j * y[:6]).real + np.kron(x[:1], np.ones((6, 1))),
     "decided": lambda x, y: chosen(np.abs(x).max() > 1.0, lambda: x + y, lambda: x - y),
     "outside": lambda x, y: outside(lambda a: np.where(a.max() > 0, a, -a), x) * y,
 }
@@ -159,8 +165,10 @@ def test_a_refused_part_is_done_by_python(rng):
     np.testing.assert_allclose(replayed(x), 3.0 * (2.0 * x + x * x), rtol=1e-14)
 
 
-def test_errors_of_python_come_through():
-    replayed = Replayed(lambda x: np.linalg.inv(x) * 2.0)
+@pytest.mark.parametrize("unit", [1.0, 1.0 + 0.0j])
+def test_singular_equations_are_told(unit):
+    """Done natively, and by Python."""
+    replayed = Replayed(lambda x: (np.linalg.inv(unit * x) * 2.0).real)
     replayed(np.eye(3))
     assert replayed.refused is None
     with pytest.raises(np.linalg.LinAlgError):
