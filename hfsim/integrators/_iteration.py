@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.integrators._derivative import Derivative, Stages, Start, Strained
+from hfsim.integrators._ending import MAX_ITERATIONS, Ending
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array
@@ -145,6 +146,18 @@ class Iteration:
         natural = self.derivative.increments
         add = natural.advance if finite else natural.from_natural
         self.a += self._back @ add(self._at, self.correction_found)
+
+    def solve(self, ending: Ending) -> tuple[bool, int]:
+        """Correct until that ends; return whether it converges, and the number of corrections."""
+        size, counts = np.inf, self._problem.counts
+        for k in range(MAX_ITERATIONS):
+            change, size = map(float, self.correct(anew=size > SAME))
+            self.advance(finite=not size < LINEAR)
+            counts.iterations += 1
+            converged = ending.after(k, change, size)
+            if converged is not None:
+                return converged and bool(np.isfinite(self.a).all()), k + 1
+        return False, MAX_ITERATIONS
 
     def end(self) -> End:
         """Return what the step leads to."""

@@ -14,7 +14,7 @@ from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.traced import chosen
+from hfsim.maths.traced import sometimes
 from hfsim.mechanics.linearized import Linearized
 
 DRIVEN = 1e-6
@@ -151,15 +151,14 @@ class ModalDerivative(Derivative):
 
         What the joints are driven by goes on uniformly accelerated, and takes the modes along.
         """
-        real = np.isrealobj(self.w2)
+        real, grows = np.isrealobj(self.w2), self.w2 < 0.0
         omega = np.sqrt(np.abs(self.w2) if real else self.w2)
         omega = np.where(np.abs(omega) * h < 1e-4, 1e-4 / h, omega)
         tau = (h * table.nodes)[:, None]
         half = 0.5 * tau * omega
         sine, cosine, square = np.sin(half), np.cos(half), omega * omega
-        if real:
+        if real and sometimes(grows):
             # what does not swing grows
-            grows = self.w2 < 0.0
             sine, cosine = np.where(grows, np.sinh(half), sine), np.where(grows, np.cosh(half), cosine)
             square = np.where(grows, -square, square)
         sine = sine / omega
@@ -170,13 +169,11 @@ class ModalDerivative(Derivative):
             return np.asarray((self._real(swing) @ self.R.T).real)
         rate, acceleration = self.joints.jacobian @ start.first, self.joints.jacobian @ start.second
         opened = tau * rate + 0.5 * tau**2 * acceleration
-        driving = rate @ self.joints.forces, acceleration @ self.joints.forces
-
-        def driven() -> Array | ComplexArray:
-            answers = _response(tau, once, square, 1), _response(tau, twice, square, 2)
-            return np.asarray(swing - driving[0] * answers[0] - driving[1] * answers[1])
-
-        swing = chosen(np.abs(opened[-1]).max(initial=0.0) > DRIVEN, driven, lambda: swing)
+        driven = np.abs(opened[-1]).max(initial=0.0) > DRIVEN
+        if sometimes(driven):
+            taken = (rate @ self.joints.forces) * _response(tau, once, square, 1)
+            taken = taken + (acceleration @ self.joints.forces) * _response(tau, twice, square, 2)
+            swing = np.where(driven, swing - taken, swing)
         return np.asarray((self._real(swing) @ self.R.T).real + self.joints.closed(opened))
 
     def _modal_acceleration(self, start: Start) -> Array | ComplexArray:

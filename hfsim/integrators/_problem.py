@@ -140,6 +140,8 @@ class Problem:
     recharted : callable or None
         (q, v), shape (n,) each -> the same state in the coordinates to go on in, None if those are its own;
         None where all states have the same.
+    recordings : dict
+        What is replayed of the same equations, for each thread.
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
@@ -161,6 +163,7 @@ class Problem:
     edges: Edges = field(default_factory=Edges)
     recharted: Callable[[Array, Array], tuple[Array, Array] | None] | None = None
     counts: Counts = field(default_factory=Counts)
+    recordings: dict[int, Any] = field(default_factory=dict)
 
     def evaluate(self, t: Array, q: Array, v: Array, strains: Array | None = None) -> Array:
         """Return accelerations of a batch, with strains that are expected if given, and count the call."""

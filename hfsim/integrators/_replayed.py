@@ -9,18 +9,20 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from threading import get_ident
 from typing import Any
 
 import numpy as np
 
 from hfsim.integrators._derivative import Derivative
-from hfsim.integrators._iteration import End, Iteration, Place
+from hfsim.integrators._ending import MAX_ITERATIONS, Ending
+from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
 from hfsim.integrators._problem import Counts, Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.integrators.derivative import computed, place_of, taken_at
-from hfsim.maths import kernel
 from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import UNREADABLE, Replayed, agree, arrays_in, jittered, rebuilt, shaken
+from hfsim.maths.tape import iterated
 from hfsim.maths.traced import plain
 
 MOST = 400
@@ -28,58 +30,81 @@ MOST = 400
 
 
 class Replays:
-    """The recordings of a stepper.
+    """What is replayed of the steps of one problem.
 
-    All steps of a kind are replayed, or none: a run that is put down goes on to the last bit.
-
-    Attributes
-    ----------
-    found : dict
-        For each kind of step its recording, or why there is none.
+    Recordings are kept with the problem, for all who integrate it; each thread has its own, since a recording
+    works on memory of its own.  All steps of a kind are replayed, or none: whether they are wanted is up to
+    the stepper, so that a run that is put down goes on to the last bit.
     """
 
-    def __init__(self, problem: Problem, wanted: bool = True) -> None:
-        self._problem, self._wanted = problem, wanted and kernel.KERNEL == "native"
+    def __init__(self, problem: Problem) -> None:
+        self._problem = problem
+        self._kept = problem.recordings.setdefault(get_ident(), {})
         self._kind: tuple[Any, Any] = None, None
-        self.found: dict[Any, Replay | Exception] = {}
-        self._derivatives: dict[bool, Callable[..., Derivative]] = {}
 
     def step(
-        self, derivative: Derivative, table: Collocation, place: Place, strained: bool
+        self, derivative: Derivative, table: Collocation, place: Place, strained: bool, native: bool
     ) -> Iteration | Replay:
-        """Return what does a step: a recording where there is one."""
-        problem = self._problem
-        if self._wanted and len(place.q) <= MOST:
-            key = (*self._kind_of(derivative), table, strained)
-            found = self.found.get(key)
-            if found is None:
-                found = self.found[key] = self._recorded(derivative, table, place, strained)
+        """Return what does a step: a recording if that is wanted and there is one."""
+        if native and len(place.q) <= MOST:
+            found = self._found((*self._kind_of(derivative), table, strained), derivative, table, place)
             if isinstance(found, Replay):
-                return found.begin(derivative, place)
-        return Iteration(problem, derivative, table, place, strained)
+                return found.begin(self._problem.counts, derivative, place)
+        return Iteration(self._problem, derivative, table, place, strained)
+
+    def _found(
+        self, key: Any, derivative: Derivative, table: Collocation, place: Place
+    ) -> Replay | Exception:
+        """Return the recording of a kind of steps, or why there is none."""
+        found: Replay | Exception | None = self._kept.get(key)
+        if found is None:
+            try:
+                found = Replay(self._problem, derivative, table, place, strained=key[-1])
+            except UNREADABLE as why:
+                found = why
+            self._kept[key] = found
+        return found
+
+    def acceleration(self, t: float, q: Array, v: Array, native: bool) -> Array:
+        """Return the accelerations of one state, shape (n,)."""
+        problem, given = self._problem, (np.array([t]), q[None], v[None])
+        if not native or len(q) > MOST:
+            return problem.single(t, q, v)
+        problem.count(q[None])
+        found: Array = self._function("acceleration", problem.acceleration)(*given)[0]
+        return found
 
     def derivative(
-        self, natural: Increments | None, t: float, q: Array, v: Array, expected: Array | None = None
+        self,
+        natural: Increments | None,
+        t: float,
+        q: Array,
+        v: Array,
+        expected: Array | None = None,
+        native: bool = False,
     ) -> Derivative:
         """Compute a derivative; see `hfsim.integrators.derivative.derivative`."""
         problem = self._problem
         if problem.strains is not None and expected is None:
             expected = problem.strains.seen(q[None])[0]
-        increments = natural or PlainIncrements()
-        make = self._derivatives.get(natural is None)
-        if problem.linearized is None:
-            make = partial(_computed, problem, increments)
-        elif make is None:
-            make = Replayed(partial(_computed, replace(problem, counts=Counts()), increments), _inverse)
-            self._derivatives[natural is None] = make
+        make = partial(_computed, problem, natural or PlainIncrements())
         given = (t, q, v) if expected is None else (t, q, v, expected)
+        if native and problem.linearized is not None and len(q) <= MOST:
+            uncounted = partial(_computed, replace(problem, counts=Counts()), natural or PlainIncrements())
+            make = self._function(("derivative", natural is None), uncounted, _inverse)
         return taken_at(make(*given), problem, t, q, v, expected)
 
-    def taken_again(self, natural: Increments | None, taken: Array) -> Derivative:
+    def _function(self, name: Any, function: Callable[..., Any], measure: Any = None) -> Any:
+        """Return a function that is recorded when it is first called."""
+        if name not in self._kept:
+            self._kept[name] = Replayed(function, measure)
+        return self._kept[name]
+
+    def taken_again(self, natural: Increments | None, taken: Array, native: bool) -> Derivative:
         """Compute a derivative where one was taken."""
         (t, q, v, expected), angles = place_of(self._problem, taken)
         with self._problem.turns.supposed(t, angles):
-            return self.derivative(natural, t, q, v, expected)
+            return self.derivative(natural, t, q, v, expected, native)
 
     def _kind_of(self, derivative: Derivative) -> Any:
         """Return what recordings depend on: the form of a derivative and the shapes of its arrays."""
@@ -88,14 +113,6 @@ class Replays:
             shapes = tuple((name, one.shape, one.dtype.char) for name, one in arrays_in(derivative))
             self._kind = derivative, (type(derivative), type(derivative.increments), flags, shapes)
         return self._kind[1]
-
-    def _recorded(
-        self, derivative: Derivative, table: Collocation, place: Place, strained: bool
-    ) -> Replay | Exception:
-        try:
-            return Replay(self._problem, derivative, table, place, strained)
-        except UNREADABLE as why:
-            return why
 
 
 class Replay:
@@ -107,7 +124,7 @@ class Replay:
         from hfsim.maths.recorder import Recorder
         from hfsim.maths.recording import recording
 
-        self._problem, self.derivative, self._other = problem, derivative, (table, strained)
+        self._counts, self.derivative, self._other = problem.counts, derivative, (table, strained)
         self._uncounted = replace(problem, counts=Counts())
         # what is kept when it is first asked for must not be made on the tape
         before = Iteration(self._uncounted, derivative, table, place, strained)
@@ -147,9 +164,9 @@ class Replay:
         tape.poison()
         self._check(Place(place.t, shaken(place.q), shaken(place.v), 0.9 * place.h), shaken)
 
-    def begin(self, derivative: Derivative, place: Place) -> Replay:
+    def begin(self, counts: Counts, derivative: Derivative, place: Place) -> Replay:
         """Go on with another step."""
-        self.derivative = derivative
+        self._counts, self.derivative = counts, derivative
         if derivative is not self._held:
             found = dict(arrays_in(derivative))
             for name, memory in self._known:
@@ -171,15 +188,14 @@ class Replay:
         if self.expected is not None and expected is not None:
             self.expected[...] = expected
 
-    def correct(self, anew: bool = True) -> tuple[Array, Array]:
-        """Find a correction."""
-        self._problem.count(self.a)
-        self._correct()
-        return self._sizes
-
-    def advance(self, finite: bool) -> None:
-        """Add the correction."""
-        (self._finite if finite else self._small)()
+    def solve(self, ending: Ending) -> tuple[bool, int]:
+        """Correct until that ends."""
+        programs, limits = (self._correct, self._small, self._finite), (*ending.limits, LINEAR)
+        converged, count = iterated(programs, self._sizes, limits, MAX_ITERATIONS)
+        self._counts.iterations += count
+        self._counts.calls += count
+        self._counts.evaluations += count * len(self.a)
+        return converged and bool(np.isfinite(self.a).all()), count
 
     def end(self) -> End:
         """Return what the step leads to."""
@@ -196,7 +212,7 @@ class Replay:
             Iteration(self._uncounted, derivative, self._other[0], one, self._other[1])
             for one in (place, place._replace(q=jittered(place.q), v=jittered(place.v)))
         )
-        self.begin(derivative, place)
+        self.begin(Counts(), derivative, place)
         for one in (own, near, self):
             one.guess(place.q)
         agree(own.end().q, self.end().q, scale, near.end().q)
@@ -208,8 +224,9 @@ class Replay:
                 one.correct()
             self._correct()
             agree(own.correction_found, self._y, scale, near.correction_found)
-            for one in (own, near, self):
+            for one in (own, near):
                 one.advance(finite)
+            (self._finite if finite else self._small)()
         ends = zip(own.end(), self.end(), near.end(), (1.0, h, h * h, 1.0, h), strict=True)
         for ours, found, other, as_length in ends:
             agree(np.asarray(as_length * ours), np.asarray(as_length * found), scale, as_length * other)

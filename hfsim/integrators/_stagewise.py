@@ -10,9 +10,10 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 
 from hfsim.integrators._base import Attempt
+from hfsim.integrators._ending import Ending
 from hfsim.integrators._iteration import Iteration, Place
 from hfsim.integrators._problem import Problem
-from hfsim.integrators.collocation import CollocationMethod, CollocationStepper, Ending
+from hfsim.integrators.collocation import CollocationMethod, CollocationStepper
 from hfsim.maths.arrays import Array
 
 MAX_ITERATIONS = 9

@@ -23,25 +23,19 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, unsolved
-from hfsim.integrators._iteration import LINEAR, SAME, End, Iteration, Place
+from hfsim.integrators._ending import MAX_ITERATIONS, Ending
+from hfsim.integrators._iteration import End, Iteration, Place
 from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._replayed import Replay, Replays
 from hfsim.integrators._tableau import Collocation, gauss, radau
+from hfsim.maths import kernel
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 
 STAGEWISE = "hfsim.integrators._stagewise.StagewiseStepper"
 """What makes the steps where slopes pay: imported, only then, from what it is built on."""
-MAX_ITERATIONS = 20
 SERVES_WELL = 5
 """Iterations in a step up to which its derivative is kept for one more."""
-GOAL = 3e-4
-"""Part of the tolerance that an unfinished iteration may take."""
-ROUNDING = 1e-10
-"""Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more: in
-fine meshes the stiffest modes amplify it so far."""
-LAST_DIGIT = 4e-16
-"""Corrections, relative to the largest coordinate, that are rounding."""
 TARGET = 0.4
 """Error at which steps are aimed, over the tolerance."""
 SERVES = 2
@@ -54,6 +48,10 @@ GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
 """Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
+ALIKE = 3
+"""Steps of a kind after which the next ones are recorded, to be replayed."""
+NOTHING, ONE = np.zeros(2, dtype=int), np.eye(2, dtype=int)
+"""Numbers of steps without and with stiff modes; what one more of either counts."""
 
 
 class Damping(NamedTuple):
@@ -122,14 +120,16 @@ class CollocationStepper(Stepper):
         return f"{self.name}:{self.table.stages}"
 
     growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
-    replays: ClassVar[bool] = True
+    replays: ClassVar[bool] = kernel.KERNEL == "native"
     """Whether steps are replayed natively where they can be."""
-    remembers: ClassVar[tuple[str, ...]] = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known")
+    remembers: ClassVar[tuple[str, ...]] = (
+        *("_stiff", "_old", "_served", "_cap", "_known_at", "_known", "_tried", "_derived_natively"),
+    )
 
     def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._tolerance = method, problem, method.tolerance
         self.name, self.table, self._stiff = method.name, method.table, False
-        self._replays = Replays(problem, self.replays)
+        self._replays, self._tried, self._derived_natively = Replays(problem), NOTHING, False
         self._derivative = self._replays.derivative(None, t, q, v)
         self._old, self._served, self._iterations = False, 0, 0
         self._cap = np.inf
@@ -139,6 +139,7 @@ class CollocationStepper(Stepper):
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
         place = Place(t, q, v, h)
+        self._tried = self._tried + ONE[int(self._stiff)]
         self._step = self._guess(place, self._start_acceleration(t, q, v))
         if self._old and self._renew_inside(place, self._step):
             self._step = self._guess(place, self._known)
@@ -170,12 +171,12 @@ class CollocationStepper(Stepper):
         """Take the same derivative again."""
         super().recall(memory)
         self._choose()
-        self._derivative = self._replays.taken_again(self._natural, memory["taken"])
+        self._derivative = self._replays.taken_again(self._natural, memory["taken"], self._derived_natively)
 
     def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations at the start of a step, known if the last one had a stage at its end."""
         if self._known_at != t:
-            self._known_at, self._known = t, self._problem.single(t, q, v)
+            self._known_at, self._known = t, self._replays.acceleration(t, q, v, self._native)
         return self._known
 
     def _error(self, place: Place, end: End) -> float:
@@ -192,9 +193,14 @@ class CollocationStepper(Stepper):
 
     def _guess(self, place: Place, a0: Array) -> Iteration | Replay:
         """Return a step that begins with modes that swing freely from its start."""
-        step = self._replays.step(self._derivative, self.table, place, self._strained)
+        step = self._replays.step(self._derivative, self.table, place, self._strained, self._native)
         step.guess(a0)
         return step
+
+    @property
+    def _native(self) -> bool:
+        """Whether so many steps were alike, with or without stiff modes, that recording one pays."""
+        return self.replays and bool(self._tried[int(self._stiff)] > ALIKE)
 
     @property
     def _strained(self) -> bool:
@@ -213,7 +219,8 @@ class CollocationStepper(Stepper):
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         self._stiff = bool(h * self._derivative.fastest > STIFF * self.table.stages)
         self._choose()
-        self._derivative = self._replays.derivative(self._natural, t, q, v, expected)
+        self._derived_natively = self._native
+        self._derivative = self._replays.derivative(self._natural, t, q, v, expected, self._derived_natively)
         self._old, self._served = False, 0
 
     def _choose(self) -> None:
@@ -230,54 +237,15 @@ class CollocationStepper(Stepper):
         """Iterate; return whether that converges."""
         if self._step.derivative is not self._derivative:
             self._step = self._again(place, self._step)
-        ending, size = Ending(place.q, self._tolerance), np.inf
-        for k in range(MAX_ITERATIONS):
-            change, size = map(float, self._step.correct(anew=size > SAME))
-            self._step.advance(finite=not size < LINEAR)
-            self._problem.counts.iterations += 1
-            self._iterations = k + 1
-            converged = ending.after(k, change, size)
-            if converged is not None:
-                return converged and bool(np.isfinite(self._step.a).all())
-        return False
+        converged, self._iterations = self._step.solve(Ending(place.q, self._tolerance))
+        return converged
 
     def _again(self, place: Place, before: Iteration | Replay) -> Iteration | Replay:
         """Return the step with the derivative of now and the guess of before."""
         a, expected = before.a.copy(), None if before.expected is None else before.expected.copy()
-        step = self._replays.step(self._derivative, self.table, place, self._strained)
+        step = self._replays.step(self._derivative, self.table, place, self._strained, self._native)
         step.take(a, expected)
         return step
-
-
-class Ending:
-    """Tells when an iteration need not, or cannot, go on."""
-
-    def __init__(self, q: Array, tolerance: float) -> None:
-        self._scale = 1.0 + float(np.abs(q).max())
-        self._goal = GOAL * tolerance * self._scale
-        self._before = self._last = self._rate = np.inf
-
-    def after(self, k: int, change: float, size: float) -> bool | None:
-        """Return whether the iteration has converged after correction k; None: go on.
-
-        Parameters
-        ----------
-        k : int
-        change : float
-            Size of the correction's consequence.
-        size : float
-            Size of the correction.
-        """
-        ratio, goal = change / self._last, self._goal
-        self._rate = rate = ratio if k <= 1 else max(ratio, 0.5 * self._rate)
-        settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
-        rounding = size < ROUNDING * self._scale and k > 2 and ratio > 0.9
-        if change < 0.05 * goal or settled or rounding or size < LAST_DIGIT * self._scale:
-            return True
-        if not change < 1e3 or (k > 3 and change > 0.8 * self._before):
-            return False
-        self._before, self._last = self._last, change
-        return None
 
 
 GAUSS_STAGES = 20

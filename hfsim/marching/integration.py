@@ -184,6 +184,7 @@ def problem_of(scene: Scene) -> Problem:
         period=system.period,
         turns=Turns(system),
         edges=Edges(system),
+        recordings=scene.recordings,
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
 

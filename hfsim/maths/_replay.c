@@ -361,28 +361,68 @@ static int solve(const Op *o) {
 
 static PyObject *singular;
 
+/* Do the operations in a buffer; on failure an exception is set. */
+static int replay(const Py_buffer *ops, PyObject *calls) {
+    const Op *o = ops->buf, *end = o + ops->len / sizeof(Op);
+    for (; o < end; o++) {
+        if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
+        else if (o->code == MATMUL) { if (matmul(o)) { PyErr_NoMemory(); return -1; } }
+        else if (o->code == SPARSE) sparse(o);
+        else if (o->code == SOLVE) {
+            int failed = solve(o);
+            if (failed > 0) PyErr_SetString(singular, "Singular matrix");
+            else if (failed) PyErr_NoMemory();
+            if (failed) return -1;
+        } else {
+            PyObject *done = PyObject_CallNoArgs(PyList_GetItem(calls, o->more));
+            if (!done) return -1;
+            Py_DECREF(done);
+        }
+    }
+    return 0;
+}
+
 static PyObject *run(PyObject *self, PyObject *args) {
     Py_buffer ops;
     PyObject *calls;
     if (!PyArg_ParseTuple(args, "y*O!", &ops, &PyList_Type, &calls)) return NULL;
-    const Op *o = ops.buf, *end = o + ops.len / sizeof(Op);
-    int failed = 0;
-    for (; o < end && !failed; o++) {
-        if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
-        else if (o->code == MATMUL) { if (matmul(o)) { PyErr_NoMemory(); failed = 1; } }
-        else if (o->code == SPARSE) sparse(o);
-        else if (o->code == SOLVE) {
-            failed = solve(o);
-            if (failed > 0) PyErr_SetString(singular, "Singular matrix");
-            else if (failed) PyErr_NoMemory();
-        } else {
-            PyObject *done = PyObject_CallNoArgs(PyList_GetItem(calls, o->more));
-            if (!done) failed = 1; else Py_DECREF(done);
-        }
-    }
+    int failed = replay(&ops, calls);
     PyBuffer_Release(&ops);
     if (failed) return NULL;
     Py_RETURN_NONE;
+}
+
+/* Whether an iteration has converged (1) or failed (-1) with a correction; see Ending in integrators/_ending.py. */
+typedef struct { double goal, near, last_digit, before, last, rate; } Ending;
+static int ended(Ending *e, int k, double change, double size) {
+    double ratio = change / e->last, held = 0.5 * e->rate;
+    e->rate = k <= 1 || !(held > ratio) ? ratio : held;
+    int settled = k > 0 && e->rate < 1.0 && change * (0.05 > e->rate ? 0.05 : e->rate) < e->goal * (1.0 - e->rate);
+    int rounding = size < e->near && k > 2 && ratio > 0.9;
+    if (change < 0.05 * e->goal || settled || rounding || size < e->last_digit) return 1;
+    if (!(change < 1e3) || (k > 3 && change > 0.8 * e->before)) return -1;
+    e->before = e->last; e->last = change;
+    return 0;
+}
+
+static PyObject *iterate(PyObject *self, PyObject *args) {
+    Py_buffer correct, small, finite, change, size;
+    PyObject *calls;
+    Ending e = {0, 0, 0, HUGE_VAL, HUGE_VAL, HUGE_VAL};
+    double linear;
+    int most, k = 0, outcome = 0, failed = 0;
+    if (!PyArg_ParseTuple(args, "y*y*y*O!y*y*ddddi", &correct, &small, &finite, &PyList_Type, &calls, &change, &size,
+                          &e.goal, &e.near, &e.last_digit, &linear, &most)) return NULL;
+    while (!outcome && k < most && !failed) {
+        failed = PyErr_CheckSignals() || replay(&correct, calls);
+        if (failed) break;
+        double found = *(double *)size.buf;
+        failed = replay(found < linear ? &small : &finite, calls);
+        outcome = ended(&e, k++, *(double *)change.buf, found);
+    }
+    PyBuffer_Release(&correct); PyBuffer_Release(&small); PyBuffer_Release(&finite);
+    PyBuffer_Release(&change); PyBuffer_Release(&size);
+    return failed ? NULL : PyLong_FromLong(outcome > 0 ? k : -k);
 }
 
 #ifdef PROFILE
@@ -412,6 +452,7 @@ static PyObject *profile(PyObject *self, PyObject *args) { /* least ns per op ov
 #endif
 static PyMethodDef METHODS[] = {
     {"run", run, METH_VARARGS, "Do operations (n, WORDS) on their memory, and calls of Python from a list."},
+    {"iterate", iterate, METH_VARARGS, "Correct until that ends; return how often, negative where it fails."},
 #ifdef PROFILE
     {"profile", profile, METH_VARARGS, "Return the least time of each operation [ns]."},
 #endif

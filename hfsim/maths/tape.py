@@ -45,17 +45,46 @@ class Program:
 
     def __init__(self, rows: Sequence[Sequence[int]], calls: list[Callable[[], None]], memory: Any) -> None:
         self._memory = memory
-        self._rows = np.array(rows, dtype=np.int64).reshape(-1, WORDS)
-        self._calls = calls
+        self.rows, self.calls = np.array(rows, dtype=np.int64).reshape(-1, WORDS), calls
 
     def __len__(self) -> int:
         """Return the number of operations."""
-        return len(self._rows)
+        return len(self.rows)
 
     def __call__(self) -> None:
         """Repeat them."""
         assert replay is not None
-        replay.run(self._rows, self._calls)
+        replay.run(self.rows, self.calls)
+
+
+def iterated(
+    programs: tuple[Program, Program, Program],
+    sizes: tuple[Array, Array],
+    limits: tuple[float, float, float, float],
+    most: int,
+) -> tuple[bool, int]:
+    """Repeat what finds a correction and what adds it until an iteration ends.
+
+    Parameters
+    ----------
+    programs : tuple of Program
+        What finds a correction; what adds it if it is small, and if it is not.
+    sizes : tuple of ndarray, shape ()
+        Where the first one writes the size of the correction's consequence, and of the correction.
+    limits : tuple of float
+        Those of `hfsim.integrators._ending.Ending`, and below what size a correction is small.
+    most : int
+        Corrections at most.
+
+    Returns
+    -------
+    converged : bool
+    count : int
+        Corrections made.
+    """
+    assert replay is not None
+    count = replay.iterate(*(one.rows for one in programs), programs[0].calls, *sizes, *limits, most)
+    return count > 0, abs(count)
 
 
 class Tape:

@@ -134,11 +134,9 @@ def outside(function: Callable[..., Array], *args: Any) -> Array:
     return np.asarray(tape.called(function, args, {}))
 
 
-def chosen(condition: Any, one: Callable[[], Any], other: Callable[[], Any]) -> Any:
-    """Return one array where a condition holds and another one elsewhere; a tape that records needs both."""
-    if Recording.tape is None or not isinstance(condition, np.ndarray):
-        return one() if condition else other()
-    return np.where(condition, one(), other())
+def sometimes(condition: Any) -> bool:
+    """Tell whether a condition holds anywhere; as far as a tape knows that records, it may."""
+    return isinstance(condition, Traced) or bool(np.any(condition))
 
 
 def plain(a: Any) -> np.ndarray:

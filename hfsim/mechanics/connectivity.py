@@ -54,11 +54,19 @@ class Connectivity:
 
     def rows(self, x: Array) -> Array:
         """Return difference vectors as rows of equal components, (n_vectors, n_dim, n_elements * n_batch)."""
-        return _product(self.gather, x.T).reshape(self._kinds)
+        if self._sparse:
+            return outside(self.gather.__matmul__, x.T).reshape(self._kinds)
+        return np.asarray(np.dot(self.gather, x.T)).reshape(self._kinds)
 
     def push(self, rows: Array, n_batch: int) -> Array:
         """Return derivatives by the coordinates, shape (n_batch, n), from those by rows of vectors."""
-        return _product(self.scatter, rows.reshape(-1, n_batch)).T
+        if self._sparse:
+            return outside(self.scatter.__matmul__, rows.reshape(-1, n_batch)).T
+        return np.asarray(np.dot(self.scatter, rows.reshape(-1, n_batch))).T
+
+    @cached_property
+    def _sparse(self) -> bool:
+        return is_sparse(self.gather)
 
     @cached_property
     def _kinds(self) -> tuple[int, int, int]:
@@ -93,6 +101,3 @@ class Connectivity:
         columns = np.concatenate([self.columns, other.columns])
         return Connectivity(self.n, columns, np.concatenate([self.local, other.local]), self.n_dim)
 
-
-def _product(matrix: Matrix, columns: Array) -> Array:
-    return outside(matrix.__matmul__, columns) if is_sparse(matrix) else np.asarray(np.dot(matrix, columns))

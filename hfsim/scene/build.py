@@ -87,6 +87,11 @@ class Scene:
         return self.loaded.deck
 
     @cached_property
+    def recordings(self) -> dict[int, Any]:
+        """What is replayed of the equations, for all integrations of the scene, which keep it here."""
+        return {}
+
+    @cached_property
     def free_motions(self) -> list[FreeMotion] | None:
         """What the joints leave free at the start, bodies taken as rigid; None in large mechanisms."""
         held = replace(self.assembly, linkage=self._held) if self._lines else self.assembly

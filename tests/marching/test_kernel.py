@@ -5,9 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hfsim.integrators._ending import Ending
 from hfsim.marching.integration import run_integration
 from hfsim.maths import kernel
+from hfsim.maths.recording import Recorder
 from hfsim.maths.replayed import Replayed, jittered
+from hfsim.maths.tape import iterated
 from hfsim.maths.traced import apart
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
@@ -81,3 +84,26 @@ def test_runs_are_those_of_numpy(name, settings, monkeypatch):
     one, other = runs
     assert len(one.trajectory.segments) == len(other.trajectory.segments)
     assert one.trajectory.q == pytest.approx(other.trajectory.q, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_iterations_end_as_in_numpy(seed):
+    """Consequences and sizes of all kinds: shrinking, stagnating, growing, lost, within rounding."""
+    rng = np.random.default_rng(seed)
+    shrink, noise = rng.choice([0.02, 0.5, 0.95, 1.3, 30.0]), rng.choice([0.0, 0.5])
+    changes = 10.0 ** rng.uniform(-9.0, 1.0) * np.cumprod(shrink * np.exp(noise * rng.standard_normal(20)))
+    changes = np.where(rng.random(20) < 0.03, np.nan, changes)
+    given = np.stack([changes, changes * 10.0 ** rng.uniform(-6.0, 1.0)], axis=1)
+    ending = Ending(np.ones(3), 10.0 ** rng.uniform(-12.0, -3.0))
+    outcomes = (ending.after(k, change, size) for k, (change, size) in enumerate(given))
+    expected = next(((found, k + 1) for k, found in enumerate(outcomes) if found is not None), (False, 20))
+    again, tape, sizes = iter(given), Recorder(), (np.zeros(()), np.zeros(()))
+
+    def correct():
+        sizes[0][...], sizes[1][...] = next(again)
+
+    tape.call(correct)
+    tape.cut()
+    tape.cut()
+    first, nothing = tape.programs()
+    assert iterated((first, nothing, nothing), sizes, (*ending.limits, 1e-3), 20) == expected

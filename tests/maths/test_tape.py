@@ -8,10 +8,9 @@ import pytest
 from hfsim.maths import kernel
 from hfsim.maths.recording import Recorder, recording
 from hfsim.maths.replayed import Replayed
-from hfsim.maths.traced import Refused, apart, chosen, outside, plain
+from hfsim.maths.traced import Refused, apart, outside, plain, sometimes
 
 pytestmark = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
-
 
 
 @pytest.fixture
@@ -42,6 +41,10 @@ def shifted(x):
     out.imag[:, ::2] = x[:, ::2]
     out[:, 0] -= out[:, 5]
     return np.ascontiguousarray(out).view(float)
+
+
+def decided(condition, x, y):
+    return np.where(condition, x + y, x - y) if sometimes(condition) else x - y
 
 
 FUNCTIONS = {
@@ -76,7 +79,7 @@ FUNCTIONS = {
     "constant matrix": lambda x, y: np.linalg.solve(C[:, :5], x[:5]) + np.linalg.solve(x[:5, :5], C[:, :1]),
     "inverses": lambda x, y: np.linalg.inv((x * y)[:6]) + np.linalg.inv(x[:6].T),
     "Python": lambda x, y: np.linalg.inv(x[:6] + 1j * y[:6]).real + np.kron(x[:1], np.ones((6, 1))),
-    "decided": lambda x, y: chosen(np.abs(x).max() > 1.0, lambda: x + y, lambda: x - y),
+    "decided": lambda x, y: decided(np.abs(x).max() > 1.0, x, y),
     "outside": lambda x, y: outside(lambda a: np.where(a.max() > 0, a, -a), x) * y,
 }
 

@@ -1,0 +1,54 @@
+"""When the Newton iteration of a step need not, or cannot, go on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+
+MAX_ITERATIONS = 20
+GOAL = 3e-4
+"""Part of the tolerance that an unfinished iteration may take."""
+ROUNDING = 1e-10
+"""Corrections, relative to the largest coordinate, that may be rounding when they do not shrink any more: in
+fine meshes the stiffest modes amplify it so far."""
+LAST_DIGIT = 4e-16
+"""Corrections, relative to the largest coordinate, that are rounding."""
+
+
+class Ending:
+    """Tells when an iteration ends; ``iterate`` in ``_replay.c`` does as it does.
+
+    Attributes
+    ----------
+    limits : tuple of float
+        Consequence of a correction that need not be followed by another one; sizes of corrections that may
+        be, or are, rounding.
+    """
+
+    def __init__(self, q: Array, tolerance: float) -> None:
+        scale = 1.0 + float(np.abs(q).max())
+        self.limits = GOAL * tolerance * scale, ROUNDING * scale, LAST_DIGIT * scale
+        self._before = self._last = self._rate = np.inf
+
+    def after(self, k: int, change: float, size: float) -> bool | None:
+        """Return whether the iteration has converged after correction k; None: go on.
+
+        Parameters
+        ----------
+        k : int
+        change : float
+            Size of the correction's consequence.
+        size : float
+            Size of the correction.
+        """
+        (goal, near, last_digit), ratio = self.limits, change / self._last
+        self._rate = rate = ratio if k <= 1 else max(ratio, 0.5 * self._rate)
+        settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
+        rounding = size < near and k > 2 and ratio > 0.9
+        if change < 0.05 * goal or settled or rounding or size < last_digit:
+            return True
+        if not change < 1e3 or (k > 3 and change > 0.8 * self._before):
+            return False
+        self._before, self._last = self._last, change
+        return None
