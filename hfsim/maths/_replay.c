@@ -1,31 +1,14 @@
-/* Replays tapes of array operations (hfsim/maths/tape.py): a list of operations on fixed memory.
- *
- * An operation has a code, a shape of at most DIMS dimensions and for each operand an address and strides in
- * bytes; what they mean stands at the codes.  No Python object is touched but by CALL.
- */
-#define Py_LIMITED_API 0x030b0000
-#define PY_SSIZE_T_CLEAN
-#include <Python.h>
+/* Replays tapes of array operations (hfsim/maths/tape.py).  No Python object is touched but by CALL. */
+#include "_replay.h"
 #include <complex.h>
 #include <math.h>
-#include <stdint.h>
 #ifdef PROFILE
 #include <time.h>
 #endif
 #include <stdlib.h>
 #include <string.h>
 
-#define DIMS 5
-#define OPERANDS 4
-typedef int64_t i64;
 typedef double complex cplx;
-typedef struct {
-    i64 code, ndim, shape[DIMS];
-    char *at[OPERANDS];
-    i64 step[OPERANDS][DIMS];
-    i64 more;
-} Op;
-
 #if !defined(__SANITIZE_ADDRESS__) && defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__linux__)
 #define WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
 #else
@@ -173,18 +156,10 @@ static void scatter_D(char **at, const i64 *step, i64 n) {
     for (i64 i = 0; i < n; i++) *(cplx *)(at[0] + i * step[0] + AT(i64, 2, i)) = AT(cplx, 1, i);
 }
 
-#define ELEMENTWISE(X)                                                                                       \
-    X(add_d, 3) X(sub_d, 3) X(mul_d, 3) X(div_d, 3) X(max_d, 3) X(min_d, 3) X(pow_d, 3) X(hyp_d, 3)          \
-    X(at2_d, 3) X(add_D, 3) X(sub_D, 3) X(mul_D, 3) X(div_D, 3) X(lt_d, 3) X(le_d, 3) X(gt_d, 3) X(ge_d, 3)  \
-    X(copy_d, 2) X(copy_D, 2) X(copy_b, 2) X(cast_D, 2) X(neg_d, 2) X(abs_d, 2) X(sqr_d, 2) X(sqrt_d, 2)     \
-    X(sin_d, 2) X(cos_d, 2) X(tan_d, 2) X(exp_d, 2) X(sinh_d, 2) X(cosh_d, 2) X(sign_d, 2) X(neg_D, 2) X(sqr_D, 2) X(conj_D, 2)        \
-    X(exp_D, 2) X(abs_D, 2) X(radd_d, 2) X(radd_D, 2) X(rmax_d, 2) X(rmin_d, 2) X(where_d, 4) X(where_D, 4)  \
-    X(gather_d, 3) X(scatter_d, 3) X(gather_D, 3) X(sadd_d, 3) X(scatter_D, 3)
-
-#define NAMED(f, k) f##_code,
-enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, SOLVE, CALL, CODES };
-#define LISTED(f, k) {f, k, #f},
-static const struct { Inner inner; int operands; const char *name; } TABLE[] = {ELEMENTWISE(LISTED)};
+#define LISTED(f, k) {f, sizeof(k) - 1},
+static const struct { Inner inner; int operands; } TABLE[] = {ELEMENTWISE(LISTED)};
+#define TOLD(f, k) {#f, k},
+const Kind KINDS[] = {ELEMENTWISE(TOLD)};
 
 static inline void elementwise(const Op *o, Inner inner, int operands) {
     char *at[OPERANDS];
@@ -359,21 +334,30 @@ static int solve(const Op *o) {
 
 /* ---------------------------------------------------------------- Python */
 
-static PyObject *singular;
+static void tell_singular(void) {
+    PyObject *linalg = PyImport_ImportModule("numpy.linalg");
+    PyObject *error = linalg ? PyObject_GetAttrString(linalg, "LinAlgError") : NULL;
+    if (error) PyErr_SetString(error, "Singular matrix");
+    Py_XDECREF(linalg);
+    Py_XDECREF(error);
+}
+
+int operate(const Op *o) {
+    int failed = 0;
+    if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
+    else if (o->code == SPARSE) sparse(o);
+    else failed = o->code == SOLVE ? solve(o) : matmul(o);
+    if (failed > 0) tell_singular();
+    else if (failed) PyErr_NoMemory();
+    return failed;
+}
 
 /* Do the operations in a buffer; on failure an exception is set. */
 static int replay(const Py_buffer *ops, PyObject *calls) {
     const Op *o = ops->buf, *end = o + ops->len / sizeof(Op);
     for (; o < end; o++) {
-        if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
-        else if (o->code == MATMUL) { if (matmul(o)) { PyErr_NoMemory(); return -1; } }
-        else if (o->code == SPARSE) sparse(o);
-        else if (o->code == SOLVE) {
-            int failed = solve(o);
-            if (failed > 0) PyErr_SetString(singular, "Singular matrix");
-            else if (failed) PyErr_NoMemory();
-            if (failed) return -1;
-        } else {
+        if (o->code < CALL) { if (operate(o)) return -1; }
+        else {
             PyObject *done = PyObject_CallNoArgs(PyList_GetItem(calls, o->more));
             if (!done) return -1;
             Py_DECREF(done);
@@ -434,10 +418,7 @@ static PyObject *profile(PyObject *self, PyObject *args) { /* least ns per op ov
     for (i64 i = 0; i < n; i++) best[i] = 1e9;
     for (int r = 0; r < reps; r++) for (i64 i = 0; i < n; i++) {
         struct timespec b, e; clock_gettime(CLOCK_MONOTONIC, &b);
-        if (o[i].code < MATMUL) elementwise(o + i, TABLE[o[i].code].inner, TABLE[o[i].code].operands);
-        else if (o[i].code == MATMUL) matmul(o + i);
-        else if (o[i].code == SPARSE) sparse(o + i);
-        else if (o[i].code == SOLVE) solve(o + i);
+        if (o[i].code < CALL) operate(o + i);
         clock_gettime(CLOCK_MONOTONIC, &e);
         double t = (e.tv_sec - b.tv_sec) * 1e9 + (e.tv_nsec - b.tv_nsec);
         if (t < best[i]) best[i] = t;
@@ -470,13 +451,12 @@ static int fill(PyObject *module) {
     PyObject *codes = PyDict_New();
     int failed = !codes || set_code(codes, "matmul", MATMUL) || set_code(codes, "sparse", SPARSE) || set_code(codes, "solve", SOLVE) ||
                   set_code(codes, "call", CALL);
-    for (int k = 0; k < MATMUL && !failed; k++) failed = set_code(codes, TABLE[k].name, k);
+    for (int k = 0; k < MATMUL && !failed; k++) failed = set_code(codes, KINDS[k].name, k);
     failed = failed || PyModule_AddObjectRef(module, "CODES", codes);
+    PyObject *tape = failed ? NULL : tape_type(module);
+    failed = !tape || PyModule_AddObjectRef(module, "Tape", tape);
     Py_XDECREF(codes);
-    PyObject *linalg = PyImport_ImportModule("numpy.linalg");
-    singular = linalg ? PyObject_GetAttrString(linalg, "LinAlgError") : NULL;
-    Py_XDECREF(linalg);
-    failed = failed || !singular;
+    Py_XDECREF(tape);
     return failed ? -1 : 0;
 }
 

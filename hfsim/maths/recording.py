@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.maths.recorder import Recorder
-from hfsim.maths.tape import COMPLEX, KINDS, REAL, TRUTH
+from hfsim.maths.recorder import COPY, WHERE, Recorder, codes
+from hfsim.maths.tape import COMPLEX, REAL
 from hfsim.maths.traced import Recording, Refused, Traced, plain, recorder
 
 LONGEST_SUM = 32
@@ -26,24 +26,17 @@ def _concatenate(tape: Recorder, arrays: Any, axis: int = 0, out: Any = None, **
     axis %= arrays[0].ndim
     shape, before = list(arrays[0].shape), (slice(None),) * axis
     shape[axis] = sum(a.shape[axis] for a in arrays)
-    made, first = tape.own(np.ndarray(tuple(shape), np.result_type(*arrays))), 0
+    made, first = tape.core.new(tuple(shape), max(a.itemsize for a in arrays)), 0
     for a in arrays:
         last = first + a.shape[axis]
         if last > first:
-            tape.put( made, (*before, slice(first, last)), a)
+            tape.put(made, (*before, slice(first, last)), a)
         first = last
     return made
 
 
 def _where(tape: Recorder, condition: Any, x: Any, y: Any) -> Any:
-    raw = [plain(a) if isinstance(a, Traced) else a for a in (condition, x, y)]
-    value = np.where(*raw)
-    if value.dtype not in (REAL, COMPLEX) or np.asarray(raw[0]).dtype != TRUTH:
-        raise Refused("a choice of such numbers")
-    out = tape.own(np.array(value))
-    cases = (tape.cast(np.asarray(a), value.dtype) for a in (x, y))
-    tape.emit(f"where_{KINDS[value.dtype]}", out, condition, *cases)
-    return out
+    return tape.core.apply(*WHERE, None, condition, x, y)
 
 
 def _dot(tape: Recorder, a: Any, b: Any) -> Any:
@@ -65,26 +58,24 @@ def _bincount(tape: Recorder, places: Any, weights: Any = None, minlength: int =
     if isinstance(places, Traced) or weights is None:
         raise Refused("places that depend on the state")
     out = np.zeros(max(minlength, int(places.max(initial=-1)) + 1))
-    raw, target, where = tape.raw(weights), plain(out), tape.keep(8 * places.astype(np.int64))
-    tape.row("sadd_d", raw.shape, [target, raw, where], [(0,), raw.strides, where.strides], order=1)
-    target[...] = ORIGINAL["bincount"](places, raw, minlength)
+    still = np.lib.stride_tricks.as_strided(plain(out), places.shape, (0,))
+    tape.core.apply(*codes("sadd"), still, weights, tape.keep(8 * places.astype(np.int64)))
     return out
 
 
 def _solve(tape: Recorder, a: Any, b: Any) -> Any:
-    if np.ndim(b) == 1:
-        return _solved(tape, np.linalg.solve, a, b[:, None])[..., 0]
-    return _solved(tape, np.linalg.solve, a, b)
-
-
-def _solved(tape: Recorder, function: Callable[..., Any], *given: Any) -> Any:
     """Write down linear equations: large or complex ones as a call of Python."""
-    raw = [tape.raw(one) for one in given]
-    if any(one.dtype != REAL for one in raw) or raw[0].shape[-1] > LARGE or raw[0].ndim > 4:
-        return tape.called(function, given, {})
-    out = tape.own(function(*raw))
-    tape.solve(plain(out), raw[0], raw[1] if len(raw) > 1 else None)
-    return out
+    if np.ndim(b) == 1:
+        return _solve(tape, a, b[:, None])[..., 0]
+    if not (a.dtype == b.dtype == REAL) or a.shape[-1] > LARGE or a.ndim > 4 or b.ndim > 4:
+        return tape.called(np.linalg.solve, (a, b), {})
+    return tape.core.solve(a, b)
+
+
+def _inv(tape: Recorder, a: Any) -> Any:
+    if a.dtype != REAL or a.shape[-1] > LARGE or a.ndim > 4:
+        return tape.called(np.linalg.inv, (a,), {})
+    return tape.core.solve(a, None)
 
 
 def _like(name: str) -> Callable[..., Any]:
@@ -98,7 +89,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.cumsum: _cumsum,
     np.bincount: _bincount,
     np.linalg.solve: _solve,
-    np.linalg.inv: lambda tape, a: _solved(tape, np.linalg.inv, a),
+    np.linalg.inv: _inv,
     np.zeros_like: _like("zeros"),
     np.empty_like: _like("empty"),
     np.ones_like: _like("ones"),
@@ -124,6 +115,8 @@ def _inside(a: Any) -> bool:
 
 
 def _asarray(a: Any, dtype: Any = None, *args: Any, **how: Any) -> Any:
+    if type(a) is Traced and dtype is None:
+        return a
     if not _inside(a):
         return ORIGINAL["asarray"](a, dtype, *args, **how)
     found = a if isinstance(a, Traced) else np.stack([_asarray(one) for one in a])
@@ -146,15 +139,17 @@ def _contiguous(a: Any, dtype: Any = None) -> Any:
 
 def _made(name: str) -> Callable[..., Any]:
     """Return what makes an array in the memory of the tape, which is filled anew at every replay."""
+    number = {"zeros": 0.0, "ones": 1.0}.get(name.split("_")[0])
 
     def make(*args: Any, **how: Any) -> Any:
         found = ORIGINAL[name](*args, **how)
         other = threading.get_ident() != Recording.thread
         if other or isinstance(found, Traced) or found.dtype not in (REAL, COMPLEX):
             return found
-        out = recorder().own(found if found.flags.owndata else found.copy())
+        core = recorder().core
+        out = core.new(found.shape, found.itemsize)
         if not name.startswith("empty"):
-            recorder().put(out, ..., found.copy())
+            core.apply(*COPY, out, found if number is None else number)
         return out
 
     return make

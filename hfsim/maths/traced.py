@@ -52,15 +52,15 @@ class Traced(np.ndarray):
 
     def copy(self, order: Any = "C") -> Any:
         """Write down a copy."""
-        return recorder().copied(self, plain(self).copy(order))
+        return recorder().copied(self)
 
     def __copy__(self) -> Any:
         return self.copy()
 
     def reshape(self, *shape: Any, **how: Any) -> Any:
         """Return a view, or one of a copy."""
-        found = plain(self).reshape(*shape, **how)
-        return found.view(Traced) if owner(found) is owner(self) else self.copy().reshape(*shape, **how)
+        found = super().reshape(*shape, **how)
+        return found if recorder().knows(found) else self.copy().reshape(*shape, **how)
 
     def ravel(self, order: Any = "C") -> Any:
         """Return a view, or one of a copy."""
@@ -123,7 +123,7 @@ def apart(function: Callable[..., None], *args: Any) -> None:
         tape.told.append(str(function))
         with tape.paused():
             function(*memory)
-        tape.call(lambda: function(*memory))
+        tape.call(lambda: function(*memory), *(a for a in memory if isinstance(a, np.ndarray)))
 
 
 def outside(function: Callable[..., Array], *args: Any) -> Array:
@@ -142,16 +142,3 @@ def sometimes(condition: Any) -> bool:
 def plain(a: Any) -> np.ndarray:
     """Return an array as NumPy's own type, on the same memory."""
     return a.view(np.ndarray) if isinstance(a, np.ndarray) else np.array(a)
-
-
-def owner(a: Any) -> Any:
-    """Return what owns the memory of an array."""
-    base = a.base
-    while base is not None:
-        a, base = base, getattr(base, "base", None)
-    return a
-
-
-def address(a: np.ndarray) -> int:
-    """Return where an array begins."""
-    return int(a.__array_interface__["data"][0])

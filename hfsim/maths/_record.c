@@ -1,0 +1,572 @@
+/* Writes down operations (hfsim/maths/tape.py): a tape holds memory, and what is done on it, which is done at once.
+ *
+ * Memory comes from large blocks, so that an address tells whose it is.  Arrays come through Python's buffers.
+ */
+#include "_replay.h"
+#include <stdlib.h>
+#include <string.h>
+
+#define MOST 8          /* dimensions of an array at most */
+#define BLOCKS 32       /* each twice as large as the one before */
+#define FIRST_BLOCK (1 << 18)
+#define NARROW 4        /* columns below which a product of matrices is done as that of their transposes */
+enum { FIXED = 1, INPUT = 2, ALIVE = 4 };
+
+typedef struct { char *at; i64 item; int nd; i64 shape[MOST], step[MOST]; } View;
+/* read: bits for reading as a whole, and for real and imaginary parts by themselves */
+typedef struct { char *at; i64 size, item; int flags, read; } Piece;
+typedef struct {
+    PyObject_HEAD
+    PyObject *type, *refused, *constant, *dtypes, *memory[BLOCKS];
+    char *low[BLOCKS], *high[BLOCKS], *next;
+    int blocks;
+    Op *ops; i64 count, room;
+    Piece *pieces; i64 n_pieces, room_pieces;
+} Tape;
+
+static int refuse(Tape *t, const char *why) { PyErr_SetString(t->refused, why); return -1; }
+
+static int grown(void **list, i64 count, i64 *room, size_t size) {
+    if (count < *room) return 0;
+    i64 more = *room ? 2 * *room : 512;
+    void *found = realloc(*list, more * size);
+    if (!found) { PyErr_NoMemory(); return -1; }
+    *list = found; *room = more;
+    return 0;
+}
+
+/* ---------------------------------------------------------------- memory */
+
+static int known(const Tape *t, const char *at) {
+    for (int k = t->blocks - 1; k >= 0; k--) if (at >= t->low[k] && at < t->high[k]) return 1;
+    return 0;
+}
+
+static i64 entries(const View *v) {
+    i64 n = 1;
+    for (int d = 0; d < v->nd; d++) n *= v->shape[d];
+    return n;
+}
+
+/* Give memory to an array of which item, nd and shape are told. */
+static int place(Tape *t, View *v, int flags) {
+    i64 bytes = v->item;
+    for (int d = v->nd - 1; d >= 0; d--) { v->step[d] = bytes; bytes *= v->shape[d]; }
+    i64 size = bytes < 64 ? 64 : (bytes + 63) & ~(i64)63;
+    if (!t->blocks || t->next + size > t->high[t->blocks - 1]) {
+        if (t->blocks == BLOCKS) return refuse(t, "too much memory");
+        int k = t->blocks;
+        i64 most = (i64)FIRST_BLOCK << k;
+        PyObject *block = PyByteArray_FromStringAndSize(NULL, (size > most ? size : most) + 64);
+        if (!block) return -1;
+        t->memory[k] = block;
+        t->low[k] = t->next = (char *)(((intptr_t)PyByteArray_AsString(block) + 63) & ~(intptr_t)63);
+        t->high[k] = t->low[k] + (size > most ? size : most);
+        t->blocks++;
+    }
+    if (grown((void **)&t->pieces, t->n_pieces, &t->room_pieces, sizeof(Piece))) return -1;
+    t->pieces[t->n_pieces++] = (Piece){t->next, bytes, v->item, flags, 0};
+    v->at = t->next;
+    t->next += size;
+    return 0;
+}
+
+/* Return the array whose memory was given last. */
+static PyObject *array_of(const Tape *t, const View *v) {
+    PyObject *shape = PyTuple_New(v->nd), *block = t->memory[t->blocks - 1];
+    for (int d = 0; d < v->nd; d++) PyTuple_SetItem(shape, d, PyLong_FromLongLong(v->shape[d]));
+    PyObject *dtype = PyTuple_GetItem(t->dtypes, v->item == 8 ? 0 : v->item == 16 ? 1 : 2);
+    return PyObject_CallFunction(t->type, "NOOn", shape, dtype, block, (Py_ssize_t)(v->at - PyByteArray_AsString(block)));
+}
+
+static int viewed(Tape *t, PyObject *a, View *v) {
+    Py_buffer b;
+    if (PyObject_GetBuffer(a, &b, PyBUF_STRIDES)) return -1;
+    *v = (View){b.buf, b.itemsize, b.ndim, {0}, {0}};
+    int failed = b.ndim > MOST ? refuse(t, "too many dimensions") : 0;
+    for (int d = 0; d < b.ndim && !failed; d++) { v->shape[d] = b.shape[d]; v->step[d] = b.strides[d]; }
+    PyBuffer_Release(&b);
+    return failed;
+}
+
+/* See an operand: memory of the tape, or a constant, which may be a number. */
+static int operand(Tape *t, PyObject *a, View *v) {
+    if (PyFloat_Check(a) || PyLong_Check(a) || PyComplex_Check(a)) {
+        *v = (View){NULL, PyComplex_Check(a) ? 16 : 8, 0, {0}, {0}};
+        if (place(t, v, FIXED)) return -1;
+        if (v->item == 16) ((double *)v->at)[1] = PyComplex_ImagAsDouble(a);
+        *(double *)v->at = v->item == 16 ? PyComplex_RealAsDouble(a) : PyFloat_AsDouble(a);
+        return PyErr_Occurred() ? -1 : 0;
+    }
+    int ours = PyObject_TypeCheck(a, (PyTypeObject *)t->type);
+    if (PyObject_CheckBuffer(a)) {
+        if (viewed(t, a, v)) return -1;
+        if (known(t, v->at)) return 0;
+        if (ours) return entries(v) ? refuse(t, "memory of unknown origin") : 0;
+    }
+    PyObject *found = PyObject_CallFunctionObjArgs(t->constant, a, NULL);
+    int failed = !found || viewed(t, found, v);
+    Py_XDECREF(found); /* the tape keeps it */
+    return failed ? -1 : 0;
+}
+
+/* ---------------------------------------------------------------- elementwise operations */
+
+static i64 step_of(const View *v, int nd, int d) {
+    int own = d - (nd - v->nd);
+    return own < 0 || v->shape[own] == 1 ? 0 : v->step[own];
+}
+
+/* Widen the shape of s by broadcasting v. */
+static int broadcast(Tape *t, View *s, const View *v) {
+    int nd = s->nd > v->nd ? s->nd : v->nd;
+    View w = {NULL, 8, nd, {0}, {0}};
+    for (int d = 0; d < nd; d++) {
+        int a = d - (nd - s->nd), b = d - (nd - v->nd);
+        i64 m = a < 0 ? 1 : s->shape[a], n = b < 0 ? 1 : v->shape[b];
+        if (m != n && m != 1 && n != 1) return refuse(t, "shapes differ");
+        w.shape[d] = m == 1 ? n : m;
+    }
+    *s = w;
+    return 0;
+}
+
+static int same_shape(const View *a, const View *b) {
+    return a->nd == b->nd && !memcmp(a->shape, b->shape, a->nd * sizeof(i64));
+}
+
+static int append(Tape *t, const Op *o) {
+    if (grown((void **)&t->ops, t->count, &t->room, sizeof(Op))) return -1;
+    t->ops[t->count++] = *o;
+    return o->code < CALL ? operate(o) : 0;
+}
+
+/* Write down an operation on n operands, the first of which is written, broadcast to the shape of s. */
+static int elementwise(Tape *t, int code, const View *v, int n, const View *s) {
+    Op o = {code, 0, {0}, {0}, {{0}}, 0};
+    int order = code >= radd_d_code, last = -1, d, e, k;
+    i64 steps[OPERANDS];
+    for (k = 0; k < n; k++) o.at[k] = v[k].at;
+    i64 dims[MOST][OPERANDS + 1];
+    int count = 0;
+    for (d = 0; d < s->nd; d++) { /* longest steps first */
+        if (s->shape[d] == 0) return 0;
+        if (s->shape[d] == 1) continue;
+        for (k = 0; k < n; k++) steps[k] = step_of(&v[k], s->nd, d);
+        for (e = count++; e > 0 && llabs(dims[e - 1][order]) < llabs(steps[order]); e--)
+            memcpy(dims[e], dims[e - 1], sizeof dims[e]);
+        memcpy(dims[e], steps, sizeof steps);
+        dims[e][OPERANDS] = s->shape[d];
+    }
+    for (d = 0; d < count; d++) { /* merged where one goes on as the other */
+        int goes_on = last >= 0;
+        for (k = 0; k < n && goes_on; k++) goes_on = o.step[k][last] == dims[d][OPERANDS] * dims[d][k];
+        if (!goes_on && ++last == DIMS) return refuse(t, "too many dimensions");
+        o.shape[last] = (goes_on ? o.shape[last] : 1) * dims[d][OPERANDS];
+        for (k = 0; k < n; k++) o.step[k][last] = dims[d][k];
+    }
+    if (last < 0) { last = 0; o.shape[0] = 1; for (k = 0; k < n; k++) o.step[k][0] = 8; }
+    o.ndim = last + 1;
+    return append(t, &o);
+}
+
+/* Copy an operand into memory of its own. */
+static int copied(Tape *t, View *v, int code, i64 item) {
+    View w[2] = {*v, *v};
+    w[0].item = item;
+    if (place(t, &w[0], 0) || elementwise(t, code, w, 2, &w[0])) return -1;
+    *v = w[0];
+    return 0;
+}
+
+static int copy_code(i64 item) { return item == 8 ? copy_d_code : item == 16 ? copy_D_code : copy_b_code; }
+
+static char *lowest(const View *v, i64 *extent) {
+    char *low = v->at;
+    *extent = v->item;
+    for (int d = 0; d < v->nd; d++) {
+        i64 reach = v->step[d] * (v->shape[d] - 1);
+        *extent += llabs(reach);
+        if (reach < 0) low += reach;
+    }
+    return low;
+}
+
+/* Extent of what lies between two multiples of a step. */
+static i64 within(const View *v, i64 step) {
+    i64 extent = v->item;
+    for (int d = 0; d < v->nd; d++) if (v->step[d] % step) extent += llabs(v->step[d]) * (v->shape[d] - 1);
+    return extent;
+}
+
+/* Whether two arrays may have an entry in common. */
+static int overlap(const View *a, const View *b) {
+    i64 m, n;
+    char *p = lowest(a, &m), *q = lowest(b, &n);
+    if (p + m <= q || q + n <= p) return 0;
+    for (int d = 0; d < a->nd; d++) { /* columns or parts that lie between one another */
+        i64 step = llabs(a->step[d]);
+        if (!step || a->shape[d] < 2) continue;
+        i64 ahead = ((q - p) % step + step) % step;
+        if (ahead >= within(a, step) && step - ahead >= within(b, step)) return 0;
+    }
+    return 1;
+}
+
+static int same(const View *a, const View *b) {
+    if (a->at != b->at || a->item != b->item || b->nd > a->nd) return 0;
+    for (int d = 0; d < a->nd; d++) if (a->shape[d] > 1 && a->step[d] != step_of(b, a->nd, d)) return 0;
+    return 1;
+}
+
+/* apply(code for real numbers, code for complex ones, out or None, ...) -> out */
+static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View v[OPERANDS], s = {NULL, 8, 0, {0}, {0}};
+    int k, n = (int)count - 2, given = n > 1 && args[2] != Py_None, complex = 0;
+    if (n < 2 || n > OPERANDS) { PyErr_SetString(PyExc_TypeError, "apply"); return NULL; }
+    int code = (int)PyLong_AsLong(args[0]), placed = code >= 0 && code < MATMUL && strchr(KINDS[code].kinds, 'i');
+    for (k = given ? 0 : 1; k < n; k++) {
+        if (placed && k == n - 1 ? viewed(t, args[2 + k], &v[k]) : operand(t, args[2 + k], &v[k])) return NULL;
+        complex = complex || v[k].item == 16;
+    }
+    if (complex) code = (int)PyLong_AsLong(args[1]);
+    if (code < 0) return PyErr_Occurred() ? NULL : Py_NewRef(Py_NotImplemented);
+    if (code == copy_D_code && v[1].item == 8) code = cast_D_code;
+    if (code == copy_d_code && v[1].item == 1) code = copy_b_code;
+    const char *kinds = KINDS[code].kinds;
+    for (k = 0; k < n; k++) {
+        i64 item = kinds[k] == 'b' ? 1 : kinds[k] == 'D' ? 16 : 8;
+        if (k == 0 && !given) v[0].item = item;
+        else if (k > 0 && v[k].item == 8 && item == 16) { if (copied(t, &v[k], cast_D_code, 16)) return NULL; }
+        else if (v[k].item != item) { refuse(t, "numbers of another type"); return NULL; }
+        if (k > 0 && broadcast(t, &s, &v[k])) return NULL;
+    }
+    if (!given) {
+        memcpy(v[0].shape, s.shape, sizeof s.shape);
+        v[0].nd = s.nd;
+        if (place(t, &v[0], 0)) return NULL;
+    } else {
+        if (!known(t, v[0].at) && entries(&v[0])) { refuse(t, "a result outside of the memory"); return NULL; }
+        if (code < radd_d_code) {
+            View w = v[0];
+            if (broadcast(t, &w, &s)) return NULL;
+            if (!same_shape(&w, &v[0])) { refuse(t, "a result of another shape"); return NULL; }
+            s = w;
+            for (k = 1; k < n; k++) {
+                if (same(&v[0], &v[k])) { if (n == 2 && code == copy_code(v[0].item)) return Py_NewRef(args[2]); }
+                else if (overlap(&v[0], &v[k]) && copied(t, &v[k], copy_code(v[k].item), v[k].item)) return NULL;
+            }
+        }
+    }
+    PyObject *out = given ? Py_NewRef(args[2]) : array_of(t, &v[0]);
+    if (out && elementwise(t, code, v, n, &s)) Py_CLEAR(out);
+    return out;
+}
+
+/* ---------------------------------------------------------------- products of matrices */
+
+static void swap(i64 *a, i64 *b) { i64 c = *a; *a = *b; *b = c; }
+
+/* Write down a product of real matrices, batch by batch: 0 sets out, 1 adds, -1 subtracts. */
+static int product(Tape *t, View o, View a, View b, i64 mode) {
+    int nd = o.nd, d, k, n_several = 0;
+    if (a.shape[nd - 1] == 0) {
+        View v[2] = {o, {NULL, 8, 0, {0}, {0}}};
+        if (mode) return 0;
+        if (place(t, &v[1], FIXED)) return -1;
+        *(double *)v[1].at = 0.0;
+        return elementwise(t, copy_d_code, v, 2, &o);
+    }
+    if (o.shape[nd - 1] < NARROW && o.shape[nd - 2] >= NARROW) {
+        View c = a; a = b; b = c;
+        View *all[3] = {&o, &a, &b};
+        for (k = 0; k < 3; k++) {
+            swap(&all[k]->shape[nd - 1], &all[k]->shape[nd - 2]);
+            swap(&all[k]->step[nd - 1], &all[k]->step[nd - 2]);
+        }
+    }
+    i64 m = o.shape[nd - 2], n = o.shape[nd - 1], inner = a.shape[nd - 1], several[MOST][4];
+    i64 so = o.step[nd - 2], to = o.step[nd - 1], sa = a.step[nd - 2], ta = a.step[nd - 1];
+    i64 sb = b.step[nd - 2], tb = b.step[nd - 1];
+    for (d = 0; d < nd - 2; d++) {
+        if (o.shape[d] == 0) return 0;
+        if (o.shape[d] == 1) continue;
+        i64 *one = several[n_several++];
+        one[0] = o.shape[d]; one[1] = o.step[d]; one[2] = a.step[d]; one[3] = b.step[d];
+    }
+    if (m == 0 || n == 0) return 0;
+    for (; n_several; n_several--) {
+        i64 *one = several[n_several - 1];
+        if (one[3] == 0 && one[1] == m * so && one[2] == m * sa) m *= one[0];
+        else if (one[2] == 0 && one[1] == n * to && one[3] == n * tb) n *= one[0];
+        else break;
+    }
+    i64 left = n_several > 2 ? several[0][0] : 1, *rest = several[n_several > 2];
+    if (n_several > 3) return refuse(t, "a product of so many dimensions");
+    for (i64 x = 0; x < left; x++) {
+        Op op = {MATMUL, 5, {m, inner, n, 1, 1}, {o.at, a.at, b.at}, {{so, 0, to}, {sa, ta, 0}, {0, sb, tb}}, mode};
+        for (d = 0; d < n_several - (n_several > 2); d++) {
+            op.shape[3 + d] = rest[4 * d];
+            for (k = 0; k < 3; k++) op.step[k][3 + d] = rest[4 * d + 1 + k];
+        }
+        if (n_several > 2) for (k = 0; k < 3; k++) op.at[k] += x * several[0][1 + k];
+        if (append(t, &op)) return -1;
+    }
+    return 0;
+}
+
+static View part(View v, int imaginary) {
+    if (v.item == 16) v.at += 8 * imaginary;
+    v.item = 8;
+    return v;
+}
+
+static void insert(View *v, int at) { /* a dimension of one */
+    memmove(v->shape + at + 1, v->shape + at, (v->nd - at) * sizeof(i64));
+    memmove(v->step + at + 1, v->step + at, (v->nd - at) * sizeof(i64));
+    v->shape[at] = 1; v->step[at] = 0; v->nd++;
+}
+
+static void widen(View *v, const View *o) { /* as many batches */
+    while (v->nd < o->nd) insert(v, 0);
+    for (int d = 0; d < o->nd - 2; d++) if (v->shape[d] == 1) v->step[d] = 0;
+}
+
+/* matmul(out or None, a, b) -> out */
+static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View a, b, o, s;
+    if (count != 3) { PyErr_SetString(PyExc_TypeError, "matmul"); return NULL; }
+    if (operand(t, args[1], &a) || operand(t, args[2], &b)) return NULL;
+    int row = a.nd == 1, column = b.nd == 1, given = args[0] != Py_None;
+    if (!a.nd || !b.nd || a.nd > MOST - 2 || b.nd > MOST - 2 || a.item < 8 || b.item < 8) {
+        refuse(t, "a product of such matrices"); return NULL;
+    }
+    if (row) insert(&a, 0);
+    if (column) insert(&b, 1);
+    if (a.shape[a.nd - 1] != b.shape[b.nd - 2]) { refuse(t, "shapes differ"); return NULL; }
+    s = a; s.nd -= 2;
+    View batch = b; batch.nd -= 2;
+    if (broadcast(t, &s, &batch)) return NULL;
+    s.item = a.item > b.item ? a.item : b.item;
+    if (!row) s.shape[s.nd++] = a.shape[a.nd - 2];
+    if (!column) s.shape[s.nd++] = b.shape[b.nd - 1];
+    o = s;
+    if (!given) { if (place(t, &o, 0)) return NULL; }
+    else {
+        if (operand(t, args[0], &o)) return NULL;
+        if (o.item != s.item || !same_shape(&o, &s) || !known(t, o.at) || overlap(&o, &a) || overlap(&o, &b)) {
+            refuse(t, "a product in place"); return NULL;
+        }
+    }
+    PyObject *out = given ? Py_NewRef(args[0]) : array_of(t, &o);
+    if (!out) return NULL;
+    if (column) insert(&o, o.nd);
+    if (row) insert(&o, o.nd - 1);
+    widen(&a, &o); widen(&b, &o);
+    int failed = product(t, part(o, 0), part(a, 0), part(b, 0), 0);
+    if (a.item == 16 && b.item == 16) failed = failed || product(t, part(o, 0), part(a, 1), part(b, 1), -1);
+    if (o.item == 16) failed = failed || product(t, part(o, 1), part(a, b.item == 8), part(b, 1), 0);
+    if (a.item == 16 && b.item == 16) failed = failed || product(t, part(o, 1), part(a, 1), part(b, 0), 1);
+    if (failed) Py_CLEAR(out);
+    return out;
+}
+
+/* sparse(out, weights, b, places): out has b's columns */
+static PyObject *sparse(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View o, w, b, p;
+    if (count != 4) { PyErr_SetString(PyExc_TypeError, "sparse"); return NULL; }
+    if (viewed(t, args[0], &o) || viewed(t, args[1], &w) || viewed(t, args[2], &b) || viewed(t, args[3], &p)) return NULL;
+    Op op = {SPARSE, 2, {w.shape[0], o.shape[1]}, {o.at, w.at, b.at, p.at}, {{0, o.step[1]}, {0}, {0, b.step[1]}}, 0};
+    return append(t, &op) ? NULL : Py_NewRef(Py_None);
+}
+
+/* solve(a, b or None) -> solution of linear equations, batch by batch; without b the inverse */
+static PyObject *solve(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View v[3], s;
+    if (count != 2) { PyErr_SetString(PyExc_TypeError, "solve"); return NULL; }
+    int n = args[1] == Py_None ? 2 : 3;
+    for (int k = 1; k < n; k++) {
+        if (operand(t, args[k - 1], &v[k])) return NULL;
+        if (v[k].nd < 2 || v[k].item != 8) { refuse(t, "such equations"); return NULL; }
+    }
+    s = v[1]; s.nd -= 2;
+    if (n == 3) { View batch = v[2]; batch.nd -= 2; if (broadcast(t, &s, &batch)) return NULL; }
+    const i64 *a = v[1].shape + v[1].nd - 2, *b = v[n - 1].shape + v[n - 1].nd - 2;
+    if (s.nd > 2 || a[0] != a[1] || a[0] != b[0]) { refuse(t, "such equations"); return NULL; }
+    v[0] = s; v[0].item = 8;
+    v[0].shape[v[0].nd++] = b[0]; v[0].shape[v[0].nd++] = b[1];
+    if (place(t, &v[0], 0)) return NULL;
+    PyObject *out = array_of(t, &v[0]);
+    Op op = {SOLVE, 4, {b[0], b[1], 1, 1}, {0}, {{0}}, 0};
+    for (int d = 0; d < s.nd; d++) op.shape[2 + d] = s.shape[d];
+    for (int k = 0; k < n; k++) {
+        op.at[k] = v[k].at;
+        if (k) widen(&v[k], &v[0]);
+        for (int d = 0; d < 2 + s.nd; d++) op.step[k][d] = v[k].step[d < 2 ? s.nd + d : d - 2];
+    }
+    if (out && entries(&v[0]) && append(t, &op)) Py_CLEAR(out);
+    return out;
+}
+
+/* ---------------------------------------------------------------- what is needed */
+
+/* call(number, memory...): a call of Python that reads and writes such memory */
+static PyObject *call(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    for (Py_ssize_t k = 1; k < count; k++) {
+        View v;
+        if (viewed(t, args[k], &v)) return NULL;
+        Op uses = {USES, 0, {0}, {v.at}, {{0}}, 0};
+        if (append(t, &uses)) return NULL;
+    }
+    Op op = {CALL, 0, {0}, {0}, {{0}}, count ? PyLong_AsLongLong(args[0]) : -1};
+    return PyErr_Occurred() || append(t, &op) ? NULL : Py_NewRef(Py_None);
+}
+
+static int by_address(const void *a, const void *b) {
+    const char *p = ((const Piece *)a)->at, *q = ((const Piece *)b)->at;
+    return p < q ? -1 : p > q;
+}
+
+static Piece *piece_at(Tape *t, const char *at) {
+    i64 low = 0, high = t->n_pieces;
+    if (!known(t, at)) return NULL;
+    while (low + 1 < high) {
+        i64 middle = (low + high) / 2;
+        if (t->pieces[middle].at <= at) low = middle; else high = middle;
+    }
+    return &t->pieces[low];
+}
+
+/* Return a bit for what an operand covers: 1 the whole, 2 real parts, 4 imaginary ones. */
+static int covered(const Op *o, int k, const Piece *piece) {
+    int whole = piece->item != 16 || o->code == SPARSE;
+    if (o->code < MATMUL) whole = whole || KINDS[o->code].kinds[k] == 'D' || strchr(KINDS[o->code].kinds, 'i');
+    for (int d = 0; d < o->ndim && !whole; d++) whole = o->shape[d] > 1 && o->step[k][d] % 16;
+    return whole ? 1 : 2 << ((o->at[k] - piece->at) % 16 / 8);
+}
+
+/* live(outputs...) -> a byte for each operation: whether outputs, inputs or calls need it */
+static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View v;
+    PyObject *found = PyByteArray_FromStringAndSize(NULL, t->count);
+    if (!found) return NULL;
+    char *kept = PyByteArray_AsString(found);
+    memset(kept, 0, t->count);
+    qsort(t->pieces, t->n_pieces, sizeof(Piece), by_address);
+    for (i64 k = 0; k < t->n_pieces; k++) { t->pieces[k].read = 0; t->pieces[k].flags &= ~ALIVE; }
+    for (Py_ssize_t k = 0; k < count; k++) {
+        if (viewed(t, args[k], &v)) { Py_DECREF(found); return NULL; }
+        Piece *piece = piece_at(t, v.at);
+        if (piece) piece->flags |= ALIVE;
+    }
+    for (int pass = 0; pass < 2; pass++) /* what an earlier operation reads, a later one of the round before writes */
+        for (i64 i = t->count - 1; i >= 0; i--) {
+            const Op *o = &t->ops[i];
+            Piece *piece = o->code == CALL ? NULL : piece_at(t, o->at[0]);
+            int n = o->code < MATMUL ? (int)strlen(KINDS[o->code].kinds) : o->code == SPARSE ? 4 : o->code < CALL ? 3 : 0;
+            if (o->code == CALL) kept[i] = 1;
+            else if (o->code == USES) { if (piece) piece->read |= 1; }
+            else if (piece->flags & (ALIVE | INPUT)) kept[i] = 1;
+            else {
+                int bit = covered(o, 0, piece);
+                kept[i] = kept[i] || (piece->read & (bit == 1 ? 7 : 1 | bit));
+            }
+            for (int k = 1; k < n && kept[i]; k++) {
+                Piece *read = piece_at(t, o->at[k]);
+                if (read) read->read |= covered(o, k, read);
+            }
+        }
+    return found;
+}
+
+/* ---------------------------------------------------------------- Python */
+
+static PyObject *made(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View v = {NULL, 8, 0, {0}, {0}};
+    if (count < 2 || !PyTuple_Check(args[0]) || (v.nd = (int)PyTuple_Size(args[0])) > MOST) {
+        refuse(t, "such an array"); return NULL;
+    }
+    for (int d = 0; d < v.nd; d++) v.shape[d] = PyLong_AsLongLong(PyTuple_GetItem(args[0], d));
+    v.item = PyLong_AsLongLong(args[1]);
+    if (PyErr_Occurred() || place(t, &v, count > 2 ? FIXED | INPUT : 0)) return NULL;
+    return array_of(t, &v);
+}
+
+static PyObject *knows(Tape *t, PyObject *a) {
+    View v;
+    if (viewed(t, a, &v)) return NULL;
+    return PyBool_FromLong(known(t, v.at) || !entries(&v));
+}
+
+static PyObject *reads(Tape *t, PyObject *a) {
+    View v;
+    if (viewed(t, a, &v)) return NULL;
+    const Piece *piece = piece_at(t, v.at);
+    return PyBool_FromLong(piece && piece->read);
+}
+
+static PyObject *poison(Tape *t, PyObject *none) {
+    for (i64 k = 0; k < t->n_pieces; k++)
+        if (!(t->pieces[k].flags & FIXED)) memset(t->pieces[k].at, 0xff, t->pieces[k].size);
+    Py_RETURN_NONE;
+}
+
+static PyObject *rows(Tape *t, PyObject *none) {
+    return PyBytes_FromStringAndSize((const char *)t->ops, t->count * sizeof(Op));
+}
+
+static PyObject *keep(Tape *t, PyObject *count) {
+    i64 n = PyLong_AsLongLong(count);
+    if (PyErr_Occurred()) return NULL;
+    if (n < t->count) t->count = n;
+    Py_RETURN_NONE;
+}
+
+static Py_ssize_t length(Tape *t) { return t->count; }
+
+static int begin(Tape *t, PyObject *args, PyObject *how) {
+    if (!PyArg_ParseTuple(args, "OOOO!", &t->type, &t->refused, &t->constant, &PyTuple_Type, &t->dtypes)) return -1;
+    Py_INCREF(t->type); Py_INCREF(t->refused); Py_INCREF(t->constant); Py_INCREF(t->dtypes);
+    return 0;
+}
+
+static int visit(Tape *t, visitproc visit, void *arg) {
+    Py_VISIT((PyObject *)Py_TYPE((PyObject *)t)); Py_VISIT(t->constant);
+    return 0;
+}
+
+static int clear(Tape *t) { Py_CLEAR(t->constant); return 0; }
+
+static void end(Tape *t) {
+    PyTypeObject *type = Py_TYPE((PyObject *)t);
+    PyObject_GC_UnTrack(t);
+    Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->constant); Py_XDECREF(t->dtypes);
+    for (int k = 0; k < t->blocks; k++) Py_DECREF(t->memory[k]);
+    free(t->ops); free(t->pieces);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(t);
+    Py_DECREF(type);
+}
+
+#define FAST(f) (PyCFunction)(void (*)(void)) f, METH_FASTCALL
+static PyMethodDef METHODS[] = {
+    {"new", FAST(made), "Return an array of a shape and an item size, an input if anything more is told."},
+    {"apply", FAST(apply), "Write down an elementwise operation; return its result."},
+    {"matmul", FAST(matmul), "Write down a product of matrices; return its result."},
+    {"solve", FAST(solve), "Write down a solution of linear equations; return it."},
+    {"sparse", FAST(sparse), "Write down that a product with entries (weights, places) is added."},
+    {"call", FAST(call), "Write down a call of Python."},
+    {"live", FAST(live), "Return which operations lead to outputs."},
+    {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},
+    {"reads", (PyCFunction)reads, METH_O, "Return whether a live operation reads an array."},
+    {"poison", (PyCFunction)poison, METH_NOARGS, "Fill memory with what is no number."},
+    {"rows", (PyCFunction)rows, METH_NOARGS, "Return all operations."},
+    {"keep", (PyCFunction)keep, METH_O, "Forget operations but for the first."},
+    {NULL, NULL, 0, NULL},
+};
+static PyType_Slot SLOTS[] = {
+    {Py_tp_init, begin}, {Py_tp_dealloc, end}, {Py_tp_traverse, visit}, {Py_tp_clear, clear},
+    {Py_tp_methods, METHODS}, {Py_mp_length, length}, {Py_tp_doc, "Memory, and the operations on it."}, {0, NULL},
+};
+static PyType_Spec SPEC = {"hfsim.maths._replay.Tape", sizeof(Tape), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE | Py_TPFLAGS_HAVE_GC, SLOTS};
+
+PyObject *tape_type(PyObject *module) { return PyType_FromModuleAndSpec(module, &SPEC, NULL); }
