@@ -124,20 +124,16 @@ class Replay:
         from hfsim.maths.recorder import Recorder
         from hfsim.maths.recording import recording
 
-        self._counts, self.derivative, self._other = problem.counts, derivative, (table, strained)
-        self._uncounted = replace(problem, counts=Counts())
-        # what is kept when it is first asked for must not be made on the tape
-        before = Iteration(self._uncounted, derivative, table, place, strained)
-        before.guess(place.q)
-        before.correct()
-        before.advance(finite=False)
-        before.advance(finite=True)
-        before.end()
+        problem = replace(problem, counts=Counts())
+        # NumPy goes first: what is kept when it is first asked for must not be made on the tape
+        other = Place(place.t, shaken(place.q), shaken(place.v), 0.9 * place.h)
+        known = rebuilt(derivative, shaken)
+        begun, expected = _trial(Iteration(problem, known, table, other, strained), other)
         tape = Recorder()
         step = Place(*(tape.input(np.asarray(one, dtype=float)) for one in place))
-        a0, known = tape.input(place.q), rebuilt(derivative, tape.input)
+        a0, on_tape = tape.input(place.q), rebuilt(derivative, tape.input)
         with np.errstate(all="ignore"), recording(tape):
-            own = _Recorded(self._uncounted, known, table, step, strained)
+            own = _Recorded(problem, on_tape, table, step, strained)
             tape.cut()
             own.a = tape.input(np.zeros((table.stages, len(place.q))))
             own.guess(a0)
@@ -150,19 +146,25 @@ class Replay:
             tape.cut()
             end = own.end()
             tape.cut()
-        y = own.correction_found
-        expected = [] if own.expected is None else [own.expected]
-        programs = tape.programs(*sizes, y, *end, *expected)
+        strains = [] if own.expected is None else [own.expected]
+        programs = tape.programs(*sizes, own.correction_found, *end, *strains)
         self._begin, self._guess, self._correct, self._small, self._finite, self._end = programs
-        self._sizes, self._y = (plain(sizes[0]), plain(sizes[1])), plain(y)
+        self._sizes, self.correction_found = (plain(sizes[0]), plain(sizes[1])), plain(own.correction_found)
         self._ends = tuple(map(plain, end))
-        self._known = [(name, plain(one)) for name, one in arrays_in(known) if tape.reads(one)]
+        self._known = [(name, plain(one)) for name, one in arrays_in(on_tape) if tape.reads(one)]
         self._place, self._a0, self.a = tuple(map(plain, step)), plain(a0), plain(own.a)
         self.expected = None if own.expected is None else plain(own.expected)
         self._held: Any = None
         self.calls = tape.told
         tape.poison()
-        self._check(Place(place.t, shaken(place.q), shaken(place.v), 0.9 * place.h), shaken)
+
+        def near() -> list[Array]:
+            place = other._replace(q=jittered(other.q), v=jittered(other.v))
+            step = Iteration(problem, known, table, place, strained)
+            return _trial(step, place, (jittered(begun[0]), begun[1]))[1]
+
+        _, found = _trial(self.begin(problem.counts, known, other), other, begun)
+        agree(expected, found, 1.0 + np.abs(other.q).max(), near)
 
     def begin(self, counts: Counts, derivative: Derivative, place: Place) -> Replay:
         """Go on with another step."""
@@ -188,6 +190,14 @@ class Replay:
         if self.expected is not None and expected is not None:
             self.expected[...] = expected
 
+    def correct(self) -> None:
+        """Find a correction."""
+        self._correct()
+
+    def advance(self, finite: bool) -> None:
+        """Add the correction."""
+        (self._finite if finite else self._small)()
+
     def solve(self, ending: Ending) -> tuple[bool, int]:
         """Correct until that ends."""
         programs, limits = (self._correct, self._small, self._finite), (*ending.limits, LINEAR)
@@ -202,35 +212,6 @@ class Replay:
         self._end()
         return End(*(one.copy() for one in self._ends))
 
-    def _check(self, place: Place, change: Callable[[Array], Array] = np.copy) -> None:
-        """Do a step with two corrections, and refuse if NumPy finds something else.
-
-        How far rounding reaches in a stiff scene is seen by numbers that differ in their last digit.
-        """
-        derivative, scale, h = rebuilt(self.derivative, change), 1.0 + np.abs(place.q).max(), place.h
-        own, near = (
-            Iteration(self._uncounted, derivative, self._other[0], one, self._other[1])
-            for one in (place, place._replace(q=jittered(place.q), v=jittered(place.v)))
-        )
-        self.begin(Counts(), derivative, place)
-        for one in (own, near, self):
-            one.guess(place.q)
-        agree(own.end().q, self.end().q, scale, near.end().q)
-        expected = None if self.expected is None else self.expected.copy()
-        own.take(self.a, expected)
-        near.take(jittered(self.a), expected)
-        for finite in (True, False):
-            for one in (own, near):
-                one.correct()
-            self._correct()
-            agree(own.correction_found, self._y, scale, near.correction_found)
-            for one in (own, near):
-                one.advance(finite)
-            (self._finite if finite else self._small)()
-        ends = zip(own.end(), self.end(), near.end(), (1.0, h, h * h, 1.0, h), strict=True)
-        for ours, found, other, as_length in ends:
-            agree(np.asarray(as_length * ours), np.asarray(as_length * found), scale, as_length * other)
-
 
 class _Recorded(Iteration):
     """A step on a tape: what changes from correction to correction stays in its place."""
@@ -241,6 +222,21 @@ class _Recorded(Iteration):
             before[...] = value
         else:
             self.__dict__[name] = value
+
+
+def _trial(step: Iteration | Replay, place: Place, begun: Any = None) -> tuple[Any, list[Array]]:
+    """Do a step with two corrections; return what these begin with (else the guess), and results."""
+    step.guess(place.q)
+    found, h = [step.end().q], place.h
+    if begun is None:
+        begun = step.a.copy(), None if step.expected is None else step.expected.copy()
+    step.take(*begun)
+    for finite in (True, False):
+        step.correct()
+        found.append(step.correction_found.copy())
+        step.advance(finite)
+    as_length = (1.0, h, h * h, 1.0, h)
+    return begun, found + [np.asarray(unit * one) for unit, one in zip(as_length, step.end(), strict=True)]
 
 
 def _computed(
