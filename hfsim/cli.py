@@ -18,7 +18,6 @@ from types import ModuleType
 import click
 
 from hfsim import __version__
-from hfsim.maths.kernel import KERNEL
 
 COMMANDS = {
     "run": "Simulate decks: CSV, plots, summary.",
@@ -81,11 +80,29 @@ class LazyGroup(click.Group):
             ctx.exit(report_error(error))
 
 
-VERSION = f"%(prog)s, version %(version)s, kernel {KERNEL}"
+def _tell_version(context: click.Context, option: click.Parameter, wanted: bool) -> None:
+    """Tell what this is and what evaluates its equations."""
+    if not wanted or context.resilient_parsing:
+        return
+    from hfsim.errors import KernelError
+
+    try:
+        from hfsim.maths.kernel import KERNEL, MISSING
+    except KernelError as why:
+        raise click.UsageError(str(why)) from why
+    click.echo(f"hfsim, version {__version__}, kernel {KERNEL}" + f" ({MISSING})" * bool(MISSING))
+    context.exit()
 
 
 @click.group(cls=LazyGroup, context_settings=_HELP)
-@click.version_option(__version__, prog_name="hfsim", message=VERSION)
+@click.option(
+    *("--version", "version"),
+    is_flag=True,
+    is_eager=True,
+    expose_value=False,
+    callback=_tell_version,
+    help="Show the version and the kernel and exit.",
+)
 def app() -> None:
     """Simulate flexible multibody systems: four models of one scene, with their error and cost.
 

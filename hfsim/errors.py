@@ -27,6 +27,12 @@ class HfsimError(Exception):
     exit_code = 1
 
 
+class KernelError(HfsimError):
+    """``HFSIM_KERNEL`` asks for what is not there."""
+
+    exit_code = 2
+
+
 class UnfinishedRunError(HfsimError):
     """A run from Python that failed, missed its target or met a limit; ``run`` has what was computed."""
 

@@ -8,9 +8,21 @@
 #include <stdlib.h>
 #include <string.h>
 
+#ifndef SOURCE
+#define SOURCE 0 /* checksum of these files, by which a kernel that was built from others is told apart */
+#endif
+#if !defined(CMPLX) && defined(__clang__)
+#define CMPLX(x, y) ((double complex){x, y})
+#endif
 typedef double complex cplx;
-#if !defined(__SANITIZE_ADDRESS__) && defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && defined(__linux__)
+
+/* twice, for processors with and without wide vectors, where the compiler and the C library can choose at start */
+#if !defined(__SANITIZE_ADDRESS__) && defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+#if __GNUC__ >= 12
 #define WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
+#else
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#endif
 #else
 #define WIDE
 #endif
@@ -454,7 +466,7 @@ static int fill(PyObject *module) {
     for (int k = 0; k < MATMUL && !failed; k++) failed = set_code(codes, KINDS[k].name, k);
     failed = failed || PyModule_AddObjectRef(module, "CODES", codes);
     PyObject *tape = failed ? NULL : tape_type(module);
-    failed = !tape || PyModule_AddObjectRef(module, "Tape", tape);
+    failed = !tape || PyModule_AddObjectRef(module, "Tape", tape) || PyModule_AddIntConstant(module, "SOURCE", SOURCE);
     Py_XDECREF(codes);
     Py_XDECREF(tape);
     return failed ? -1 : 0;
