@@ -40,16 +40,17 @@ class Replays:
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
         self._kept = problem.recordings.setdefault(get_ident(), {})
-        self._kind: tuple[Any, Any] = None, None
+        self._last: tuple[Any, Any] = None, None
 
     def step(
         self, derivative: Derivative, table: Collocation, place: Place, strained: bool, native: bool
     ) -> Iteration | Replay:
         """Return what does a step: a recording if that is wanted and there is one."""
         if native and len(place.q) <= MOST:
-            found = self._found((*self._kind_of(derivative), table, strained), derivative, table, place)
+            kind, numbers = self._seen(derivative)
+            found = self._found((*kind, table, strained), derivative, table, place)
             if isinstance(found, Replay):
-                return found.begin(self._problem.counts, derivative, place)
+                return found.begin(self._problem.counts, derivative, numbers, place)
         return Iteration(self._problem, derivative, table, place, strained)
 
     def _found(
@@ -90,8 +91,7 @@ class Replays:
         make = partial(_computed, problem, natural or PlainIncrements())
         given = (t, q, v) if expected is None else (t, q, v, expected)
         if native and problem.linearized is not None and len(q) <= MOST:
-            uncounted = partial(_computed, replace(problem, counts=Counts()), natural or PlainIncrements())
-            make = self._function(("derivative", natural is None), uncounted, _inverse)
+            make = self._function(("derivative", natural is None), make, _inverse)
         return taken_at(make(*given), problem, t, q, v, expected)
 
     def _function(self, name: Any, function: Callable[..., Any], measure: Any = None) -> Any:
@@ -106,13 +106,16 @@ class Replays:
         with self._problem.turns.supposed(t, angles):
             return self.derivative(natural, t, q, v, expected, native)
 
-    def _kind_of(self, derivative: Derivative) -> Any:
-        """Return what recordings depend on: the form of a derivative and the shapes of its arrays."""
-        if self._kind[0] is not derivative:
+    def _seen(self, derivative: Derivative) -> tuple[tuple[Any, ...], dict[str, Array]]:
+        """Return what recordings depend on, the form of a derivative and its arrays, and these themselves."""
+        if self._last[0] is not derivative:
             flags = tuple(one for one in vars(derivative).values() if isinstance(one, bool))
-            shapes = tuple((name, one.shape, one.dtype.char) for name, one in arrays_in(derivative))
-            self._kind = derivative, (type(derivative), type(derivative.increments), flags, shapes)
-        return self._kind[1]
+            numbers = dict(arrays_in(derivative))
+            shapes = tuple((name, one.shape, one.dtype.char) for name, one in numbers.items())
+            kind = type(derivative), type(derivative.increments), flags, shapes
+            self._last = derivative, (kind, numbers)
+        found: tuple[tuple[Any, ...], dict[str, Array]] = self._last[1]
+        return found
 
 
 class Replay:
@@ -163,16 +166,17 @@ class Replay:
             step = Iteration(problem, known, table, place, strained)
             return _trial(step, place, (jittered(begun[0]), begun[1]))[1]
 
-        _, found = _trial(self.begin(problem.counts, known, other), other, begun)
+        _, found = _trial(self.begin(problem.counts, known, dict(arrays_in(known)), other), other, begun)
         agree(expected, found, 1.0 + np.abs(other.q).max(), near)
 
-    def begin(self, counts: Counts, derivative: Derivative, place: Place) -> Replay:
-        """Go on with another step."""
+    def begin(
+        self, counts: Counts, derivative: Derivative, numbers: dict[str, Array], place: Place
+    ) -> Replay:
+        """Go on with another step, by a derivative that holds these numbers."""
         self._counts, self.derivative = counts, derivative
         if derivative is not self._held:
-            found = dict(arrays_in(derivative))
             for name, memory in self._known:
-                memory[...] = found[name]
+                memory[...] = numbers[name]
             self._held = derivative
         for memory, value in zip(self._place, place, strict=True):
             memory[...] = value
