@@ -3,7 +3,7 @@
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,6 +17,9 @@ class Law(ABC):
 
     Between their breaks, all laws are twice continuously differentiable.
     """
+
+    elementary: ClassVar[bool] = False
+    """Whether derivatives are elementary functions of NumPy alone, which a tape can write down."""
 
     @property
     def period(self) -> float:
@@ -40,15 +43,19 @@ class Law(ABC):
 
     def value(self, t: ArrayLike) -> Array:
         """Return the value at times t [s]."""
-        return outside(self._derivative, np.asarray(t, dtype=float), 0)
+        return self._at(t, 0)
 
     def rate(self, t: ArrayLike) -> Array:
         """Return the first time derivative at times t [s]."""
-        return outside(self._derivative, np.asarray(t, dtype=float), 1)
+        return self._at(t, 1)
 
     def acceleration(self, t: ArrayLike) -> Array:
         """Return the second time derivative at times t [s]."""
-        return outside(self._derivative, np.asarray(t, dtype=float), 2)
+        return self._at(t, 2)
+
+    def _at(self, t: ArrayLike, order: int) -> Array:
+        times = np.asarray(t, dtype=float)
+        return self._derivative(times, order) if self.elementary else outside(self._derivative, times, order)
 
     @abstractmethod
     def _derivative(self, t: Array, order: int) -> Array:
@@ -59,6 +66,7 @@ class Law(ABC):
 class LinearLaw(Law):
     """start + slope t."""
 
+    elementary: ClassVar[bool] = True
     start: float
     slope: float = 0.0
 
@@ -90,6 +98,7 @@ class SplineLaw(Law):
 class StepLaw(Law):
     """From one value to another along 10 x^3 - 15 x^4 + 6 x^5, whose rate and acceleration end at zero."""
 
+    elementary: ClassVar[bool] = True
     low: float
     high: float
     start: float
@@ -103,7 +112,7 @@ class StepLaw(Law):
 
     def _derivative(self, t: Array, order: int) -> Array:
         duration = self.end - self.start
-        x = np.clip((t - self.start) / duration, 0.0, 1.0)
+        x = np.minimum(np.maximum((t - self.start) / duration, 0.0), 1.0)
         rise = self.high - self.low
         if order == 0:
             return np.asarray(self.low + rise * x**3 * (10 - 15 * x + 6 * x**2))
@@ -116,6 +125,7 @@ class StepLaw(Law):
 class SpinUpLaw(Law):
     """From rest to a constant rate, as rotating beams are commonly spun up (Simo & Vu-Quoc 1986)."""
 
+    elementary: ClassVar[bool] = True
     final_rate: float
     time: float
 
@@ -141,6 +151,7 @@ class SpinUpLaw(Law):
 class SineLaw(Law):
     """offset + amplitude sin(w t + phase)."""
 
+    elementary: ClassVar[bool] = True
     amplitude: float
     w: float
     phase: float
@@ -163,6 +174,11 @@ class ShiftedLaw(Law):
 
     law: Law
     start: float
+
+    @property
+    def elementary(self) -> bool:  # type: ignore[override]
+        """Whether the other is."""
+        return self.law.elementary
 
     @property
     def period(self) -> float:

@@ -100,6 +100,14 @@ class Derivative:
     fastest: float
     taken: Array
 
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        raise NotImplementedError
+
+    def check(self) -> None:
+        """Raise LinAlgError if it is of no use."""
+
     def know_strains(self, stiffness: Array, slopes: Matrix, q: Array) -> None:
         """Take note of the stiffness of strains and of their derivative (n_strains, n) by a state (n,)."""
         at = self.increments.geometry(q[None])

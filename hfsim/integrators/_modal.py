@@ -94,6 +94,11 @@ class ModalDerivative(Derivative):
         """Largest circular frequency [rad/s]."""
         return float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
 
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return int(self.L.shape[1])
+
     @classmethod
     def of(cls, at: Linearized, natural: Increments, q: Array) -> ModalDerivative:
         """Return the modes of a dense linearised system without damping.

@@ -158,6 +158,7 @@ class Replay:
         self._place, self._a0, self.a = tuple(map(plain, step)), plain(a0), plain(own.a)
         self.expected = None if own.expected is None else plain(own.expected)
         self._held: Any = None
+        self._renew = tape.renew
         self.calls = tape.told
         tape.poison()
 
@@ -180,6 +181,7 @@ class Replay:
             self._held = derivative
         for memory, value in zip(self._place, place, strict=True):
             memory[...] = value
+        self._renew()
         self._begin()
         return self
 
@@ -251,4 +253,5 @@ def _computed(
 
 def _inverse(found: Derivative) -> Array:
     """Return a matrix by which derivatives are compared: modes by themselves may turn in their planes."""
-    return found.solver(1.0 / (1.0 + found.fastest) ** 2, 0.0)(np.eye(len(found.L.T)))  # type: ignore[attr-defined]
+    time = 1.0 / (1.0 + found.fastest)
+    return found.solver(time**2, time)(np.eye(found.n))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -78,6 +79,7 @@ def taken_at(
 ) -> Derivative:
     """Return a derivative that knows where it was taken, and count it."""
     problem.counts.factorisations += 1
+    found.check()
     place = [np.array([t]), q, v] if expected is None else [np.array([t]), q, v, expected]
     found.taken = np.concatenate([*place, problem.turns.angles(t, q)])
     return found
@@ -145,11 +147,22 @@ class DenseDerivative(Derivative):
     of_imbalance: tuple[Array, Array] | None = None
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.by_q).all() and np.isfinite(self.by_v).all()):
-            # LAPACK would print a complaint of its own
-            raise np.linalg.LinAlgError("the derivative is not finite")
-        self.fastest = float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
         self._inverse: ByStep[ComplexArray] = ByStep()
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.by_q)
+
+    @cached_property
+    def fastest(self) -> float:  # type: ignore[override]
+        """Largest circular frequency [rad/s]."""
+        return float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
+
+    def check(self) -> None:
+        """Refuse what is not finite: LAPACK would print a complaint of its own."""
+        if not (np.isfinite(self.by_q).all() and np.isfinite(self.by_v).all()):
+            raise np.linalg.LinAlgError("the derivative is not finite")
 
     def residual(self, problem: Problem, stages: Stages) -> Array:
         """Return missing accelerations in natural increments, from forces where these are at hand."""
@@ -218,6 +231,11 @@ class SparseDerivative(Derivative):
     def _solver(self, by_q: complex, by_v: complex) -> _Solver:
         """Return the solution of M - by_q M J_q - by_v M J_v, on the joints."""
         return self.at.solver(self.at.implicit(by_q, by_v))
+
+    @property
+    def n(self) -> int:
+        """Number of coordinates."""
+        return len(self.q)
 
     def know_strains(self, stiffness: Array, slopes: Matrix, q: Array) -> None:
         """Take note of the strains, their derivative sparse and by the state."""

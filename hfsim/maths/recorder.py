@@ -36,6 +36,7 @@ _NAMES = {
     np.sinh: "sinh",
     np.cosh: "cosh",
     np.sign: "sign",
+    np.rint: "rint",
 }
 
 

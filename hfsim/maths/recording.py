@@ -104,6 +104,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
 TRANSPARENT = {
     *(np.sum, np.max, np.min, np.stack, np.hstack, np.vstack, np.split, np.array_split, np.swapaxes),
     *(np.transpose, np.moveaxis, np.expand_dims, np.squeeze, np.reshape, np.ravel, np.take, np.real, np.imag),
+    np.angle,
 }
 """What is made of other operations alone."""
 

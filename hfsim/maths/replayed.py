@@ -64,6 +64,7 @@ class Replayed(Generic[_Result]):
         assert self._program is not None
         for memory, value in zip(self._inputs, given, strict=True):
             memory[...] = value
+        self._renew()
         self._program()
         found: _Result = rebuilt(self._template)
         return found
@@ -83,6 +84,7 @@ class Replayed(Generic[_Result]):
             outputs = [one for _, one in arrays_in(found)]
             tape.cut()
             (self._program,) = tape.programs(*filter(tape.knows, outputs))
+            self._renew = tape.renew
             self._inputs, self._template = [plain(one) for one in inputs], rebuilt(found, plain)
             tape.poison()
             agree([expected], [self._measured(self._again(some))])

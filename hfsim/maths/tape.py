@@ -96,6 +96,7 @@ class Tape:
         self.told: list[str] = []
         self._constants: dict[int, tuple[Any, np.ndarray]] = {}
         self._kept: list[np.ndarray] = []
+        self._lives: list[tuple[np.ndarray, np.ndarray]] = []
         self._cuts = [0]
         self.core: Any = replay.Tape(Traced, Refused, self.constant, (REAL, COMPLEX, TRUTH))
         self.knows: Callable[[Any], bool] = self.core.knows
@@ -112,6 +113,17 @@ class Tape:
         own = self.core.new(a.shape, a.itemsize, "input")
         plain(own)[...] = a
         return own
+
+    def live(self, a: Array) -> Any:
+        """Return a traced copy of an array that others change, to be renewed before every replay."""
+        own = self.input(a)
+        self._lives.append((plain(own), a))
+        return own
+
+    def renew(self) -> None:
+        """Take over what others have changed."""
+        for own, a in self._lives:
+            own[...] = a
 
     def own(self, a: Any) -> Any:
         """Return a copy of an array as traced memory."""

@@ -134,6 +134,12 @@ def outside(function: Callable[..., Array], *args: Any) -> Array:
     return np.asarray(tape.called(function, args, {}))
 
 
+def live(a: Array) -> Array:
+    """Return an array that others change in place; while a tape records, what it is at every replay."""
+    tape = Recording.tape
+    return a if tape is None else np.asarray(tape.live(a))
+
+
 def sometimes(condition: Any) -> bool:
     """Tell whether a condition holds anywhere; as far as a tape knows that records, it may."""
     return isinstance(condition, Traced) or bool(np.any(condition))

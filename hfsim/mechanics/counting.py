@@ -95,7 +95,7 @@ class Turns:
             yield
         finally:
             for (_, count), (noted, now) in zip(self._parts, before, strict=True):
-                count.noted, count.now = noted, now
+                count.take(noted, now)
 
     def end(self) -> None:
         """End the motion."""

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.traced import outside
+from hfsim.maths.traced import live
 
 NEAR = 0.5 * np.pi
 """How far an angle may leave what was expected of it within a step [rad]; by half a turn it is ambiguous."""
@@ -44,9 +44,17 @@ class TurnCount:
     noted: list[Turning] = field(default_factory=lambda: [Turning(0.0, 0.0, 0.0)])
     now: Turning | None = None
 
+    def __post_init__(self) -> None:
+        self._last = np.array(self.now or self.noted[-1], dtype=float)
+
+    def take(self, noted: list[Turning], now: Turning | None) -> None:
+        """Take this for what is known of the angle."""
+        self.noted, self.now = noted, now
+        self._last[:] = now or noted[-1]
+
     def suppose(self, t: float, angle: float) -> None:
         """Say about what the angle is [rad] where a motion is to begin."""
-        self.noted, self.now = [Turning(t, angle, 0.0)], None
+        self.take([Turning(t, angle, 0.0)], None)
 
     def expected(self, t: Array) -> Array:
         """Return about what the angle is at times (n_batch,)."""
@@ -59,25 +67,24 @@ class TurnCount:
 
     def counted(self, t: Array, angle: Array) -> Array:
         """Return angles (n_batch,), given modulo a turn, with all their turns."""
-        return outside(self._counted, t, angle)
-
-    def _counted(self, t: Array, angle: Array) -> Array:
-        return np.asarray(angle + 2.0 * np.pi * np.round((self.expected(t) - angle) / (2.0 * np.pi)))
+        last = live(self._last)
+        # a tape is for steps, which all begin at the last kept one
+        expected = self.expected(t) if last is self._last else last[1] + last[2] * (t - last[0])
+        return np.asarray(angle + 2.0 * np.pi * np.rint((expected - angle) / (2.0 * np.pi)))
 
     def start(self, here: Turning) -> None:
         """Begin to follow a motion; what was noted of later times belonged to another one."""
-        self.noted = [*(one for one in self.noted if one.t < here.t), here]
-        self.now = here
+        self.take([*(one for one in self.noted if one.t < here.t), here], here)
 
     def keep(self, here: Turning, times: Array, angles: Array) -> None:
         """Go on to the end of a step, in which the angles were these at some times."""
         assert self.now is not None
         if np.abs(angles - self.noted[-1].at(times)).max() > NEAR:
             self.noted.append(self.now)
-        self.now = here
+        self.take(self.noted, here)
 
     def end(self) -> None:
         """End the motion."""
         if self.now is not None:
             self.noted.append(self.now)
-        self.now = None
+        self.take(self.noted, None)

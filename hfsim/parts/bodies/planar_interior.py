@@ -14,11 +14,12 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
+from hfsim.maths.traced import sometimes
 from hfsim.parts.bodies.planar_frame import ROOT
 from hfsim.parts.bodies.planar_natural import BeamIncrements
 from hfsim.parts.elements.polynomial import strain_moments
 
-_MOST_CORRECTIONS = 8
+_MOST_CORRECTIONS = 5
 _ENOUGH = 1e-8
 """Newton correction of a stretch after which the next one, quadratically smaller, is round-off."""
 
@@ -166,7 +167,7 @@ class InteriorBeams(BeamIncrements):
         for _ in range(_MOST_CORRECTIONS):
             gradient = self._strain_gradient(V)
             by = self._stretch(gradient, along, wanted - 0.5 * _strain_changes(gradient, V), V)
-            if not np.abs(by).max(initial=0.0) > _ENOUGH:
+            if not sometimes(np.abs(by) > _ENOUGH):
                 break
         self._join_all(z - at.z, V - at.V, c, out)
 
