@@ -93,12 +93,15 @@ class Derivative:
         Largest circular frequency in it [rad/s].
     taken : ndarray
         Where: t, q, v, expected strains, and the angles whose turns are counted.
+    ways : tuple of str
+        What was replayed then.
     """
 
     holds_arrays: ClassVar[bool] = True
     increments: Increments
     fastest: float
     taken: Array
+    ways: tuple[str, ...] = ()
 
     @property
     def n(self) -> int:

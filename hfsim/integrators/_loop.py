@@ -118,6 +118,7 @@ class Stepping:
         self._wish = self._reach = 0.0
         self._stretch = start[0], start[0]
         self._behind_break = False
+        problem.count_on(start[0], t_end)
         self._kept = self._memories()
 
     def __iter__(self) -> Stepping:
@@ -179,6 +180,7 @@ class Stepping:
             "state": {"t": path.t_end, "q": path.q, "v": path.v, "methods": tuple(path.methods)},
             "pace": self._pace.memory(),
             "counts": self._problem.counts.memory(),
+            "often": self._problem.often.memory(),
             "stepper": own,
             "turns": turns,
         }
@@ -233,6 +235,7 @@ class Stepping:
             self._wish = remembered["wish"]
             self._reach = stepper.reach = remembered["reach"]
             self._problem.counts.recall(self._kept["counts"])
+        self._problem.often.recall(self._kept["often"])
         self._stepper = stepper
         self._name(stepper)
         return stepper
@@ -327,6 +330,7 @@ class Stepping:
         self._problem.turns.keep(t, attempt.q, attempt.v)
         self._behind_break = False
         self._rechart()
+        self._problem.often.expect(t, h)
         self._kept = self._memories()
 
     def _rechart(self) -> None:
@@ -354,10 +358,9 @@ class Stepping:
         problem.counts.rejected += 1
         pace.note(path.t_end, True, not attempt.solved)
         short = h < AHEAD * self._duration
-        if pace.unsolved >= IN_A_ROW and (short or pace.unsolved == IN_A_ROW):
-            cause = self._culprit(h if short else 0.0)
-            if cause is not None:
-                raise cause
+        looked_at = pace.unsolved >= IN_A_ROW and (short or pace.unsolved == IN_A_ROW)
+        if looked_at and (cause := self._culprit(h if short else 0.0)) is not None:
+            raise cause
         wish = h * min(max(attempt.growth, 0.1), 0.9)
         self._refuse_collapse(wish)
         return wish
@@ -368,8 +371,7 @@ class Stepping:
         shortest = max(self._limits.shortest * (end - begin), float(np.spacing(self._t_end)))
         if wish > max(self._limits.short * self._duration, shortest):
             return
-        cause = self._problem.breakdown(self.path.t_end, self.path.q)
-        if cause is not None:
+        if (cause := self._problem.breakdown(self.path.t_end, self.path.q)) is not None:
             raise cause
         if wish < shortest:
             why = f"the step length fell below {shortest:.2g} s"

@@ -40,16 +40,18 @@ class Newton:
         self._hard = np.inf
         """Least ``by_v`` for which no derivative of the start of a step served."""
 
-    def memory(self) -> dict[str, Array]:
+    def memory(self) -> dict[str, Any]:
         """Return where the derivative was taken, and for which corrections it was factorised last."""
-        taken = np.zeros(0) if self._derivative is None else self._derivative.taken
-        return {"taken": taken, "by": np.array(self._by), "hard": np.array(self._hard)}
+        found = self._derivative
+        taken, ways = (np.zeros(0), ()) if found is None else (found.taken, found.ways)
+        return {"taken": taken, "ways": ways, "by": np.array(self._by), "hard": np.array(self._hard)}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take the same derivative again and factorise it."""
         self._hard = float(memory["hard"])
         if memory["taken"].size:
-            self._derivative = taken_again(self.problem, memory["taken"], with_inertia=self._by_slopes)
+            with self.problem.often.supposed(memory["ways"]):
+                self._derivative = taken_again(self.problem, memory["taken"], self._by_slopes)
             self._solver_for(*memory["by"].tolist())
 
     def solution(

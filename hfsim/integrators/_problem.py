@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
+from hfsim.integrators._often import Often
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.counting import Turns
@@ -142,6 +143,8 @@ class Problem:
         None where all states have the same.
     recordings : dict
         What is replayed of the same equations, for each thread.
+    often : Often
+        Which functions are replayed in a run.
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
@@ -164,13 +167,25 @@ class Problem:
     recharted: Callable[[Array, Array], tuple[Array, Array] | None] | None = None
     counts: Counts = field(default_factory=Counts)
     recordings: dict[int, Any] = field(default_factory=dict)
+    often: Often = field(default_factory=Often)
+
+    def count_on(self, start: float, end: float) -> None:
+        """Begin to count, for a run between these times, what is called often enough to be replayed."""
+        self.often = Often(self.recordings, start, end)
+
+    def apart(self) -> Problem:
+        """Return the same equations, evaluated in NumPy alone, with counts of their own."""
+        return replace(self, counts=Counts(), often=Often())
 
     def evaluate(self, t: Array, q: Array, v: Array, strains: Array | None = None) -> Array:
         """Return accelerations of a batch, with strains that are expected if given, and count the call."""
         self.count(q)
         if strains is None or self.strains is None:
-            return np.asarray(self.acceleration(t, q, v))
+            return self.often.call(f"acceleration {len(q)}", self._accelerated, (t, q, v))
         return self.strains.expected(strains).acceleration(t, q, v)
+
+    def _accelerated(self, t: Array, q: Array, v: Array) -> Array:
+        return np.asarray(self.acceleration(t, q, v))
 
     def unbalanced(
         self, t: Array, q: Array, v: Array, a: Array, strains: Array | None = None
@@ -181,13 +196,6 @@ class Problem:
         if strains is None or self.strains is None:
             return self.imbalance(t, q, v, a)
         return self.strains.expected(strains).imbalance(t, q, v, a)
-
-    def sloping(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return accelerations of a batch with their slopes by q and v, and count the call."""
-        assert self.slopes is not None
-        self.count(q)
-        self.counts.factorisations += 1
-        return self.slopes(t, q, v)
 
     def count(self, q: Array) -> None:
         """Count the evaluation of a batch."""

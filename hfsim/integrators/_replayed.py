@@ -7,7 +7,6 @@ length and the derivative are inputs.  It is checked against NumPy before it is 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from threading import get_ident
 from typing import Any
@@ -127,7 +126,7 @@ class Replay:
         from hfsim.maths.recorder import Recorder
         from hfsim.maths.recording import recording
 
-        problem = replace(problem, counts=Counts())
+        problem = problem.apart()
         # NumPy goes first: what is kept when it is first asked for must not be made on the tape
         other = Place(place.t, shaken(place.q), shaken(place.v), 0.9 * place.h)
         known = rebuilt(derivative, shaken)

@@ -71,23 +71,36 @@ class StagewiseStepper(CollocationStepper):
         return found is not None
 
     def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
-        table, problem, (s, n) = self.table, self._problem, a.shape
-        times, uniform = t + h * table.nodes, q + (h * table.nodes)[:, None] * v
-        A2, A = h * h * table.A2, h * table.A
+        problem, counts = self._problem, self._problem.counts
         ending, far = Ending(q, self._tolerance), FAR * (1.0 + float(np.abs(q).max()))
         for k in range(MAX_ITERATIONS):
-            there, by_q, by_v = problem.sloping(times, uniform + A2 @ a, v + A @ a)
-            matrix = A2[:, None, :, None] * by_q[:, :, None] + A[:, None, :, None] * by_v[:, :, None]
-            matrix = np.eye(s * n) - matrix.reshape(s * n, s * n)
-            step = np.linalg.solve(matrix, (there - a).ravel()).reshape(s, n)
-            a, y = a + step, A2 @ step
-            problem.counts.iterations += 1
+            problem.count(a)
+            counts.iterations, counts.factorisations = counts.iterations + 1, counts.factorisations + 1
+            a, sizes = problem.often.call(f"correction {self.label}", self._corrected, (t, q, v, h, a), _all)
             self._iterations = k + 1
-            size = float(np.abs(y).max())
+            change, size = map(float, sizes)
             if not size < far:
                 return None
-            # what the change of the velocity at the end does in half a second, as if all motions were slow
-            converged = ending.after(k, 0.5 * float(np.abs(table.end_rate @ y).max()) / h, size)
+            converged = ending.after(k, change, size)
             if converged is not None:
                 return a if converged and np.isfinite(a).all() else None
         return None
+
+    def _corrected(self, t: float, q: Array, v: Array, h: float, a: Array) -> tuple[Array, Array]:
+        """Return corrected accelerations, and the sizes of what that changes: the end, and the motion."""
+        assert self._problem.slopes is not None
+        table, (s, n) = self.table, a.shape
+        A2, A = h * h * table.A2, h * table.A
+        positions = q + (h * table.nodes)[:, None] * v + A2 @ a
+        there, by_q, by_v = self._problem.slopes(t + h * table.nodes, positions, v + A @ a)
+        matrix = A2[:, None, :, None] * by_q[:, :, None] + A[:, None, :, None] * by_v[:, :, None]
+        matrix = np.eye(s * n) - matrix.reshape(s * n, s * n)
+        step = np.linalg.solve(matrix, (there - a).ravel()).reshape(s, n)
+        y = A2 @ step
+        # what the change of the velocity at the end does in half a second, as if all motions were slow
+        sizes = np.stack([0.5 * np.abs(table.end_rate @ y).max() / h, np.abs(y).max()])
+        return a + step, sizes
+
+
+def _all(found: tuple[Array, Array]) -> Array:
+    return np.concatenate([found[0].ravel(), found[1]])

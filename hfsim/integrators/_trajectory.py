@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -44,15 +45,19 @@ class Segment(NamedTuple):
         return q, v
 
 
+@lru_cache(maxsize=1)
+def _two_point_matrix() -> Array:
+    values, _, _ = legendre(np.array([0.0, 1.0]), 4)
+    _, once, twice = legendre(np.array([1.0]), 4)
+    return np.concatenate([values, once, twice])
+
+
 def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Array, Array, Array]) -> Array:
     """Return the cubic accelerations that join (q, v, a) at both ends of a step, shape (4, n)."""
     q0, v0, a0 = start
     q1, v1, a1 = ends
-    values, _, _ = legendre(np.array([0.0, 1.0]), 4)
-    _, once, twice = legendre(np.array([1.0]), 4)
-    matrix = np.concatenate([values, once, twice])
     rhs = np.stack([a0, a1, (v1 - v0) / h, (q1 - q0 - h * v0) / h**2])
-    return np.asarray(np.linalg.solve(matrix, rhs))
+    return np.asarray(np.linalg.solve(_two_point_matrix(), rhs))
 
 
 AT_ONCE = 4096

@@ -165,13 +165,16 @@ class CollocationStepper(Stepper):
 
     def memory(self) -> dict[str, Any]:
         """Return where the derivative was taken, how it serves, and the accelerations known at the end."""
-        return super().memory() | {"taken": self._derivative.taken}
+        return super().memory() | {"taken": self._derivative.taken, "ways": self._derivative.ways}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take the same derivative again."""
         super().recall(memory)
         self._choose()
-        self._derivative = self._replays.taken_again(self._natural, memory["taken"], self._derived_natively)
+        with self._problem.often.supposed(memory["ways"]):
+            self._derivative = self._replays.taken_again(
+                self._natural, memory["taken"], self._derived_natively
+            )
 
     def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations at the start of a step, known if the last one had a stage at its end."""

@@ -81,17 +81,18 @@ def taken_at(
     problem.counts.factorisations += 1
     found.check()
     place = [np.array([t]), q, v] if expected is None else [np.array([t]), q, v, expected]
+    found.ways = tuple(sorted(problem.often.chosen))
     found.taken = np.concatenate([*place, problem.turns.angles(t, q)])
     return found
 
 
 def taken_again(
-    problem: Problem, taken: Array, natural: Increments | None = None, with_inertia: bool = False
+    problem: Problem, taken: Array, with_inertia: bool = False
 ) -> Derivative:
     """Compute a derivative where one was taken."""
     place, angles = place_of(problem, taken)
     with problem.turns.supposed(place[0], angles):
-        return derivative(problem, *place[:3], natural, place[3], with_inertia)
+        return derivative(problem, *place[:3], None, place[3], with_inertia)
 
 
 def place_of(problem: Problem, taken: Array) -> tuple[tuple[float, Array, Array, Array | None], Array]:

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from hfsim.errors import LimitReached
-from hfsim.integrators import METHODS, Limits, Stepping, _pace, choose
+from hfsim.integrators import METHODS, Limits, Stepping, _often, _pace, choose
 from hfsim.marching.integration import problem_of
+from hfsim.maths import kernel
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -79,9 +80,10 @@ FIXED = {"explicit": 1e-6, "gear": 2e-5, "generalized_alpha": 2e-4}
 """Lengths of fixed steps [s] of methods that would not hold at 4 ms."""
 
 
-def stepping(scene, method, step, max_steps=STEPS):
+def stepping(scene, method, step, max_steps=STEPS, coordinates="auto"):
     """Return new objects, from the deck on, and the problem with the counts."""
-    built = build(parse_deck(SCENES[scene], overrides=[f"solve.method={method}"]))
+    settings = [f"solve.method={method}", f"solve.coordinates={coordinates}"]
+    built = build(parse_deck(SCENES[scene], overrides=settings))
     solve = built.deck.solve.model_copy(update={"step": step})
     problem = problem_of(built)
     start = (0.0, built.q, built.v)
@@ -127,6 +129,23 @@ def test_a_run_that_was_put_down_goes_on_to_the_last_bit(method, scene, fixed):
         assert same(
             (again.path.t_end, again.path.q, again.path.v), (whole.path.t_end, whole.path.q, whole.path.v)
         )
+        assert written(again.memory()) == memories[-1], k
+
+
+@pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
+@pytest.mark.parametrize("method", ["gauss", "gear"])
+def test_what_is_replayed_from_some_step_on_is_so_in_a_run_that_goes_on(method, monkeypatch):
+    """Derivatives by differences among it, which are taken again as they were taken: before that step."""
+    monkeypatch.setattr(_often, "EARLY", 4)
+    monkeypatch.setattr(_often, "SEEN", 0)
+    whole, _ = stepping("plain", method, None, coordinates="frame")
+    memories = [written(whole.memory()) for _ in whole]
+    chosen = [read(memory)["often.chosen"].size for memory in memories]
+    assert chosen[2] == 0 < chosen[3]
+    for k in (2, 3, 4):
+        again, _ = stepping("plain", method, None, coordinates="frame")
+        again.recall(read(memories[k]))
+        assert all(same(*pair) for pair in zip(again, whole.path.segments[k + 1 :], strict=True)), k
         assert written(again.memory()) == memories[-1], k
 
 

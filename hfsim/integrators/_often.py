@@ -1,0 +1,109 @@
+"""Functions of a problem that are replayed natively from when they turn out to be called often."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from threading import get_ident
+from typing import Any, TypeVar
+
+from hfsim.maths import kernel
+from hfsim.maths.arrays import Array
+from hfsim.maths.replayed import Replayed
+from hfsim.maths.traced import Recording
+
+EARLY = 5
+"""Steps before which nothing is said of those to come."""
+SEEN = 20
+"""Calls of a function after which it may be recorded."""
+MANY = 200
+"""Calls to come from which recording a function, which takes as long as some dozens of them, pays."""
+
+_Found = TypeVar("_Found")
+
+
+class Often:
+    """Which functions are replayed in a run.
+
+    That is decided between two steps, from what was counted before and the pace of the run, and remembered:
+    both ways differ in rounding, and a run that is put down goes on to the last bit.
+
+    Parameters
+    ----------
+    recordings : dict, optional
+        Where recordings are kept, for each thread; without it nothing is replayed.
+    start, end : float
+        Times between which a run is to be made.
+    """
+
+    def __init__(
+        self, recordings: dict[int, Any] | None = None, start: float = 0.0, end: float = 0.0
+    ) -> None:
+        self._start, self._end = start, end
+        self._wanted = recordings is not None and kernel.KERNEL == "native"
+        self._recordings: dict[int, dict[Any, Any]] = {} if recordings is None else recordings
+        self._steps = 0
+        self._asked: dict[str, int] = {}
+        self.chosen: frozenset[str] = frozenset()
+
+    def call(
+        self,
+        kind: str,
+        function: Callable[..., _Found],
+        given: tuple[Any, ...],
+        measure: Callable[[_Found], Array] | None = None,
+    ) -> _Found:
+        """Return what a function returns.
+
+        Parameters
+        ----------
+        kind : str
+            Names the function and the shapes of the arrays, in all runs of a scene.
+        function : callable
+        given : tuple
+            Numbers and arrays.
+        measure : callable, optional
+            As of `Replayed`.
+        """
+        if not self._wanted or Recording.tape is not None:
+            return function(*given)
+        if kind not in self.chosen:
+            self._asked[kind] = self._asked.get(kind, 0) + 1
+            return function(*given)
+        kept = self._recordings.setdefault(get_ident(), {})
+        found: Replayed[_Found] | None = kept.get(kind)
+        if found is None:
+            found = kept[kind] = Replayed(function, measure)
+        return found(*given)
+
+    def expect(self, t: float, h: float) -> None:
+        """Take note of a step of length h that ended at t, and choose what is to be replayed from then on."""
+        self._steps += 1
+        if self._steps < EARLY or not self._wanted:
+            return
+        # at the pace of the whole run, or at that of its last step if that is longer
+        share = (self._end - t) / max(t - self._start, h * self._steps)
+        many = [kind for kind, asked in self._asked.items() if asked > SEEN and asked * share > MANY]
+        if many:
+            self.chosen |= frozenset(many)
+            self._asked = {kind: asked for kind, asked in self._asked.items() if kind not in many}
+
+    def memory(self) -> dict[str, Any]:
+        """Return what was counted and chosen."""
+        names, asked = tuple(self._asked), tuple(self._asked.values())
+        return {"steps": self._steps, "asked": asked, "names": names, "chosen": tuple(sorted(self.chosen))}
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as the one did whose memory this is."""
+        self._steps, self.chosen = memory["steps"], frozenset(map(str, memory["chosen"]))
+        self._asked = dict(zip(map(str, memory["names"]), map(int, memory["asked"]), strict=True))
+
+    @contextmanager
+    def supposed(self, chosen: Iterable[str]) -> Iterator[None]:
+        """For the time being, replay these and no others."""
+        before = self.chosen, dict(self._asked)
+        self.chosen = frozenset(map(str, chosen))
+        try:
+            yield
+        finally:
+            self.chosen, self._asked = before
