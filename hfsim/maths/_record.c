@@ -1,6 +1,7 @@
 /* Writes down operations (hfsim/maths/tape.py): a tape holds memory, and what is done on it, which is done at once.
  *
- * Memory comes from large blocks, so that an address tells whose it is.  Arrays come through Python's buffers.
+ * Memory comes from large blocks, so that an address tells whose it is.  What is no longer referred to is used anew
+ * within the same program: it is written again there before it is read.  Arrays come through Python's buffers.
  */
 #include "_replay.h"
 #include <stdlib.h>
@@ -9,20 +10,26 @@
 #define MOST 8          /* dimensions of an array at most */
 #define BLOCKS 32       /* each twice as large as the one before */
 #define FIRST_BLOCK (1 << 18)
+#define GRAIN 64        /* bytes that belong to one piece of memory */
 #define NARROW 4        /* columns below which a product of matrices is done as that of their transposes */
 enum { FIXED = 1, INPUT = 2, ALIVE = 4 };
 
 typedef struct { char *at; i64 item; int nd; i64 shape[MOST], step[MOST]; } View;
 /* read: bits for reading as a whole, and for real and imaginary parts by themselves */
-typedef struct { char *at; i64 size, item; int flags, read; } Piece;
+typedef struct { char *at; i64 size, item; int flags, read, program; } Piece;
+typedef struct { char *base, *low, *high; int32_t *piece; } Block;
+typedef struct { int32_t of[OPERANDS]; } Pieces;
 typedef struct {
     PyObject_HEAD
-    PyObject *type, *refused, *constant, *dtypes, *memory[BLOCKS];
-    char *low[BLOCKS], *high[BLOCKS], *next;
-    int blocks;
-    Op *ops; i64 count, room;
+    PyObject *type, *refused, *constant, *dtypes;
+    PyTypeObject *memory;
+    Block blocks[BLOCKS]; int n_blocks, program;
+    char *next;
+    Op *ops; Pieces *touched; i64 count, room, room_touched;
     Piece *pieces; i64 n_pieces, room_pieces;
+    int32_t *left; i64 n_left, room_left; /* pieces to be used anew */
 } Tape;
+typedef struct { PyObject_HEAD Tape *tape; int32_t piece; } Memory;
 
 static int refuse(Tape *t, const char *why) { PyErr_SetString(t->refused, why); return -1; }
 
@@ -37,10 +44,15 @@ static int grown(void **list, i64 count, i64 *room, size_t size) {
 
 /* ---------------------------------------------------------------- memory */
 
-static int known(const Tape *t, const char *at) {
-    for (int k = t->blocks - 1; k >= 0; k--) if (at >= t->low[k] && at < t->high[k]) return 1;
-    return 0;
+static int32_t piece_at(const Tape *t, const char *at) {
+    for (int k = t->n_blocks - 1; k >= 0; k--) {
+        const Block *b = &t->blocks[k];
+        if (at >= b->low && at < b->high) return b->piece[(at - b->low) / GRAIN];
+    }
+    return -1;
 }
+
+static int known(const Tape *t, const char *at) { return piece_at(t, at) >= 0; }
 
 static i64 entries(const View *v) {
     i64 n = 1;
@@ -48,36 +60,80 @@ static i64 entries(const View *v) {
     return n;
 }
 
-/* Give memory to an array of which item, nd and shape are told. */
-static int place(Tape *t, View *v, int flags) {
-    i64 bytes = v->item;
-    for (int d = v->nd - 1; d >= 0; d--) { v->step[d] = bytes; bytes *= v->shape[d]; }
-    i64 size = bytes < 64 ? 64 : (bytes + 63) & ~(i64)63;
-    if (!t->blocks || t->next + size > t->high[t->blocks - 1]) {
-        if (t->blocks == BLOCKS) return refuse(t, "too much memory");
-        int k = t->blocks;
-        i64 most = (i64)FIRST_BLOCK << k;
-        PyObject *block = PyByteArray_FromStringAndSize(NULL, (size > most ? size : most) + 64);
-        if (!block) return -1;
-        t->memory[k] = block;
-        t->low[k] = t->next = (char *)(((intptr_t)PyByteArray_AsString(block) + 63) & ~(intptr_t)63);
-        t->high[k] = t->low[k] + (size > most ? size : most);
-        t->blocks++;
-    }
-    if (grown((void **)&t->pieces, t->n_pieces, &t->room_pieces, sizeof(Piece))) return -1;
-    t->pieces[t->n_pieces++] = (Piece){t->next, bytes, v->item, flags, 0};
-    v->at = t->next;
-    t->next += size;
+static int add_block(Tape *t, i64 size) {
+    i64 bytes = (i64)FIRST_BLOCK << t->n_blocks;
+    if (bytes < size) bytes = size;
+    if (t->n_blocks == BLOCKS) return refuse(t, "too much memory");
+    Block *b = &t->blocks[t->n_blocks];
+    b->base = malloc(bytes + GRAIN);
+    b->piece = b->base ? malloc(bytes / GRAIN * sizeof(int32_t)) : NULL;
+    if (!b->piece) { free(b->base); PyErr_NoMemory(); return -1; }
+    b->low = b->base + (-(uintptr_t)b->base & (GRAIN - 1));
+    b->high = b->low + bytes;
+    memset(b->piece, 0xff, bytes / GRAIN * sizeof(int32_t));
+    t->n_blocks++;
+    t->next = b->low;
     return 0;
 }
 
-/* Return the array whose memory was given last. */
-static PyObject *array_of(const Tape *t, const View *v) {
-    PyObject *shape = PyTuple_New(v->nd), *block = t->memory[t->blocks - 1];
+/* Give memory to an array of which item, nd and shape are told. */
+static int place(Tape *t, View *v, int flags) {
+    i64 bytes = v->item, grain = GRAIN, k;
+    for (int d = v->nd - 1; d >= 0; d--) { v->step[d] = bytes; bytes *= v->shape[d]; }
+    while (16 * grain < bytes) grain *= 2;
+    i64 size = bytes < GRAIN ? GRAIN : (bytes + grain - 1) / grain * grain;
+    if (grown((void **)&t->pieces, t->n_pieces, &t->room_pieces, sizeof(Piece))) return -1;
+    for (k = flags & FIXED ? -1 : t->n_left - 1; k >= 0 && t->pieces[t->left[k]].size != size; k--) ;
+    if (k >= 0) {
+        v->at = t->pieces[t->left[k]].at;
+        t->left[k] = t->left[--t->n_left];
+    } else {
+        if ((!t->n_blocks || t->next + size > t->blocks[t->n_blocks - 1].high) && add_block(t, size)) return -1;
+        v->at = t->next;
+        t->next += size;
+    }
+    Block *b = t->blocks;
+    while (v->at < b->low || v->at >= b->high) b++;
+    for (k = 0; k < size / GRAIN; k++) b->piece[(v->at - b->low) / GRAIN + k] = (int32_t)t->n_pieces;
+    t->pieces[t->n_pieces++] = (Piece){v->at, size, v->item, flags, 0, t->program};
+    return 0;
+}
+
+/* Let memory be used anew, but not by other programs: what one leaves to others must outlast that it is repeated. */
+static void leave(Tape *t, int32_t piece) {
+    const Piece *p = &t->pieces[piece];
+    if (p->program != t->program || p->flags & FIXED) return;
+    if (!grown((void **)&t->left, t->n_left, &t->room_left, sizeof(int32_t))) t->left[t->n_left++] = piece;
+    else PyErr_Clear();
+}
+
+/* Return an array with such memory. */
+static PyObject *array_of(Tape *t, const View *v) {
+    Memory *memory = (Memory *)PyType_GenericAlloc(t->memory, 0);
+    if (!memory) return NULL;
+    memory->tape = (Tape *)Py_NewRef((PyObject *)t);
+    memory->piece = piece_at(t, v->at);
+    PyObject *shape = PyTuple_New(v->nd);
     for (int d = 0; d < v->nd; d++) PyTuple_SetItem(shape, d, PyLong_FromLongLong(v->shape[d]));
     PyObject *dtype = PyTuple_GetItem(t->dtypes, v->item == 8 ? 0 : v->item == 16 ? 1 : 2);
-    return PyObject_CallFunction(t->type, "NOOn", shape, dtype, block, (Py_ssize_t)(v->at - PyByteArray_AsString(block)));
+    return PyObject_CallFunction(t->type, "NON", shape, dtype, memory);
 }
+
+static int exported(Memory *m, Py_buffer *view, int flags) {
+    const Piece *piece = &m->tape->pieces[m->piece];
+    return PyBuffer_FillInfo(view, (PyObject *)m, piece->at, piece->size, 0, flags);
+}
+
+static void left(Memory *m) {
+    PyTypeObject *type = Py_TYPE((PyObject *)m);
+    leave(m->tape, m->piece);
+    Py_DECREF((PyObject *)m->tape);
+    ((freefunc)PyType_GetSlot(type, Py_tp_free))(m);
+    Py_DECREF((PyObject *)type);
+}
+
+static PyType_Slot MEMORY_SLOTS[] = {{Py_tp_dealloc, left}, {Py_bf_getbuffer, exported}, {0, NULL}};
+static PyType_Spec MEMORY = {"hfsim.maths._replay.Memory", sizeof(Memory), 0, Py_TPFLAGS_DEFAULT, MEMORY_SLOTS};
 
 static int viewed(Tape *t, PyObject *a, View *v) {
     Py_buffer b;
@@ -137,6 +193,8 @@ static int same_shape(const View *a, const View *b) {
 
 static int append(Tape *t, const Op *o) {
     if (grown((void **)&t->ops, t->count, &t->room, sizeof(Op))) return -1;
+    if (grown((void **)&t->touched, t->count, &t->room_touched, sizeof(Pieces))) return -1;
+    for (int k = 0; k < OPERANDS; k++) t->touched[t->count].of[k] = o->at[k] ? piece_at(t, o->at[k]) : -1;
     t->ops[t->count++] = *o;
     return o->code < CALL ? operate(o) : 0;
 }
@@ -222,7 +280,7 @@ static int same(const View *a, const View *b) {
 /* apply(code for real numbers, code for complex ones, out or None, ...) -> out */
 static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
     View v[OPERANDS], s = {NULL, 8, 0, {0}, {0}};
-    int k, n = (int)count - 2, given = n > 1 && args[2] != Py_None, complex = 0;
+    int k, n = (int)count - 2, given = n > 1 && args[2] != Py_None, complex = 0, copies[OPERANDS] = {0};
     if (n < 2 || n > OPERANDS) { PyErr_SetString(PyExc_TypeError, "apply"); return NULL; }
     int code = (int)PyLong_AsLong(args[0]), placed = code >= 0 && code < MATMUL && strchr(KINDS[code].kinds, 'i');
     for (k = given ? 0 : 1; k < n; k++) {
@@ -237,7 +295,10 @@ static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
     for (k = 0; k < n; k++) {
         i64 item = kinds[k] == 'b' ? 1 : kinds[k] == 'D' ? 16 : 8;
         if (k == 0 && !given) v[0].item = item;
-        else if (k > 0 && v[k].item == 8 && item == 16) { if (copied(t, &v[k], cast_D_code, 16)) return NULL; }
+        else if (k > 0 && v[k].item == 8 && item == 16) {
+            if (copied(t, &v[k], cast_D_code, 16)) return NULL;
+            copies[k] = 1;
+        }
         else if (v[k].item != item) { refuse(t, "numbers of another type"); return NULL; }
         if (k > 0 && broadcast(t, &s, &v[k])) return NULL;
     }
@@ -254,12 +315,16 @@ static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
             s = w;
             for (k = 1; k < n; k++) {
                 if (same(&v[0], &v[k])) { if (n == 2 && code == copy_code(v[0].item)) return Py_NewRef(args[2]); }
-                else if (overlap(&v[0], &v[k]) && copied(t, &v[k], copy_code(v[k].item), v[k].item)) return NULL;
+                else if (overlap(&v[0], &v[k])) {
+                    if (copied(t, &v[k], copy_code(v[k].item), v[k].item)) return NULL;
+                    copies[k] = 1;
+                }
             }
         }
     }
     PyObject *out = given ? Py_NewRef(args[2]) : array_of(t, &v[0]);
     if (out && elementwise(t, code, v, n, &s)) Py_CLEAR(out);
+    for (k = 1; k < n; k++) if (copies[k]) leave(t, piece_at(t, v[k].at));
     return out;
 }
 
@@ -422,21 +487,6 @@ static PyObject *call(Tape *t, PyObject *const *args, Py_ssize_t count) {
     return PyErr_Occurred() || append(t, &op) ? NULL : Py_NewRef(Py_None);
 }
 
-static int by_address(const void *a, const void *b) {
-    const char *p = ((const Piece *)a)->at, *q = ((const Piece *)b)->at;
-    return p < q ? -1 : p > q;
-}
-
-static Piece *piece_at(Tape *t, const char *at) {
-    i64 low = 0, high = t->n_pieces;
-    if (!known(t, at)) return NULL;
-    while (low + 1 < high) {
-        i64 middle = (low + high) / 2;
-        if (t->pieces[middle].at <= at) low = middle; else high = middle;
-    }
-    return &t->pieces[low];
-}
-
 /* Return a bit for what an operand covers: 1 the whole, 2 real parts, 4 imaginary ones. */
 static int covered(const Op *o, int k, const Piece *piece) {
     int whole = piece->item != 16 || o->code == SPARSE;
@@ -452,17 +502,16 @@ static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
     if (!found) return NULL;
     char *kept = PyByteArray_AsString(found);
     memset(kept, 0, t->count);
-    qsort(t->pieces, t->n_pieces, sizeof(Piece), by_address);
     for (i64 k = 0; k < t->n_pieces; k++) { t->pieces[k].read = 0; t->pieces[k].flags &= ~ALIVE; }
     for (Py_ssize_t k = 0; k < count; k++) {
         if (viewed(t, args[k], &v)) { Py_DECREF(found); return NULL; }
-        Piece *piece = piece_at(t, v.at);
-        if (piece) piece->flags |= ALIVE;
+        if (known(t, v.at)) t->pieces[piece_at(t, v.at)].flags |= ALIVE;
     }
     for (int pass = 0; pass < 2; pass++) /* what an earlier operation reads, a later one of the round before writes */
         for (i64 i = t->count - 1; i >= 0; i--) {
             const Op *o = &t->ops[i];
-            Piece *piece = o->code == CALL ? NULL : piece_at(t, o->at[0]);
+            const int32_t *of = t->touched[i].of;
+            Piece *piece = of[0] < 0 ? NULL : &t->pieces[of[0]];
             int n = o->code < MATMUL ? (int)strlen(KINDS[o->code].kinds) : o->code == SPARSE ? 4 : o->code < CALL ? 3 : 0;
             if (o->code == CALL) kept[i] = 1;
             else if (o->code == USES) { if (piece) piece->read |= 1; }
@@ -471,10 +520,8 @@ static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
                 int bit = covered(o, 0, piece);
                 kept[i] = kept[i] || (piece->read & (bit == 1 ? 7 : 1 | bit));
             }
-            for (int k = 1; k < n && kept[i]; k++) {
-                Piece *read = piece_at(t, o->at[k]);
-                if (read) read->read |= covered(o, k, read);
-            }
+            for (int k = 1; k < n && kept[i]; k++)
+                if (of[k] >= 0) t->pieces[of[k]].read |= covered(o, k, &t->pieces[of[k]]);
         }
     return found;
 }
@@ -501,18 +548,24 @@ static PyObject *knows(Tape *t, PyObject *a) {
 static PyObject *reads(Tape *t, PyObject *a) {
     View v;
     if (viewed(t, a, &v)) return NULL;
-    const Piece *piece = piece_at(t, v.at);
-    return PyBool_FromLong(piece && piece->read);
+    return PyBool_FromLong(known(t, v.at) && t->pieces[piece_at(t, v.at)].read);
 }
 
 static PyObject *poison(Tape *t, PyObject *none) {
-    for (i64 k = 0; k < t->n_pieces; k++)
-        if (!(t->pieces[k].flags & FIXED)) memset(t->pieces[k].at, 0xff, t->pieces[k].size);
+    for (const Block *b = t->blocks; b < t->blocks + t->n_blocks; b++)
+        for (i64 k = 0; k < (b->high - b->low) / GRAIN; k++)
+            if (b->piece[k] >= 0 && !(t->pieces[b->piece[k]].flags & FIXED)) memset(b->low + GRAIN * k, 0xff, GRAIN);
     Py_RETURN_NONE;
 }
 
 static PyObject *rows(Tape *t, PyObject *none) {
     return PyBytes_FromStringAndSize((const char *)t->ops, t->count * sizeof(Op));
+}
+
+static PyObject *cut(Tape *t, PyObject *none) {
+    t->program++;
+    t->n_left = 0;
+    return PyLong_FromLongLong(t->count);
 }
 
 static PyObject *keep(Tape *t, PyObject *count) {
@@ -527,7 +580,8 @@ static Py_ssize_t length(Tape *t) { return t->count; }
 static int begin(Tape *t, PyObject *args, PyObject *how) {
     if (!PyArg_ParseTuple(args, "OOOO!", &t->type, &t->refused, &t->constant, &PyTuple_Type, &t->dtypes)) return -1;
     Py_INCREF(t->type); Py_INCREF(t->refused); Py_INCREF(t->constant); Py_INCREF(t->dtypes);
-    return 0;
+    t->memory = (PyTypeObject *)PyType_FromSpec(&MEMORY);
+    return t->memory ? 0 : -1;
 }
 
 static int visit(Tape *t, visitproc visit, void *arg) {
@@ -541,8 +595,9 @@ static void end(Tape *t) {
     PyTypeObject *type = Py_TYPE((PyObject *)t);
     PyObject_GC_UnTrack(t);
     Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->constant); Py_XDECREF(t->dtypes);
-    for (int k = 0; k < t->blocks; k++) Py_DECREF(t->memory[k]);
-    free(t->ops); free(t->pieces);
+    Py_XDECREF((PyObject *)t->memory);
+    for (int k = 0; k < t->n_blocks; k++) { free(t->blocks[k].base); free(t->blocks[k].piece); }
+    free(t->ops); free(t->touched); free(t->pieces); free(t->left);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(t);
     Py_DECREF(type);
 }
@@ -560,6 +615,7 @@ static PyMethodDef METHODS[] = {
     {"reads", (PyCFunction)reads, METH_O, "Return whether a live operation reads an array."},
     {"poison", (PyCFunction)poison, METH_NOARGS, "Fill memory with what is no number."},
     {"rows", (PyCFunction)rows, METH_NOARGS, "Return all operations."},
+    {"cut", (PyCFunction)cut, METH_NOARGS, "End a program; return the number of operations."},
     {"keep", (PyCFunction)keep, METH_O, "Forget operations but for the first."},
     {NULL, NULL, 0, NULL},
 };

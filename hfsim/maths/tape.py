@@ -170,7 +170,7 @@ class Tape:
 
     def cut(self) -> None:
         """End a program; what follows is another one."""
-        self._cuts.append(len(self.core))
+        self._cuts.append(self.core.cut())
 
     def programs(self, *outputs: np.ndarray) -> list[Program]:
         """Return all programs without operations that lead to no output, no input and no call."""

@@ -32,7 +32,9 @@ def filled(x):
 
 def overlapping(x):
     out = x.copy()
-    out[1:] = out[:-1] + out[1:]
+    out[1:] += out[:-1]
+    out[:6, :6] -= out[:6, :6].T
+    out[:, 1] += out[:, 0]
     return out
 
 
@@ -50,6 +52,7 @@ def decided(condition, x, y):
 FUNCTIONS = {
     "sums": lambda x, y: x + y[0] - 2.0 * y,
     "powers": lambda x, y: (x**2 + x**3) / (y * y),
+    "numbers": lambda x, y: (((x[0] * 2.0 + y[0]) * 3.0 - 1.5) * 0.5 + 4.0) * y,
     "functions": lambda x, y: np.sin(x) * np.cosh(y) + np.arctan2(x, y) + np.hypot(x, y) + np.sqrt(np.abs(x)),
     "extremes": lambda x, y: np.maximum(x, y) + np.minimum(x, 0.0) + np.abs(x).max() + y.min(axis=0),
     "products": lambda x, y: C @ (x @ y.T),
@@ -101,6 +104,28 @@ def test_what_is_replayed_is_what_numpy_does(name, rng):
             plain(memory)[...] = value
         program()
         np.testing.assert_allclose(plain(found), function(x, y), rtol=1e-12, atol=1e-12)
+
+
+def test_memory_is_used_anew_within_one_program_alone(rng):
+    def where(a):
+        return a.__array_interface__["data"][0]
+
+    tape, given = Recorder(), rng.standard_normal((3, 5))
+    x = tape.input(given)
+    with recording(tape):
+        begun = where(2.0 * x)
+        one = 1.0 - x
+        assert where(one) == begun
+        one += 3.0 * x
+        tape.cut()
+        other = 5.0 * x  # would stand in the memory that 3 x had
+        tape.cut()
+    first, second = tape.programs(one, other)
+    tape.poison()
+    second()
+    first()
+    np.testing.assert_array_equal(plain(other), 5.0 * given)
+    np.testing.assert_allclose(plain(one), 1.0 + 2.0 * given, rtol=1e-14)
 
 
 @pytest.mark.parametrize(
