@@ -34,7 +34,9 @@ class Counts(Remembering):
     calls: int = 0
     """Batches in which they were."""
     factorisations: int = 0
-    remembers = ("steps", "rejected", "iterations", "evaluations", "calls", "factorisations")
+    native: int = 0
+    """Steps by the native kernel that converged, rejected ones among them."""
+    remembers = ("steps", "rejected", "iterations", "evaluations", "calls", "factorisations", "native")
 
     def add(self, other: Counts) -> None:
         """Add what another run cost."""

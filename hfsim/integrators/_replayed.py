@@ -215,6 +215,7 @@ class Replay:
     def end(self) -> End:
         """Return what the step leads to."""
         self._end()
+        self._counts.native += 1
         return End(*(one.copy() for one in self._ends))
 
 

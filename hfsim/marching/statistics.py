@@ -10,7 +10,7 @@ from hfsim.marching.integration import Leg
 
 _SUMS = (
     *("steps", "rejected", "newton_iterations", "evaluations", "evaluation_calls", "factorisations"),
-    "work_done",
+    *("native_steps", "work_done"),
 )
 _LARGEST = ("unknowns", "multipliers", "energy_drift", "constraint_position", "constraint_velocity")
 
@@ -25,6 +25,7 @@ def leg_statistics(leg: Leg) -> dict[str, Any]:
         "evaluations": counts.evaluations,
         "evaluation_calls": counts.calls,
         "factorisations": counts.factorisations,
+        "native_steps": counts.native,
         "unknowns": system.n,
         "multipliers": system.n_rows,
         **_numbers(leg.done.trajectory.numbers),

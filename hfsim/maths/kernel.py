@@ -1,7 +1,7 @@
 """The native kernel: whether it is there, and wanted.
 
-It is built from ``_replay.c`` and ``_record.c`` where a compiler is at hand when hfsim is installed; without it all is done in
-NumPy, with the same results.  ``HFSIM_KERNEL=numpy`` does without it, ``HFSIM_KERNEL=native`` insists on it.
+It is built from ``_replay.c`` and ``_record.c`` where a compiler is at hand when hfsim is installed; without
+it all is done in NumPy, with the same results.  ``HFSIM_KERNEL=numpy`` does without it; ``native`` insists.
 """
 
 from __future__ import annotations

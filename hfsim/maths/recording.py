@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -144,8 +145,7 @@ def _made(name: str) -> Callable[..., Any]:
 
     def make(*args: Any, **how: Any) -> Any:
         found = ORIGINAL[name](*args, **how)
-        other = threading.get_ident() != Recording.thread
-        if other or isinstance(found, Traced) or found.dtype not in (REAL, COMPLEX):
+        if Recording.tape is None or isinstance(found, Traced) or found.dtype not in (REAL, COMPLEX):
             return found
         core = recorder().core
         out = core.new(found.shape, found.itemsize)
@@ -167,18 +167,41 @@ REPLACED: dict[str, Callable[..., Any]] = {
 ORIGINAL = {name: getattr(np, name) for name in (*REPLACED, "bincount")}
 
 
+class _Turn:
+    """Lets one thread record at a time: what stands in for functions of NumPy does so for all of them.
+
+    The others go on meanwhile: for them these functions do what they always do.
+    """
+
+    def __init__(self) -> None:
+        self.lock, self.owner = threading.RLock(), 0
+
+    def forked(self) -> None:
+        """Let a new process record, whatever a thread that it has not did when it began."""
+        if self.owner != threading.get_ident():
+            self.__init__()  # type: ignore[misc]
+            _set(None)
+
+
+_TURN = _Turn()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_TURN.forked)
+
+
 @contextmanager
 def recording(tape: Recorder) -> Iterator[None]:
     """Write down on a tape what is done with its memory."""
-    _set(tape)
-    try:
-        yield
-    finally:
-        _set(None)
+    with _TURN.lock:
+        before, _TURN.owner = Recording.tape, threading.get_ident()
+        try:
+            _set(tape)
+            yield
+        finally:
+            _set(before)
 
 
 def _set(tape: Recorder | None) -> None:
-    Recording.tape, Recording.thread = tape, 0 if tape is None else threading.get_ident()
+    Recording.tape = tape
     for name in REPLACED:
         setattr(np, name, (ORIGINAL if tape is None else REPLACED)[name])
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -14,11 +15,12 @@ class Refused(Exception):  # noqa: N818
     """What cannot be recorded."""
 
 
-class Recording:
-    """The tape that records, if any, and in which thread."""
-
+class _Recording(threading.local):
     tape: Any = None
-    thread = 0
+
+
+Recording = _Recording()
+"""The tape on which this thread records, if any."""
 
 
 def recorder() -> Any:

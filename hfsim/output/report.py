@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfsim.marching.rounding import LEAST, ROUNDING, sizes_of
+from hfsim.maths.kernel import MISSING
 from hfsim.output.talk import Talk, print_error
 from hfsim.output.text import Column, as_table, brief, number, table, wrapped
 from hfsim.parts.channels import is_judged
@@ -75,6 +76,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
         "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
         "steps": _steps(summary),
         "CPU time": _times(summary["cpu_s"]),
+        **({"kernel": f"numpy: {MISSING}"} if MISSING else {}),
         "error estimate": errors(summary),
         "energy drift": number(summary["energy_drift"]),
         **({"constraint drift": _drift(summary)} if summary["multipliers"] else {}),

@@ -32,6 +32,8 @@ _SUMMARY_KEYS = (
     "newton_iterations",
     "evaluations",
     "factorisations",
+    "kernel",
+    "native_steps",
     "unknowns",
     "multipliers",
     "stages",
@@ -167,6 +169,7 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
         "wall_s": {},
         **dict.fromkeys(_SUMMARY_KEYS),
         **run.statistics,
+        "kernel": "native" if run.statistics.get("native_steps") else "numpy",
         "channels": run.units,
         "final": run.final,
         "extremes": run.extremes,
@@ -202,7 +205,7 @@ def running_summary(name: str, model: str, provenance: Provenance) -> dict[str, 
 
 
 def versions() -> dict[str, str]:
-    """Return the versions of hfsim, Python and those libraries this process has really used."""
+    """Return the versions of hfsim, Python and libraries this process has used, and the kernel at hand."""
     found = {"hfsim": __version__, "kernel": KERNEL, "python": platform.python_version()}
     for name in ("numpy", "scipy", "pydantic", "matplotlib"):
         module = sys.modules.get(name)

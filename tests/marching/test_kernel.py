@@ -12,8 +12,10 @@ from hfsim.maths.recording import Recorder
 from hfsim.maths.replayed import Replayed, jittered
 from hfsim.maths.tape import iterated
 from hfsim.maths.traced import apart
+from hfsim.output.writers import Provenance, summary_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
+from hfsim.simulate import simulate
 
 pytestmark = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
 CASES = Path(__file__).parent.parent.parent / "cases"
@@ -107,3 +109,15 @@ def test_iterations_end_as_in_numpy(seed):
     tape.cut()
     first, nothing = tape.programs()
     assert iterated((first, nothing, nothing), sizes, (*ending.limits, 1e-3), 20) == expected
+
+
+@pytest.mark.parametrize(
+    "model, method, used", [("exact", "auto", True), ("linear", "auto", True), ("exact", "gear", False)]
+)
+def test_runs_tell_whether_the_kernel_was_used(model, method, used):
+    loaded = load_deck(CASES / "pendulum.yaml", ["solve.duration=0.5", f"solve.method={method}"])
+    run = simulate(loaded, model, error_estimate=False)
+    summary = summary_of(run, Provenance("pendulum.yaml", "0" * 64, (), {}), [])
+    assert summary["kernel"] == ("native" if used else "numpy")
+    assert 0 <= summary["native_steps"] <= summary["steps"] + summary["rejected"]
+    assert (summary["native_steps"] > 0) == used

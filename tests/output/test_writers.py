@@ -22,7 +22,7 @@ PROVENANCE = Provenance("case.yaml", "0" * 64, ("solve.model=exact",), RESOLVED)
 DOCUMENTED = {
     *("status", "reason", "model", "method", "cpu_s", "wall_s", "steps", "rejected", "newton_iterations"),
     *("evaluations", "factorisations", "unknowns", "multipliers", "energy_drift", "constraint_position"),
-    *("constraint_velocity", "error_estimate", "channels", "deck_sha256", "versions"),
+    *("constraint_velocity", "error_estimate", "channels", "deck_sha256", "versions", "kernel"),
     *("failure", "name", "exit_code", "warnings", "overrides"),
 }
 
