@@ -12,7 +12,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import Replayed
 from hfsim.maths.traced import Recording
 
-EARLY = 5
+EARLY = 3
 """Steps before which nothing is said of those to come."""
 SEEN = 20
 """Calls of a function after which it may be recorded."""
@@ -67,14 +67,20 @@ class Often:
         """
         if not self._wanted or Recording.tape is not None:
             return function(*given)
-        if kind not in self.chosen:
-            self._asked[kind] = self._asked.get(kind, 0) + 1
+        if not self.ask(kind):
             return function(*given)
         kept = self._recordings.setdefault(get_ident(), {})
         found: Replayed[_Found] | None = kept.get(kind)
         if found is None:
             found = kept[kind] = Replayed(function, measure)
         return found(*given)
+
+    def ask(self, kind: str, weight: int = 1) -> bool:
+        """Tell whether a function is replayed, which takes as long as some calls; if not, count that."""
+        if kind in self.chosen:
+            return True
+        self._asked[kind] = self._asked.get(kind, 0) + weight
+        return False
 
     def expect(self, t: float, h: float) -> None:
         """Take note of a step of length h that ended at t, and choose what is to be replayed from then on."""

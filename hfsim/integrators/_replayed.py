@@ -65,15 +65,6 @@ class Replays:
             self._kept[key] = found
         return found
 
-    def acceleration(self, t: float, q: Array, v: Array, native: bool) -> Array:
-        """Return the accelerations of one state, shape (n,)."""
-        problem, given = self._problem, (np.array([t]), q[None], v[None])
-        if not native or len(q) > MOST:
-            return problem.single(t, q, v)
-        problem.count(q[None])
-        found: Array = self._function("acceleration", problem.acceleration)(*given)[0]
-        return found
-
     def derivative(
         self,
         natural: Increments | None,

@@ -28,7 +28,6 @@ from hfsim.integrators._iteration import End, Iteration, Place
 from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._replayed import Replay, Replays
 from hfsim.integrators._tableau import Collocation, gauss, radau
-from hfsim.maths import kernel
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 
@@ -48,10 +47,8 @@ GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
 """Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
-ALIKE = 3
-"""Steps of a kind after which the next ones are recorded, to be replayed."""
-NOTHING, ONE = np.zeros(2, dtype=int), np.eye(2, dtype=int)
-"""Numbers of steps without and with stiff modes; what one more of either counts."""
+WEIGHT = 20
+"""Calls that count as much as a step does when it is asked whether recording one pays."""
 
 
 class Damping(NamedTuple):
@@ -120,16 +117,14 @@ class CollocationStepper(Stepper):
         return f"{self.name}:{self.table.stages}"
 
     growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
-    replays: ClassVar[bool] = kernel.KERNEL == "native"
+    replays: ClassVar[bool] = True
     """Whether steps are replayed natively where they can be."""
-    remembers: ClassVar[tuple[str, ...]] = (
-        *("_stiff", "_old", "_served", "_cap", "_known_at", "_known", "_tried", "_derived_natively"),
-    )
+    remembers: ClassVar[tuple[str, ...]] = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known")
 
     def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._tolerance = method, problem, method.tolerance
         self.name, self.table, self._stiff = method.name, method.table, False
-        self._replays, self._tried, self._derived_natively = Replays(problem), NOTHING, False
+        self._replays = Replays(problem)
         self._derivative = self._replays.derivative(None, t, q, v)
         self._old, self._served, self._iterations = False, 0, 0
         self._cap = np.inf
@@ -139,7 +134,8 @@ class CollocationStepper(Stepper):
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
         place = Place(t, q, v, h)
-        self._tried = self._tried + ONE[int(self._stiff)]
+        if self.replays:
+            self._problem.often.ask(self._kind, WEIGHT)
         self._step = self._guess(place, self._start_acceleration(t, q, v))
         if self._old and self._renew_inside(place, self._step):
             self._step = self._guess(place, self._known)
@@ -172,14 +168,12 @@ class CollocationStepper(Stepper):
         super().recall(memory)
         self._choose()
         with self._problem.often.supposed(memory["ways"]):
-            self._derivative = self._replays.taken_again(
-                self._natural, memory["taken"], self._derived_natively
-            )
+            self._derivative = self._replays.taken_again(self._natural, memory["taken"], self._native)
 
     def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations at the start of a step, known if the last one had a stage at its end."""
         if self._known_at != t:
-            self._known_at, self._known = t, self._replays.acceleration(t, q, v, self._native)
+            self._known_at, self._known = t, self._problem.single(t, q, v)
         return self._known
 
     def _error(self, place: Place, end: End) -> float:
@@ -201,9 +195,14 @@ class CollocationStepper(Stepper):
         return step
 
     @property
+    def _kind(self) -> str:
+        """That of its steps now."""
+        return f"steps {self.label} {self._stiff}"
+
+    @property
     def _native(self) -> bool:
-        """Whether so many steps were alike, with or without stiff modes, that recording one pays."""
-        return self.replays and bool(self._tried[int(self._stiff)] > ALIKE)
+        """Whether they are replayed."""
+        return self._kind in self._problem.often.chosen
 
     @property
     def _strained(self) -> bool:
@@ -222,8 +221,7 @@ class CollocationStepper(Stepper):
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
         self._stiff = bool(h * self._derivative.fastest > STIFF * self.table.stages)
         self._choose()
-        self._derived_natively = self._native
-        self._derivative = self._replays.derivative(self._natural, t, q, v, expected, self._derived_natively)
+        self._derivative = self._replays.derivative(self._natural, t, q, v, expected, self._native)
         self._old, self._served = False, 0
 
     def _choose(self) -> None:
