@@ -12,6 +12,8 @@
 #define FIRST_BLOCK (1 << 18)
 #define GRAIN 64        /* bytes that belong to one piece of memory */
 #define NARROW 4        /* columns below which a product of matrices is done as that of their transposes */
+#define SHORT 16        /* entries in a row below which the longest dimension is gone through instead */
+#define SPARSE_PART 0.1 /* of a constant matrix that is not zero, up to which a product is done entry by entry */
 enum { FIXED = 1, INPUT = 2, ALIVE = 4 };
 
 typedef struct { char *at; i64 item; int nd; i64 shape[MOST], step[MOST]; } View;
@@ -191,6 +193,8 @@ static int same_shape(const View *a, const View *b) {
     return a->nd == b->nd && !memcmp(a->shape, b->shape, a->nd * sizeof(i64));
 }
 
+static void swap(i64 *a, i64 *b) { i64 c = *a; *a = *b; *b = c; }
+
 static int append(Tape *t, const Op *o) {
     if (grown((void **)&t->ops, t->count, &t->room, sizeof(Op))) return -1;
     if (grown((void **)&t->touched, t->count, &t->room_touched, sizeof(Pieces))) return -1;
@@ -222,6 +226,11 @@ static int elementwise(Tape *t, int code, const View *v, int n, const View *s) {
         if (!goes_on && ++last == DIMS) return refuse(t, "too many dimensions");
         o.shape[last] = (goes_on ? o.shape[last] : 1) * dims[d][OPERANDS];
         for (k = 0; k < n; k++) o.step[k][last] = dims[d][k];
+    }
+    for (d = e = 0; d < last; d++) if (o.shape[d] > o.shape[e]) e = d;
+    if (last > 0 && o.shape[last] < SHORT && o.shape[last] < o.shape[e]) { /* the longest inside, for fewer calls */
+        swap(&o.shape[last], &o.shape[e]);
+        for (k = 0; k < n; k++) swap(&o.step[k][last], &o.step[k][e]);
     }
     if (last < 0) { last = 0; o.shape[0] = 1; for (k = 0; k < n; k++) o.step[k][0] = 8; }
     o.ndim = last + 1;
@@ -330,7 +339,10 @@ static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
 
 /* ---------------------------------------------------------------- products of matrices */
 
-static void swap(i64 *a, i64 *b) { i64 c = *a; *a = *b; *b = c; }
+static void transpose(View *v) {
+    swap(&v->shape[v->nd - 1], &v->shape[v->nd - 2]);
+    swap(&v->step[v->nd - 1], &v->step[v->nd - 2]);
+}
 
 /* Write down a product of real matrices, batch by batch: 0 sets out, 1 adds, -1 subtracts. */
 static int product(Tape *t, View o, View a, View b, i64 mode) {
@@ -344,11 +356,7 @@ static int product(Tape *t, View o, View a, View b, i64 mode) {
     }
     if (o.shape[nd - 1] < NARROW && o.shape[nd - 2] >= NARROW) {
         View c = a; a = b; b = c;
-        View *all[3] = {&o, &a, &b};
-        for (k = 0; k < 3; k++) {
-            swap(&all[k]->shape[nd - 1], &all[k]->shape[nd - 2]);
-            swap(&all[k]->step[nd - 1], &all[k]->step[nd - 2]);
-        }
+        transpose(&o); transpose(&a); transpose(&b);
     }
     i64 m = o.shape[nd - 2], n = o.shape[nd - 1], inner = a.shape[nd - 1], several[MOST][4];
     i64 so = o.step[nd - 2], to = o.step[nd - 1], sa = a.step[nd - 2], ta = a.step[nd - 1];
@@ -397,6 +405,47 @@ static void widen(View *v, const View *o) { /* as many batches */
     for (int d = 0; d < o->nd - 2; d++) if (v->shape[d] == 1) v->step[d] = 0;
 }
 
+static double entry(const View *a, i64 i, i64 j) { return *(const double *)(a->at + i * a->step[0] + j * a->step[1]); }
+
+static int sparse(const Tape *t, const View *a) {
+    i64 count = 0;
+    if (known(t, a->at) || a->item != 8) return 0;
+    for (i64 i = 0; i < a->shape[0]; i++) for (i64 j = 0; j < a->shape[1]; j++) count += entry(a, i, j) != 0.0;
+    return count <= SPARSE_PART * entries(a);
+}
+
+/* Write down a product with a constant matrix a that is mostly zero, two entries of a row at once; see _replay.c. */
+static int sparse_product(Tape *t, View o, View a, View b) {
+    View w = {NULL, 8, 1, {0}, {0}}, p = w;
+    for (int fill = 0; fill < 2; fill++) {
+        i64 pairs = 0;
+        for (i64 i = 0; i < a.shape[0]; i++) {
+            i64 found = 0;
+            for (i64 j = 0; j < a.shape[1]; j++) {
+                if (entry(&a, i, j) == 0.0 && (found || j + 1 < a.shape[1])) continue; /* one at least: it sets out */
+                if (fill) {
+                    double *weights = (double *)w.at + 2 * (pairs + found / 2);
+                    i64 *places = (i64 *)p.at + 4 * (pairs + found / 2);
+                    weights[found % 2] = entry(&a, i, j); places[1 + found % 2] = j * b.step[0];
+                    if (found % 2 == 0) {
+                        weights[1] = 0.0; places[0] = i * o.step[0]; places[2] = j * b.step[0]; places[3] = found == 0;
+                    }
+                }
+                found++;
+            }
+            pairs += (found + 1) / 2;
+        }
+        w.shape[0] = 2 * pairs; p.shape[0] = 4 * pairs;
+        if (!fill && (place(t, &w, FIXED) || place(t, &p, FIXED))) return -1;
+    }
+    for (int x = 0; x < (o.item == 16 ? 2 : 1); x++) {
+        View one = part(o, x), other = part(b, x);
+        Op op = {SPARSE, 2, {w.shape[0] / 2, o.shape[1]}, {one.at, w.at, other.at, p.at}, {{0, o.step[1]}, {0}, {0, b.step[1]}}, 0};
+        if (append(t, &op)) return -1;
+    }
+    return 0;
+}
+
 /* matmul(out or None, a, b) -> out */
 static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
     View a, b, o, s;
@@ -425,6 +474,14 @@ static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
     }
     PyObject *out = given ? Py_NewRef(args[0]) : array_of(t, &o);
     if (!out) return NULL;
+    if (a.nd == 2 && b.nd == 2 && !row && !column && entries(&o) && a.shape[1]) {
+        int first = sparse(t, &a);
+        if (first || sparse(t, &b)) {
+            if (!first) { View c = a; a = b; b = c; transpose(&o); transpose(&a); transpose(&b); }
+            if (sparse_product(t, o, a, b)) Py_CLEAR(out);
+            return out;
+        }
+    }
     if (column) insert(&o, o.nd);
     if (row) insert(&o, o.nd - 1);
     widen(&a, &o); widen(&b, &o);
@@ -434,15 +491,6 @@ static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
     if (a.item == 16 && b.item == 16) failed = failed || product(t, part(o, 1), part(a, 1), part(b, 0), 1);
     if (failed) Py_CLEAR(out);
     return out;
-}
-
-/* sparse(out, weights, b, places): out has b's columns */
-static PyObject *sparse(Tape *t, PyObject *const *args, Py_ssize_t count) {
-    View o, w, b, p;
-    if (count != 4) { PyErr_SetString(PyExc_TypeError, "sparse"); return NULL; }
-    if (viewed(t, args[0], &o) || viewed(t, args[1], &w) || viewed(t, args[2], &b) || viewed(t, args[3], &p)) return NULL;
-    Op op = {SPARSE, 2, {w.shape[0], o.shape[1]}, {o.at, w.at, b.at, p.at}, {{0, o.step[1]}, {0}, {0, b.step[1]}}, 0};
-    return append(t, &op) ? NULL : Py_NewRef(Py_None);
 }
 
 /* solve(a, b or None) -> solution of linear equations, batch by batch; without b the inverse */
@@ -608,7 +656,6 @@ static PyMethodDef METHODS[] = {
     {"apply", FAST(apply), "Write down an elementwise operation; return its result."},
     {"matmul", FAST(matmul), "Write down a product of matrices; return its result."},
     {"solve", FAST(solve), "Write down a solution of linear equations; return it."},
-    {"sparse", FAST(sparse), "Write down that a product with entries (weights, places) is added."},
     {"call", FAST(call), "Write down a call of Python."},
     {"live", FAST(live), "Return which operations lead to outputs."},
     {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},

@@ -55,6 +55,9 @@ typedef void (*Inner)(char **at, const i64 *step, i64 n);
         if (step[0] == sizeof(TO) && step[1] == sizeof(T)) {                                                 \
             TO *o = (TO *)at[0]; const T *p = (const T *)at[1];                                              \
             IVDEP for (i = 0; i < n; i++) { T a = p[i]; o[i] = EXPR; }                                       \
+        } else if (step[0] == sizeof(TO) && step[1] == 0) {                                                  \
+            TO *o = (TO *)at[0]; const T a = *(T *)at[1]; const TO all = EXPR;                               \
+            for (i = 0; i < n; i++) o[i] = all;                                                              \
         } else {                                                                                             \
             for (i = 0; i < n; i++) { T a = AT(T, 1, i); AT(TO, 0, i) = EXPR; }                              \
         }                                                                                                    \
@@ -66,13 +69,15 @@ typedef void (*Inner)(char **at, const i64 *step, i64 n);
         i64 i = 0;                                                                                           \
         if (step[0] == 0) {                                                                                  \
             T r = *(T *)at[0];                                                                               \
-            if (n >= 8) {                                                                                    \
-                T p0 = AT(T, 1, 0), p1 = AT(T, 1, 1), p2 = AT(T, 1, 2), p3 = AT(T, 1, 3);                    \
-                for (i = 4; i + 4 <= n; i += 4) {                                                            \
-                    p0 = NAME##_of(p0, AT(T, 1, i)); p1 = NAME##_of(p1, AT(T, 1, i + 1));                    \
-                    p2 = NAME##_of(p2, AT(T, 1, i + 2)); p3 = NAME##_of(p3, AT(T, 1, i + 3));                \
-                }                                                                                            \
-                r = NAME##_of(r, NAME##_of(NAME##_of(p0, p1), NAME##_of(p2, p3)));                           \
+            if (n >= 16) {                                                                                   \
+                T p[8];                                                                                      \
+                for (int k = 0; k < 8; k++) p[k] = AT(T, 1, k);                                              \
+                if (step[1] == sizeof(T)) for (i = 8; i + 8 <= n; i += 8) {                                  \
+                    const T *q = (const T *)at[1] + i;                                                       \
+                    for (int k = 0; k < 8; k++) p[k] = NAME##_of(p[k], q[k]);                                \
+                } else for (i = 8; i + 8 <= n; i += 8)                                                       \
+                    for (int k = 0; k < 8; k++) p[k] = NAME##_of(p[k], AT(T, 1, i + k));                     \
+                for (int k = 0; k < 8; k++) r = NAME##_of(r, p[k]);                                          \
             }                                                                                                \
             for (; i < n; i++) r = NAME##_of(r, AT(T, 1, i));                                                \
             *(T *)at[0] = r;                                                                                 \
@@ -265,29 +270,43 @@ WIDE static void product(const Op *o, char *c, const char *a, const char *b) {
     }
 }
 
+/* a small one, of which there are many */
+static void tiny(const Op *o, char *c, const char *a, const char *b) {
+    const i64 kk = o->shape[1], mode = o->more, *cs = o->step[0], *as = o->step[1], *bs = o->step[2];
+    for (i64 i = 0; i < o->shape[0]; i++)
+        for (i64 j = 0; j < o->shape[2]; j++) {
+            const char *x = a + i * as[0], *y = b + j * bs[2];
+            double *out = (double *)(c + i * cs[0] + j * cs[2]), sum = 0.0;
+            for (i64 k = 0; k < kk; k++, x += as[1], y += bs[1]) sum += *(const double *)x * *(const double *)y;
+            *out = mode == 0 ? sum : mode == 1 ? *out + sum : *out - sum;
+        }
+}
+
 static int matmul(const Op *o) {
+    void (*one)(const Op *, char *, const char *, const char *) = o->shape[0] * o->shape[2] < 16 && o->shape[1] < 16 ? tiny : product;
     if (ample((o->shape[1] + 1) * NR)) return -1;
     for (i64 p = 0; p < o->shape[3]; p++)
         for (i64 q = 0; q < o->shape[4]; q++)
-            product(o, o->at[0] + p * o->step[0][3] + q * o->step[0][4], o->at[1] + p * o->step[1][3] + q * o->step[1][4],
+            one(o, o->at[0] + p * o->step[0][3] + q * o->step[0][4], o->at[1] + p * o->step[1][3] + q * o->step[1][4],
                     o->at[2] + p * o->step[2][3] + q * o->step[2][4]);
     return 0;
 }
 
-/* out, weights, b, places: out[places[2 k] + j] += weights[k] b[places[2 k + 1] + j]; shape: entries, columns */
+/* out, weights, b, places; shape: pairs of entries, columns; places: of out, of b, of b, and whether out is set:
+ * out[j] = w b[j] + w' b'[j], or out[j] += that */
 WIDE static void sparse(const Op *o) {
-    const i64 entries = o->shape[0], n = o->shape[1], cj = o->step[0][1], bj = o->step[2][1];
+    const i64 pairs = o->shape[0], n = o->shape[1], cj = o->step[0][1], bj = o->step[2][1];
     const double *weights = (const double *)o->at[1];
     const i64 *places = (const i64 *)o->at[3];
-    for (i64 k = 0; k < entries; k++) {
-        char *c = o->at[0] + places[2 * k];
-        const char *b = o->at[2] + places[2 * k + 1];
-        const double w = weights[k];
-        if (cj == 8 && bj == 8) {
-            double *x = (double *)c; const double *y = (const double *)b;
-            IVDEP for (i64 j = 0; j < n; j++) x[j] += w * y[j];
+    for (i64 k = 0; k < pairs; k++, places += 4, weights += 2) {
+        char *c = o->at[0] + places[0];
+        const char *a = o->at[2] + places[1], *b = o->at[2] + places[2];
+        const double v = weights[0], w = weights[1];
+        if (places[3] && w == 0.0) { IVDEP for (i64 j = 0; j < n; j++) *(double *)(c + j * cj) = v * *(double *)(a + j * bj); }
+        else if (places[3]) {
+            IVDEP for (i64 j = 0; j < n; j++) *(double *)(c + j * cj) = v * *(double *)(a + j * bj) + w * *(double *)(b + j * bj);
         } else {
-            IVDEP for (i64 j = 0; j < n; j++) *(double *)(c + j * cj) += w * *(const double *)(b + j * bj);
+            IVDEP for (i64 j = 0; j < n; j++) *(double *)(c + j * cj) += v * *(double *)(a + j * bj) + w * *(double *)(b + j * bj);
         }
     }
 }

@@ -49,8 +49,6 @@ ELEMENTWISE = {ufunc: codes(name) for ufunc, name in _NAMES.items()}
 COPY, WHERE, GATHER, SCATTER = map(codes, ("copy", "where", "gather", "scatter"))
 ELEMENTWISE[np.conjugate] = COPY[0], CODES.get("conj_D", -1)
 REDUCED = {np.add: codes("radd"), np.maximum: codes("rmax"), np.minimum: codes("rmin")}
-SPARSE = 0.2
-"""Part of a constant matrix that is not zero, up to which a product is done entry by entry."""
 
 # ---------------------------------------------------------------------- operations
 
@@ -82,7 +80,7 @@ def _ufunc(tape: Tape, ufunc: Any, method: str, inputs: Any, out: Any, how: dict
         raise Refused("a result outside of the memory")
     if method == "__call__" and not how:
         if ufunc is np.matmul:
-            return _matmul(tape, out, *inputs)
+            return tape.core.matmul(out, *inputs)
         if ufunc is np.power and type(inputs[1]) is int and inputs[1] == 3:
             return tape.core.apply(*ELEMENTWISE[np.multiply], out, inputs[0] * inputs[0], inputs[0])
         if ufunc in ELEMENTWISE:
@@ -116,29 +114,6 @@ def _reduce(
     if keepdims is not np._NoValue and keepdims:
         return found
     return found.reshape([n for x, n in enumerate(a.shape) if x not in axes])
-
-
-def _matmul(tape: Tape, out: Any, a: Any, b: Any) -> Any:
-    if out is None and np.ndim(a) == 2 == np.ndim(b):
-        for one, other, turn in ((a, b, False), (b, a, True)):
-            if not isinstance(one, Traced) and 0 not in one.shape + other.shape:
-                matrix = tape.constant(one)
-                if matrix.dtype == REAL and np.count_nonzero(matrix) <= SPARSE * matrix.size:
-                    found = tape.core.new((a.shape[0], b.shape[1]), other.itemsize)
-                    parts = (found.T, matrix.T, other.T) if turn else (found, matrix, other)
-                    _sparse(tape, *parts)
-                    return found
-    return tape.core.matmul(out, a, b)
-
-
-def _sparse(tape: Tape, out: Any, a: np.ndarray, b: Any) -> None:
-    """Write down a product with a constant that is mostly zero."""
-    rows, columns = np.nonzero(a)
-    weights = tape.keep(a[rows, columns])
-    places = tape.keep(np.stack([out.strides[0] * rows, b.strides[0] * columns], axis=1).astype(np.int64))
-    tape.core.apply(*COPY, out, 0.0)
-    for one, other in ((out, b),) if out.dtype == REAL else ((out.real, b.real), (out.imag, b.imag)):
-        tape.core.sparse(one, weights, other, places)
 
 
 def _take(tape: Tape, a: Traced, key: Any) -> Any:

@@ -21,6 +21,9 @@ def rng():
 C = np.random.default_rng(1).standard_normal((5, 7))
 Z = np.random.default_rng(2).standard_normal((4, 7, 2)) @ np.array([1.0, 1.0j])
 SOME = np.array([3, 0, 2])
+RARE = np.zeros((20, 7))
+"""A matrix of few entries: none, one, two, three and at the end in its rows."""
+RARE[[1, 2, 2, 3, 3, 3, 4], [0, 1, 5, 2, 3, 4, 6]] = np.arange(1.0, 8.0)
 
 
 def filled(x):
@@ -60,11 +63,15 @@ FUNCTIONS = {
     "products of batches": lambda x, y: (x[:, None, :] @ y[:, :, None])[:, 0, 0],
     "products of complex numbers": lambda x, y: ((Z @ x) @ (1j * y).T).real,
     "half of a product": lambda x, y: (Z @ (x + 1j * y)).imag,
+    "small products": lambda x, y: (x + 1j * y).reshape(7, 2, 3) @ (y - 2j * x).reshape(7, 3, 2),
+    "few entries": lambda x, y: RARE @ x + ((y.T - 2j * x.T) @ RARE.T).T.imag + RARE[:, :6] @ y[:6],
+    "few columns": lambda x, y: (x[:, :2] * 2.0 - y[:, 1:3]).T @ np.maximum(x[:, 3:], y[:, None, 0])[:, ::2],
     "dot": lambda x, y: np.dot(C, x.reshape(7, -1)),
     "selections": lambda x, y: x.take(SOME, axis=0) * 2.0 + y[:3] + x[[1, 1, 4]],
     "columns": lambda x, y: x[:, SOME] + y[:, [1, 1, 2]],
     "writing": lambda x, y: filled(x) * y,
     "overlapping": lambda x, y: overlapping(x) + y,
+    "totals of many": lambda x, y: (x * y).sum() + x[:, ::2].sum() + np.add.reduce(1j * x, axis=None),
     "totals": lambda x, y: x.sum(axis=0) + np.sum(x * y, axis=-1)[:6] + np.add.reduce(x).sum(),
     "totals inside": lambda x, y: np.add.reduce((x * y).reshape(7, 2, 3), axis=1),
     "cumulative": lambda x, y: np.cumsum(x[:, ::-1], axis=-1)[:, ::-1] * y,
