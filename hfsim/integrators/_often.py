@@ -8,16 +8,15 @@ from threading import get_ident
 from typing import Any, TypeVar
 
 from hfsim.maths import kernel
-from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import Replayed
 from hfsim.maths.traced import Recording
 
 EARLY = 3
 """Steps before which nothing is said of those to come."""
-SEEN = 20
+SEEN = 10
 """Calls of a function after which it may be recorded."""
-MANY = 200
-"""Calls to come from which recording a function, which takes as long as some dozens of them, pays."""
+MANY = 50
+"""Calls to come from which recording a function, which takes as long as a dozen or two of them, pays."""
 
 _Found = TypeVar("_Found")
 
@@ -51,7 +50,6 @@ class Often:
         kind: str,
         function: Callable[..., _Found],
         given: tuple[Any, ...],
-        measure: Callable[[_Found], Array] | None = None,
     ) -> _Found:
         """Return what a function returns.
 
@@ -62,8 +60,6 @@ class Often:
         function : callable
         given : tuple
             Numbers and arrays.
-        measure : callable, optional
-            As of `Replayed`.
         """
         if not self._wanted or Recording.tape is not None:
             return function(*given)
@@ -72,7 +68,7 @@ class Often:
         kept = self._recordings.setdefault(get_ident(), {})
         found: Replayed[_Found] | None = kept.get(kind)
         if found is None:
-            found = kept[kind] = Replayed(function, measure)
+            found = kept[kind] = Replayed(function)
         return found(*given)
 
     def ask(self, kind: str, weight: int = 1) -> bool:

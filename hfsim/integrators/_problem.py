@@ -179,6 +179,10 @@ class Problem:
         """Return the same equations, evaluated in NumPy alone, with counts of their own."""
         return replace(self, counts=Counts(), often=Often())
 
+    def through(self, name: str, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+        """Call a function of arrays, of the same shapes in all runs of a scene; replay it if it pays."""
+        return self.often.call(name, function, given)
+
     def evaluate(self, t: Array, q: Array, v: Array, strains: Array | None = None) -> Array:
         """Return accelerations of a batch, with strains that are expected if given, and count the call."""
         self.count(q)

@@ -76,7 +76,7 @@ class StagewiseStepper(CollocationStepper):
         for k in range(MAX_ITERATIONS):
             problem.count(a)
             counts.iterations, counts.factorisations = counts.iterations + 1, counts.factorisations + 1
-            a, sizes = problem.often.call(f"correction {self.label}", self._corrected, (t, q, v, h, a), _all)
+            a, sizes = problem.often.call(f"correction {self.label}", self._corrected, (t, q, v, h, a))
             self._iterations = k + 1
             change, size = map(float, sizes)
             if not size < far:
@@ -100,7 +100,3 @@ class StagewiseStepper(CollocationStepper):
         # what the change of the velocity at the end does in half a second, as if all motions were slow
         sizes = np.stack([0.5 * np.abs(table.end_rate @ y).max() / h, np.abs(y).max()])
         return a + step, sizes
-
-
-def _all(found: tuple[Array, Array]) -> Array:
-    return np.concatenate([found[0].ravel(), found[1]])

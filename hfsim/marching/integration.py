@@ -166,9 +166,9 @@ def _recorded(steps: Steps | Together, scene: Scene, record: Record) -> Stop:
 def problem_of(scene: Scene) -> Problem:
     """Return the equations of motion of a scene as integrators see them."""
     system = scene.system
-    return Problem(
+    problem = Problem(
         acceleration=system.acceleration,
-        project=partial(system.project, strict=True),
+        project=system.project,
         dissipates=system.dissipates,
         admissible=system.admissible,
         breakdown=system.breakdown,
@@ -187,6 +187,8 @@ def problem_of(scene: Scene) -> Problem:
         recordings=scene.recordings,
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
+    problem.project = partial(system.project, strict=True, through=problem.through)
+    return problem
 
 
 def _slopes(scene: Scene) -> Slopes | None:

@@ -35,7 +35,7 @@ class Replayed(Generic[_Result]):
     ----------
     function : callable
     measure : callable, optional
-        Result -> array by which results are compared; that itself without it.
+        Result -> array by which results are compared; without it they are arrays, or tuples of some.
 
     Attributes
     ----------
@@ -77,6 +77,7 @@ class Replayed(Generic[_Result]):
             # NumPy goes first: what is kept when it is first asked for must not be made on the tape
             some = tuple(map(shaken, given))
             expected = self._measured(self._function(*some))
+            scale = max(float(np.abs(one).max(initial=0.0)) for one in expected)
             tape = Recorder()
             inputs = [tape.input(np.asarray(one, dtype=float)) for one in given]
             with np.errstate(all="ignore"), recording(tape):
@@ -87,12 +88,14 @@ class Replayed(Generic[_Result]):
             self._renew = tape.renew
             self._inputs, self._template = [plain(one) for one in inputs], rebuilt(found, plain)
             tape.poison()
-            agree([expected], [self._measured(self._again(some))])
+            agree(expected, self._measured(self._again(some)), scale if len(expected) > 1 else 0.0)
         except UNREADABLE as why:
             self.refused = why
 
-    def _measured(self, found: _Result) -> Array:
-        return self._measure(found) if self._measure else np.asarray(found)
+    def _measured(self, found: _Result) -> list[Array]:
+        if self._measure:
+            return [self._measure(found)]
+        return list(map(np.asarray, found if isinstance(found, tuple) else (found,)))
 
 
 def agree(

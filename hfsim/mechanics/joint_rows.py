@@ -49,8 +49,8 @@ class JointRows:
         """Which rows hold lengths and angles of unit vectors: of size one in any scene."""
         return np.array([c.unit == "-" for c in self.constraints for _ in range(c.rows)], dtype=bool)
 
-    def scales(self, size: float) -> Array:
-        """Return the sizes of what rows compare, (n_rows,), in a scene with coordinates of a size."""
+    def scales(self, size: Array) -> Array:
+        """Return the sizes of what rows compare, (n_rows,), where coordinates are of a size, shape ()."""
         return np.where(self._of_unit_axes, 1.0, size)
 
     @cached_property

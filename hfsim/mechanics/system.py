@@ -25,17 +25,13 @@ from hfsim.mechanics.equations import Equations, VariableMass
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.increments import NaturalIncrements
 from hfsim.mechanics.linearized import Linearized
+from hfsim.mechanics.projection import Projection, Through, directly
 from hfsim.mechanics.reduction import Reduction
 from hfsim.mechanics.subset import parted
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
     from hfsim.mechanics.carried import CarriedIncrements
-
-CLOSED = 1e-9
-"""Violation of joints, relative to the largest coordinate (or 1), that projection may leave."""
-ROUNDING = 1e-13
-"""Violation, relative to the largest coordinate or rate (or 1), at which projection ends."""
 
 
 @frozen
@@ -347,7 +343,9 @@ class System:
 
     # ------------------------------------------------------------------ projection
 
-    def project(self, t: Array, q: Array, v: Array, strict: bool = False) -> tuple[Array, Array]:
+    def project(
+        self, t: Array, q: Array, v: Array, strict: bool = False, through: Through = directly
+    ) -> tuple[Array, Array]:
         """Move states onto the constraints, at position and velocity level, in the metric of the mass.
 
         Parameters
@@ -356,45 +354,14 @@ class System:
         q, v : ndarray, shape (n_batch, n)
         strict : bool
             Refuse states near which the joints cannot be closed, instead of returning what was reached.
+        through : callable
+            What the functions of a `Projection` are called through.
 
         Raises
         ------
         numpy.linalg.LinAlgError
-            If ``strict`` and more than `CLOSED` of a violation is left, or the equations are singular.
+            If ``strict`` and a violation is left, or the equations are singular.
         """
         if not self.equations.constraints:
             return q, v
-        frames = self.frames(q)
-        before = self.absolute(q, frames), self.absolute_velocity(q, v, frames)
-        try:
-            x, u = self._closed(t, *before, strict)
-        except np.linalg.LinAlgError:
-            if strict:
-                raise
-            return q, v
-        return (q, v) if x is before[0] and u is before[1] else self.state(x, u, q)
-
-    def _closed(self, t: Array, x: Array, u: Array, strict: bool) -> tuple[Array, Array]:
-        """Return absolute coordinates and rates on the constraints: themselves if they are there already."""
-        equations = self.equations
-        for _ in range(8):
-            gap = equations.phi.residual(t, x)
-            if np.all(np.abs(gap) <= ROUNDING * equations.phi.scales(max(1.0, _largest(x)))):
-                break
-            x = x - self._correction(x, gap)
-        else:
-            if strict and not _largest(equations.phi.residual(t, x)) <= CLOSED * max(1.0, _largest(x)):
-                raise np.linalg.LinAlgError("the joints cannot be closed")
-        drift = equations.phi.drift(t, x, u)
-        if _largest(drift) > ROUNDING * max(1.0, _largest(u)):
-            u = u - self._correction(x, drift)
-        return x, u
-
-    def _correction(self, x: Array, gap: Array) -> Array:
-        """Return the smallest move, measured by the mass matrix, that changes Phi by ``gap``."""
-        zero = np.zeros((len(x), self.n))
-        return self.reduction.expand_rates(self.equations.constrained(x, zero, gap)[0])
-
-
-def _largest(a: Array) -> float:
-    return float(np.abs(a).max(initial=0.0))
+        return Projection(self, through)(t, q, v, strict)

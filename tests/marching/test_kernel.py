@@ -1,5 +1,6 @@
 """What the kernel replays is what NumPy computes: forces, joints, balances of every case, and whole runs."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from hfsim.maths.recording import Recorder
 from hfsim.maths.replayed import Replayed, jittered
 from hfsim.maths.tape import iterated
 from hfsim.maths.traced import apart
+from hfsim.mechanics.projection import Projection
 from hfsim.output.writers import Provenance, summary_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
@@ -51,6 +53,15 @@ def test_forces_and_balances_are_those_of_numpy(name):
     if system.balances:
         a = rng.standard_normal((STATES, system.n))
         compare(lambda t, q, v: np.concatenate(system.imbalance(t, q, v, a), axis=1), scene, rng)
+    if system.n_rows:
+        compare(partial(projected, Projection(system)), scene, rng)
+
+
+def projected(projection, t, q, v):
+    x, u, gap, _ = projection._start(t, q, v)
+    x, gap, _ = projection._closer(t, x, gap)
+    drift, _ = projection._drift(t, x, u)
+    return np.concatenate([*projection._steadier(q, x, u, drift), gap], axis=1)
 
 
 def compare(function, scene, rng):

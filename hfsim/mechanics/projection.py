@@ -1,0 +1,122 @@
+"""Moving states onto the constraints, at position and velocity level, in the metric of the mass."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from hfsim.maths.arrays import Array
+from hfsim.mechanics.equations import Equations
+
+CLOSED = 1e-9
+"""Violation of joints, relative to the largest coordinate (or 1), that may be left."""
+ROUNDING = 1e-13
+"""Violation, relative to the largest coordinate or rate (or 1), at which there is nothing to move."""
+MOST = 8
+"""Corrections of the positions."""
+
+Through = Callable[[str, Callable[..., Any], tuple[Any, ...]], Any]
+"""Calls a function of arrays, which has a name, and returns what it returns."""
+
+
+def directly(name: str, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+    """Call a function."""
+    return function(*given)
+
+
+class Constrained(Protocol):
+    """What is needed of a `System`."""
+
+    @property
+    def equations(self) -> Equations:
+        """Its mass and constraints."""
+
+    def frames(self, q: Array) -> list[Any]:
+        """Return what the maps below have in common."""
+
+    def absolute(self, q: Array, frames: list[Any]) -> Array:
+        """Return the absolute coordinates of states."""
+
+    def absolute_velocity(self, q: Array, v: Array, frames: list[Any]) -> Array:
+        """Return their rates."""
+
+    def state(self, x: Array, u: Array, near: Array) -> tuple[Array, Array]:
+        """Return (q, v) of absolute coordinates and rates."""
+
+
+@dataclass(frozen=True, eq=False)
+class Projection:
+    """Moves states of a system onto its constraints.
+
+    Attributes
+    ----------
+    system : Constrained
+    through : callable
+        What its functions are called through.
+    """
+
+    system: Constrained
+    through: Through = directly
+
+    def __call__(self, t: Array, q: Array, v: Array, strict: bool) -> tuple[Array, Array]:
+        """Return the states (n_batch, n) moved there, themselves if they are there; see `System.project`."""
+        try:
+            return self._moved(t, q, v, strict)
+        except np.linalg.LinAlgError:
+            if strict:
+                raise
+            return q, v
+
+    def _moved(self, t: Array, q: Array, v: Array, strict: bool) -> tuple[Array, Array]:
+        x, u, gap, miss = self.through("projected start", self._start, (t, q, v))
+        corrections = 0
+        while not float(miss) <= ROUNDING and corrections < MOST:
+            corrections += 1
+            x, gap, miss = self.through("projected positions", self._closer, (t, x, gap))
+        if strict and corrections == MOST and not _largest(gap) <= CLOSED * max(1.0, _largest(x)):
+            raise np.linalg.LinAlgError("the joints cannot be closed")
+        drift, miss = self.through("drift", self._drift, (t, x, u))
+        if float(miss) > ROUNDING:
+            found: tuple[Array, Array] = self.through("projected rates", self._steadier, (q, x, u, drift))
+            return found
+        return self.system.state(x, u, q) if corrections else (q, v)
+
+    def _start(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
+        """Return absolute coordinates and rates, and what `_gap` does."""
+        frames = self.system.frames(q)
+        x = self.system.absolute(q, frames)
+        return x, self.system.absolute_velocity(q, v, frames), *self._gap(t, x)
+
+    def _closer(self, t: Array, x: Array, gap: Array) -> tuple[Array, Array, Array]:
+        """Return coordinates with a gap corrected, and what `_gap` does."""
+        x = x - self._correction(x, gap)
+        return x, *self._gap(t, x)
+
+    def _steadier(self, q: Array, x: Array, u: Array, drift: Array) -> tuple[Array, Array]:
+        """Return the state of absolute coordinates near q and of rates with a drift corrected."""
+        return self.system.state(x, u - self._correction(x, drift), q)
+
+    def _gap(self, t: Array, x: Array) -> tuple[Array, Array]:
+        """Return Phi, and the largest over the size of what its row compares."""
+        phi = self.system.equations.phi
+        gap = phi.residual(t, x)
+        scales = phi.scales(np.maximum(1.0, np.abs(x).max(initial=0.0)))
+        return gap, (np.abs(gap) / scales).max(initial=0.0)
+
+    def _drift(self, t: Array, x: Array, u: Array) -> tuple[Array, Array]:
+        """Return Phi', and the largest over the largest rate."""
+        drift = self.system.equations.phi.drift(t, x, u)
+        return drift, np.abs(drift).max(initial=0.0) / np.maximum(1.0, np.abs(u).max(initial=0.0))
+
+    def _correction(self, x: Array, gap: Array) -> Array:
+        """Return the smallest move, measured by the mass matrix, that changes Phi by ``gap``."""
+        equations = self.system.equations
+        moves = equations.constrained(x, np.zeros((len(x), equations.n)), gap)[0]
+        return equations.reduction.expand_rates(moves)
+
+
+def _largest(a: Array) -> float:
+    return float(np.abs(a).max(initial=0.0))
