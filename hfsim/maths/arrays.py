@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
@@ -46,12 +47,15 @@ def distinct(values: _Numbers) -> _Numbers:
     return ordered[new]
 
 
+@lru_cache(maxsize=16)
 def random_signs(shape: tuple[int, ...]) -> Array:
     """Return -1 and 1 in no order, always the same: `numpy.random` would take long to import."""
     import random
 
     bits = np.frombuffer(random.Random(0).randbytes(math.prod(shape)), dtype=np.uint8) & 1
-    return np.asarray(2.0 * bits - 1.0).reshape(shape)
+    signs = np.asarray(2.0 * bits - 1.0).reshape(shape)
+    signs.flags.writeable = False
+    return signs
 
 
 def component_rows(V: Array) -> Array:

@@ -48,6 +48,7 @@ def codes(name: str) -> tuple[int, int]:
 ELEMENTWISE = {ufunc: codes(name) for ufunc, name in _NAMES.items()}
 COPY, WHERE, GATHER, SCATTER = map(codes, ("copy", "where", "gather", "scatter"))
 ELEMENTWISE[np.conjugate] = COPY[0], CODES.get("conj_D", -1)
+_GET = np.ndarray.__getitem__
 REDUCED = {np.add: codes("radd"), np.maximum: codes("rmax"), np.minimum: codes("rmin")}
 
 # ---------------------------------------------------------------------- operations
@@ -76,15 +77,14 @@ def _cast(tape: Tape, a: Any, dtype: np.dtype[Any]) -> Any:
 
 
 def _ufunc(tape: Tape, ufunc: Any, method: str, inputs: Any, out: Any, how: dict[str, Any]) -> Any:
-    if out is not None and not isinstance(out, Traced):
-        raise Refused("a result outside of the memory")
     if method == "__call__" and not how:
         if ufunc is np.matmul:
             return tape.core.matmul(out, *inputs)
         if ufunc is np.power and type(inputs[1]) is int and inputs[1] == 3:
             return tape.core.apply(*ELEMENTWISE[np.multiply], out, inputs[0] * inputs[0], inputs[0])
-        if ufunc in ELEMENTWISE:
-            found = tape.core.apply(*ELEMENTWISE[ufunc], out, *inputs)
+        known = ELEMENTWISE.get(ufunc)
+        if known is not None:
+            found = tape.core.apply(*known, out, *inputs)
             if found is not NotImplemented:
                 return found
     elif method == "reduce" and ufunc in REDUCED and out is None:
@@ -117,40 +117,39 @@ def _reduce(
 
 
 def _take(tape: Tape, a: Traced, key: Any) -> Any:
-    found, keys = _part(a, key)
+    found = _part(a, key)
     if tape.knows(found):
         return found
-    places, within = _placed(tape, a, keys)
+    places, within = _placed(tape, a, key)
     return tape.core.apply(*GATHER, None, within, places)
 
 
 def _put(tape: Tape, a: Traced, key: Any, value: Any) -> None:
-    target, keys = _part(a, key)
+    target = _part(a, key)
     if tape.knows(target):
         tape.core.apply(*COPY, target, value)
         return
     given = value if isinstance(value, np.ndarray) else np.asarray(value, dtype=a.dtype)
     if np.may_share_memory(plain(given), plain(a)):
         given = given.copy()
-    places, within = _placed(tape, a, keys)
+    places, within = _placed(tape, a, key)
     tape.core.apply(*SCATTER, within, _cast(tape, given, a.dtype), places)
 
 
-def _part(a: Traced, key: Any) -> tuple[Any, tuple[Any, ...]]:
+def _part(a: Traced, key: Any) -> Any:
     """Return what stands at some places: a view of it if there is one."""
-    keys = key if type(key) is tuple else (key,)
     try:
-        return np.ndarray.__getitem__(a, (*keys, ...)), keys
+        return _GET(a, (*key, ...) if type(key) is tuple else (key, ...))
     except IndexError:  # an ellipsis is among them
-        return np.ndarray.__getitem__(a, keys), keys
+        return _GET(a, key)
 
 
-def _placed(tape: Tape, a: Traced, keys: Any) -> tuple[Any, Any]:
+def _placed(tape: Tape, a: Traced, key: Any) -> tuple[Any, Any]:
     """Return the places of entries, from a view of some shape that goes along with them."""
-    if any(isinstance(one, Traced) for one in keys):
+    if any(isinstance(one, Traced) for one in (key if type(key) is tuple else (key,))):
         raise Refused("places that depend on the state")
     raw = _raw(tape, a)
-    places, within = _in_rows(offsets(raw)[keys])
+    places, within = _in_rows(offsets(raw.shape, raw.strides)[key])
     view = np.lib.stride_tricks.as_strided(raw, places.shape, within)
     return tape.keep(places), view
 
@@ -162,12 +161,13 @@ def _in_rows(places: Any) -> tuple[Any, tuple[int, ...]]:
         n = places.shape[axis]
         if n < 2:
             continue
-        steps = np.diff(places, axis=axis)
+        ahead = (slice(None),) * axis
+        steps = places[(*ahead, slice(1, None))] - places[(*ahead, slice(-1))]
         step = int(steps.flat[0]) if steps.size else 0
         if not steps.size or (steps != step).any():
             break
         strides[axis] = step
-        places = np.broadcast_to(places.take([0], axis=axis), places.shape)
+        places = np.broadcast_to(places[(*ahead, slice(1))], places.shape)
     return places, tuple(strides)
 
 

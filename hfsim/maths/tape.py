@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -183,9 +184,10 @@ class Tape:
         ]
 
 
-def offsets(a: np.ndarray) -> IntArray:
-    """Return the distance of each entry from the first one [bytes], of the shape of the array."""
-    places = np.zeros(a.shape, dtype=np.int64)
-    for axis, (n, stride) in enumerate(zip(a.shape, a.strides, strict=True)):
-        places += (stride * np.arange(n)).reshape((-1,) + (1,) * (a.ndim - 1 - axis))
+@lru_cache(maxsize=64)
+def offsets(shape: tuple[int, ...], strides: tuple[int, ...]) -> IntArray:
+    """Return the distance of each entry of an array from the first one [bytes], of its shape."""
+    places = np.zeros(shape, dtype=np.int64)
+    for axis, (n, stride) in enumerate(zip(shape, strides, strict=True)):
+        places += (stride * np.arange(n)).reshape((-1,) + (1,) * (len(shape) - 1 - axis))
     return places

@@ -37,14 +37,15 @@ class Traced(np.ndarray):
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **how: Any) -> Any:
         """Write down an operation."""
-        return recorder().ufunc(ufunc, method, inputs, None if out is None else out[0], how)
+        tape = Recording.tape or recorder()
+        return tape.ufunc(ufunc, method, inputs, None if out is None else out[0], how)
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         """Write down a function of NumPy."""
         return recorder().function(func, args, kwargs)
 
     def __getitem__(self, key: Any) -> Any:
-        return recorder().take(self, key)
+        return (Recording.tape or recorder()).take(self, key)
 
     def __setitem__(self, key: Any, value: Any) -> None:
         recorder().put(self, key, value)
