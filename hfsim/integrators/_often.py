@@ -90,6 +90,11 @@ class Often:
             self.chosen |= frozenset(many)
             self._asked = {kind: asked for kind, asked in self._asked.items() if kind not in many}
 
+    def replayed(self) -> bool:
+        """Tell whether any function was."""
+        kept = (self._recordings.get(get_ident(), {}).get(kind) for kind in self.chosen)
+        return any(isinstance(one, Replayed) and one.refused is None for one in kept)
+
     def memory(self) -> dict[str, Any]:
         """Return what was counted and chosen."""
         names, asked = tuple(self._asked), tuple(self._asked.values())

@@ -26,6 +26,7 @@ def leg_statistics(leg: Leg) -> dict[str, Any]:
         "evaluation_calls": counts.calls,
         "factorisations": counts.factorisations,
         "native_steps": counts.native,
+        "kernel": "native" if counts.native or leg.done.problem.often.replayed() else "numpy",
         "unknowns": system.n,
         "multipliers": system.n_rows,
         **_numbers(leg.done.trajectory.numbers),
@@ -40,6 +41,7 @@ def joined(parts: Sequence[dict[str, Any]]) -> dict[str, Any]:
     facts = dict(parts[-1])
     facts |= {key: sum(part[key] for part in parts) for key in _SUMS}
     facts |= {key: max(part[key] for part in parts) for key in _LARGEST}
+    facts["kernel"] = min(part["kernel"] for part in parts)
     warnings = list(dict.fromkeys(warning for part in parts for warning in part["warnings"]))
     for key in ("stages", "order"):
         every = {name: n for part in parts for name, n in (part[key] or {}).items()}

@@ -169,7 +169,6 @@ def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[s
         "wall_s": {},
         **dict.fromkeys(_SUMMARY_KEYS),
         **run.statistics,
-        "kernel": "native" if run.statistics.get("native_steps") else "numpy",
         "channels": run.units,
         "final": run.final,
         "extremes": run.extremes,

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from hfsim.integrators import _often
 from hfsim.marching.integration import run_integration
 from hfsim.maths import kernel
 from hfsim.scene.build import build
@@ -38,7 +39,9 @@ def taking_turns():
     sys.setswitchinterval(before)
 
 
-def test_threads_find_what_they_find_alone(taking_turns):
+def test_threads_find_what_they_find_alone(taking_turns, monkeypatch):
+    for name in ("EARLY", "SEEN", "MANY"):
+        monkeypatch.setattr(_often, name, 0)
     alone = [end_of(scene_of(name)) for name in SCENES]
     scenes = [scene_of(name) for name in SCENES]
     with ThreadPoolExecutor(len(scenes)) as threads:
