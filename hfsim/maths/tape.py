@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -99,7 +99,9 @@ class Tape:
         self._kept: list[np.ndarray] = []
         self._lives: list[tuple[np.ndarray, np.ndarray]] = []
         self._cuts = [0]
-        self.core: Any = replay.Tape(Traced, Refused, self.constant, (REAL, COMPLEX, TRUTH))
+        # arrays refer to the core: it must not refer to what refers to arrays, in loops that nothing finds
+        kept = partial(constant, self._constants)
+        self.core: Any = replay.Tape(Traced, Refused, kept, (REAL, COMPLEX, TRUTH))
         self.knows: Callable[[Any], bool] = self.core.knows
         """Whether an array lies in the memory of the tape."""
         self.reads: Callable[[Any], bool] = self.core.reads
@@ -137,12 +139,7 @@ class Tape:
 
     def constant(self, a: Any) -> np.ndarray:
         """Return an array that is what it is now at every replay, whatever becomes of it elsewhere."""
-        found = self._constants.get(id(a))
-        if found is None:
-            value = np.array(a)
-            found = a, value if value.dtype in KINDS else value.astype(float)
-            self._constants[id(a)] = found  # itself too, so that nothing else gets its identity
-        return found[1]
+        return constant(self._constants, a)
 
     def keep(self, a: Any) -> Any:
         """Return an array that nobody else has; it is kept."""
@@ -182,6 +179,16 @@ class Tape:
             Program(rows[first:last][kept[first:last]], self.calls, memory)
             for first, last in zip(self._cuts, self._cuts[1:], strict=False)
         ]
+
+
+def constant(known: dict[int, tuple[Any, np.ndarray]], a: Any) -> np.ndarray:
+    """Return a copy of an array that is no memory of a tape: one for all its uses."""
+    found = known.get(id(a))
+    if found is None:
+        value = np.array(a)
+        found = a, value if value.dtype in KINDS else value.astype(float)
+        known[id(a)] = found  # itself too, so that nothing else gets its identity
+    return found[1]
 
 
 @lru_cache(maxsize=64)

@@ -1,6 +1,8 @@
 """Tapes do what NumPy does, and refuse what they cannot."""
 
+import gc
 import threading
+import weakref
 
 import numpy as np
 import pytest
@@ -111,6 +113,20 @@ def test_what_is_replayed_is_what_numpy_does(name, rng):
             plain(memory)[...] = value
         program()
         np.testing.assert_allclose(plain(found), function(x, y), rtol=1e-12, atol=1e-12)
+
+
+def test_recordings_end_with_their_last_user(rng):
+    def function(x):
+        return np.kron(x, np.ones((2, 1))) @ C
+
+    tape = Recorder()
+    with recording(tape):
+        function(tape.input(rng.standard_normal((3, 5))))
+    assert tape.calls
+    seen = weakref.ref(tape)
+    del tape
+    gc.collect()
+    assert seen() is None
 
 
 def test_memory_is_used_anew_within_one_program_alone(rng):
