@@ -6,6 +6,7 @@ The error is the largest distance of the tip from the converged trajectory of th
 output grid. That trajectory is hfsim's at a far tighter tolerance, for each element law; for Exudyn's law it
 is compared with the trajectories of an independent code in ``tests/reference``, and the difference printed.
 
+ - hfsim runs with its native kernel and in NumPy, in turns (``--kernel``).
  - SciPy integrates hfsim's own equations of motion (model ancf) in first-order form, with hfsim's default
    law.
  - Exudyn runs in a Python of its own (``--exudyn``), and is compared with hfsim in Exudyn's law.
@@ -40,12 +41,13 @@ from scipy.integrate import solve_ivp
 
 from hfsim.marching.integration import run_integration
 from hfsim.marching.sampling import samples_at
+from hfsim.maths import kernel
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, load_deck
 
-LEVELS = tuple(10.0**-k for k in range(3, 11))
+LEVELS = tuple(10.0**-k for k in range(2, 11))
 TOLERANCES = {
-    "hfsim": tuple(10.0**-k for k in range(2, 11)),
+    "hfsim": tuple(10.0**-k for k in range(1, 11)),
     "SciPy": tuple(10.0**-k for k in range(3, 13)),
 }
 SCIPY_METHODS = ("BDF", "Radau", "DOP853", "LSODA")
@@ -57,7 +59,12 @@ LAWS = {
     DEFAULT: ("strain=green", "curvature=linear"),
     EXUDYN: ("strain=engineering", "curvature=exact", "quadrature={axial: 5, bending: 3}"),
 }
-LINES = (("hfsim", DEFAULT), ("SciPy", DEFAULT), ("hfsim", EXUDYN), ("Exudyn", EXUDYN))
+KERNELS = {"hfsim": "native", "hfsim in NumPy": "numpy"}
+"""What hfsim is called with each kernel; where there is one kernel alone, that is hfsim."""
+LINES = (
+    *(("hfsim", DEFAULT), ("hfsim in NumPy", DEFAULT), ("SciPy", DEFAULT)),
+    *(("hfsim", EXUDYN), ("hfsim in NumPy", EXUDYN), ("Exudyn", EXUDYN)),
+)
 
 
 @dataclass(frozen=True)
@@ -113,10 +120,16 @@ def grid(scene: Scene) -> np.ndarray:
     return scene.deck.interval * np.arange(round(scene.deck.solve.duration / scene.deck.interval) + 1)
 
 
-def solve_hfsim(name: str, law: str, model: str, tolerance: float) -> tuple[float, np.ndarray | None]:
-    """Return CPU time of the solve call and path of the tip, None if the run fails."""
+def solve_hfsim(
+    name: str, law: str, model: str, tolerance: float, way: str = kernel.KERNEL
+) -> tuple[float, np.ndarray | None]:
+    """Return CPU time of the solve call and path of the tip, None if the run fails.
+
+    The scene is new: what the native kernel records is recorded within that time.
+    """
     loaded = load(name, law, tolerance)
     scene = build(loaded, model)
+    kernel.KERNEL = way
     begin = time.process_time()
     done = run_integration(scene, loaded.deck.solve)
     cpu = time.process_time() - begin
@@ -204,9 +217,9 @@ def sweep(
             del done[k]
 
 
-def hfsim_series(name: str, models: list[str]) -> list[Series]:
-    """Return hfsim's models in both laws."""
-    return [(law, model, partial(solve_hfsim, name, law, model)) for law in LAWS for model in models]
+def hfsim_series(name: str, models: list[str], way: str) -> list[Series]:
+    """Return hfsim's models in both laws, with one kernel."""
+    return [(law, model, partial(solve_hfsim, name, law, model, way=way)) for law in LAWS for model in models]
 
 
 def scipy_series(name: str, limit: float) -> list[Series]:
@@ -237,7 +250,13 @@ def exudyn_points(
 
 
 def measure(
-    name: str, models: list[str], seconds: float, limit: float, repeats: int, exudyn: str | None
+    name: str,
+    models: list[str],
+    kernels: dict[str, str],
+    seconds: float,
+    limit: float,
+    repeats: int,
+    exudyn: str | None,
 ) -> tuple[list[Point], dict[str, float], float]:
     """Return the points of a scene, how far each law's reference can be trusted [m], and the time spent."""
     case, references = CASES[name], {}
@@ -251,11 +270,12 @@ def measure(
     points: list[Point] = []
     begin = time.monotonic()
     patience = min(limit, SHARES["SciPy"] * seconds / len(SCIPY_METHODS))
-    for code, series, longest in (
-        ("hfsim", hfsim_series(name, models), limit),
-        ("SciPy", scipy_series(name, patience), patience),
+    for code, kind, series, longest in (
+        *((code, "hfsim", hfsim_series(name, models, way), limit) for code, way in kernels.items()),
+        ("SciPy", "SciPy", scipy_series(name, patience), patience),
     ):
-        measured = sweep(series, TOLERANCES[code], SHARES[code] * seconds, longest, repeats)
+        share = SHARES[kind] / (len(kernels) if kind == "hfsim" else 1)
+        measured = sweep(series, TOLERANCES[kind], share * seconds, longest, repeats)
         for (law, method, _), setting, cpu, path in measured:
             error = distance(path, references[law])
             points.append(Point(name, code, law, method, setting, cpu, error))
@@ -304,14 +324,20 @@ def ratio(peer: tuple[float, bool] | None, own: tuple[float, bool] | None) -> st
 
 
 def table(points: list[Point]) -> Iterator[str]:
-    """Yield the lines of a scene's table."""
-    yield "| error [m] | hfsim [s] | SciPy [s] | ratio | hfsim, Exudyn's element [s] | Exudyn [s] | ratio |"
-    yield "|---|---|---|---|---|---|---|"
-    fronts = [front(points, code, law) for code, law in LINES]
+    """Yield the lines of a scene's table; hfsim in NumPy has columns where it was measured apart."""
+    head = ["error [m]"]
+    for peer, own in (("SciPy", ""), ("Exudyn", ", Exudyn's element")):
+        head += [f"hfsim{own} [s]", f"in NumPy{own} [s]", f"{peer} [s]", "ratio"]
+    rows = []
     for level in LEVELS:
-        a, b, c, d = (least_cpu(one, level) for one in fronts)
-        words = (f"{level:.0e}", cell(a), cell(b), ratio(b, a), cell(c), cell(d), ratio(d, c))
-        yield "| " + " | ".join(words) + " |"
+        words = [f"{level:.0e}"]
+        for three in (LINES[:3], LINES[3:]):
+            a, b, c = (least_cpu(front(points, code, law), level) for code, law in three)
+            words += [cell(a), cell(b), cell(c), ratio(c, a)]
+        rows.append(words)
+    apart = any(p.code == "hfsim in NumPy" for p in points)
+    for words in (head, ["---"] * len(head), *rows):
+        yield "| " + " | ".join(word for k, word in enumerate(words) if apart or k not in (2, 6)) + " |"
 
 
 def write_csv(points: list[Point], path: Path) -> None:
@@ -323,7 +349,7 @@ def write_csv(points: list[Point], path: Path) -> None:
 
 
 def draw(points: list[Point], names: list[str], path: Path) -> None:
-    """Draw error against CPU time: the front of each code as a line, all other points pale."""
+    """Draw the front of each code, error against CPU time, with one legend: small enough for a page."""
     import matplotlib
 
     matplotlib.use("Agg")
@@ -331,23 +357,25 @@ def draw(points: list[Point], names: list[str], path: Path) -> None:
 
     columns = min(2, len(names))
     rows = -(-len(names) // columns)
-    figure, axes = plt.subplots(rows, columns, figsize=(5.5 * columns, 4.0 * rows), squeeze=False)
+    size = (4.0 * columns, 2.7 * rows + 0.7)
+    figure, axes = plt.subplots(rows, columns, figsize=size, squeeze=False, layout="constrained")
+    lines = {}
     for name, axis in zip(names, axes.flat, strict=False):
-        own = [p for p in points if p.scene == name]
         for k, (code, law) in enumerate(LINES):
-            if not front(own, code, law):
-                continue
-            every = [p for p in own if (p.code, p.law) == (code, law)]
-            best = front(own, code, law)
-            label = f"{code}, {law}: best of {', '.join(dict.fromkeys(p.method for p in best))}"
-            axis.plot([p.cpu for p in every], [p.error for p in every], "o", color=f"C{k}", alpha=0.2, ms=3)
-            axis.plot([p.cpu for p in best], [p.error for p in best], "o-", color=f"C{k}", ms=4, label=label)
-        axis.set(xscale="log", yscale="log", title=name, xlabel="CPU time of the solve [s]")
-        axis.set(ylabel="largest error of the tip [m]")
+            best = front([p for p in points if p.scene == name], code, law)
+            if best:
+                label = f"{code}, {law}"
+                style = {"color": f"C{k % 3}", "ls": "-" if k < 3 else "--", "ms": 3, "lw": 1.2}
+                style["color"] = "C3" if code == "Exudyn" else style["color"]
+                cpu, error = [p.cpu for p in best], [p.error for p in best]
+                (lines[label],) = axis.plot(cpu, error, "o" if k < 3 else "s", **style)
+        axis.set(xscale="log", yscale="log", title=name, ylabel="error of the tip [m]")
         axis.grid(alpha=0.3)
-        axis.legend(fontsize=6, loc="upper center", bbox_to_anchor=(0.5, -0.2))
-    figure.tight_layout()
-    figure.savefig(path, dpi=130)
+    for axis in axes[-1]:
+        axis.set_xlabel("CPU time of the solve [s]")
+    figure.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=2, fontsize=7)
+    figure.savefig(path, dpi=90)
+    plt.close(figure)
 
 
 def main() -> None:
@@ -355,6 +383,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="hfsim, SciPy and Exudyn side by side")
     parser.add_argument("--scenes", default=",".join(CASES), help="names with commas between")
     parser.add_argument("--models", default="exact,ancf", help="of hfsim, with commas between")
+    parser.add_argument(
+        "--kernel",
+        choices=("both", "native", "numpy"),
+        default="both" if kernel.KERNEL == "native" else "numpy",
+        help="of hfsim; what it is with both is the native one",
+    )
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument(
         "--budget", type=float, default=300.0, help="time for all points [s], references apart"
@@ -364,6 +398,9 @@ def main() -> None:
     parser.add_argument("-o", dest="folder", type=Path, default=Path("peers"))
     options = parser.parse_args()
     names = options.scenes.split(",")
+    kernels = KERNELS if options.kernel == "both" else {"hfsim": options.kernel}
+    if "native" in kernels.values() and kernel.KERNEL == "numpy":
+        parser.error("there is no native kernel: see hfsim --version")
     if unknown := [name for name in names if name not in CASES]:
         parser.error(f"no such scene: {', '.join(unknown)}; there are {', '.join(CASES)}")
     exudyn = options.exudyn
@@ -381,7 +418,9 @@ def main() -> None:
     models, left = options.models.split(","), options.budget
     for k, name in enumerate(names):
         seconds = left * CASES[name].weight / sum(CASES[one].weight for one in names[k:])
-        found, floors, spent = measure(name, models, seconds, options.limit, options.repeats, exudyn)
+        found, floors, spent = measure(
+            name, models, kernels, seconds, options.limit, options.repeats, exudyn
+        )
         left = max(left - spent, 0.0)
         points += found
         print(f"\n### {name}\n")
