@@ -14,10 +14,11 @@ from hfsim.maths.recording import Recorder
 from hfsim.maths.replayed import Replayed, jittered
 from hfsim.maths.tape import iterated
 from hfsim.maths.traced import apart
+from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.projection import Projection
 from hfsim.output.writers import Provenance, summary_of
 from hfsim.scene.build import build
-from hfsim.scene.loading import load_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 
 pytestmark = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
@@ -85,6 +86,9 @@ def compare(function, scene, rng):
         ("hub_beams", ["solve.duration=0.01", "solve.method=gauss"]),
         ("joints", ["solve.duration=0.2"]),
         ("governor", ["solve.duration=0.02"]),
+        ("heavy_top", ["solve.duration=0.3"]),
+        ("heavy_top", ["solve.duration=0.02", "solve.method=gear"]),
+        ("pendulum", ["solve.duration=0.3", "solve.coordinates=frame"]),
     ],
 )
 def test_runs_are_those_of_numpy(name, settings, monkeypatch):
@@ -100,6 +104,45 @@ def test_runs_are_those_of_numpy(name, settings, monkeypatch):
     one, other = runs
     assert len(one.trajectory.segments) == len(other.trajectory.segments)
     assert one.trajectory.q == pytest.approx(other.trajectory.q, abs=1e-9)
+
+
+WINDING = """
+hfsim: 1
+gravity: [0.0, -9.81]
+materials: {soft: {density: 1000.0, youngs_modulus: 5.0e7}}
+sections: {bar: {shape: rectangle, width: 2.0e-2, height: 2.0e-2}}
+bodies:
+  arm: {type: beam, material: soft, section: bar, length: 0.4, elements: 1}
+  flap: {type: rigid, mass: 0.02, inertia: 1.0e-4, points: {root: [-0.1, 0.0]}}
+joints:
+  axle: {type: revolute, between: [ground, arm.root]}
+  hinge: {type: revolute, between: [arm.tip, flap.root], friction: {torque: 0.02, velocity: 5.0}}
+springs:
+  coil: {type: rotational, between: [ground, arm.root], stiffness: 0.05, damping: 0.05}
+loads:
+  twist: {type: moment, at: arm.tip, moment: 1.0,
+          law: {type: table, times: [0.0, 0.1, 0.2, 2.0], values: [1.5, 1.5, -0.5, 0.2]}}
+initial: {arm: {angular_velocity: 60.0}, flap: {angular_velocity: 60.0}}
+solve: {duration: 0.23, tolerance: 1.0e-6}
+"""
+
+
+def test_turns_are_no_constant_of_a_recording():
+    """They are counted outside of it: a spring pulls by all of them, and a law and friction go on as well."""
+    scene = build(parse_deck(WINDING))
+    system, rng = scene.system, np.random.default_rng(3)
+    turns, replayed = Turns(system), Replayed(system.acceleration)
+    turns.start(0.0, scene.q, scene.v)
+    t, q, v = (one[:1] for one in states(scene, rng))
+    first = replayed(t, q, v)
+    assert replayed.refused is None
+    with turns.supposed(0.0, turns.angles(0.0, scene.q) + 4.0 * np.pi):
+        found, own = replayed(t, q, v), system.acceleration(t, q, v)
+    assert np.abs(found - first).max() > 1e-3 * np.abs(first).max()
+    assert found == pytest.approx(own, rel=1e-12, abs=1e-12 * np.abs(own).max())
+    assert replayed(t, q, v) == pytest.approx(first, rel=1e-13)
+    later = t + 0.35
+    assert replayed(later, q, 2.0 * v) == pytest.approx(system.acceleration(later, q, 2.0 * v), rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(40))
