@@ -1,9 +1,10 @@
 # ruff: noqa: E402
 """Hold the native kernel against NumPy: ``python tests/benchmarks/kernels.py [CASE ...]``.
 
-CPU time of the solve call alone, one thread, both kernels in turns at equal tolerances, median of repeats; the
-native one with a new scene, so that it records within that time, and again with the recordings that this run has
-left. Difference: the largest of all coordinates at the end. Steps by the kernel may be rejected ones. No test.
+CPU time of the solve call alone, one thread, both kernels in turns at equal tolerances, median of
+repeats; the native one with a new scene, so that it records within that time, and again with the
+recordings that this run has left. Difference: the largest of all coordinates at the end. Steps by
+the kernel may be rejected ones. No test.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def main() -> None:
     options = parser.parse_args()
     if kernel.KERNEL == "numpy":
         parser.error("there is no native kernel: see hfsim --version")
-    head = "| case | tolerance | steps, native | NumPy [s] | native [s] | ratio | again [s] | ratio | difference |"
+    heads = ("case", "tolerance", "steps, native", "NumPy [s]", "native [s]", "ratio", "again [s]", "ratio")
+    head = " | ".join(("|", *heads, "difference |")).removeprefix("| ")
     print(f"{head}\n{'|---' * 9}|")
     for name in options.cases:
         for tolerance in options.tolerances.split(","):

@@ -185,3 +185,24 @@ def at_once(monkeypatch):
     """Let all be recorded when it comes for the second time."""
     for name in ("EARLY", "SEEN", "MANY"):
         monkeypatch.setattr(_often, name, 0)
+
+
+@pytest.mark.parametrize(
+    "name, settings",
+    [
+        ("extreme/four_bar", ["bodies.crank.mass=1e30", "solve.duration=0.05"]),
+        ("pendulum", ["solve.model=lowOrder", "solve.duration=0.1"]),
+    ],
+)
+def test_failures_are_those_of_numpy(name, settings, monkeypatch):
+    """What is out of range, not finite or breaks down ends in the same words, at the same time."""
+    at_once(monkeypatch)
+    stops = []
+    for way in ("native", "numpy"):
+        monkeypatch.setattr(kernel, "KERNEL", way)
+        run = simulate(load_deck(CASES / f"{name}.yaml", settings), error_estimate=False)
+        stops.append(run)
+    one, other = stops
+    assert one.status == other.status == "failed"
+    assert (one.exit_code, one.reason) == (other.exit_code, other.reason)
+    assert one.stop_time == pytest.approx(other.stop_time, rel=1e-6, abs=1e-8)
