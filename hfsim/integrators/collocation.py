@@ -47,7 +47,7 @@ GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
 """Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
-WEIGHT = 20
+WEIGHT = 10
 """Calls that count as much as a step does when it is asked whether recording one pays."""
 
 

@@ -26,7 +26,7 @@ springs:
   k: {type: rotational, between: [ground, b], stiffness: 50.0}
   l: {type: rotational, between: [b, c], stiffness: 20.0}
 initial: {equilibrium: true, b: {angle: 0.3}, c: {angle: 0.1}}
-solve: {duration: 10.0, tolerance: 1.0e-8}
+solve: {duration: 10.0, tolerance: 1.0e-9}
 output: {channels: [b.tip.x, b.tip.y, c.tip.y, c.angle], plots: false, interval: 0.5}
 """
 METHODS = ["gauss", "radau", "gear", "generalized_alpha", "energy"]

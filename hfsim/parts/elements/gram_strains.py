@@ -79,7 +79,8 @@ class GramStrainLaw(GramLaw):
         """Return `pull` with given strains, (n_kinds, n_elements, n_batch or 1)."""
         rows, size, pairs = self._factors
         halves, linear = self._pushing
-        h = halves.dot((self.stiffness[..., None] * e).reshape(len(e), -1)).reshape(len(halves), *e.shape[1:])
+        stresses = (self.stiffness[..., None] * e).reshape(len(e), -1)
+        h = np.dot(halves, stresses).reshape(len(halves), *e.shape[1:])
         h += linear
         if h.size != len(h) * v.shape[-1]:
             h = np.repeat(h, v.shape[-1] // h.shape[1], axis=2)
