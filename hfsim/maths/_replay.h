@@ -25,10 +25,11 @@ typedef struct {
 #define ELEMENTWISE(X)                                                                                       \
     X(add_d, "ddd") X(sub_d, "ddd") X(mul_d, "ddd") X(div_d, "ddd") X(max_d, "ddd") X(min_d, "ddd")          \
     X(pow_d, "ddd") X(hyp_d, "ddd") X(at2_d, "ddd") X(add_D, "DDD") X(sub_D, "DDD") X(mul_D, "DDD")          \
-    X(div_D, "DDD") X(lt_d, "bdd") X(le_d, "bdd") X(gt_d, "bdd") X(ge_d, "bdd") X(copy_d, "dd")              \
-    X(copy_D, "DD") X(copy_b, "bb") X(cast_D, "Dd") X(neg_d, "dd") X(abs_d, "dd") X(sqr_d, "dd")             \
-    X(sqrt_d, "dd") X(sin_d, "dd") X(cos_d, "dd") X(tan_d, "dd") X(exp_d, "dd") X(sinh_d, "dd")              \
-    X(cosh_d, "dd") X(rint_d, "dd") X(sign_d, "dd") X(neg_D, "DD") X(sqr_D, "DD") X(conj_D, "DD") X(exp_D, "DD")             \
+    X(div_D, "DDD") X(lt_d, "bdd") X(le_d, "bdd") X(gt_d, "bdd") X(ge_d, "bdd") X(eq_d, "bdd")               \
+    X(ne_d, "bdd") X(copy_d, "dd") X(copy_D, "DD") X(copy_b, "bb") X(cast_D, "Dd") X(neg_d, "dd")            \
+    X(abs_d, "dd") X(sqr_d, "dd") X(sqrt_d, "dd") X(sin_d, "dd") X(cos_d, "dd") X(tan_d, "dd")               \
+    X(exp_d, "dd") X(sinh_d, "dd") X(cosh_d, "dd") X(rint_d, "dd") X(sign_d, "dd") X(neg_D, "DD")            \
+    X(sqr_D, "DD") X(conj_D, "DD") X(exp_D, "DD")                                                            \
     X(abs_D, "dD") X(where_d, "dbdd") X(where_D, "DbDD") X(gather_d, "ddi") X(gather_D, "DDi")               \
     X(radd_d, "dd") X(radd_D, "DD") X(rmax_d, "dd") X(rmin_d, "dd") X(scatter_d, "ddi") X(scatter_D, "DDi")  \
     X(sadd_d, "ddi")

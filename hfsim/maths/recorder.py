@@ -25,6 +25,8 @@ _NAMES = {
     np.less_equal: "le",
     np.greater: "gt",
     np.greater_equal: "ge",
+    np.equal: "eq",
+    np.not_equal: "ne",
     np.negative: "neg",
     np.absolute: "abs",
     np.square: "sqr",

@@ -64,6 +64,31 @@ def _bincount(tape: Recorder, places: Any, weights: Any = None, minlength: int =
     return out
 
 
+def _kron(tape: Recorder, a: Any, b: Any) -> Any:
+    ndim = max(np.ndim(a), np.ndim(b))
+    m, n = ((1,) * (ndim - np.ndim(one)) + np.shape(one) for one in (a, b))
+    ones = (1,) * ndim
+    pairs = np.reshape(a, np.ravel([m, ones], "F")) * np.reshape(b, np.ravel([ones, n], "F"))
+    return pairs.reshape(np.multiply(m, n))
+
+
+def _full_like(tape: Recorder, a: Any, value: Any) -> Any:
+    out = tape.core.new(a.shape, a.itemsize)
+    tape.core.apply(*COPY, out, value)
+    return out
+
+
+def _broadcast_arrays(tape: Recorder, *arrays: Any) -> tuple[Any, ...]:
+    shape = np.broadcast_shapes(*map(np.shape, arrays))
+    return tuple(np.broadcast_to(one, shape) for one in arrays)
+
+
+def _round(tape: Recorder, a: Any, decimals: int = 0) -> Any:
+    if decimals:
+        raise Refused("digits after the point")
+    return np.rint(a)
+
+
 def _solve(tape: Recorder, a: Any, b: Any) -> Any:
     """Write down linear equations: large or complex ones as a call of Python."""
     if np.ndim(b) == 1:
@@ -95,6 +120,11 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.empty_like: _like("empty"),
     np.ones_like: _like("ones"),
     np.copy: lambda tape, a, **how: a.copy(),
+    np.full_like: _full_like,
+    np.broadcast_arrays: _broadcast_arrays,
+    np.round: _round,
+    np.kron: _kron,
+    np.outer: lambda tape, a, b: np.ravel(a)[:, None] * np.ravel(b),
     np.repeat: lambda tape, a, repeats, axis=None: a.repeat(repeats, axis),
     **{
         f: lambda tape, *args, f=f: f(*(plain(a) if isinstance(a, Traced) else a for a in args))

@@ -91,8 +91,8 @@ class VectorMarker(LinearMarker):
         """Return the matrix of half the sum of d x d' over its axes, or of t x t' / |t|^2 on a line."""
         axes = self.axes(x)
         weights = 0.5 * axes if self.n_axes == 3 else axes / np.sum(axes * axes, axis=-1, keepdims=True)
-        J = np.einsum("bakl,an->bknl", skew(weights), self.axis_rows)
-        return np.asarray(J.reshape(len(x), 3, -1))
+        J = self.axis_rows.T @ skew(weights).reshape(len(x), self.n_axes, 9)
+        return np.asarray(J.reshape(len(x), -1, 3, 3).swapaxes(1, 2).reshape(len(x), 3, -1))
 
     def spin_bias(self, x: Array, u: Array) -> Array:
         """Return what is left of its angular acceleration where a line is stretched; else nothing."""

@@ -90,7 +90,10 @@ FUNCTIONS = {
     ),
     "constant matrix": lambda x, y: np.linalg.solve(C[:, :5], x[:5]) + np.linalg.solve(x[:5, :5], C[:, :1]),
     "inverses": lambda x, y: np.linalg.inv((x * y)[:6]) + np.linalg.inv(x[:6].T),
-    "Python": lambda x, y: np.linalg.inv(x[:6] + 1j * y[:6]).real + np.kron(x[:1], np.ones((6, 1))),
+    "dyads": lambda x, y: np.outer(x[:, 0], y[0]) + np.kron(x[:1], y[:, :1]) + np.kron(x[0, :3], y[:, :2]),
+    "equal numbers": lambda x, y: np.where(np.rint(x) == np.rint(y), x, np.where(np.rint(x) != 0.0, 1.0, y)),
+    "rounded": lambda x, y: np.round(3.0 * x) + np.full_like(x, 2.0) * np.broadcast_arrays(x, y[:1])[1],
+    "Python": lambda x, y: np.linalg.inv(x[:6] + 1j * y[:6]).real + np.ptp(x, axis=0),
     "decided": lambda x, y: decided(np.abs(x).max() > 1.0, x, y),
     "outside": lambda x, y: outside(lambda a: np.where(a.max() > 0, a, -a), x) * y,
 }
@@ -117,7 +120,7 @@ def test_what_is_replayed_is_what_numpy_does(name, rng):
 
 def test_recordings_end_with_their_last_user(rng):
     def function(x):
-        return np.kron(x, np.ones((2, 1))) @ C
+        return np.kron(np.triu(x), np.ones((2, 1))) @ C
 
     tape = Recorder()
     with recording(tape):
