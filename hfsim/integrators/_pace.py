@@ -2,19 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.integrators._memory import Remembering
+from hfsim.integrators._memory import Remembering, part_of
 
-WINDOW = 1000
-"""Attempted steps after which the pace is looked at."""
-HOPELESS = 1e7
-"""Attempted steps still to come, at the pace of two windows, from which a run ends."""
+WINDOWS = ((100, 1e10), (1000, 1e7))
+"""Attempted steps after which the pace is looked at, and those still to come, at the pace of two windows,
+from which a run ends."""
 GAINING = 1.2
 """Progress over that of the window before from which steps are growing, and the run is left alone."""
+
+
+@dataclass(eq=False)
+class _Window(Remembering):
+    """What is known since some attempts ago."""
+
+    attempts: int
+    hopeless: float
+    t: float
+    rejected: int = 0
+    before: float = -np.inf
+    """Progress of the window before, if that was hopeless too."""
+    remembers = ("t", "rejected", "before")
+
+    def look(self, t: float, t_end: float, rejected: int) -> None:
+        """Begin another window at t, by when some of all steps were rejected.
+
+        Raises
+        ------
+        SolverFailure
+            If the run crawls.
+        """
+        progress, share = t - self.t, (rejected - self.rejected) / self.attempts
+        self.t, self.rejected = t, rejected
+        left = (t_end - t) / progress * self.attempts if progress > 0.0 else np.inf
+        if left <= self.hopeless:
+            self.before = -np.inf
+        elif progress > GAINING * self.before:
+            self.before = progress
+        else:
+            raise SolverFailure(
+                f"the steps crawl: the last {self.attempts} of them, {100.0 * share:.0f} % rejected, gained "
+                f"{progress:.2g} s; at this pace more than {self.hopeless:.0e} would follow",
+                t,
+                evidence={"progress": progress, "rejected_share": share},
+            )
 
 
 @dataclass(eq=False)
@@ -29,9 +66,11 @@ class Pace(Remembering):
     attempts: int = 0
     rejected: int = 0
     unsolved: int = 0
-    before: float = -np.inf
-    """Progress of the window before, if that was hopeless too."""
-    remembers = ("t", "attempts", "rejected", "unsolved", "before")
+    windows: list[_Window] = field(init=False)
+    remembers = ("attempts", "rejected", "unsolved")
+
+    def __post_init__(self) -> None:
+        self.windows = [_Window(*one, self.t) for one in WINDOWS]
 
     def note(self, t: float, rejected: bool, unsolved: bool) -> None:
         """Count one attempt that ended at t.
@@ -44,23 +83,19 @@ class Pace(Remembering):
         self.attempts += 1
         self.rejected += rejected
         self.unsolved = self.unsolved + 1 if unsolved else 0
-        if self.attempts % WINDOW:
-            return
-        progress, self.t = t - self.t, t
-        share, self.rejected = self.rejected / WINDOW, 0
-        left = (self.t_end - t) / progress * WINDOW if progress > 0.0 else np.inf
-        if left <= HOPELESS:
-            self.before = -np.inf
-        elif progress > GAINING * self.before:
-            self.before = progress
-        else:
-            raise _crawl(t, progress, share)
+        for window in self.windows:
+            if not self.attempts % window.attempts:
+                window.look(t, self.t_end, self.rejected)
 
+    def memory(self) -> dict[str, Any]:
+        """Return the counts, and what each window knows."""
+        known = {
+            f"{k}.{name}": value for k, one in enumerate(self.windows) for name, value in one.memory().items()
+        }
+        return super().memory() | known
 
-def _crawl(t: float, progress: float, rejected: float) -> SolverFailure:
-    return SolverFailure(
-        f"the steps crawl: the last {WINDOW} of them, {100.0 * rejected:.0f} % rejected, gained "
-        f"{progress:.2g} s; at this pace more than {HOPELESS:.0e} would follow",
-        t,
-        evidence={"progress": progress, "rejected_share": rejected},
-    )
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as the one did whose memory this is."""
+        super().recall(memory)
+        for k, window in enumerate(self.windows):
+            window.recall(part_of(memory, str(k)))

@@ -218,8 +218,7 @@ def test_a_watch_that_ends_the_run_leaves_the_step_it_saw():
 
 
 def test_a_crawling_run_ends_where_it_would_have(monkeypatch):
-    monkeypatch.setattr(_pace, "WINDOW", 4)
-    monkeypatch.setattr(_pace, "HOPELESS", 0.0)
+    monkeypatch.setattr(_pace, "WINDOWS", ((4, 0.0), (6, 0.0)))
     monkeypatch.setattr(_pace, "GAINING", np.inf)
     whole, _ = stepping("plain", "explicit", None, max_steps=50)
     memories = [written(whole.memory()) for _ in whole]
