@@ -194,6 +194,8 @@ REPLACED: dict[str, Callable[..., Any]] = {
     **{name: _made(name) for name in (*MADE, *(f"{name}_like" for name in MADE[:4]), "eye", "repeat")},
 }
 """Functions of NumPy that its protocols do not reach: they stand in for them while something is recorded."""
+NUMPY = vars(np)
+"""Where these functions stand."""
 ORIGINAL = {name: getattr(np, name) for name in (*REPLACED, "bincount")}
 
 
@@ -226,14 +228,14 @@ def recording(tape: Recorder) -> Iterator[None]:
         try:
             _set(tape)
             yield
-        finally:
-            _set(before)
+        finally:  # not by a call, before which a signal could raise
+            Recording.tape = before
+            NUMPY.update(ORIGINAL if before is None else REPLACED)
 
 
 def _set(tape: Recorder | None) -> None:
     Recording.tape = tape
-    for name in REPLACED:
-        setattr(np, name, (ORIGINAL if tape is None else REPLACED)[name])
+    NUMPY.update(ORIGINAL if tape is None else REPLACED)
 
 
 Recorder.switch = staticmethod(_set)
