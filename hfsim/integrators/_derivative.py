@@ -13,7 +13,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix
 
 Correction = Callable[[Array], tuple[Array, Array]]
-"""From residuals at the stages, as displacements (s, n_r), to corrections and the size of their consequence:
+"""From residuals at the stages (s, n_r) to corrections, as displacements, and the size of their consequence:
 the displacement to which the change of the velocity at the end of the step leads, which is what an unfinished
 iteration does to the steps that follow."""
 

@@ -90,7 +90,7 @@ class Iteration:
         times = h * table.nodes
         self._t, self._uniform = t + times, q + times[:, None] * v
         # from accelerations at the stages to displacements and rates, and back
-        self._scaled = np.concatenate([h * h * table.A2, h * table.A])
+        self._moved, self._rates = h * h * table.A2, h * table.A
         self._back = table.A2_inverse / (h * h)
         if corrects:
             self._correction = derivative.correction(table, h)
@@ -115,8 +115,6 @@ class Iteration:
     def correct(self, anew: bool = True) -> tuple[Array, Array]:
         """Find a correction in natural increments.
 
-        Stages are read in their own geometry before they are summed.
-
         Parameters
         ----------
         anew : bool
@@ -127,16 +125,15 @@ class Iteration:
         change, size : ndarray, shape ()
             Size of the correction's consequence, and of the correction.
         """
-        s, problem = len(self._t), self._problem
-        moved = self._scaled @ self.a
-        q, v, strained = self._uniform + moved[:s], self._place.v + moved[s:], None
+        problem, strained = self._problem, None
+        q, v = self._uniform + self._moved @ self.a, self._place.v + self._rates @ self.a
         if anew:
             self._at: Any = self.derivative.increments.geometry(q)
         if self._strained and self.expected is not None:
             assert problem.strains is not None
             strained = Strained(problem.strains.seen(q), self.expected)
         r = self.derivative.residual(problem, Stages(self._at, self._t, q, v, self.a, strained))
-        self.correction_found, change = self._correction(self._scaled[:s] @ r)
+        self.correction_found, change = self._correction(r)
         if strained is not None:
             self.expected = strained.seen + self.derivative.strain_changes(self.correction_found)
         return change, np.abs(self.correction_found).max()

@@ -85,7 +85,7 @@ class ModalDerivative(Derivative):
     def __post_init__(self) -> None:
         # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
         self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
-        self._divisor: ByStep[tuple[ComplexArray, ComplexArray]] = ByStep()
+        self._factor: ByStep[tuple[ComplexArray, ComplexArray]] = ByStep()
         rows = self.L if self.joints is None else np.concatenate([self.L, self.joints.jacobian])
         self._columns = np.ascontiguousarray(rows.T)
 
@@ -189,10 +189,10 @@ class ModalDerivative(Derivative):
         return np.asarray(forces @ self.R + self.L @ start.convective)
 
     def correction(self, table: Collocation, h: float) -> Correction:
-        """Divide each mode and pole by 1 + (h pole)^2 w2."""
-        mu2, divisor = self._divisor.of(h, lambda: self._divided((h * table.poles[:, None]) ** 2))
-        left, right = 2.0 * table.left, table.right
-        R, end_rate, per_rate = self.R.T, table.end_rate / h, self._per_rate
+        """Multiply each mode and pole by (h pole)^2 and divide it by 1 + (h pole)^2 w2."""
+        mu2, factor = self._factor.of(h, lambda: self._factors((h * table.poles[:, None]) ** 2))
+        left, right, moved = 2.0 * table.left, table.right, h * h * table.A2
+        R, end_rate, per_rate = np.ascontiguousarray(self.R.T), table.end_rate / h, self._per_rate
         joints, m = self.joints, len(self.w2)
         columns = self._columns if self.mass is None else None
 
@@ -201,21 +201,21 @@ class ModalDerivative(Derivative):
             z = right @ r[:, :m]
             if joints is not None:
                 z -= mu2 * (right @ (r[:, m:] @ joints.forces))
-            z *= divisor
+            z *= factor
             modes = self._real(left @ z)
             # back in coordinates: amplitudes of nearly parallel modes mean nothing one by one
             y, consequence = modes @ R, ((end_rate @ modes) * per_rate) @ R
             if joints is not None:
                 # what is in no mode stays as it is, and counts as if it were slow
-                rest = joints.closed(r[:, m:])
+                rest = joints.closed(moved @ r[:, m:])
                 y += rest
                 consequence += 0.5 * (end_rate @ rest)
             return y.real, np.abs(consequence.real).max()
 
         return correct
 
-    def _divided(self, mu2: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        return mu2, np.asarray(1.0 / (1.0 + mu2 * self.w2), complex)
+    def _factors(self, mu2: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        return mu2, np.asarray(mu2 / (1.0 + mu2 * self.w2), complex)
 
     def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
         """Return a product with the inverse, put together from the modes."""

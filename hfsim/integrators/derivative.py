@@ -148,7 +148,7 @@ class DenseDerivative(Derivative):
     of_imbalance: tuple[Array, Array] | None = None
 
     def __post_init__(self) -> None:
-        self._inverse: ByStep[ComplexArray] = ByStep()
+        self._inverse: ByStep[Array] = ByStep()
 
     @property
     def n(self) -> int:
@@ -185,12 +185,16 @@ class DenseDerivative(Derivative):
         return np.asarray(tau * start.first + 0.5 * tau**2 * damped)
 
     def correction(self, table: Collocation, h: float) -> Correction:
-        """Solve with I - (h pole)^2 J_q - h pole J_v."""
+        """Solve with I - (h pole)^2 J_q - h pole J_v, in real and imaginary parts."""
         inverse = self._inverse.of(h, lambda: self._inverted(h * table.poles[:, None, None]))
-        left, right, end_rate = 2.0 * table.left, table.right, table.end_rate / h
+        s, (poles, n, _), end_rate = table.stages, inverse.shape, table.end_rate / h
+        x, y = table.left.real, table.left.imag
+        left = 2.0 * np.stack([x, -y, -y, -x], axis=2).reshape(s, -1)
+        right = np.stack([table.right.real, table.right.imag], axis=1).reshape(-1, s)
 
         def correct(r: Array) -> tuple[Array, Array]:
-            y = (left @ (inverse @ (right @ r)[:, :, None])[:, :, 0]).real
+            solved = (right @ r).reshape(poles, 2, n) @ inverse
+            y = left @ solved.reshape(-1, n)
             # without modes every velocity error counts as if it were slow, which is on the safe side
             return y, 0.5 * np.abs(end_rate @ y).max()
 
@@ -201,8 +205,11 @@ class DenseDerivative(Derivative):
         inverse = np.linalg.inv(np.eye(len(self.by_q)) - by_q * self.by_q - by_v * self.by_v)
         return lambda r: np.asarray(inverse @ r)
 
-    def _inverted(self, mu: ComplexArray) -> ComplexArray:
-        return np.linalg.inv(np.eye(len(self.by_q)) - mu**2 * self.by_q - mu * self.by_v)
+    def _inverted(self, mu: ComplexArray) -> Array:
+        """Return (h pole)^2 times the inverses, for rows: real parts beside imaginary ones."""
+        by_q, by_v = np.ascontiguousarray(self.by_q.T), np.ascontiguousarray(self.by_v.T)
+        found = mu**2 * np.linalg.inv(np.eye(len(by_q)) - mu**2 * by_q - mu * by_v)
+        return np.concatenate([found.real, found.imag], axis=2)
 
 
 @dataclass(eq=False)
@@ -265,13 +272,14 @@ class SparseDerivative(Derivative):
         """Return the stages of the linearised motion."""
         tau = h * table.nodes[:, None]
         uniform = tau * start.first + h * h * table.A2.sum(axis=1)[:, None] * start.second
-        return self.correction(table, h)(uniform)[0]
+        return self.correction(table, h)(table.A2_inverse @ uniform / h**2)[0]
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Solve with M + (h pole)^2 K + h pole D."""
         poles = [complex(h * pole) for pole in table.poles]
         factors = self._factors.of(h, lambda: [self._solver(mu**2, mu) for mu in poles])
-        left, right, end_rate = 2.0 * table.left, table.right, table.end_rate / h
+        left, end_rate = 2.0 * table.left, table.end_rate / h
+        right = (h * table.poles[:, None]) ** 2 * table.right
         natural, geometry = self.increments, self._geometry
 
         def correct(r: Array) -> tuple[Array, Array]:

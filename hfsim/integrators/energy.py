@@ -195,7 +195,7 @@ class EnergyStepper(CollocationStepper):
             self._iterations = k + 1
             defect = self._defect(t, q, v, h, a)
             at = natural.geometry(uniform + A2 @ a)
-            y, consequence = correct(A2 @ self._derivative.reading(natural.to_natural(at, defect)))
+            y, consequence = correct(self._derivative.reading(natural.to_natural(at, defect)))
             small = float(np.abs(y).max()) < LINEAR
             a = a + back @ (natural.from_natural if small else natural.advance)(at, y)
             ended = ending.after(float(consequence))

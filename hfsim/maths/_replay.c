@@ -16,16 +16,22 @@
 #endif
 typedef double complex cplx;
 
-/* twice, for processors with and without wide vectors, where the compiler and the C library can choose at start */
+/* twice, for processors with and without wide vectors, where the compiler and the C library can choose at start;
+ * products of matrices a third time, for still wider ones */
 #if !defined(__SANITIZE_ADDRESS__) && defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
 #if __GNUC__ >= 12
 #define WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
 #else
 #define WIDE __attribute__((target_clones("avx2", "default")))
 #endif
+#define WIDER __attribute__((target("avx512f")))
+#define HAS_WIDER __builtin_cpu_supports("avx512f")
 #else
 #define WIDE
+#define WIDER
+#define HAS_WIDER 0
 #endif
+#define UNROLL _Pragma("GCC unroll 8")
 #define IVDEP _Pragma("GCC ivdep")
 
 typedef void (*Inner)(char **at, const i64 *step, i64 n);
@@ -203,9 +209,6 @@ static inline void elementwise(const Op *o, Inner inner, int operands) {
 /* ---------------------------------------------------------------- products of matrices */
 
 /* shape: m, k, n, batch, batch; steps: out (i, -, j), a (i, k, -), b (-, k, j); more: 0 set, 1 add, -1 subtract */
-#define MR 4
-#define NR 8
-typedef double vec __attribute__((vector_size(32), aligned(8)));
 static double *scratch;
 static i64 scratch_size;
 
@@ -218,58 +221,69 @@ static int ample(i64 need) {
     return 0;
 }
 
-WIDE static void product(const Op *o, char *c, const char *a, const char *b) {
-    const i64 m = o->shape[0], kk = o->shape[1], n = o->shape[2], mode = o->more;
-    const i64 ci = o->step[0][0], cj = o->step[0][2], ai = o->step[1][0], ak = o->step[1][1];
-    const i64 bk = o->step[2][1], bj = o->step[2][2];
-    i64 i, j, k, r, s;
-    for (j = 0; j < n; j += NR) {
-        i64 wide = n - j < NR ? n - j : NR;
-        const double *panel; i64 pk;
-        if (bj == 8 && wide == NR) { panel = (const double *)(b + j * 8); pk = bk; }
-        else {
-            for (k = 0; k < kk; k++) {
-                for (s = 0; s < wide; s++) scratch[k * NR + s] = *(const double *)(b + k * bk + (j + s) * bj);
-                for (; s < NR; s++) scratch[k * NR + s] = 0.0;
-            }
-            panel = scratch; pk = NR * 8;
-        }
-        for (i = 0; i < m; i += MR) {
-            i64 high = m - i < MR ? m - i : MR;
-            double out[MR][NR];
-            const char *a0 = a + i * ai, *p = (const char *)panel;
-            if (high == MR) {
-                const char *a1 = a0 + ai, *a2 = a1 + ai, *a3 = a2 + ai;
-                vec c00 = {0}, c01 = {0}, c10 = {0}, c11 = {0}, c20 = {0}, c21 = {0}, c30 = {0}, c31 = {0};
-                for (k = 0; k < kk; k++, p += pk) {
-                    vec b0 = *(const vec *)p, b1 = *(const vec *)(p + 32);
-                    double x0 = *(const double *)(a0 + k * ak), x1 = *(const double *)(a1 + k * ak);
-                    double x2 = *(const double *)(a2 + k * ak), x3 = *(const double *)(a3 + k * ak);
-                    c00 += x0 * b0; c01 += x0 * b1; c10 += x1 * b0; c11 += x1 * b1;
-                    c20 += x2 * b0; c21 += x2 * b1; c30 += x3 * b0; c31 += x3 * b1;
-                }
-                *(vec *)&out[0][0] = c00; *(vec *)&out[0][4] = c01; *(vec *)&out[1][0] = c10; *(vec *)&out[1][4] = c11;
-                *(vec *)&out[2][0] = c20; *(vec *)&out[2][4] = c21; *(vec *)&out[3][0] = c30; *(vec *)&out[3][4] = c31;
-            } else {
-                for (r = 0; r < high; r++, a0 += ai) {
-                    vec c0 = {0}, c1 = {0};
-                    p = (const char *)panel;
-                    for (k = 0; k < kk; k++, p += pk) {
-                        double x = *(const double *)(a0 + k * ak);
-                        c0 += x * *(const vec *)p; c1 += x * *(const vec *)(p + 32);
-                    }
-                    *(vec *)&out[r][0] = c0; *(vec *)&out[r][4] = c1;
-                }
-            }
-            for (r = 0; r < high; r++) {
-                char *row = c + (i + r) * ci + j * cj;
-                if (mode == 0 && cj == 8 && wide == NR) memcpy(row, out[r], NR * 8);
-                else if (mode == 0) for (s = 0; s < wide; s++) *(double *)(row + s * cj) = out[r][s];
-                else if (mode == 1) for (s = 0; s < wide; s++) *(double *)(row + s * cj) += out[r][s];
-                else for (s = 0; s < wide; s++) *(double *)(row + s * cj) -= out[r][s];
-            }
-        }
+/* PRODUCT: c from rows of a and b, whose columns are contiguous and its rows pb bytes apart, in panels of at most
+ * MOST vectors; the last vector of a row may overlap the one before it, and rows beyond the last one repeat it */
+#define ROWS 4
+#define PRODUCT(NAME, VEC, MOST, ISA)                                                                        \
+    static inline __attribute__((always_inline)) void NAME##_panel(                                          \
+        const Op *o, char *c, const char *a, const char *b, i64 pb, i64 j, const int V) {                    \
+        const i64 m = o->shape[0], kk = o->shape[1], mode = o->more, left = o->shape[2] - j;                 \
+        const i64 ci = o->step[0][0], cj = o->step[0][2], ai = o->step[1][0], ak = o->step[1][1];            \
+        const i64 w = sizeof(VEC) / 8, wide = left < V * w ? left : V * w;                                   \
+        for (i64 i = 0; i < m; i += ROWS) {                                                                  \
+            const char *row[ROWS], *p = b + 8 * j;                                                           \
+            VEC x[ROWS][MOST], y[MOST];                                                                      \
+            UNROLL for (int r = 0; r < ROWS; r++) {                                                          \
+                row[r] = a + (i + r < m ? i + r : m - 1) * ai;                                               \
+                UNROLL for (int v = 0; v < V; v++) x[r][v] = (VEC){0};                                       \
+            }                                                                                                \
+            for (i64 k = 0; k < kk; k++, p += pb) {                                                          \
+                UNROLL for (int v = 0; v < V; v++) y[v] = *(const VEC *)(p + 8 * (v < V - 1 ? v * w : wide - w)); \
+                UNROLL for (int r = 0; r < ROWS; r++) {                                                      \
+                    const double f = *(const double *)(row[r] + k * ak);                                     \
+                    UNROLL for (int v = 0; v < V; v++) x[r][v] += f * y[v];                                  \
+                }                                                                                            \
+            }                                                                                                \
+            UNROLL for (int r = 0; r < ROWS; r++) {                                                          \
+                double out[MOST * sizeof(VEC) / 8], *to = (double *)(c + (i + r) * ci + j * cj);             \
+                double *set = mode == 0 && cj == 8 ? to : out;                                               \
+                if (i + r >= m) break;                                                                       \
+                UNROLL for (int v = 0; v < V; v++) *(VEC *)(set + (v < V - 1 ? v * w : wide - w)) = x[r][v]; \
+                if (set != to) placed(to, cj, out, wide, mode);                                              \
+            }                                                                                                \
+        }                                                                                                    \
+    }                                                                                                        \
+    ISA static void NAME(const Op *o, char *c, const char *a, const char *b, i64 pb) {                       \
+        const int w = sizeof(VEC) / 8, all = (int)((o->shape[2] + w - 1) / w), panels = (all + MOST - 1) / MOST; \
+        for (int q = 0, j = 0, v; q < panels; q++, j += v * w) switch (v = (all + q) / panels) {             \
+            case 1: NAME##_panel(o, c, a, b, pb, j, 1); break;                                               \
+            case 2: NAME##_panel(o, c, a, b, pb, j, 2); break;                                               \
+            case 3: NAME##_panel(o, c, a, b, pb, j, 3); break;                                               \
+            case 4: NAME##_panel(o, c, a, b, pb, j, MOST < 4 ? MOST : 4); break;                             \
+            default: NAME##_panel(o, c, a, b, pb, j, MOST);                                                  \
+        }                                                                                                    \
     }
+typedef double vec __attribute__((vector_size(32), aligned(8)));
+typedef double wider __attribute__((vector_size(64), aligned(8)));
+
+static inline __attribute__((always_inline)) void placed(double *to, i64 step, const double *out, i64 n, i64 mode) {
+    const i64 s = step / 8;
+    if (mode == 0) for (i64 j = 0; j < n; j++) to[j * s] = out[j];
+    else if (s == 1) { IVDEP for (i64 j = 0; j < n; j++) to[j] += mode * out[j]; }
+    else for (i64 j = 0; j < n; j++) to[j * s] += mode * out[j];
+}
+PRODUCT(product, vec, 3, WIDE)
+PRODUCT(wider_product, wider, 5, WIDER)
+
+/* b in scratch, its columns contiguous */
+WIDE static const char *packed(const Op *o, const char *b) {
+    const i64 kk = o->shape[1], n = o->shape[2], bk = o->step[2][1], bj = o->step[2][2];
+    double *to = scratch;
+    for (i64 k = 0; k < kk; k++, b += bk, to += n) {
+        if (bj == 16) { IVDEP for (i64 j = 0; j < n; j++) to[j] = ((const double *)b)[2 * j]; }
+        else for (i64 j = 0; j < n; j++) to[j] = *(const double *)(b + j * bj);
+    }
+    return (const char *)scratch;
 }
 
 /* a small one, of which there are many */
@@ -285,12 +299,16 @@ static void tiny(const Op *o, char *c, const char *a, const char *b) {
 }
 
 static int matmul(const Op *o) {
-    void (*one)(const Op *, char *, const char *, const char *) = o->shape[0] * o->shape[2] < 16 && o->shape[1] < 16 ? tiny : product;
-    if (ample((o->shape[1] + 1) * NR)) return -1;
+    const i64 m = o->shape[0], kk = o->shape[1], n = o->shape[2], packs = o->step[2][2] != 8;
+    const int small = n < 4 || (m * n < 16 && kk < 16), wide = n >= 8 && HAS_WIDER;
+    if (packs && ample(kk * n)) return -1;
     for (i64 p = 0; p < o->shape[3]; p++)
-        for (i64 q = 0; q < o->shape[4]; q++)
-            one(o, o->at[0] + p * o->step[0][3] + q * o->step[0][4], o->at[1] + p * o->step[1][3] + q * o->step[1][4],
-                    o->at[2] + p * o->step[2][3] + q * o->step[2][4]);
+        for (i64 q = 0; q < o->shape[4]; q++) {
+            char *at[3];
+            for (int k = 0; k < 3; k++) at[k] = o->at[k] + p * o->step[k][3] + q * o->step[k][4];
+            if (small) tiny(o, at[0], at[1], at[2]);
+            else (wide ? wider_product : product)(o, at[0], at[1], packs ? packed(o, at[2]) : at[2], packs ? 8 * n : o->step[2][1]);
+        }
     return 0;
 }
 
