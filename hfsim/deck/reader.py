@@ -214,7 +214,7 @@ def parse(text: str) -> Reader | DeckProblem:
     if len(text) > _SHORT:
         return _parsed(text)
     found = _known(text)
-    return found.copied() if isinstance(found, Reader) else found
+    return found.copied() if isinstance(found, Reader) and isinstance(found.data, dict | list) else found
 
 
 def _tree(data: Any) -> Any:

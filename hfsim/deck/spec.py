@@ -156,8 +156,7 @@ class Spec(BaseModel):
 
     def _inner(self) -> Iterator[tuple[str, Spec]]:
         """Yield the entries inside this one with their keys."""
-        entries = ((key, getattr(self, key)) for key in type(self).model_fields)
-        return ((key, entry) for key, entry in entries if isinstance(entry, Spec))
+        return ((key, entry) for key, entry in vars(self).items() if isinstance(entry, Spec))
 
     def model_post_init(self, context: Any, /) -> None:
         """Refuse an entry that has complaints."""

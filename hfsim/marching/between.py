@@ -53,14 +53,27 @@ class Between:
     @cached_property
     def curves(self) -> tuple[Array, tuple[Channel, ...]]:
         """Times [s] in order, the output's among them, and the channels there."""
-        if len(self.t) < 2:
-            return self.t, self.channels
+        table, between = self._rough
+        if between:
+            bent = bends(table, [channel.unit for channel in self.channels])
+            table = self._with(table, [_within(one, table[:, 0], bent) for one in between])
+        return self._columns(table)
+
+    @property
+    def rough(self) -> tuple[Array, tuple[Channel, ...]]:
+        """Fewer of them, by which one sees where a curve turns."""
+        return self._columns(self._rough[0])
+
+    @cached_property
+    def _rough(self) -> tuple[Array, list[Array]]:
+        """Every second row of the curves, and the times of each leg between these."""
         rows = np.column_stack([self.t, *(channel.values for channel in self.channels)])
+        if len(rows) < 2:
+            return rows, []
         times = [self._times(leg) for leg in self.legs]
-        rough = [one[::2] for one in times]
-        table = self._with(rows, rough)
-        bent = bends(table, [channel.unit for channel in self.channels])
-        table = self._with(table, [_within(one[1::2], table[:, 0], bent) for one in times])
+        return self._with(rows, [one[::2] for one in times]), [one[1::2] for one in times]
+
+    def _columns(self, table: Array) -> tuple[Array, tuple[Channel, ...]]:
         columns = np.ascontiguousarray(table.T)
         named = zip(self.channels, columns[1:], strict=True)
         return columns[0], tuple(channel._replace(values=values) for channel, values in named)
@@ -78,11 +91,11 @@ class Between:
         _, first = np.unique(table[:, 0], return_index=True)  # of one time, the row of the output
         return np.asarray(table[first])
 
-    def at(self, times: Array) -> Array:
-        """Return the channels at sorted times within the run, shape (n_times, n_channels)."""
+    def at(self, times: Array, names: Sequence[str]) -> Array:
+        """Return some channels at sorted times within the run, shape (n_times, n_names)."""
         ends = np.array([leg.done.trajectory.t_end for leg in self.legs[:-1]])
         owner = np.searchsorted(ends, times)
-        parts = [one for k, leg in enumerate(self.legs) for one in _read(leg, times[owner == k])]
+        parts = [one for k, leg in enumerate(self.legs) for one in _read(leg, times[owner == k], names)]
         return np.concatenate(parts)[:, 1:]
 
 
@@ -113,8 +126,8 @@ def _within(times: Array, ends: Array, chosen: BoolArray) -> Array:
     return times[chosen[np.clip(np.searchsorted(ends, times) - 1, 0, len(chosen) - 1)]]
 
 
-def _read(leg: Leg, times: Array) -> Iterator[Array]:
-    """Yield rows, times [s] and channels, read from the steps at sorted times."""
+def _read(leg: Leg, times: Array, names: Sequence[str] = ()) -> Iterator[Array]:
+    """Yield rows, times [s] and channels, all without names, read from the steps at sorted times."""
     path = leg.done.trajectory
     q, v, turns = read_states(leg.scene, path, times, leg.record.begin_angles)
     count = int(np.clip(IN_CACHE / max(1, leg.scene.system.n) ** 2, *AT_ONCE))
@@ -124,7 +137,7 @@ def _read(leg: Leg, times: Array) -> Iterator[Array]:
             states = leg.scene.system.project(times[some], q[some], v[some])
             counted = {name: one[some] for name, one in turns.items()}
             samples = SceneSamples(leg.scene, times[some], *states, counted)
-            columns = [one.values for one in compute_channels(samples)]
+            columns = [one.values for one in compute_channels(samples, names)]
         yield np.column_stack([times[some], *columns])
 
 

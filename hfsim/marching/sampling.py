@@ -84,9 +84,9 @@ def samples_at(
     return SceneSamples(scene, times, *scene.system.project(times, q, v), turns)
 
 
-def compute_channels(samples: SceneSamples) -> tuple[Channel, ...]:
-    """Return the columns that the deck asks for."""
-    return tuple(_column(samples, name) for name in samples.scene.deck.channels)
+def compute_channels(samples: SceneSamples, names: Sequence[str] = ()) -> tuple[Channel, ...]:
+    """Return some columns, or all that the deck asks for."""
+    return tuple(_column(samples, name) for name in names or samples.scene.deck.channels)
 
 
 def _column(samples: Samples, name: str) -> Channel:

@@ -44,14 +44,13 @@ from hfsim.studies.sweep.sensitivity import (
     values_of,
 )
 from hfsim.studies.sweep.study import (
-    Keep,
     Refusals,
     do_runs,
     refuse_entries,
     refuse_unbuilt,
     refuse_values,
 )
-from hfsim.studies.sweep.work import Row, Setting
+from hfsim.studies.sweep.work import Keep, Row, Setting
 
 _TOLD = 12
 """Quantities whose range is told, and failures."""

@@ -78,7 +78,8 @@ class Declared:
 def _names_in(data: dict[str, Any], key: str, known_keys: Collection[str]) -> Names | None:
     """Return the keys of a map inside a map, none if it is absent, None if it is malformed or misspelt."""
     if key not in data:
-        return None if nearest(key, (other for other in data if other not in known_keys)) else _NONE
+        others = [other for other in data if other not in known_keys]
+        return None if others and nearest(key, others) else _NONE
     value = data[key]
     if value is None:
         return _NONE

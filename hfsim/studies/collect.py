@@ -8,6 +8,7 @@ import numpy as np
 
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import HfsimError
+from hfsim.marching.between import ROUNDING
 from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array, cumulative
 from hfsim.maths.shapes import gauss_legendre
@@ -89,8 +90,7 @@ def _at(quantity: Quantity, run: Run, time: float) -> float:
 def _between(quantity: Quantity, run: Run, times: Array) -> Array:
     """Return a channel at sorted times, (n_times,), read from the steps."""
     assert run.fine is not None
-    column = [one.name for one in run.channels].index(quantity.channel)
-    return np.asarray(run.fine.at(times)[:, column])
+    return np.asarray(run.fine.at(times, [quantity.channel])[:, 0])
 
 
 def _root_of_mean_square(quantity: Quantity, run: Run, t: Array, values: Array) -> float:
@@ -109,13 +109,16 @@ def _extremes(quantities: Sequence[Quantity], run: Run) -> list[float]:
     """Return largest and smallest values: between the steps' curves ever closer, all of them at once."""
     for one in quantities:
         _values(one, run)
-    seen, signs = run.drawn, [_SIGNS[one.kind] for one in quantities]
+    t, channels = (run.t, run.channels) if run.fine is None else run.fine.rough
+    seen, signs = {one.name: one.values for one in channels}, [_SIGNS[one.kind] for one in quantities]
     curves = [sign * seen[one.channel] for sign, one in zip(signs, quantities, strict=True)]
     tops = [int(np.argmax(curve)) for curve in curves]
     most = [float(curve[top]) for curve, top in zip(curves, tops, strict=True)]
 
     def look(which: Sequence[int], at: Array) -> tuple[Array, Array, list[int]]:
         """Look between some times; return these, the curves there, and where each is largest."""
+        if not which:
+            return at, at, []
         times = np.linspace(at[:, 0], at[:, 1], _CLOSER, axis=1)
         values = _read_each([quantities[k] for k in which], run, times)
         values *= np.array([signs[k] for k in which])[:, None]
@@ -124,39 +127,43 @@ def _extremes(quantities: Sequence[Quantity], run: Run) -> list[float]:
             most[k] = max(most[k], _peak(here, place))
         return times, values, best
 
-    if run.fine is not None and len(seen.t) > 1:
-        whole = range(len(quantities))
-        times, values, best = look(whole, np.array([_near(seen.t, curves[k], tops[k]) for k in whole]))
-        ends = float(seen.t[0]), float(seen.t[-1])
-        edges = (k for k in whole if best[k] in (0, _CLOSER - 1) and times[k, best[k]] not in ends)
-        if missed := [k for k in edges if np.ptp(values[k]) > 0.0]:  # it climbs where one stopped to look
-            at = np.array([_around(seen.t, tops[k]) for k in missed])
+    if run.fine is not None and len(t) > 2:
+        near = [_near(t, *pair) for pair in zip(curves, tops, strict=True)]
+        which = [k for k, (low, high) in enumerate(near) if low < high]
+        times, values, best = look(which, np.array([near[k] for k in which]).reshape(-1, 2))
+        ends = float(t[0]), float(t[-1])
+        last = [n for n, k in enumerate(best) if k in (0, _CLOSER - 1) and times[n, k] not in ends]
+        if missed := [which[n] for n in last if np.ptp(values[n]) > 0.0]:  # it climbs where looking ended
+            at = np.array([_around(t, tops[k]) for k in missed])
             for _ in range(_ROUNDS):
                 times, _, best = look(missed, at)
-                at = np.array([_around(t, place) for t, place in zip(times, best, strict=True)])
+                at = np.array([_around(own, place) for own, place in zip(times, best, strict=True)])
     return [sign * value for sign, value in zip(signs, most, strict=True)]
 
 
 def _read_each(quantities: Sequence[Quantity], run: Run, times: Array) -> Array:
     """Return the channel of each quantity at times of its own, (n_quantities, n_times)."""
     assert run.fine is not None
-    names = [channel.name for channel in run.channels]
+    names = channels_of(quantities)
     every, place = np.unique(times, return_inverse=True)
     columns = np.array([names.index(one.channel) for one in quantities])
-    return np.asarray(run.fine.at(every)[place.reshape(times.shape), columns[:, None]])
+    return np.asarray(run.fine.at(every, names)[place.reshape(times.shape), columns[:, None]])
 
 
 def _near(times: Array, curve: Array, top: int) -> tuple[float, float]:
-    """Return times about the top of the parabola through the largest value of a curve and its neighbours."""
-    before, after = _around(times, top)
-    at = float(times[top])
-    if before < at < after:
-        low, high, last = map(float, curve[top - 1 : top + 2])
-        rise, fall = (high - low) / (at - before), (last - high) / (after - at)
-        if rise > fall:
-            at = 0.5 * (before + at) + 0.5 * (after - before) * rise / (rise - fall)
+    """Return times about the top of the parabola through the largest value of a curve and its neighbours.
+
+    They are the same where there is nothing to look for between them: where the curve is constant but for
+    rounding, or has its largest value at an end, and the parabola its top well beyond.
+    """
+    three = slice(k := min(max(top - 1, 0), len(times) - 3), k + 3)
+    (before, at, after), (low, middle, high) = times[three].tolist(), curve[three].tolist()
+    rise, fall = (middle - low) / (at - before), (high - middle) / (after - at)
+    if rise <= fall or np.ptp(curve) <= ROUNDING * np.abs(curve).max():
+        return at, at
+    peak = 0.5 * (before + at) + 0.5 * (after - before) * rise / (rise - fall)
     width = (after - before) / _CLOSER
-    return max(before, at - width), min(after, at + width)
+    return min(max(before, peak - width), after), max(min(after, peak + width), before)
 
 
 def _peak(values: Array, best: int) -> float:

@@ -156,6 +156,7 @@ class _Worker:
     process: Any
     pipe: Any
     task: Task | None = None
+    function: Callable[[Any], Any] | None = None
     end: float = float("inf")
 
 
@@ -188,7 +189,9 @@ class Farm(Executor):
             worker = idle or self._hire()
             worker.task, worker.end = task, time.perf_counter() + task.limit + _GRACE
             with suppress(BrokenPipeError):  # it has died meanwhile, which shows when its answer is read
-                worker.pipe.send((task.function, task.argument))
+                again = task.function is worker.function  # with all that it holds
+                worker.pipe.send((None if again else task.function, task.argument))
+                worker.function = task.function
 
     def _hire(self) -> _Worker:
         kinds = multiprocessing.get_all_start_methods()
@@ -254,9 +257,12 @@ def _serve(pipe: Any) -> None:
     """Do one job after the other."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the study decides what an interrupt ends
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    function: Any = None
     with suppress(EOFError, ConnectionError):
         while True:
-            pipe.send_bytes(_answer(*pipe.recv()))
+            other, argument = pipe.recv()
+            function = other or function
+            pipe.send_bytes(_answer(function, argument))
 
 
 def _answer(function: Callable[[Any], Any], argument: Any) -> bytes:

@@ -6,20 +6,20 @@ import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 
 from hfsim.deck.overrides import why_unset
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.ranges import Value, Values, written
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.integrators import import_for
-from hfsim.marching.solution import Run
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
 from hfsim.studies.collect import channels_of
 from hfsim.studies.farm import Executor, Outcome, Task
 from hfsim.studies.sweep.plan import VARY, Plan
-from hfsim.studies.sweep.work import LOST, Order, Row, Setting, row_without, solve_row
+from hfsim.studies.sweep.work import LOST, Keep, Row, Setting, row_without, solve_row
 
 _TRIES = 3
 """How often a run is begun whose workers die."""
@@ -31,9 +31,6 @@ COLLECT = "--collect"
 """The option that names what is collected, as what is wrong with it is placed."""
 _USUAL = ("final", "min", "max")
 """What is collected of every channel where nothing is named."""
-
-Keep = Callable[[LoadedDeck, Run], dict[str, bytes]]
-"""Makes the files that are kept of a run."""
 
 
 def read_collected(texts: Sequence[str], loaded: LoadedDeck) -> tuple[Quantity, ...]:
@@ -209,11 +206,12 @@ def do_runs(
         import_for([setting.load(()).deck.solve.method])  # once here, not in every worker
     limit = _PATIENCE * setting.limit if math.isfinite(setting.limit) else math.inf
 
+    work = partial(solve_row, setting, keep)
+
     def tasks() -> Iterator[Task]:
         for number in range(plan.count):
             if missing(number):
-                order = Order(setting, plan.overrides(number), keep)
-                yield Task(number, solve_row, order, limit, _TRIES)
+                yield Task(number, work, plan.overrides(number), limit, _TRIES)
 
     def done(outcome: Outcome) -> None:
         row, files = outcome.value or (row_without(LOST, outcome.lost, setting), {})

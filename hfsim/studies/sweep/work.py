@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import DeckError
@@ -69,28 +69,17 @@ class Setting:
         return parse_deck(self.text, self.file, (*self.overrides, *overrides))
 
 
-class Order(NamedTuple):
-    """A run to be done.
-
-    Attributes
-    ----------
-    setting : Setting
-    overrides : tuple of str
-        Of this run.
-    keep : callable or None
-        (deck, run) -> files that are kept of it, bytes by their names.
-    """
-
-    setting: Setting
-    overrides: tuple[str, ...]
-    keep: Callable[[LoadedDeck, Run], dict[str, bytes]] | None = None
+Keep = Callable[[LoadedDeck, Run], dict[str, bytes]]
+"""Makes the files that are kept of a run, by their names."""
 
 
-def solve_row(order: Order) -> tuple[Row, dict[str, bytes]]:
+def solve_row(
+    setting: Setting, keep: Keep | None, overrides: tuple[str, ...]
+) -> tuple[Row, dict[str, bytes]]:
     """Do one run; return its row and the files that are kept of it."""
-    setting, start = order.setting, time.process_time()
+    start = time.process_time()
     try:
-        loaded = setting.load(order.overrides)
+        loaded = setting.load(overrides)
         known = _without_run(setting, loaded)
         if known and len(known) == len(setting.quantities):
             row = _row_without_run(setting, known)
@@ -114,7 +103,7 @@ def solve_row(order: Order) -> tuple[Row, dict[str, bytes]]:
     }
     if setting.mesh_estimate:
         row["mesh_error_estimate"] = _finite(run.statistics["mesh_error_estimate"])
-    files = order.keep(loaded, run) if order.keep else {}
+    files = keep(loaded, run) if keep else {}
     row["cpu_s"] = round(time.process_time() - start, 6)
     return row, files
 
