@@ -23,8 +23,9 @@ typedef struct { char *base, *low, *high; int32_t *piece; } Block;
 typedef struct { int32_t of[OPERANDS]; } Pieces;
 typedef struct {
     PyObject_HEAD
-    PyObject *type, *refused, *constant, *dtypes;
+    PyObject *type, *refused, *constant, *dtypes, *codes;
     PyTypeObject *memory;
+    PyTypeObject *array; /* of NumPy */
     Block blocks[BLOCKS]; int n_blocks, program;
     char *next;
     Op *ops; Pieces *touched; i64 count, room, room_touched;
@@ -286,18 +287,41 @@ static int same(const View *a, const View *b) {
     return 1;
 }
 
-/* apply(code for real numbers, code for complex ones, out or None, ...) -> out */
-static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
+/* Whether what follows on each place along a dimension is as far away. */
+static int spaced(const View *places, const char *at, int along, i64 step, int d) {
+    if (d == places->nd) return *(const i64 *)(at + places->step[along]) - *(const i64 *)at == step;
+    for (i64 k = 0; k < places->shape[d] - (d == along); k++)
+        if (!spaced(places, at + k * places->step[d], along, step, d + 1)) return 0;
+    return 1;
+}
+
+/* Let v go along with places in it: steps where they are equally spaced, which then are those of the first ones. */
+static void follow(View *v, View *places) {
+    View w = {v->at, v->item, places->nd, {0}, {0}};
+    memcpy(w.shape, places->shape, sizeof w.shape);
+    *v = w;
+    if (!entries(v)) return;
+    for (int d = v->nd - 1; d >= 0; d--) {
+        if (v->shape[d] < 2) continue;
+        i64 step = *(i64 *)(places->at + places->step[d]) - *(i64 *)places->at;
+        if (!spaced(places, places->at, d, step, 0)) return;
+        v->step[d] = step;
+        places->step[d] = 0;
+    }
+}
+
+/* Write down an operation, by its code for real numbers or that for complex ones: out or None, ... -> out */
+static PyObject *applied(Tape *t, int code, int complex_code, PyObject *const *args, int n) {
     View v[OPERANDS], s = {NULL, 8, 0, {0}, {0}};
-    int k, n = (int)count - 2, given = n > 1 && args[2] != Py_None, complex = 0, copies[OPERANDS] = {0};
-    if (n < 2 || n > OPERANDS) { PyErr_SetString(PyExc_TypeError, "apply"); return NULL; }
-    int code = (int)PyLong_AsLong(args[0]), placed = code >= 0 && code < MATMUL && strchr(KINDS[code].kinds, 'i');
+    int k, given = args[0] != Py_None, complex = 0, copies[OPERANDS] = {0};
+    int placed = code >= 0 && code < MATMUL && strchr(KINDS[code].kinds, 'i');
     for (k = given ? 0 : 1; k < n; k++) {
-        if (placed && k == n - 1 ? viewed(t, args[2 + k], &v[k]) : operand(t, args[2 + k], &v[k])) return NULL;
+        if (placed && k == n - 1 ? viewed(t, args[k], &v[k]) : operand(t, args[k], &v[k])) return NULL;
         complex = complex || v[k].item == 16;
     }
-    if (complex) code = (int)PyLong_AsLong(args[1]);
-    if (code < 0) return PyErr_Occurred() ? NULL : Py_NewRef(Py_NotImplemented);
+    if (placed) follow(&v[given ? 0 : 1], &v[n - 1]);
+    if (complex) code = complex_code;
+    if (code < 0) return Py_NewRef(Py_NotImplemented);
     if (code == copy_D_code && v[1].item == 8) code = cast_D_code;
     if (code == copy_d_code && v[1].item == 1) code = copy_b_code;
     const char *kinds = KINDS[code].kinds;
@@ -323,7 +347,7 @@ static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
             if (!same_shape(&w, &v[0])) { refuse(t, "a result of another shape"); return NULL; }
             s = w;
             for (k = 1; k < n; k++) {
-                if (same(&v[0], &v[k])) { if (n == 2 && code == copy_code(v[0].item)) return Py_NewRef(args[2]); }
+                if (same(&v[0], &v[k])) { if (n == 2 && code == copy_code(v[0].item)) return Py_NewRef(args[0]); }
                 else if (overlap(&v[0], &v[k])) {
                     if (copied(t, &v[k], copy_code(v[k].item), v[k].item)) return NULL;
                     copies[k] = 1;
@@ -331,10 +355,17 @@ static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
             }
         }
     }
-    PyObject *out = given ? Py_NewRef(args[2]) : array_of(t, &v[0]);
+    PyObject *out = given ? Py_NewRef(args[0]) : array_of(t, &v[0]);
     if (out && elementwise(t, code, v, n, &s)) Py_CLEAR(out);
     for (k = 1; k < n; k++) if (copies[k]) leave(t, piece_at(t, v[k].at));
     return out;
+}
+
+/* apply(code for real numbers, code for complex ones, out or None, ...) -> out */
+static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    if (count < 4 || count > OPERANDS + 2) { PyErr_SetString(PyExc_TypeError, "apply"); return NULL; }
+    int codes[2] = {(int)PyLong_AsLong(args[0]), (int)PyLong_AsLong(args[1])};
+    return PyErr_Occurred() ? NULL : applied(t, codes[0], codes[1], args + 2, (int)count - 2);
 }
 
 /* ---------------------------------------------------------------- products of matrices */
@@ -574,6 +605,94 @@ static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
     return found;
 }
 
+/* ---------------------------------------------------------------- arrays that write down what is done with them */
+
+static _Thread_local Tape *recording; /* of this thread */
+
+/* Have a tape, or none, write down what this thread does with arrays. */
+PyObject *record(PyObject *module, PyObject *tape) {
+    PyObject *before = (PyObject *)recording;
+    recording = tape == Py_None ? NULL : (Tape *)Py_NewRef(tape);
+    Py_XDECREF(before);
+    Py_RETURN_NONE;
+}
+
+static PyObject *call_method(PyObject *a, const char *name, PyObject *args, PyObject *how) {
+    PyObject *method = PyObject_GetAttrString(a, name), *found = method ? PyObject_Call(method, args, how) : NULL;
+    Py_XDECREF(method);
+    return found;
+}
+
+/* a.__array_ufunc__(ufunc, method, *inputs, out=..., ...) */
+static PyObject *ufunc(PyObject *a, PyObject *args, PyObject *how) {
+    PyObject *codes = NULL, *out = NULL, *found, *given[OPERANDS];
+    Py_ssize_t count = PyTuple_Size(args), others = how ? PyDict_Size(how) : 0;
+    if (others == 1) out = PyDict_GetItemString(how, "out");
+    if (recording && others == (out != NULL) && count > 2 && count <= OPERANDS + 1 &&
+        !PyUnicode_CompareWithASCIIString(PyTuple_GetItem(args, 1), "__call__"))
+        codes = PyDict_GetItemWithError(recording->codes, PyTuple_GetItem(args, 0));
+    if (codes) {
+        given[0] = out ? PyTuple_GetItem(out, 0) : Py_None;
+        for (Py_ssize_t k = 2; k < count; k++) given[k - 1] = PyTuple_GetItem(args, k);
+        int real = (int)PyLong_AsLong(PyTuple_GetItem(codes, 0)), complex = (int)PyLong_AsLong(PyTuple_GetItem(codes, 1));
+        found = real == MATMUL ? matmul(recording, given, 3) : applied(recording, real, complex, given, (int)count - 1);
+        if (found != Py_NotImplemented) return found;
+        Py_DECREF(found);
+    }
+    return PyErr_Occurred() ? NULL : call_method(a, "_rare_ufunc", args, how);
+}
+
+/* Return a view of some places; None if they are not plainly numbered. */
+static PyObject *places(PyObject *a, PyObject *key) {
+    int several = PyTuple_Check(key), whole = 0;
+    Py_ssize_t n = several ? PyTuple_Size(key) : 1;
+    PyObject *all = recording ? PyTuple_New(n + 1) : NULL;
+    for (Py_ssize_t k = 0; k < n && all; k++) {
+        PyObject *one = several ? PyTuple_GetItem(key, k) : key;
+        whole = whole || one == Py_Ellipsis;
+        int number = PyIndex_Check(one) && !PyBool_Check(one) && !PyObject_TypeCheck(one, recording->array);
+        if (number || PySlice_Check(one) || one == Py_None || one == Py_Ellipsis)
+            PyTuple_SetItem(all, k, Py_NewRef(one));
+        else Py_CLEAR(all);
+    }
+    if (!all) return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
+    PyTuple_SetItem(all, n, Py_NewRef(Py_Ellipsis)); /* a single entry comes as an array too */
+    PyObject *found = ((binaryfunc)PyType_GetSlot(recording->array, Py_mp_subscript))(a, whole ? key : all);
+    Py_DECREF(all);
+    return found;
+}
+
+/* a[key] */
+static PyObject *taken(PyObject *a, PyObject *key) {
+    PyObject *found = places(a, key);
+    if (found != Py_None) return found;
+    Py_DECREF(found);
+    return PyObject_CallMethod(a, "_rare_take", "(O)", key);
+}
+
+/* a[key] = value */
+static int put(PyObject *a, PyObject *key, PyObject *value) {
+    PyObject *found = value ? places(a, key) : Py_NewRef(Py_None), *done = NULL;
+    if (found == Py_None) done = PyObject_CallMethod(a, "_rare_put", "(OO)", key, value);
+    else if (found) {
+        PyObject *given[] = {found, value};
+        done = applied(recording, copy_d_code, copy_D_code, given, 2);
+    }
+    Py_XDECREF(found); Py_XDECREF(done);
+    return done ? 0 : -1;
+}
+
+static PyMethodDef WRITTEN_METHODS[] = {
+    {"__array_ufunc__", (PyCFunction)(void (*)(void))ufunc, METH_VARARGS | METH_KEYWORDS, "Write down an operation."},
+    {NULL, NULL, 0, NULL},
+};
+static PyType_Slot WRITTEN_SLOTS[] = {
+    {Py_mp_subscript, taken}, {Py_mp_ass_subscript, put}, {Py_tp_methods, WRITTEN_METHODS},
+    {Py_tp_doc, "What arrays write down by themselves."}, {0, NULL},
+};
+static PyType_Spec WRITTEN = {"hfsim.maths._replay.Written", 0, 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE, WRITTEN_SLOTS};
+PyObject *written_type(PyObject *module) { return PyType_FromModuleAndSpec(module, &WRITTEN, NULL); }
+
 /* ---------------------------------------------------------------- Python */
 
 static PyObject *made(Tape *t, PyObject *const *args, Py_ssize_t count) {
@@ -626,8 +745,9 @@ static PyObject *keep(Tape *t, PyObject *count) {
 static Py_ssize_t length(Tape *t) { return t->count; }
 
 static int begin(Tape *t, PyObject *args, PyObject *how) {
-    if (!PyArg_ParseTuple(args, "OOOO!", &t->type, &t->refused, &t->constant, &PyTuple_Type, &t->dtypes)) return -1;
-    Py_INCREF(t->type); Py_INCREF(t->refused); Py_INCREF(t->constant); Py_INCREF(t->dtypes);
+    if (!PyArg_ParseTuple(args, "OOOO!O!", &t->type, &t->refused, &t->constant, &PyTuple_Type, &t->dtypes, &PyDict_Type, &t->codes)) return -1;
+    t->array = PyType_GetSlot((PyTypeObject *)t->type, Py_tp_base);
+    Py_INCREF(t->codes); Py_INCREF(t->type); Py_INCREF(t->refused); Py_INCREF(t->constant); Py_INCREF(t->dtypes);
     t->memory = (PyTypeObject *)PyType_FromSpec(&MEMORY);
     return t->memory ? 0 : -1;
 }
@@ -642,7 +762,7 @@ static int clear(Tape *t) { Py_CLEAR(t->constant); return 0; }
 static void end(Tape *t) {
     PyTypeObject *type = Py_TYPE((PyObject *)t);
     PyObject_GC_UnTrack(t);
-    Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->constant); Py_XDECREF(t->dtypes);
+    Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->constant); Py_XDECREF(t->dtypes); Py_XDECREF(t->codes);
     Py_XDECREF((PyObject *)t->memory);
     for (int k = 0; k < t->n_blocks; k++) { free(t->blocks[k].base); free(t->blocks[k].piece); }
     free(t->ops); free(t->touched); free(t->pieces); free(t->left);

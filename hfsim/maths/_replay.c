@@ -486,6 +486,7 @@ static PyObject *profile(PyObject *self, PyObject *args) { /* least ns per op ov
 static PyMethodDef METHODS[] = {
     {"run", run, METH_VARARGS, "Do operations (n, WORDS) on their memory, and calls of Python from a list."},
     {"iterate", iterate, METH_VARARGS, "Correct until that ends; return how often, negative where it fails."},
+    {"record", record, METH_O, "Have a tape, or none, write down what this thread does with arrays."},
 #ifdef PROFILE
     {"profile", profile, METH_VARARGS, "Return the least time of each operation [ns]."},
 #endif
@@ -505,10 +506,10 @@ static int fill(PyObject *module) {
                   set_code(codes, "call", CALL);
     for (int k = 0; k < MATMUL && !failed; k++) failed = set_code(codes, KINDS[k].name, k);
     failed = failed || PyModule_AddObjectRef(module, "CODES", codes);
-    PyObject *tape = failed ? NULL : tape_type(module);
-    failed = !tape || PyModule_AddObjectRef(module, "Tape", tape) || PyModule_AddIntConstant(module, "SOURCE", SOURCE);
-    Py_XDECREF(codes);
-    Py_XDECREF(tape);
+    PyObject *tape = failed ? NULL : tape_type(module), *written = tape ? written_type(module) : NULL;
+    failed = !written || PyModule_AddObjectRef(module, "Tape", tape) || PyModule_AddObjectRef(module, "Written", written) ||
+             PyModule_AddIntConstant(module, "SOURCE", SOURCE);
+    Py_XDECREF(codes); Py_XDECREF(tape); Py_XDECREF(written);
     return failed ? -1 : 0;
 }
 

@@ -41,4 +41,6 @@ extern const Kind KINDS[];
 
 int operate(const Op *o);
 PyObject *tape_type(PyObject *module);
+PyObject *written_type(PyObject *module);
+PyObject *record(PyObject *module, PyObject *tape);
 #endif

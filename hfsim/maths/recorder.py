@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from hfsim.maths.arrays import IntArray
 from hfsim.maths.tape import CODES, COMPLEX, KINDS, REAL, Tape, offsets
 from hfsim.maths.traced import Refused, Traced, plain
 
@@ -50,7 +51,7 @@ def codes(name: str) -> tuple[int, int]:
 ELEMENTWISE = {ufunc: codes(name) for ufunc, name in _NAMES.items()}
 COPY, WHERE, GATHER, SCATTER = map(codes, ("copy", "where", "gather", "scatter"))
 ELEMENTWISE[np.conjugate] = COPY[0], CODES.get("conj_D", -1)
-_GET = np.ndarray.__getitem__
+ELEMENTWISE[np.matmul] = 2 * (CODES.get("matmul", -1),)
 REDUCED = {np.add: codes("radd"), np.maximum: codes("rmax"), np.minimum: codes("rmin")}
 
 # ---------------------------------------------------------------------- operations
@@ -79,17 +80,7 @@ def _cast(tape: Tape, a: Any, dtype: np.dtype[Any]) -> Any:
 
 
 def _ufunc(tape: Tape, ufunc: Any, method: str, inputs: Any, out: Any, how: dict[str, Any]) -> Any:
-    if method == "__call__" and not how:
-        if ufunc is np.matmul:
-            return tape.core.matmul(out, *inputs)
-        if ufunc is np.power and type(inputs[1]) is int and inputs[1] == 3:
-            return tape.core.apply(*ELEMENTWISE[np.multiply], out, inputs[0] * inputs[0], inputs[0])
-        known = ELEMENTWISE.get(ufunc)
-        if known is not None:
-            found = tape.core.apply(*known, out, *inputs)
-            if found is not NotImplemented:
-                return found
-    elif method == "reduce" and ufunc in REDUCED and out is None:
+    if method == "reduce" and ufunc in REDUCED and out is None:
         return _reduce(tape, ufunc, *inputs, **how)
     if out is not None:
         raise Refused(f"{ufunc} into an array")
@@ -119,58 +110,25 @@ def _reduce(
 
 
 def _take(tape: Tape, a: Traced, key: Any) -> Any:
-    found = _part(a, key)
-    if tape.knows(found):
+    found = np.ndarray.__getitem__(a, key)
+    if isinstance(found, np.ndarray) and tape.knows(found):
         return found
-    places, within = _placed(tape, a, key)
-    return tape.core.apply(*GATHER, None, within, places)
+    return tape.core.apply(*GATHER, None, a, _places(tape, a, key))
 
 
 def _put(tape: Tape, a: Traced, key: Any, value: Any) -> None:
-    target = _part(a, key)
-    if tape.knows(target):
-        tape.core.apply(*COPY, target, value)
-        return
     given = value if isinstance(value, np.ndarray) else np.asarray(value, dtype=a.dtype)
     if np.may_share_memory(plain(given), plain(a)):
         given = given.copy()
-    places, within = _placed(tape, a, key)
-    tape.core.apply(*SCATTER, within, _cast(tape, given, a.dtype), places)
+    tape.core.apply(*SCATTER, a, _cast(tape, given, a.dtype), _places(tape, a, key))
 
 
-def _part(a: Traced, key: Any) -> Any:
-    """Return what stands at some places: a view of it if there is one."""
-    try:
-        return _GET(a, (*key, ...) if type(key) is tuple else (key, ...))
-    except IndexError:  # an ellipsis is among them
-        return _GET(a, key)
-
-
-def _placed(tape: Tape, a: Traced, key: Any) -> tuple[Any, Any]:
-    """Return the places of entries, from a view of some shape that goes along with them."""
+def _places(tape: Tape, a: Traced, key: Any) -> IntArray:
+    """Return how far entries are from the first one [bytes]."""
     if any(isinstance(one, Traced) for one in (key if type(key) is tuple else (key,))):
         raise Refused("places that depend on the state")
-    raw = _raw(tape, a)
-    places, within = _in_rows(offsets(raw.shape, raw.strides)[key])
-    view = np.lib.stride_tricks.as_strided(raw, places.shape, within)
-    return tape.keep(places), view
-
-
-def _in_rows(places: Any) -> tuple[Any, tuple[int, ...]]:
-    """Return the places of rows, and the strides within them, if rows are equally spaced; else all places."""
-    strides = [0] * places.ndim
-    for axis in range(places.ndim - 1, -1, -1):
-        n = places.shape[axis]
-        if n < 2:
-            continue
-        ahead = (slice(None),) * axis
-        steps = places[(*ahead, slice(1, None))] - places[(*ahead, slice(-1))]
-        step = int(steps.flat[0]) if steps.size else 0
-        if not steps.size or (steps != step).any():
-            break
-        strides[axis] = step
-        places = np.broadcast_to(places[(*ahead, slice(1))], places.shape)
-    return places, tuple(strides)
+    found: IntArray = tape.keep(offsets(a.shape, a.strides)[key])
+    return found
 
 
 def called(tape: Any, func: Any, args: Any, kwargs: Any) -> Any:
@@ -211,6 +169,7 @@ def called(tape: Any, func: Any, args: Any, kwargs: Any) -> Any:
 class Recorder(Tape):
     """A tape that traced arrays write on."""
 
+    operations = ELEMENTWISE
     ufunc = _ufunc
     take = _take
     put = _put

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.maths.kernel import replay
 from hfsim.maths.recorder import COPY, WHERE, Recorder, codes
 from hfsim.maths.tape import COMPLEX, REAL
 from hfsim.maths.traced import Recording, Refused, Traced, plain, recorder
@@ -43,7 +44,7 @@ def _where(tape: Recorder, condition: Any, x: Any, y: Any) -> Any:
 def _dot(tape: Recorder, a: Any, b: Any) -> Any:
     if np.ndim(a) > 2 or np.ndim(b) > 2 or 0 in (np.ndim(a), np.ndim(b)):
         raise Refused("a product of such shapes")
-    return tape.ufunc(np.matmul, "__call__", (a, b), None, {})
+    return tape.core.matmul(None, a, b)
 
 
 def _cumsum(tape: Recorder, a: Any, axis: int | None = None) -> Any:
@@ -59,8 +60,7 @@ def _bincount(tape: Recorder, places: Any, weights: Any = None, minlength: int =
     if isinstance(places, Traced) or weights is None:
         raise Refused("places that depend on the state")
     out = np.zeros(max(minlength, int(places.max(initial=-1)) + 1))
-    still = np.lib.stride_tricks.as_strided(plain(out), places.shape, (0,))
-    tape.core.apply(*codes("sadd"), still, weights, tape.keep(8 * places.astype(np.int64)))
+    tape.core.apply(*codes("sadd"), out, weights, tape.keep(8 * places.astype(np.int64)))
     return out
 
 
@@ -231,11 +231,18 @@ def recording(tape: Recorder) -> Iterator[None]:
         finally:  # not by a call, before which a signal could raise
             Recording.tape = before
             NUMPY.update(ORIGINAL if before is None else REPLACED)
+            _record(before)
 
 
 def _set(tape: Recorder | None) -> None:
     Recording.tape = tape
     NUMPY.update(ORIGINAL if tape is None else REPLACED)
+    _record(tape)
+
+
+def _record(tape: Recorder | None) -> None:
+    assert replay is not None
+    replay.record(None if tape is None else tape.core)
 
 
 Recorder.switch = staticmethod(_set)

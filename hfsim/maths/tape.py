@@ -14,9 +14,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache, partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+from numpy import array  # itself, also while something stands in for it
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.kernel import replay
@@ -91,6 +92,9 @@ class Tape:
         Their names.
     """
 
+    operations: ClassVar[dict[Any, tuple[int, int]]] = {}
+    """Codes of NumPy's operations on real numbers and on complex ones."""
+
     def __init__(self) -> None:
         assert replay is not None
         self.calls: list[Callable[[], None]] = []
@@ -101,7 +105,7 @@ class Tape:
         self._cuts = [0]
         # arrays refer to the core: it must not refer to what refers to arrays, in loops that nothing finds
         kept = partial(constant, self._constants)
-        self.core: Any = replay.Tape(Traced, Refused, kept, (REAL, COMPLEX, TRUTH))
+        self.core: Any = replay.Tape(Traced, Refused, kept, (REAL, COMPLEX, TRUTH), self.operations)
         self.knows: Callable[[Any], bool] = self.core.knows
         """Whether an array lies in the memory of the tape."""
         self.reads: Callable[[Any], bool] = self.core.reads
@@ -185,7 +189,7 @@ def constant(known: dict[int, tuple[Any, np.ndarray]], a: Any) -> np.ndarray:
     """Return a copy of an array that is no memory of a tape: one for all its uses."""
     found = known.get(id(a))
     if found is None:
-        value = np.array(a)
+        value = array(a)
         found = a, value if value.dtype in KINDS else value.astype(float)
         known[id(a)] = found  # itself too, so that nothing else gets its identity
     return found[1]

@@ -9,6 +9,9 @@ from typing import Any
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.kernel import replay
+
+Written: Any = object if replay is None else replay.Written
 
 
 class Refused(Exception):  # noqa: N818
@@ -30,25 +33,27 @@ def recorder() -> Any:
     return Recording.tape
 
 
-class Traced(np.ndarray):
-    """An array in the memory of a tape."""
+class Traced(Written, np.ndarray):  # type: ignore[misc]
+    """An array in the memory of a tape: what is common with it is written down natively."""
 
     __array_priority__ = 1e9
 
-    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **how: Any) -> Any:
-        """Write down an operation."""
-        tape = Recording.tape or recorder()
-        return tape.ufunc(ufunc, method, inputs, None if out is None else out[0], how)
+    def _rare_ufunc(self, ufunc: Any, method: str, *inputs: Any, out: Any = None, **how: Any) -> Any:
+        return recorder().ufunc(ufunc, method, inputs, None if out is None else out[0], how)
+
+    def _rare_take(self, key: Any) -> Any:
+        return recorder().take(self, key)
+
+    def _rare_put(self, key: Any, value: Any) -> None:
+        recorder().put(self, key, value)
+
+    def __pow__(self, exponent: Any) -> Any:  # type: ignore[override]
+        """Write down a power: products take less time."""
+        return self * self * self if exponent == 3 else super().__pow__(exponent)
 
     def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
         """Write down a function of NumPy."""
         return recorder().function(func, args, kwargs)
-
-    def __getitem__(self, key: Any) -> Any:
-        return (Recording.tape or recorder()).take(self, key)
-
-    def __setitem__(self, key: Any, value: Any) -> None:
-        recorder().put(self, key, value)
 
     def __iter__(self) -> Iterator[Any]:
         return (self[k] for k in range(len(self)))
