@@ -34,17 +34,24 @@ typedef double complex cplx;
 #define UNROLL _Pragma("GCC unroll 8")
 #define IVDEP _Pragma("GCC ivdep")
 
-typedef void (*Inner)(char **at, const i64 *step, i64 n);
+/* n entries of several rows: for each operand an address, and steps within a row and between rows */
+typedef void (*Inner)(char **at, const i64 *step, const i64 *row, i64 n, i64 rows);
 
 /* ---------------------------------------------------------------- elementwise: out, a, b */
 
 #define AT(T, k, i) (*(T *)(at[k] + (i) * step[k]))
+#define ROWS_OF(NAME, OPERANDS, ...)                                                                         \
+    WIDE static void NAME(char **at, const i64 *step, const i64 *row, i64 n, i64 rows) {                     \
+        for (i64 i; rows; rows--) {                                                                          \
+            __VA_ARGS__                                                                                      \
+            for (int k = 0; k < OPERANDS; k++) at[k] += row[k];                                              \
+        }                                                                                                    \
+    }
 #define BINARY(NAME, TO, T, EXPR)                                                                            \
-    WIDE static void NAME(char **at, const i64 *step, i64 n) {                                               \
-        i64 i;                                                                                               \
+    ROWS_OF(NAME, 3,                                                                                         \
         if (step[0] == sizeof(TO) && step[1] == sizeof(T) && step[2] == sizeof(T)) {                         \
-            TO *o = (TO *)at[0]; const T *p = (const T *)at[1], *q = (const T *)at[2];                       \
-            IVDEP for (i = 0; i < n; i++) { T a = p[i], b = q[i]; o[i] = EXPR; }                             \
+            TO *o = (TO *)at[0]; const T *p = (const T *)at[1]; const T *q = (const T *)at[2];               \
+            IVDEP for (i = 0; i < n; i++) { T a = p[i]; T b = q[i]; o[i] = EXPR; }                           \
         } else if (step[0] == sizeof(TO) && step[1] == sizeof(T) && step[2] == 0) {                          \
             TO *o = (TO *)at[0]; const T *p = (const T *)at[1]; const T b = *(T *)at[2];                     \
             IVDEP for (i = 0; i < n; i++) { T a = p[i]; o[i] = EXPR; }                                       \
@@ -52,27 +59,26 @@ typedef void (*Inner)(char **at, const i64 *step, i64 n);
             TO *o = (TO *)at[0]; const T *q = (const T *)at[2]; const T a = *(T *)at[1];                     \
             IVDEP for (i = 0; i < n; i++) { T b = q[i]; o[i] = EXPR; }                                       \
         } else {                                                                                             \
-            for (i = 0; i < n; i++) { T a = AT(T, 1, i), b = AT(T, 2, i); AT(TO, 0, i) = EXPR; }             \
-        }                                                                                                    \
-    }
+            for (i = 0; i < n; i++) { T a = AT(T, 1, i); T b = AT(T, 2, i); AT(TO, 0, i) = EXPR; }           \
+        })
 #define UNARY(NAME, TO, T, EXPR)                                                                             \
-    WIDE static void NAME(char **at, const i64 *step, i64 n) {                                               \
-        i64 i;                                                                                               \
+    ROWS_OF(NAME, 2,                                                                                         \
+        TO *o = (TO *)at[0]; const T *p = (const T *)at[1];                                                  \
         if (step[0] == sizeof(TO) && step[1] == sizeof(T)) {                                                 \
-            TO *o = (TO *)at[0]; const T *p = (const T *)at[1];                                              \
             IVDEP for (i = 0; i < n; i++) { T a = p[i]; o[i] = EXPR; }                                       \
+        } else if (step[0] == sizeof(TO) && step[1] == 2 * sizeof(T)) {                                      \
+            IVDEP for (i = 0; i < n; i++) { T a = p[2 * i]; o[i] = EXPR; }                                   \
         } else if (step[0] == sizeof(TO) && step[1] == 0) {                                                  \
-            TO *o = (TO *)at[0]; const T a = *(T *)at[1]; const TO all = EXPR;                               \
+            const T a = *p; const TO all = EXPR;                                                             \
             for (i = 0; i < n; i++) o[i] = all;                                                              \
         } else {                                                                                             \
             for (i = 0; i < n; i++) { T a = AT(T, 1, i); AT(TO, 0, i) = EXPR; }                              \
-        }                                                                                                    \
-    }
+        })
 /* out op= a, where out may stand still: then several partial results, which do not wait for one another */
 #define REDUCE(NAME, T, EXPR)                                                                                \
     static inline T NAME##_of(T r, T a) { return EXPR; }                                                     \
-    WIDE static void NAME(char **at, const i64 *step, i64 n) {                                               \
-        i64 i = 0;                                                                                           \
+    ROWS_OF(NAME, 2,                                                                                         \
+        i = 0;                                                                                               \
         if (step[0] == 0) {                                                                                  \
             T r = *(T *)at[0];                                                                               \
             if (n >= 16) {                                                                                   \
@@ -92,8 +98,7 @@ typedef void (*Inner)(char **at, const i64 *step, i64 n);
             IVDEP for (i = 0; i < n; i++) o[i] = NAME##_of(o[i], p[i]);                                      \
         } else {                                                                                             \
             for (i = 0; i < n; i++) AT(T, 0, i) = NAME##_of(AT(T, 0, i), AT(T, 1, i));                       \
-        }                                                                                                    \
-    }
+        })
 
 static inline cplx mul(cplx a, cplx b) {
     double x = creal(a), y = cimag(a), u = creal(b), v = cimag(b);
@@ -109,8 +114,8 @@ static inline cplx quo(cplx a, cplx b) {
     r = u / v; d = 1.0 / (v + u * r);
     return CMPLX((x * r + y) * d, (y * r - x) * d);
 }
-static inline double larger(double a, double b) { return (a >= b || a != a) ? a : b; }
-static inline double smaller(double a, double b) { return (a <= b || a != a) ? a : b; }
+static inline double larger(double a, double b) { return ((a >= b) | (a != a)) ? a : b; }
+static inline double smaller(double a, double b) { return ((a <= b) | (a != a)) ? a : b; }
 
 BINARY(add_d, double, double, a + b)
 BINARY(sub_d, double, double, a - b)
@@ -157,30 +162,19 @@ REDUCE(radd_D, cplx, r + a)
 REDUCE(rmax_d, double, larger(r, a))
 REDUCE(rmin_d, double, smaller(r, a))
 
-static void where_d(char **at, const i64 *step, i64 n) {
-    for (i64 i = 0; i < n; i++) AT(double, 0, i) = AT(char, 1, i) ? AT(double, 2, i) : AT(double, 3, i);
-}
-static void where_D(char **at, const i64 *step, i64 n) {
-    for (i64 i = 0; i < n; i++) AT(cplx, 0, i) = AT(char, 1, i) ? AT(cplx, 2, i) : AT(cplx, 3, i);
-}
+ROWS_OF(where_d, 4, for (i = 0; i < n; i++) AT(double, 0, i) = AT(char, 1, i) ? AT(double, 2, i) : AT(double, 3, i);)
+ROWS_OF(where_D, 4, for (i = 0; i < n; i++) AT(cplx, 0, i) = AT(char, 1, i) ? AT(cplx, 2, i) : AT(cplx, 3, i);)
 
 /* out, a, places: out[i] = a[i + places[i]], places in bytes; and the other way round */
-static void gather_d(char **at, const i64 *step, i64 n) {
+#define FROM(T) *(T *)(at[1] + i * step[1] + AT(i64, 2, i))
+#define INTO(T) *(T *)(at[0] + i * step[0] + AT(i64, 2, i))
+ROWS_OF(gather_d, 3,
     if (step[2] == 0 && step[0] == 8 && step[1] == 8) memcpy(at[0], at[1] + *(i64 *)at[2], n * 8);
-    else for (i64 i = 0; i < n; i++) AT(double, 0, i) = *(double *)(at[1] + i * step[1] + AT(i64, 2, i));
-}
-static void sadd_d(char **at, const i64 *step, i64 n) {
-    for (i64 i = 0; i < n; i++) *(double *)(at[0] + i * step[0] + AT(i64, 2, i)) += AT(double, 1, i);
-}
-static void gather_D(char **at, const i64 *step, i64 n) {
-    for (i64 i = 0; i < n; i++) AT(cplx, 0, i) = *(cplx *)(at[1] + i * step[1] + AT(i64, 2, i));
-}
-static void scatter_d(char **at, const i64 *step, i64 n) {
-    for (i64 i = 0; i < n; i++) *(double *)(at[0] + i * step[0] + AT(i64, 2, i)) = AT(double, 1, i);
-}
-static void scatter_D(char **at, const i64 *step, i64 n) {
-    for (i64 i = 0; i < n; i++) *(cplx *)(at[0] + i * step[0] + AT(i64, 2, i)) = AT(cplx, 1, i);
-}
+    else for (i = 0; i < n; i++) AT(double, 0, i) = FROM(double);)
+ROWS_OF(gather_D, 3, for (i = 0; i < n; i++) AT(cplx, 0, i) = FROM(cplx);)
+ROWS_OF(scatter_d, 3, for (i = 0; i < n; i++) INTO(double) = AT(double, 1, i);)
+ROWS_OF(scatter_D, 3, for (i = 0; i < n; i++) INTO(cplx) = AT(cplx, 1, i);)
+ROWS_OF(sadd_d, 3, for (i = 0; i < n; i++) INTO(double) += AT(double, 1, i);)
 
 #define LISTED(f, k) {f, sizeof(k) - 1},
 static const struct { Inner inner; int operands; } TABLE[] = {ELEMENTWISE(LISTED)};
@@ -189,14 +183,16 @@ const Kind KINDS[] = {ELEMENTWISE(TOLD)};
 
 static inline void elementwise(const Op *o, Inner inner, int operands) {
     char *at[OPERANDS];
-    i64 step[OPERANDS], count[DIMS] = {0};
-    int d, k, last = (int)o->ndim - 1;
-    for (k = 0; k < operands; k++) { at[k] = o->at[k]; step[k] = o->step[k][last]; }
+    i64 step[OPERANDS], row[OPERANDS], count[DIMS] = {0};
+    int d, k, last = (int)o->ndim - 1, rows = last - 1;
+    for (k = 0; k < operands; k++) {
+        at[k] = o->at[k]; step[k] = o->step[k][last]; row[k] = rows < 0 ? 0 : o->step[k][rows];
+    }
     for (;;) {
         char *here[OPERANDS];
         for (k = 0; k < operands; k++) here[k] = at[k];
-        inner(here, step, o->shape[last]);
-        for (d = last - 1; d >= 0; d--) {
+        inner(here, step, row, o->shape[last], rows < 0 ? 1 : o->shape[rows]);
+        for (d = rows - 1; d >= 0; d--) {
             for (k = 0; k < operands; k++) at[k] += o->step[k][d];
             if (++count[d] < o->shape[d]) break;
             for (k = 0; k < operands; k++) at[k] -= o->step[k][d] * o->shape[d];
