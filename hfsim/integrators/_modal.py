@@ -19,6 +19,7 @@ from hfsim.mechanics.linearized import Linearized
 
 DRIVEN = 1e-6
 """Motion of joints in a step, in units of their equations, up to which modes are not taken along."""
+_Factor = tuple[Any, Any]
 SLOW = 1e-2
 """Angle that a mode swings in a step below which its answer to forces is a power of time."""
 
@@ -85,7 +86,7 @@ class ModalDerivative(Derivative):
     def __post_init__(self) -> None:
         # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
         self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
-        self._factor: ByStep[tuple[ComplexArray, ComplexArray]] = ByStep()
+        self._factors: ByStep[tuple[_Factor, _Factor]] = ByStep()
         rows = self.L if self.joints is None else np.concatenate([self.L, self.joints.jacobian])
         self._columns = np.ascontiguousarray(rows.T)
 
@@ -190,19 +191,19 @@ class ModalDerivative(Derivative):
 
     def correction(self, table: Collocation, h: float) -> Correction:
         """Multiply each mode and pole by (h pole)^2 and divide it by 1 + (h pole)^2 w2."""
-        mu2, factor = self._factor.of(h, lambda: self._factors((h * table.poles[:, None]) ** 2))
-        left, right, moved = 2.0 * table.left, table.right, h * h * table.A2
+        factor, mu2 = self._factors.of(h, lambda: self._parted((h * table.poles[:, None]) ** 2))
+        poles, moved = len(table.poles), h * h * table.A2
         R, end_rate, per_rate = np.ascontiguousarray(self.R.T), table.end_rate / h, self._per_rate
         joints, m = self.joints, len(self.w2)
         columns = self._columns if self.mass is None else None
 
         def correct(r: Array) -> tuple[Array, Array]:
             r = r if columns is None else r @ columns
-            z = right @ r[:, :m]
+            parts = (table.parting @ r).reshape(2, poles, -1)
+            z = parts[:, :, :m]
             if joints is not None:
-                z -= mu2 * (right @ (r[:, m:] @ joints.forces))
-            z *= factor
-            modes = self._real(left @ z)
+                z = z - _product(mu2, parts[:, :, m:]) @ joints.forces
+            modes = table.joining @ _product(factor, z).reshape(2 * poles, m)
             # back in coordinates: amplitudes of nearly parallel modes mean nothing one by one
             y, consequence = modes @ R, ((end_rate @ modes) * per_rate) @ R
             if joints is not None:
@@ -214,8 +215,14 @@ class ModalDerivative(Derivative):
 
         return correct
 
-    def _factors(self, mu2: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        return mu2, np.asarray(mu2 / (1.0 + mu2 * self.w2), complex)
+    def _parted(self, mu2: ComplexArray) -> tuple[_Factor, _Factor]:
+        """Return the factors of modes, and those of what joints are driven by."""
+        factor = mu2 / (1.0 + mu2 * self.w2)
+        driven = _factor(mu2.real, mu2.imag)
+        if np.isrealobj(self.w2):
+            return _factor(factor.real, factor.imag), driven
+        other = mu2.conj() / (1.0 + mu2.conj() * self.w2)  # complex frequencies have nothing to do with poles
+        return _factor(0.5 * (factor + other), -0.5j * (factor - other)), driven
 
     def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
         """Return a product with the inverse, put together from the modes."""
@@ -225,6 +232,16 @@ class ModalDerivative(Derivative):
             coupled = self.joints.closing.T - (self.R * (by_q * divisor)) @ self.joints.forces.T
             inverse += coupled @ self.joints.jacobian
         return lambda r: np.asarray(inverse @ r)
+
+
+def _factor(real: Any, imaginary: Any) -> _Factor:
+    """Return what multiplies equal parts, and what the other ones."""
+    return np.ascontiguousarray(real), np.stack([-imaginary, imaginary])
+
+
+def _product(factor: _Factor, parts: Any) -> Any:
+    """Return complex products of real and imaginary parts (2, n_poles, n)."""
+    return factor[0] * parts + factor[1] * parts[::-1]
 
 
 def _response(tau: Array, free: Array | ComplexArray, square: Array | ComplexArray, power: int) -> Any:

@@ -71,6 +71,8 @@ class Collocation:
     poles, left, right
         ``A = left @ diag(poles) @ right``; of each complex pair only one is kept, so that
         ``A z = 2 Re(left @ (poles * (right @ z)))`` with a real pole counted half.
+    parting, joining : ndarray, shapes (2 n_poles, s) and (s, 2 n_poles)
+        ``right`` and ``2 Re(left @ ...)`` in real numbers: real parts, then imaginary ones.
     """
 
     nodes: Array
@@ -85,6 +87,8 @@ class Collocation:
     poles: ComplexArray
     left: ComplexArray
     right: ComplexArray
+    parting: Array
+    joining: Array
 
     @property
     def stages(self) -> int:
@@ -103,6 +107,7 @@ def _collocation(nodes: Array, order: int, last: Fraction) -> Collocation:
     left, right = values @ vectors, readings @ to_legendre
     size = np.sqrt(np.abs(left).max(axis=0) / np.abs(right).max(axis=1))
     half = np.where(np.abs(poles.imag) < 1e-12, 0.5, 1.0)
+    left, right = left * (half / size), right * size[:, None]
     A2 = A @ A
     b = (once_end @ to_legendre)[0]
     return Collocation(
@@ -116,8 +121,10 @@ def _collocation(nodes: Array, order: int, last: Fraction) -> Collocation:
         A2_inverse=np.linalg.inv(A2),
         end_rate=np.linalg.solve(A2.T, b),
         poles=poles,
-        left=left * (half / size),
-        right=right * size[:, None],
+        left=left,
+        right=right,
+        parting=np.concatenate([right.real, right.imag]),
+        joining=2.0 * np.concatenate([left.real, -left.imag], axis=1),
     )
 
 

@@ -190,10 +190,10 @@ class DenseDerivative(Derivative):
         s, (poles, n, _), end_rate = table.stages, inverse.shape, table.end_rate / h
         x, y = table.left.real, table.left.imag
         left = 2.0 * np.stack([x, -y, -y, -x], axis=2).reshape(s, -1)
-        right = np.stack([table.right.real, table.right.imag], axis=1).reshape(-1, s)
 
         def correct(r: Array) -> tuple[Array, Array]:
-            solved = (right @ r).reshape(poles, 2, n) @ inverse
+            parts = (table.parting @ r).reshape(2, poles, n)
+            solved = parts.swapaxes(0, 1) @ inverse
             y = left @ solved.reshape(-1, n)
             # without modes every velocity error counts as if it were slow, which is on the safe side
             return y, 0.5 * np.abs(end_rate @ y).max()
