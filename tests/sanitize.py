@@ -23,7 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 FLAGS = ("-O1", "-g", "-fno-omit-frame-pointer", "-fsanitize=address,undefined", "-fno-sanitize-recover")
 LIBRARIES = ("libasan.so", "libstdc++.so")
 """Loaded first; without the second one an exception of C++ in any other package ends the process."""
-KERNEL = ("tests/maths", "tests/marching/test_kernel.py", "tests/marching/test_kernel_in_threads.py")
+KERNEL = ("tests/maths", *sorted(str(one.relative_to(ROOT)) for one in ROOT.glob("tests/*/test_kernel*.py")))
 LIMITED = "tests/scene/test_memory.py"
 """Holds limits of memory, of which the sanitizer takes more."""
 REST = ("tests/marching", "tests/integrators", "tests/parts", "tests/scene", "tests/studies")

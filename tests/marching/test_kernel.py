@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from natively import at_once, native
 
-from hfsim.integrators import _often
 from hfsim.integrators._ending import Ending
 from hfsim.marching.integration import run_integration
 from hfsim.maths import kernel
@@ -21,7 +21,7 @@ from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 
-pytestmark = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
+pytestmark = native
 CASES = Path(__file__).parent.parent.parent / "cases"
 DECKS = sorted(path.stem for path in CASES.glob("*.yaml"))
 STATES = 3
@@ -179,30 +179,3 @@ def test_runs_tell_whether_the_kernel_was_used(method, way, monkeypatch):
     summary = summary_of(simulate(loaded), Provenance("pendulum.yaml", "0" * 64, (), {}), [])
     assert summary["kernel"] == way
     assert (summary["native_steps"] > 0) == ((method, way) == ("auto", "native"))
-
-
-def at_once(monkeypatch):
-    """Let all be recorded when it comes for the second time."""
-    for name in ("EARLY", "SEEN", "MANY"):
-        monkeypatch.setattr(_often, name, 0)
-
-
-@pytest.mark.parametrize(
-    "name, settings",
-    [
-        ("extreme/four_bar", ["bodies.crank.mass=1e30", "solve.duration=0.05"]),
-        ("pendulum", ["solve.model=lowOrder", "solve.duration=0.1"]),
-    ],
-)
-def test_failures_are_those_of_numpy(name, settings, monkeypatch):
-    """What is out of range, not finite or breaks down ends in the same words, at the same time."""
-    at_once(monkeypatch)
-    stops = []
-    for way in ("native", "numpy"):
-        monkeypatch.setattr(kernel, "KERNEL", way)
-        run = simulate(load_deck(CASES / f"{name}.yaml", settings), error_estimate=False)
-        stops.append(run)
-    one, other = stops
-    assert one.status == other.status == "failed"
-    assert (one.exit_code, one.reason) == (other.exit_code, other.reason)
-    assert one.stop_time == pytest.approx(other.stop_time, rel=1e-6, abs=1e-8)

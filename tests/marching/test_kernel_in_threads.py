@@ -8,15 +8,14 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
+from natively import at_once, native
 
-from hfsim.integrators import _often
 from hfsim.marching.integration import run_integration
 from hfsim.maths import kernel
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
 from hfsim.scene.shipped import CASES
 
-native = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
 SCENES = {"pendulum": 0.4, "hub_beams": 0.04, "two_beams": 0.04}
 
 
@@ -40,8 +39,7 @@ def taking_turns():
 
 
 def test_threads_find_what_they_find_alone(taking_turns, monkeypatch):
-    for name in ("EARLY", "SEEN", "MANY"):
-        monkeypatch.setattr(_often, name, 0)
+    at_once(monkeypatch)
     alone = [end_of(scene_of(name)) for name in SCENES]
     scenes = [scene_of(name) for name in SCENES]
     with ThreadPoolExecutor(len(scenes)) as threads:
