@@ -11,7 +11,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.kernel import replay
 
-Written: Any = object if replay is None else replay.Written
+Written: Any = type("Written", (), {}) if replay is None else replay.Written
 
 
 class Refused(Exception):  # noqa: N818
