@@ -12,16 +12,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands import STARTED
 from hfsim.commands.decks import command_line, loader
-from hfsim.commands.options import names, output_options, repeats_option, setting_options, talk_options
+from hfsim.commands.options import (
+    names,
+    output_options,
+    repeats_option,
+    setting_options,
+    talk_options,
+    timing_workers_options,
+)
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
-    from hfsim.marching.stop import Progress as Tell
     from hfsim.output.runfolder import RunFolder
+    from hfsim.studies.cluster import Workers
     from hfsim.studies.compare import Comparison, Prepared
 
 
@@ -61,6 +67,7 @@ class Plan:
     "--require", multiple=True, metavar="MODEL", help="Exit with 4 if this model misses --max-error."
 )
 @repeats_option("Time short solves so often and take the median.")
+@timing_workers_options
 @output_options
 @setting_options("keep_all")
 @click.option(
@@ -76,6 +83,7 @@ def compare(
     channels: tuple[str, ...],
     require: tuple[str, ...],
     repeats: int,
+    workers: Workers,
     to: Destination,
     overrides: tuple[str, ...],
     error_estimate: bool,
@@ -92,7 +100,8 @@ def compare(
     """
     case = case or default_case()
     plan = make_plan(case, models, (reference, channels, require), overrides, to, talk)
-    raise click.exceptions.Exit(do_comparison(plan, max_error, repeats, error_estimate, require, report))
+    made = (max_error, repeats, error_estimate)
+    raise click.exceptions.Exit(do_comparison(plan, workers, made, require, report))
 
 
 def default_case() -> str:
@@ -143,7 +152,7 @@ def make_plan(
 
 
 def do_comparison(
-    plan: Plan, max_error: float, repeats: int, error_estimate: bool, require: Sequence[str], report: bool
+    plan: Plan, workers: Workers, made: tuple[float, int, bool], require: Sequence[str], report: bool
 ) -> int:
     """Run all models, write and tell the comparison, and return the exit code."""
     from hfsim.output.comparison import COLUMNS, as_rows, as_text
@@ -151,10 +160,15 @@ def do_comparison(
     from hfsim.studies.compare import as_facts, carry_out
 
     plan.study.begin()
-    name = plan.prepared.decks[plan.prepared.reference].deck.name
-    with Progress(name, sys.stderr, plan.study.talk.quiet) as progress:
-        run = partial(run_model, plan, error_estimate, progress.close)
-        comparison = carry_out(plan.prepared, max_error, repeats, run, progress)
+    loaded, (max_error, repeats, error_estimate) = plan.prepared.decks[plan.prepared.reference], made
+    with (
+        workers.executor(loaded.source.texts, timing=True) as executor,
+        Progress(loaded.deck.name, sys.stderr, plan.study.talk.quiet) as progress,
+    ):
+        take = partial(save_model, plan, progress.close)
+        comparison = carry_out(
+            plan.prepared, max_error, repeats, executor, progress, error_estimate, take
+        )
     runs = list(comparison.runs.values())
     tables = {"compare": (COLUMNS, as_rows(comparison))}
     text = as_text(comparison, plan.study.path)
@@ -190,24 +204,20 @@ def _exit_code(comparison: Comparison, require: Sequence[str]) -> int:
     return 4 if missed else 0
 
 
-def run_model(
-    plan: Plan, error_estimate: bool, wipe: Callable[[], None], model: str, progress: Tell
-) -> Run:
-    """Run one model, write its folder, and return the run; `wipe` clears the line for what is told."""
+def save_model(plan: Plan, wipe: Callable[[], None], model: str, run: Run) -> Run:
+    """Write the folder of a run, and return the run; `wipe` clears the line for what is told."""
     from hfsim.output.extras import Extras
     from hfsim.output.recording import save_run
     from hfsim.output.runfolder import RunLog, Stopwatch
     from hfsim.output.writers import Provenance
-    from hfsim.studies.compare import run_of
     from hfsim.trust.validity import validity_warnings
 
     deck, talk = plan.prepared.decks[model], plan.study.talk
-    first = model == next(iter(plan.folders))
-    watch = Stopwatch(wall_start=STARTED) if first else Stopwatch(cpu_start=time.process_time())
+    cpu, wall = (sum((run.statistics.get(key) or {}).values()) for key in ("cpu_s", "wall_s"))
+    watch = Stopwatch(cpu_start=time.process_time() - cpu, wall_start=time.perf_counter() - wall)
     provenance = Provenance.of(deck, plan.argument, (*plan.overrides, *plan.prepared.overrides[model]))
     log = RunLog(talk.detail)
     log.add(command_line())
-    run = run_of(plan.prepared, model, progress, error_estimate)
     wanted = Extras(plan.study.plots, format=plan.study.format)
     run, summary = save_run(plan.folders[model], run, provenance, watch, log, wanted)
     wipe()

@@ -143,31 +143,41 @@ def repeats_option(
     return click.option("--repeats", type=kind, default=default, show_default=True, help=words)
 
 
-def jobs_option(default: int = 0) -> _Option:
+def jobs_option(default: int = 0, words: str = "Processes at a time.") -> _Option:
     """Return the option that says how many processes work at a time; two unless told."""
     return click.option(
         "--jobs",
         type=click.IntRange(min=1),
         default=default or min(2, os.cpu_count() or 1),
         show_default=True,
-        help="Processes at a time.",
+        help=words,
     )
 
 
-workers_options = _gathered(
-    "workers",
-    lambda jobs, dask, dask_config: _workers(jobs, dask, dask_config),
-    jobs=jobs_option(os.cpu_count() or 1),
-    dask=click.option(
-        "--dask", metavar="ADDRESS", default="",
-        help="Work on a cluster of dask.distributed: its scheduler, tcp://HOST:8786, or local.",
-    ),
-    dask_config=click.option(
-        "--dask-config", type=click.Path(path_type=Path), metavar="FILE",
-        help="Start a cluster as a YAML file says: cluster: dask_jobqueue.SLURMCluster, options, workers.",
-    ),
-)  # fmt: skip
-"""A command gets these as one parameter ``workers``, a `Workers`."""
+def _workers_options(jobs: _Option) -> Callable[[_Function], _Function]:
+    """Return options that say where jobs are done, as one parameter ``workers`` of a command, a `Workers`."""
+    return _gathered(
+        "workers",
+        lambda jobs, dask, dask_config: _workers(jobs, dask, dask_config),
+        jobs=jobs,
+        dask=click.option(
+            "--dask", metavar="ADDRESS", default="",
+            help="Work on a cluster of dask.distributed: its scheduler, tcp://HOST:8786, or local.",
+        ),
+        dask_config=click.option(
+            "--dask-config", type=click.Path(path_type=Path), metavar="FILE",
+            help="Start a cluster as a YAML file says: "
+            "cluster: dask_jobqueue.SLURMCluster, options, workers.",
+        ),
+    )  # fmt: skip
+
+
+workers_options = _workers_options(jobs_option(os.cpu_count() or 1))
+"""Where jobs are done: without more, on all cores."""
+timing_workers_options = _workers_options(
+    jobs_option(1, "Processes at a time; side by side, runs disturb one another's CPU times.")
+)
+"""The same where jobs are timed: one at a time unless more are asked for."""
 
 
 def _workers(jobs: int, dask: str, dask_config: Path | None) -> Workers:

@@ -225,6 +225,10 @@ class ExpressionLaw(Law):
 
     tree: Node
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Say how it is made elsewhere: what is made of it is of one process."""
+        return ExpressionLaw, (self.tree,)
+
     @cached_property
     def _function(self) -> _Function:
         return _function(self.tree)

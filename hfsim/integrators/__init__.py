@@ -9,7 +9,7 @@ from pkgutil import resolve_name
 from hfsim.integrators._base import Attempt, Integrator, Method, Options, Stability, Stepper
 from hfsim.integrators._loop import Limits, Stepping, integrate
 from hfsim.integrators._memory import Memory, packed, part_of
-from hfsim.integrators._problem import Counts, PlainIncrements, Problem
+from hfsim.integrators._problem import Counts, PlainIncrements, Problem, Recordings
 from hfsim.integrators._trajectory import Segment, Trajectory, joined
 
 METHODS: dict[str, Integrator | str] = {
@@ -68,6 +68,7 @@ __all__ = [
     "Options",
     "PlainIncrements",
     "Problem",
+    "Recordings",
     "Segment",
     "Stability",
     "Stepper",

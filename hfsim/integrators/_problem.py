@@ -44,6 +44,13 @@ class Counts(Remembering):
             setattr(self, name, getattr(self, name) + value)
 
 
+class Recordings(dict[int, Any]):
+    """What is replayed of the equations, by thread; it does not go along into other processes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Recordings, ()
+
+
 class Increments(Protocol):
     """Coordinates for Newton corrections in which the derivative of the accelerations changes little.
 
@@ -143,8 +150,8 @@ class Problem:
     recharted : callable or None
         (q, v), shape (n,) each -> the same state in the coordinates to go on in, None if those are its own;
         None where all states have the same.
-    recordings : dict
-        What is replayed of the same equations, for each thread.
+    recordings : Recordings
+        What is replayed of the same equations.
     often : Often
         Which functions are replayed in a run.
     """
@@ -168,7 +175,7 @@ class Problem:
     edges: Edges = field(default_factory=Edges)
     recharted: Callable[[Array, Array], tuple[Array, Array] | None] | None = None
     counts: Counts = field(default_factory=Counts)
-    recordings: dict[int, Any] = field(default_factory=dict)
+    recordings: Recordings = field(default_factory=Recordings)
     often: Often = field(default_factory=Often)
 
     def count_on(self, start: float, end: float) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from hfsim.errors import LimitReached
 
@@ -58,6 +59,34 @@ class Shield:
 
 SHIELD = Shield()
 """That of this process."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """Tells how much is done of some work that is a part of more; in another process, nobody.
+
+    Attributes
+    ----------
+    report : callable
+        Told the share of all.
+    before, part : float
+        Of all the work what comes before, and this.
+    """
+
+    report: Progress
+    before: float
+    part: float
+
+    def __call__(self, share: float) -> None:
+        """Tell the share of this that is done."""
+        self.report(self.before + self.part * share)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Share, (_nobody, 0.0, 0.0)
+
+
+def _nobody(share: float) -> None:
+    """Be told, and say nothing."""
 
 
 @dataclass(eq=False)

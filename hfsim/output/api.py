@@ -10,7 +10,6 @@ import os
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -274,13 +273,13 @@ def compare(
         If the keyboard or a signal ends it.
     """
     from hfsim.studies import compare as study
+    from hfsim.studies.farm import Here
 
     base = load(deck, changes)
     wanted = study.usual_models(base.changed, _silent) if models is None else models
     chosen = study.chosen_models(wanted, reference)
     prepared = study.prepare(base.changed, chosen, reference, channels, _silent)
-    run_of = partial(study.run_of, prepared, error_estimate=error_estimate)
-    found = study.carry_out(prepared, max_error, repeats, run_of, progress)
+    found = study.carry_out(prepared, max_error, repeats, Here(), progress, error_estimate)
     if found.interrupted:
         raise KeyboardInterrupt
     return found

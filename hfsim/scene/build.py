@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from hfsim.deck.fields import split_point
-from hfsim.integrators import steps_in_absolute_coordinates
+from hfsim.integrators import Recordings, steps_in_absolute_coordinates
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import assemble, dense_up_to
@@ -87,9 +87,9 @@ class Scene:
         return self.loaded.deck
 
     @cached_property
-    def recordings(self) -> dict[int, Any]:
+    def recordings(self) -> Recordings:
         """What is replayed of the equations, for all integrations of the scene, which keep it here."""
-        return {}
+        return Recordings()
 
     @cached_property
     def free_motions(self) -> list[FreeMotion] | None:

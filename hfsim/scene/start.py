@@ -8,9 +8,9 @@ start that fulfils the joints is taken, and what that changes is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -203,7 +203,7 @@ def _settle(start: Start, place: _Stated) -> tuple[dict[str, Turn], Branches]:
     """
     link, x, free = start.linkage, place.values, ~place.stated
     if link.close(x, free & ~link.turns) < CLOSED:
-        return {}, lambda: _told_ways(start, _otherwise(start, place, free))
+        return {}, partial(_told_ways, start, place, free)
     begin = x.copy()
     starts = link.starts(begin, place.open & link.turns)
     found = link.search(starts[:1], free) or link.search(starts[1:], free)
@@ -211,33 +211,37 @@ def _settle(start: Start, place: _Stated) -> tuple[dict[str, Turn], Branches]:
     if guessed:
         found, free = _guesses(start, place, starts), ~place.exact
     x[:] = _near(link, found[0], begin)
-
     follow = _following(start, place.open & link.turns, np.abs(x - begin) > CLOSED)
+    return _turned(start, x, follow), partial(_branches, start, place, free, begin, starts, follow, guessed)
 
-    def closed(at: Array) -> dict[str, Turn]:
-        numbers = dict.fromkeys(int(k) // freedoms(start.n_dim) for k in follow)
-        turns = {k: tuple(map(float, link.poses(at)[k].turn)) for k in numbers}
-        return {start.names[k]: turn if len(turn) > 1 else turn[0] for k, turn in turns.items()}
 
-    def branches() -> list[dict[str, Turn]]:
-        if link.moves(x, free):
-            return []
-        ways = [x]
-        for one in link.search(starts, free):
-            if all(link.apart(one, way) > APART for way in ways):
-                ways.append(_near(link, one, begin))
-        others = _told_ways(start, _otherwise(start, place, ~place.stated), follow)
-        return others if guessed and others else [*(closed(way) for way in ways[1:]), *others]
+def _turned(start: Start, x: Array, follow: IntArray) -> dict[str, Turn]:
+    """Return the turns of the bodies that some columns are of."""
+    numbers = dict.fromkeys(int(k) // freedoms(start.n_dim) for k in follow)
+    turns = {k: tuple(map(float, start.linkage.poses(x)[k].turn)) for k in numbers}
+    return {start.names[k]: turn if len(turn) > 1 else turn[0] for k, turn in turns.items()}
 
-    return closed(x), branches
+
+def _branches(
+    start: Start, place: _Stated, free: BoolArray, begin: Array, starts: Array, moved: IntArray, guessed: bool
+) -> list[dict[str, Turn]]:
+    """Return the other ways to close the loops, from where that which was taken was looked for."""
+    link, ways = start.linkage, [place.values]
+    if link.moves(place.values, free):
+        return []
+    for one in link.search(starts, free):
+        if all(link.apart(one, way) > APART for way in ways):
+            ways.append(_near(link, one, begin))
+    others = _told_ways(start, place, ~place.stated, moved)
+    return others if guessed and others else [*(_turned(start, way, moved) for way in ways[1:]), *others]
 
 
 def _told_ways(
-    start: Start, ways: Iterable[tuple[int, Array]], follow: Sequence[int] | IntArray = ()
+    start: Start, place: _Stated, free: BoolArray, follow: Sequence[int] | IntArray = ()
 ) -> list[dict[str, Turn]]:
     """Return the angle of the body that would be stated otherwise, then those that follow, in each way."""
     found: list[dict[str, Turn]] = []
-    for k, x in ways:
+    for k, x in _otherwise(start, place, free):
         numbers = dict.fromkeys([k, *(int(column) // freedoms(start.n_dim) for column in follow)])
         turns = {start.names[n]: float(start.linkage.poses(x)[n].turn[0]) for n in numbers}
         found.append({name: float(wrap(np.array(turn))) for name, turn in turns.items()})

@@ -22,7 +22,7 @@ import yaml
 from hfsim import __version__
 from hfsim.deck.files import sent
 from hfsim.errors import HfsimError
-from hfsim.studies.farm import Executor, Farm, Outcome, Task, attempt
+from hfsim.studies.farm import Executor, Farm, Here, Outcome, Task, attempt
 
 _CONNECT = 20.0
 """Time in which a scheduler answers [s]."""
@@ -67,7 +67,7 @@ class Workers:
 
     @contextmanager
     def executor(
-        self, texts: Mapping[str, str] | None = None, deadline: float = float("inf")
+        self, texts: Mapping[str, str] | None = None, deadline: float = float("inf"), timing: bool = False
     ) -> Iterator[Executor]:
         """Yield what does jobs until the end of the block.
 
@@ -77,6 +77,8 @@ class Workers:
             Files that jobs read, by their names: they go with the jobs.
         deadline : float
             As of `Executor`.
+        timing : bool
+            Whether jobs measure times: a single one at a time is done by this process.
 
         Raises
         ------
@@ -84,7 +86,7 @@ class Workers:
             If there is no such cluster.
         """
         if not self.dask and self.config is None:
-            yield Farm(self.jobs, deadline)
+            yield Here(1, deadline) if timing and self.jobs == 1 else Farm(self.jobs, deadline)
             return
         _distributed()
         with _quiet(), self._client() as client:

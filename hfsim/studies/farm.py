@@ -20,10 +20,16 @@ from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from hfsim.errors import HfsimError
+
 _GRACE = 2.0
 """Time a worker gets beyond its limit to end by itself [s]; then it is ended."""
 _AHEAD = 2
 """Jobs that are kept ready for each worker, of those that are made as they are needed."""
+
+
+class JobLostError(HfsimError):
+    """A job without result, where all are needed."""
 
 
 @dataclass(frozen=True)
@@ -107,6 +113,25 @@ class Executor(ABC):
         """Let tasks come after those that are queued, each made when it is needed: there may be very many."""
         self._more = iter(tasks)
 
+    def results(
+        self, function: Callable[[Any], Any], arguments: Iterable[Any]
+    ) -> Generator[tuple[int, Any], None, None]:
+        """Yield what a function makes of some arguments, each with its number, as it comes in.
+
+        Raises
+        ------
+        JobLostError
+            If there is no result of one.
+        KeyboardInterrupt
+            If a signal ends that.
+        """
+        self.feed(Task(number, function, argument) for number, argument in enumerate(arguments))
+        with closing(self.outcomes()) as outcomes:
+            for outcome in outcomes:
+                if outcome.lost:
+                    raise JobLostError(outcome.lost)
+                yield outcome.key, outcome.value
+
     @abstractmethod
     def outcomes(self) -> Generator[Outcome, None, None]:
         """Serve the queue, also what is added meanwhile; yield outcomes as they come in.
@@ -149,6 +174,18 @@ class Executor(ABC):
             self._queue.appendleft(replace(task, tries=task.tries - 1))
         else:
             yield Outcome(task.key, lost=why)
+
+
+@dataclass
+class Here(Executor):
+    """The process itself, a job at a time: nothing disturbs what is timed, and signals reach jobs."""
+
+    jobs: int = 1
+
+    def outcomes(self) -> Generator[Outcome, None, None]:
+        """Serve the queue; see `Executor.outcomes`. What a job raises is raised."""
+        while time.perf_counter() < self.end and (task := self._next()) is not None:
+            yield Outcome(task.key, task.function(task.argument))
 
 
 @dataclass

@@ -68,6 +68,7 @@ class FakeScene:
         loaded = types.SimpleNamespace(
             deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=(), has_target=False
         )
+        loaded.source = types.SimpleNamespace(texts={})
         loaded.with_solve = lambda change: loaded
         loaded.with_numbers = lambda note=None: loaded
         return loaded

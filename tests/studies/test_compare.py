@@ -1,7 +1,9 @@
 """The judgement of `compare`, on synthetic runs whose differences are known."""
 
+import csv
 import json
 import math
+import pickle
 from dataclasses import replace
 from pathlib import Path
 
@@ -20,6 +22,7 @@ from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
 from hfsim.studies.compare import Measured, as_facts, compare, measure
 from hfsim.studies.compare.measurements import looser, time_error
+from hfsim.studies.farm import Here
 
 
 def make_run(model, error=0.0, cpu=1.0, end=1.0, deflection=None):
@@ -274,7 +277,7 @@ def held(case, models, *overrides, max_error=0.01, channels=()):
         decks[model] = load_deck(CASES / f"{case}.yaml", (*overrides, f"solve.model={model}", *settings))
     runs = [simulate(deck, error_estimate=False, outlines=True) for deck in decks.values()]
     found = Measured()
-    measure(decks, runs, 1, found)
+    measure(decks, runs, 1, found, Here())
     return compare(runs, "exact", max_error, found, channels)
 
 
@@ -318,6 +321,32 @@ FORCES = "output.channels=[b1.tip.x, b1.root.axial_force]"
 def called(*arguments):
     short = ("--no-plots", "--set", FORCES, "--set", "solve.duration=0.05")
     return CliRunner().invoke(app, [*arguments, *short])
+
+
+def test_models_side_by_side_give_the_same_but_for_times(tmp_path):
+    tables = []
+    for jobs in ("1", "2"):
+        folder = tmp_path / jobs
+        asked = ["compare", "linear", "--case", "pendulum", "--set", "solve.duration=0.02", "--no-plots"]
+        told = CliRunner().invoke(app, [*asked, "--jobs", jobs, "-o", str(folder)])
+        assert told.exit_code == 0, told.output
+        rows = csv.DictReader((folder / "compare.csv").read_text().splitlines())
+        tables.append([{key: value for key, value in row.items() if "cpu" not in key} for row in rows])
+        histories = [(folder / model / "history.csv").read_bytes() for model in ("linear", "exact")]
+        tables[-1] += histories
+    assert tables[0] == tables[1]
+
+
+def test_a_run_goes_along_into_other_processes_as_it_is():
+    """Steps, laws that are expressions, other ways to close its loops, and what it has recorded left out."""
+    for case in ("door", "hub_beams"):
+        deck = load_deck(CASES / f"{case}.yaml", ("solve.duration=0.01", "output.interval=0.005"))
+        run = simulate(deck, error_estimate=False)
+        sent = pickle.loads(pickle.dumps(run))
+        assert all(np.array_equal(sent.drawn[c.name], c.values) for c in run.drawn.channels)
+        scenes = [one.states[0].scene for one in (run, sent)]
+        assert scenes[0].assembly.branches() == scenes[1].assembly.branches()
+        assert not scenes[1].recordings
 
 
 def test_a_rigid_model_leaves_out_the_internal_forces_that_a_deck_asks_for(tmp_path, monkeypatch):

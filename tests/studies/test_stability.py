@@ -20,7 +20,7 @@ from hfsim.output.stability import map_text
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary
-from hfsim.studies.farm import Farm, Task
+from hfsim.studies.farm import Farm, Here, JobLostError, Task
 from hfsim.studies.stability.maps import stability_map
 from hfsim.studies.stability.results import Plan
 from hfsim.studies.stability.trials import Job, solve_point, solve_reference
@@ -65,6 +65,13 @@ def test_a_job_that_dies_or_fails_costs_only_itself():
     assert (found["a"].value, found["d"].value) == (2, 4)
     assert "exit code 7" in found["b"].lost
     assert found["c"].lost == "ValueError: so it is"
+
+
+def test_where_all_results_are_needed_a_lost_one_is_an_error():
+    for executor in (Here(), Farm(2)):
+        assert sorted(executor.results(double, [3, 4])) == [(0, 6), (1, 8)]
+        with pytest.raises((JobLostError, ValueError), match="so it is"):
+            list(executor.results(fail, [0]))
 
 
 def test_a_job_that_hangs_is_ended(monkeypatch):

@@ -20,11 +20,11 @@ from hfsim.studies.compare.difference import Difference
 from hfsim.studies.compare.judge import compare
 from hfsim.studies.compare.measurements import Measured, coordinates_of, measure
 from hfsim.studies.compare.result import Comparison, ModelResult, as_facts
-from hfsim.studies.compare.study import carry_out, run_of
+from hfsim.studies.compare.study import carry_out
 from hfsim.studies.compare.words import ending, how_it_ended, percent
 
 __all__ = [
     "ChoiceError", "Comparison", "Difference", "Measured", "ModelResult", "Prepared", "as_facts", "carry_out",
     "chosen_models", "compare", "coordinates_of", "ending", "how_it_ended", "measure", "percent", "prepare",
-    "run_of", "usual_models", "without_blind_channels",
+    "usual_models", "without_blind_channels",
 ]  # fmt: skip

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.marching.distance import channel_errors
 from hfsim.marching.solution import Run
-from hfsim.marching.stop import Progress
+from hfsim.marching.stop import Progress, Share
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck, SolveSpec
 from hfsim.simulate import simulate
-from hfsim.studies.timing import in_turns, uninterrupted
+from hfsim.studies.farm import Executor
+from hfsim.studies.timing import uninterrupted
 
 _LOOSER = 30.0
 """Factor on the tolerance of the run that the error in time is measured by."""
@@ -50,7 +50,8 @@ def measure(
     runs: Sequence[Run],
     repeats: int,
     found: Measured,
-    progress: Progress | None = None,
+    executor: Executor,
+    progress: Progress = lambda share: None,
 ) -> None:
     """Measure the error in time of each model that reached its end, and the CPU times of short ones again.
 
@@ -64,6 +65,8 @@ def measure(
         How often a short solve is timed in all; models take turns.
     found : Measured
         Is added to, so that what was measured is there when a signal ends it.
+    executor : Executor
+        Does the runs.
     progress : callable, optional
         Told the share that is done.
 
@@ -74,33 +77,32 @@ def measure(
     found.times |= {run.model: [run.phase_cpu("solve")] for run in runs}
     found.coordinates |= {run.model: coordinates_of(decks[run.model].deck, run.model) for run in runs}
     whole = [run for run in runs if run.status == "done"]
-    short = [run.model for run in whole if run.phase_cpu("solve") <= _REPEAT_BELOW]
-    tell = _shares(progress, len(whole) + (repeats - 1) * len(short))
-    for run in whole:
-        error = time_error(decks[run.model], run, next(tell))
+    again = [run.model for run in whole if run.phase_cpu("solve") <= _REPEAT_BELOW] * (repeats - 1)
+    part = 1.0 / max(1, len(whole) + len(again))
+    errors = [(decks[r.model], _rows_of(r), Share(progress, k * part, part)) for k, r in enumerate(whole)]
+    for done, (k, error) in enumerate(executor.results(_error_of, errors), 1):
+        progress(done * part)
         if error is not None:
-            found.errors[run.model] = error
-    again = in_turns([_solve_of(decks[model], model, tell) for model in short], repeats - 1)
-    for model, times in zip(short, again, strict=False):
-        found.times[model] += times
+            found.errors[whole[k].model] = error
+    solves = [(decks[m], m, Share(progress, k * part, part)) for k, m in enumerate(again, len(whole))]
+    for done, (k, seconds) in enumerate(executor.results(_solve_time, solves), len(whole) + 1):
+        progress(done * part)
+        found.times[again[k]].append(seconds)
 
 
-def _shares(progress: Progress | None, count: int) -> Iterator[Progress | None]:
-    """Yield what is told the share of one of some runs that is done."""
-    for number in range(count):
-        yield None if progress is None else partial(_tell_share, progress, number, count)
+def _rows_of(run: Run) -> Run:
+    """Return a run without its steps."""
+    return replace(run, fine=None, outlines={}, outline_forces=None, snapshots=(), states=())
 
 
-def _tell_share(progress: Progress, number: int, count: int, share: float) -> None:
-    progress((number + share) / count)
+def _error_of(job: tuple[LoadedDeck, Run, Progress]) -> dict[str, float] | None:
+    return time_error(*job)
 
 
-def _solve_of(loaded: LoadedDeck, model: str, tell: Iterator[Progress | None]) -> Callable[[], float]:
-    def solve() -> float:
-        run = simulate(loaded, model=model, progress=next(tell), error_estimate=False)
-        return uninterrupted(run).phase_cpu("solve")
-
-    return solve
+def _solve_time(job: tuple[LoadedDeck, str, Progress]) -> float:
+    loaded, model, tell = job
+    run = simulate(loaded, model=model, progress=tell, error_estimate=False)
+    return uninterrupted(run).phase_cpu("solve")
 
 
 def time_error(loaded: LoadedDeck, run: Run, progress: Progress | None = None) -> dict[str, float] | None:

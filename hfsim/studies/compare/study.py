@@ -6,32 +6,27 @@ from collections.abc import Callable
 from functools import partial
 
 from hfsim.marching.solution import Run
-from hfsim.marching.stop import Progress
+from hfsim.marching.stop import Progress, Share
 from hfsim.simulate import simulate
 from hfsim.studies.compare.choice import Prepared
 from hfsim.studies.compare.judge import compare
 from hfsim.studies.compare.measurements import Measured, measure
 from hfsim.studies.compare.result import Comparison
+from hfsim.studies.farm import Executor
 from hfsim.studies.timing import uninterrupted
 
 _RUNS = 0.6
 """Share of the runs themselves in all the work: the looser runs and repeats take the rest."""
 
 
-def run_of(
-    prepared: Prepared, model: str, progress: Progress | None = None, error_estimate: bool = False
-) -> Run:
-    """Run one model, outlines included: the extent of the bodies is a scale of the comparison."""
-    deck = prepared.decks[model]
-    return simulate(deck, model=model, progress=progress, error_estimate=error_estimate, outlines=True)
-
-
 def carry_out(
     prepared: Prepared,
     max_error: float,
     repeats: int,
-    run: Callable[[str, Progress], Run],
+    executor: Executor,
     progress: Progress | None = None,
+    error_estimate: bool = False,
+    take: Callable[[str, Run], Run] = lambda model, run: run,
 ) -> Comparison:
     """Run, measure and judge all models.
 
@@ -42,25 +37,36 @@ def carry_out(
         Largest difference of an adequate model, relative to each channel's scale [-].
     repeats : int
         How often a short solve is timed.
-    run : callable
-        Gives the run of a model; gets a function to be told its share.
+    executor : Executor
+        Does the runs.
     progress : callable, optional
         Told the share that is done of all the work, 0 to 1.
+    error_estimate : bool
+        Whether each run measures its own error too.
+    take : callable
+        (model, run) -> the run as it is kept.
     """
     tell = progress or (lambda share: None)
-    runs: list[Run] = []
+    models, part = list(prepared.decks), _RUNS / len(prepared.decks)
+    runs: dict[str, Run] = {}
     found, ended = Measured(), False
     try:
-        for n, model in enumerate(prepared.decks):
-            part = _RUNS / len(prepared.decks)
-            runs.append(run(model, partial(_tell_part, tell, n * part, part)))
-            uninterrupted(runs[-1])
-        measure(prepared.decks, runs, repeats, found, partial(_tell_part, tell, _RUNS, 1.0 - _RUNS))
+        jobs = [(model, Share(tell, k * part, part)) for k, model in enumerate(models)]
+        for k, run in executor.results(partial(_run_of, prepared, error_estimate), jobs):
+            runs[models[k]] = take(models[k], run)
+            tell(len(runs) * part)
+            uninterrupted(run)
+        runs = {model: runs[model] for model in models}
+        measure(prepared.decks, [*runs.values()], repeats, found, executor, Share(tell, _RUNS, 1.0 - _RUNS))
         ended = True
     except KeyboardInterrupt:
         pass
-    return compare(runs, prepared.reference, max_error, found, prepared.channels, interrupted=not ended)
+    there = [runs[model] for model in models if model in runs]
+    return compare(there, prepared.reference, max_error, found, prepared.channels, interrupted=not ended)
 
 
-def _tell_part(tell: Progress, before: float, part: float, share: float) -> None:
-    tell(before + part * share)
+def _run_of(prepared: Prepared, error_estimate: bool, job: tuple[str, Progress]) -> Run:
+    """Run one model, outlines included: the extent of the bodies is a scale of the comparison."""
+    model, tell = job
+    deck = prepared.decks[model]
+    return simulate(deck, model=model, progress=tell, error_estimate=error_estimate, outlines=True)
