@@ -238,11 +238,13 @@ static int elementwise(Tape *t, int code, const View *v, int n, const View *s) {
     return append(t, &o);
 }
 
-/* Copy an operand into memory of its own. */
+/* Copy an operand into memory of its own: a constant once and for all. */
 static int copied(Tape *t, View *v, int code, i64 item) {
     View w[2] = {*v, *v};
+    i64 count = t->count, piece = piece_at(t, v->at), constant = piece < 0 || t->pieces[piece].flags == FIXED;
     w[0].item = item;
-    if (place(t, &w[0], 0) || elementwise(t, code, w, 2, &w[0])) return -1;
+    if (place(t, &w[0], constant ? FIXED : 0) || elementwise(t, code, w, 2, &w[0])) return -1;
+    if (constant) t->count = count;
     *v = w[0];
     return 0;
 }
@@ -304,7 +306,7 @@ static void follow(View *v, View *places) {
     for (int d = v->nd - 1; d >= 0; d--) {
         if (v->shape[d] < 2) continue;
         i64 step = *(i64 *)(places->at + places->step[d]) - *(i64 *)places->at;
-        if (!spaced(places, places->at, d, step, 0)) return;
+        if (!spaced(places, places->at, d, step, 0)) continue;
         v->step[d] = step;
         places->step[d] = 0;
     }
@@ -445,33 +447,42 @@ static int sparse(const Tape *t, const View *a) {
     return count <= SPARSE_PART * entries(a);
 }
 
-/* Write down a product with a constant matrix a that is mostly zero, two entries of a row at once; see _replay.c. */
+/* Write down a product with a constant matrix a that is mostly zero, two entries of a row at once, and at once rows
+ * that go on as the one before them; see _replay.c. */
 static int sparse_product(Tape *t, View o, View a, View b) {
-    View w = {NULL, 8, 1, {0}, {0}}, p = w;
-    for (int fill = 0; fill < 2; fill++) {
-        i64 pairs = 0;
-        for (i64 i = 0; i < a.shape[0]; i++) {
-            i64 found = 0;
-            for (i64 j = 0; j < a.shape[1]; j++) {
-                if (entry(&a, i, j) == 0.0 && (found || j + 1 < a.shape[1])) continue; /* one at least: it sets out */
-                if (fill) {
-                    double *weights = (double *)w.at + 2 * (pairs + found / 2);
-                    i64 *places = (i64 *)p.at + 4 * (pairs + found / 2);
-                    weights[found % 2] = entry(&a, i, j); places[1 + found % 2] = j * b.step[0];
-                    if (found % 2 == 0) {
-                        weights[1] = 0.0; places[0] = i * o.step[0]; places[2] = j * b.step[0]; places[3] = found == 0;
-                    }
-                }
-                found++;
+    i64 most = a.shape[0], pairs = 0, before = 0, i, j, k;
+    for (i = 0; i < a.shape[0]; i++) for (j = 0; j < a.shape[1]; j++) most += entry(&a, i, j) != 0.0;
+    View w = {NULL, 8, 1, {2 * most}, {0}}, p = {NULL, 8, 1, {5 * most}, {0}};
+    if (place(t, &w, FIXED) || place(t, &p, FIXED)) return -1;
+    double (*weights)[2] = (void *)w.at;
+    i64 (*places)[5] = (void *)p.at;
+    for (i = 0; i < a.shape[0]; i++) {
+        i64 found = 0, last = pairs;
+        for (j = 0; j < a.shape[1]; j++) {
+            if (entry(&a, i, j) == 0.0 && (found || j + 1 < a.shape[1])) continue; /* one at least: it sets out */
+            k = pairs + found / 2;
+            if (found % 2 == 0) {
+                weights[k][1] = 0.0; places[k][0] = i * o.step[0]; places[k][2] = j * b.step[0];
+                places[k][3] = found == 0; places[k][4] = 1;
             }
-            pairs += (found + 1) / 2;
+            weights[k][found % 2] = entry(&a, i, j); places[k][1 + found % 2] = j * b.step[0];
+            found++;
         }
-        w.shape[0] = 2 * pairs; p.shape[0] = 4 * pairs;
-        if (!fill && (place(t, &w, FIXED) || place(t, &p, FIXED))) return -1;
+        pairs += (found + 1) / 2;
+        int goes_on = i > 0 && pairs - last == last - before;
+        for (k = before; k < last && goes_on; k++) {
+            const i64 *one = places[k], *other = places[k + last - before], ahead = one[4] * b.step[0];
+            goes_on = !memcmp(weights[k], weights[k + last - before], sizeof *weights) && other[1] == one[1] + ahead &&
+                      other[2] == one[2] + ahead;
+        }
+        if (!goes_on) { before = last; continue; }
+        for (k = before; k < last; k++) places[k][4]++;
+        pairs = last;
     }
     for (int x = 0; x < (o.item == 16 ? 2 : 1); x++) {
         View one = part(o, x), other = part(b, x);
-        Op op = {SPARSE, 2, {w.shape[0] / 2, o.shape[1]}, {one.at, w.at, other.at, p.at}, {{0, o.step[1]}, {0}, {0, b.step[1]}}, 0};
+        Op op = {SPARSE, 2, {pairs, o.shape[1]}, {one.at, w.at, other.at, p.at},
+                 {{o.step[0], o.step[1]}, {0}, {b.step[0], b.step[1]}}, 0};
         if (append(t, &op)) return -1;
     }
     return 0;

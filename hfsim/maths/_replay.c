@@ -308,21 +308,32 @@ static int matmul(const Op *o) {
     return 0;
 }
 
-/* out, weights, b, places; shape: pairs of entries, columns; places: of out, of b, of b, and whether out is set:
- * out[j] = w b[j] + w' b'[j], or out[j] += that */
+/* o = v a + w b, or o += that */
+static inline __attribute__((always_inline)) void combine(
+    char *o, const char *a, const char *b, i64 to, i64 from, i64 n, double v, double w, i64 sets) {
+    if (sets && w == 0.0) { IVDEP for (i64 j = 0; j < n; j++) *(double *)(o + j * to) = v * *(double *)(a + j * from); }
+    else if (sets) {
+        IVDEP for (i64 j = 0; j < n; j++) *(double *)(o + j * to) = v * *(double *)(a + j * from) + w * *(double *)(b + j * from);
+    } else {
+        IVDEP for (i64 j = 0; j < n; j++) *(double *)(o + j * to) += v * *(double *)(a + j * from) + w * *(double *)(b + j * from);
+    }
+}
+
+/* out, weights, b, places; shape: pairs of entries, columns; steps: rows and columns of out and of b; places: of out,
+ * of b, of b, whether out is set, and in how many rows: out[i, j] = w b[i, j] + w' b'[i, j], or out[i, j] += that */
 WIDE static void sparse(const Op *o) {
-    const i64 pairs = o->shape[0], n = o->shape[1], cj = o->step[0][1], bj = o->step[2][1];
+    const i64 pairs = o->shape[0], *to = o->step[0], *from = o->step[2];
     const double *weights = (const double *)o->at[1];
     const i64 *places = (const i64 *)o->at[3];
-    for (i64 k = 0; k < pairs; k++, places += 4, weights += 2) {
+    for (i64 k = 0; k < pairs; k++, places += 5, weights += 2) {
         char *c = o->at[0] + places[0];
         const char *a = o->at[2] + places[1], *b = o->at[2] + places[2];
-        const double v = weights[0], w = weights[1];
-        if (places[3] && w == 0.0) { IVDEP for (i64 j = 0; j < n; j++) *(double *)(c + j * cj) = v * *(double *)(a + j * bj); }
-        else if (places[3]) {
-            IVDEP for (i64 j = 0; j < n; j++) *(double *)(c + j * cj) = v * *(double *)(a + j * bj) + w * *(double *)(b + j * bj);
-        } else {
-            IVDEP for (i64 j = 0; j < n; j++) *(double *)(c + j * cj) += v * *(double *)(a + j * bj) + w * *(double *)(b + j * bj);
+        i64 n[2] = {places[4], o->shape[1]};
+        const int in = n[0] < (to[0] == 8 && from[0] == 8 ? 4 : n[1]), out = !in; /* what is gone through inside */
+        for (i64 i = 0; i < n[out]; i++, c += to[out], a += from[out], b += from[out]) {
+            if (to[in] == 8 && from[in] == 8) combine(c, a, b, 8, 8, n[in], weights[0], weights[1], places[3]);
+            else if (to[in] == 8) combine(c, a, b, 8, from[in], n[in], weights[0], weights[1], places[3]);
+            else combine(c, a, b, to[in], from[in], n[in], weights[0], weights[1], places[3]);
         }
     }
 }
