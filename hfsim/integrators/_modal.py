@@ -164,8 +164,8 @@ class ModalDerivative(Derivative):
         half = 0.5 * tau * omega
         sine, cosine, square = np.sin(half), np.cos(half), omega * omega
         if real and sometimes(grows):
-            # what does not swing grows
-            sine, cosine = np.where(grows, np.sinh(half), sine), np.where(grows, np.cosh(half), cosine)
+            growing = np.where(grows, half, 0.0)  # what does not swing; functions of zero take no time
+            sine, cosine = np.where(grows, np.sinh(growing), sine), np.where(grows, np.cosh(growing), cosine)
             square = np.where(grows, -square, square)
         sine = sine / omega
         once, twice = 2.0 * sine * cosine, 2.0 * sine * sine

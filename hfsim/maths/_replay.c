@@ -114,6 +114,10 @@ static inline cplx quo(cplx a, cplx b) {
     r = u / v; d = 1.0 / (v + u * r);
     return CMPLX((x * r + y) * d, (y * r - x) * d);
 }
+static inline double size(cplx a) {
+    const double square = creal(a) * creal(a) + cimag(a) * cimag(a);
+    return square > 1e-280 && square < 1e300 ? sqrt(square) : cabs(a);
+}
 static inline double larger(double a, double b) { return ((a >= b) | (a != a)) ? a : b; }
 static inline double smaller(double a, double b) { return ((a <= b) | (a != a)) ? a : b; }
 
@@ -155,8 +159,8 @@ UNARY(sign_d, double, double, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a)
 UNARY(neg_D, cplx, cplx, -a)
 UNARY(sqr_D, cplx, cplx, mul(a, a))
 UNARY(conj_D, cplx, cplx, conj(a))
-UNARY(exp_D, cplx, cplx, cexp(a))
-UNARY(abs_D, double, cplx, cabs(a))
+UNARY(exp_D, cplx, cplx, creal(a) == 0.0 ? CMPLX(cos(cimag(a)), sin(cimag(a))) : cexp(a))
+UNARY(abs_D, double, cplx, size(a))
 REDUCE(radd_d, double, r + a)
 REDUCE(radd_D, cplx, r + a)
 REDUCE(rmax_d, double, larger(r, a))
