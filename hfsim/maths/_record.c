@@ -23,7 +23,7 @@ typedef struct { char *base, *low, *high; int32_t *piece; } Block;
 typedef struct { int32_t of[OPERANDS]; } Pieces;
 typedef struct {
     PyObject_HEAD
-    PyObject *type, *refused, *constant, *dtypes, *codes;
+    PyObject *type, *refused, *copy, *constants, *dtypes, *codes;
     PyTypeObject *memory;
     PyTypeObject *array; /* of NumPy */
     Block blocks[BLOCKS]; int n_blocks, program;
@@ -148,6 +148,19 @@ static int viewed(Tape *t, PyObject *a, View *v) {
     return failed;
 }
 
+/* Return a copy of an array that is no memory of the tape: one for all its uses. */
+static PyObject *constant(Tape *t, PyObject *a) {
+    PyObject *key = PyLong_FromVoidPtr(a), *found = key ? PyDict_GetItemWithError(t->constants, key) : NULL;
+    if (key && !found && !PyErr_Occurred()) {
+        PyObject *value = PyObject_CallFunctionObjArgs(t->copy, a, NULL);
+        PyObject *both = value ? Py_BuildValue("(ON)", a, value) : NULL; /* itself too, so that nothing else gets its address */
+        if (both && !PyDict_SetItem(t->constants, key, both)) found = both;
+        Py_XDECREF(both);
+    }
+    Py_XDECREF(key);
+    return found ? PyTuple_GetItem(found, 1) : NULL;
+}
+
 /* See an operand: memory of the tape, or a constant, which may be a number. */
 static int operand(Tape *t, PyObject *a, View *v) {
     if (PyFloat_Check(a) || PyLong_Check(a) || PyComplex_Check(a)) {
@@ -163,10 +176,8 @@ static int operand(Tape *t, PyObject *a, View *v) {
         if (known(t, v->at)) return 0;
         if (ours) return entries(v) ? refuse(t, "memory of unknown origin") : 0;
     }
-    PyObject *found = PyObject_CallFunctionObjArgs(t->constant, a, NULL);
-    int failed = !found || viewed(t, found, v);
-    Py_XDECREF(found); /* the tape keeps it */
-    return failed ? -1 : 0;
+    PyObject *found = constant(t, a);
+    return found ? viewed(t, found, v) : -1;
 }
 
 /* ---------------------------------------------------------------- elementwise operations */
@@ -756,24 +767,25 @@ static PyObject *keep(Tape *t, PyObject *count) {
 static Py_ssize_t length(Tape *t) { return t->count; }
 
 static int begin(Tape *t, PyObject *args, PyObject *how) {
-    if (!PyArg_ParseTuple(args, "OOOO!O!", &t->type, &t->refused, &t->constant, &PyTuple_Type, &t->dtypes, &PyDict_Type, &t->codes)) return -1;
+    if (!PyArg_ParseTuple(args, "OOOO!O!", &t->type, &t->refused, &t->copy, &PyTuple_Type, &t->dtypes, &PyDict_Type, &t->codes)) return -1;
     t->array = PyType_GetSlot((PyTypeObject *)t->type, Py_tp_base);
-    Py_INCREF(t->codes); Py_INCREF(t->type); Py_INCREF(t->refused); Py_INCREF(t->constant); Py_INCREF(t->dtypes);
+    Py_INCREF(t->codes); Py_INCREF(t->type); Py_INCREF(t->refused); Py_INCREF(t->copy); Py_INCREF(t->dtypes);
     t->memory = (PyTypeObject *)PyType_FromSpec(&MEMORY);
-    return t->memory ? 0 : -1;
+    t->constants = PyDict_New();
+    return t->memory && t->constants ? 0 : -1;
 }
 
 static int visit(Tape *t, visitproc visit, void *arg) {
-    Py_VISIT((PyObject *)Py_TYPE((PyObject *)t)); Py_VISIT(t->constant);
+    Py_VISIT((PyObject *)Py_TYPE((PyObject *)t)); Py_VISIT(t->constants);
     return 0;
 }
 
-static int clear(Tape *t) { Py_CLEAR(t->constant); return 0; }
+static int clear(Tape *t) { Py_CLEAR(t->constants); return 0; }
 
 static void end(Tape *t) {
     PyTypeObject *type = Py_TYPE((PyObject *)t);
     PyObject_GC_UnTrack(t);
-    Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->constant); Py_XDECREF(t->dtypes); Py_XDECREF(t->codes);
+    Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->copy); Py_XDECREF(t->constants); Py_XDECREF(t->dtypes); Py_XDECREF(t->codes);
     Py_XDECREF((PyObject *)t->memory);
     for (int k = 0; k < t->n_blocks; k++) { free(t->blocks[k].base); free(t->blocks[k].piece); }
     free(t->ops); free(t->touched); free(t->pieces); free(t->left);

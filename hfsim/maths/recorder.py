@@ -57,10 +57,8 @@ REDUCED = {np.add: codes("radd"), np.maximum: codes("rmax"), np.minimum: codes("
 # ---------------------------------------------------------------------- operations
 
 
-def _raw(tape: Tape, a: Any) -> np.ndarray:
+def _raw(tape: Tape, a: Traced) -> np.ndarray:
     """Return the memory of an operand."""
-    if not isinstance(a, Traced):
-        return tape.constant(a)
     if not tape.knows(a):
         raise Refused("memory of unknown origin")
     return a.view(np.ndarray)
@@ -110,22 +108,19 @@ def _reduce(
 
 
 def _take(tape: Tape, a: Traced, key: Any) -> Any:
-    found = np.ndarray.__getitem__(a, key)
-    if isinstance(found, np.ndarray) and tape.knows(found):
-        return found
     return tape.core.apply(*GATHER, None, a, _places(tape, a, key))
 
 
 def _put(tape: Tape, a: Traced, key: Any, value: Any) -> None:
     given = value if isinstance(value, np.ndarray) else np.asarray(value, dtype=a.dtype)
-    if np.may_share_memory(plain(given), plain(a)):
+    if isinstance(given, Traced) and np.may_share_memory(plain(given), plain(a)):
         given = given.copy()
     tape.core.apply(*SCATTER, a, _cast(tape, given, a.dtype), _places(tape, a, key))
 
 
 def _places(tape: Tape, a: Traced, key: Any) -> IntArray:
     """Return how far entries are from the first one [bytes]."""
-    if any(isinstance(one, Traced) for one in (key if type(key) is tuple else (key,))):
+    if Traced in map(type, key if type(key) is tuple else (key,)):
         raise Refused("places that depend on the state")
     found: IntArray = tape.keep(offsets(a.shape, a.strides)[key])
     return found
@@ -176,7 +171,6 @@ class Recorder(Tape):
     copied = _copied
     cast = _cast
     called = called
-    raw = _raw
     switch: Callable[[Any], None] = staticmethod(lambda tape: None)
     """Makes a tape, or none, the one that records."""
     functions: ClassVar[dict[Any, Callable[..., Any]]] = {}

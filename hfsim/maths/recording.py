@@ -32,7 +32,7 @@ def _concatenate(tape: Recorder, arrays: Any, axis: int = 0, out: Any = None, **
     for a in arrays:
         last = first + a.shape[axis]
         if last > first:
-            tape.put(made, (*before, slice(first, last)), a)
+            made[(*before, slice(first, last))] = a
         first = last
     return made
 
@@ -42,7 +42,7 @@ def _where(tape: Recorder, condition: Any, x: Any, y: Any) -> Any:
 
 
 def _dot(tape: Recorder, a: Any, b: Any) -> Any:
-    if np.ndim(a) > 2 or np.ndim(b) > 2 or 0 in (np.ndim(a), np.ndim(b)):
+    if {a.ndim, b.ndim} - {1, 2}:
         raise Refused("a product of such shapes")
     return tape.core.matmul(None, a, b)
 
@@ -91,7 +91,7 @@ def _round(tape: Recorder, a: Any, decimals: int = 0) -> Any:
 
 def _solve(tape: Recorder, a: Any, b: Any) -> Any:
     """Write down linear equations: large or complex ones as a call of Python."""
-    if np.ndim(b) == 1:
+    if b.ndim == 1:
         return _solve(tape, a, b[:, None])[..., 0]
     if not (a.dtype == b.dtype == REAL) or a.shape[-1] > LARGE or a.ndim > 4 or b.ndim > 4:
         return tape.called(np.linalg.solve, (a, b), {})

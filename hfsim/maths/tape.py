@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, ClassVar
 
 import numpy as np
@@ -99,13 +99,11 @@ class Tape:
         assert replay is not None
         self.calls: list[Callable[[], None]] = []
         self.told: list[str] = []
-        self._constants: dict[int, tuple[Any, np.ndarray]] = {}
         self._kept: list[np.ndarray] = []
         self._lives: list[tuple[np.ndarray, np.ndarray]] = []
         self._cuts = [0]
         # arrays refer to the core: it must not refer to what refers to arrays, in loops that nothing finds
-        kept = partial(constant, self._constants)
-        self.core: Any = replay.Tape(Traced, Refused, kept, (REAL, COMPLEX, TRUTH), self.operations)
+        self.core: Any = replay.Tape(Traced, Refused, fixed, (REAL, COMPLEX, TRUTH), self.operations)
         self.knows: Callable[[Any], bool] = self.core.knows
         """Whether an array lies in the memory of the tape."""
         self.reads: Callable[[Any], bool] = self.core.reads
@@ -141,10 +139,6 @@ class Tape:
         plain(own)[...] = a
         return own
 
-    def constant(self, a: Any) -> np.ndarray:
-        """Return an array that is what it is now at every replay, whatever becomes of it elsewhere."""
-        return constant(self._constants, a)
-
     def keep(self, a: Any) -> Any:
         """Return an array that nobody else has; it is kept."""
         self._kept.append(a)
@@ -178,21 +172,17 @@ class Tape:
         """Return all programs without operations that lead to no output, no input and no call."""
         kept = np.frombuffer(self.core.live(*outputs), dtype=bool)
         rows = np.frombuffer(self.core.rows(), dtype=np.int64).reshape(-1, WORDS)
-        memory = self.core, self._constants, self._kept
+        memory = self.core, self._kept
         return [
             Program(rows[first:last][kept[first:last]], self.calls, memory)
             for first, last in zip(self._cuts, self._cuts[1:], strict=False)
         ]
 
 
-def constant(known: dict[int, tuple[Any, np.ndarray]], a: Any) -> np.ndarray:
-    """Return a copy of an array that is no memory of a tape: one for all its uses."""
-    found = known.get(id(a))
-    if found is None:
-        value = array(a)
-        found = a, value if value.dtype in KINDS else value.astype(float)
-        known[id(a)] = found  # itself too, so that nothing else gets its identity
-    return found[1]
+def fixed(a: Any) -> np.ndarray:
+    """Return a copy of what is no memory of a tape: it is what it is now at every replay."""
+    value = array(a)
+    return value if value.dtype in KINDS else value.astype(float)
 
 
 @lru_cache(maxsize=64)
