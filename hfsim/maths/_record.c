@@ -546,32 +546,27 @@ static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
     return out;
 }
 
-/* solve(a, b or None) -> solution of linear equations, batch by batch; without b the inverse */
-static PyObject *solve(Tape *t, PyObject *const *args, Py_ssize_t count) {
-    View v[3], s;
-    if (count != 2) { PyErr_SetString(PyExc_TypeError, "solve"); return NULL; }
-    int n = args[1] == Py_None ? 2 : 3;
-    for (int k = 1; k < n; k++) {
-        if (operand(t, args[k - 1], &v[k])) return NULL;
-        if (v[k].nd < 2 || v[k].item != 8) { refuse(t, "such equations"); return NULL; }
-    }
-    s = v[1]; s.nd -= 2;
-    if (n == 3) { View batch = v[2]; batch.nd -= 2; if (broadcast(t, &s, &batch)) return NULL; }
-    const i64 *a = v[1].shape + v[1].nd - 2, *b = v[n - 1].shape + v[n - 1].nd - 2;
-    if (s.nd > 2 || a[0] != a[1] || a[0] != b[0]) { refuse(t, "such equations"); return NULL; }
-    v[0] = s; v[0].item = 8;
-    v[0].shape[v[0].nd++] = b[0]; v[0].shape[v[0].nd++] = b[1];
-    if (place(t, &v[0], 0)) return NULL;
-    PyObject *out = array_of(t, &v[0]);
-    Op op = {SOLVE, 4, {b[0], b[1], 1, 1}, {0}, {{0}}, 0};
-    for (int d = 0; d < s.nd; d++) op.shape[2 + d] = s.shape[d];
+/* resolve(code, out, a, b or nothing): matrices batch by batch; see _resolve.c */
+static PyObject *resolved(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View v[3];
+    const int n = (int)count - 1;
+    if (n < 2 || n > 3) { PyErr_SetString(PyExc_TypeError, "resolve"); return NULL; }
+    Op op = {PyLong_AsLong(args[0]), 4, {0, 0, 1, 1}, {0}, {{0}}, 0};
     for (int k = 0; k < n; k++) {
+        if (operand(t, args[1 + k], &v[k])) return NULL;
+        if (v[k].nd < 2 || v[k].nd > v[0].nd || v[0].nd > 4 || v[k].item != v[0].item) { refuse(t, "such matrices"); return NULL; }
         op.at[k] = v[k].at;
-        if (k) widen(&v[k], &v[0]);
-        for (int d = 0; d < 2 + s.nd; d++) op.step[k][d] = v[k].step[d < 2 ? s.nd + d : d - 2];
+        for (int d = 0; d < 2; d++) {
+            op.shape[d] = v[k].shape[v[k].nd - 2 + d];
+            op.step[k][d] = v[k].step[v[k].nd - 2 + d];
+        }
+        widen(&v[k], &v[0]);
+        for (int d = 0; d < v[0].nd - 2; d++) op.step[k][2 + d] = v[k].step[d];
     }
-    if (out && entries(&v[0]) && append(t, &op)) Py_CLEAR(out);
-    return out;
+    for (int d = 0; d < v[0].nd - 2; d++) op.shape[2 + d] = v[0].shape[d];
+    op.more = v[0].item / 8;
+    if (entries(&v[0]) && append(t, &op)) return NULL;
+    return Py_NewRef(args[1]);
 }
 
 /* ---------------------------------------------------------------- what is needed */
@@ -590,7 +585,7 @@ static PyObject *call(Tape *t, PyObject *const *args, Py_ssize_t count) {
 
 /* Return a bit for what an operand covers: 1 the whole, 2 real parts, 4 imaginary ones. */
 static int covered(const Op *o, int k, const Piece *piece) {
-    int whole = piece->item != 16 || o->code == SPARSE;
+    int whole = piece->item != 16 || o->code > MATMUL;
     if (o->code < MATMUL) whole = whole || KINDS[o->code].kinds[k] == 'D' || strchr(KINDS[o->code].kinds, 'i');
     for (int d = 0; d < o->ndim && !whole; d++) whole = o->shape[d] > 1 && o->step[k][d] % 16;
     return whole ? 1 : 2 << ((o->at[k] - piece->at) % 16 / 8);
@@ -798,7 +793,7 @@ static PyMethodDef METHODS[] = {
     {"new", FAST(made), "Return an array of a shape and an item size, an input if anything more is told."},
     {"apply", FAST(apply), "Write down an elementwise operation; return its result."},
     {"matmul", FAST(matmul), "Write down a product of matrices; return its result."},
-    {"solve", FAST(solve), "Write down a solution of linear equations; return it."},
+    {"resolve", FAST(resolved), "Write down an operation on matrices; return what it writes."},
     {"call", FAST(call), "Write down a call of Python."},
     {"live", FAST(live), "Return which operations lead to outputs."},
     {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},

@@ -16,21 +16,6 @@
 #endif
 typedef double complex cplx;
 
-/* twice, for processors with and without wide vectors, where the compiler and the C library can choose at start;
- * products of matrices a third time, for still wider ones */
-#if !defined(__SANITIZE_ADDRESS__) && defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
-#if __GNUC__ >= 12
-#define WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
-#else
-#define WIDE __attribute__((target_clones("avx2", "default")))
-#endif
-#define WIDER __attribute__((target("avx512f")))
-#define HAS_WIDER __builtin_cpu_supports("avx512f")
-#else
-#define WIDE
-#define WIDER
-#define HAS_WIDER 0
-#endif
 #define UNROLL _Pragma("GCC unroll 8")
 #define IVDEP _Pragma("GCC ivdep")
 
@@ -209,16 +194,17 @@ static inline void elementwise(const Op *o, Inner inner, int operands) {
 /* ---------------------------------------------------------------- products of matrices */
 
 /* shape: m, k, n, batch, batch; steps: out (i, -, j), a (i, k, -), b (-, k, j); more: 0 set, 1 add, -1 subtract */
-static double *scratch;
-static i64 scratch_size;
-
-static int ample(i64 need) {
-    if (need > scratch_size) {
-        double *grown = realloc(scratch, need * 8);
-        if (!grown) return -1;
-        scratch = grown; scratch_size = need;
+/* Return memory for numbers that nobody needs afterwards, where lines of the cache begin; NULL if there is none. */
+double *workspace(i64 numbers) {
+    static char *memory;
+    static i64 size;
+    const i64 line = 64, need = numbers * 8 + line;
+    if (need > size) {
+        char *grown = realloc(memory, need);
+        if (!grown) return NULL;
+        memory = grown; size = need;
     }
-    return 0;
+    return (double *)(memory + (-(uintptr_t)memory & (line - 1)));
 }
 
 /* PRODUCT: c from rows of a and b, whose columns are contiguous and its rows pb bytes apart, in panels of at most
@@ -275,8 +261,8 @@ static inline __attribute__((always_inline)) void placed(double *to, i64 step, c
 PRODUCT(product, vec, 3, WIDE)
 PRODUCT(wider_product, wider, 5, WIDER)
 
-/* b in scratch, its columns contiguous */
-WIDE static const char *packed(const Op *o, const char *b) {
+/* b with contiguous columns */
+WIDE static const char *packed(const Op *o, const char *b, double *scratch) {
     const i64 kk = o->shape[1], n = o->shape[2], bk = o->step[2][1], bj = o->step[2][2];
     double *to = scratch;
     for (i64 k = 0; k < kk; k++, b += bk, to += n) {
@@ -301,13 +287,14 @@ static void tiny(const Op *o, char *c, const char *a, const char *b) {
 static int matmul(const Op *o) {
     const i64 m = o->shape[0], kk = o->shape[1], n = o->shape[2], packs = o->step[2][2] != 8;
     const int small = n < 4 || (m * n < 16 && kk < 16), wide = n >= 8 && HAS_WIDER;
-    if (packs && ample(kk * n)) return -1;
+    double *scratch = packs ? workspace(kk * n) : NULL;
+    if (packs && !scratch) return -1;
     for (i64 p = 0; p < o->shape[3]; p++)
         for (i64 q = 0; q < o->shape[4]; q++) {
             char *at[3];
             for (int k = 0; k < 3; k++) at[k] = o->at[k] + p * o->step[k][3] + q * o->step[k][4];
             if (small) tiny(o, at[0], at[1], at[2]);
-            else (wide ? wider_product : product)(o, at[0], at[1], packs ? packed(o, at[2]) : at[2], packs ? 8 * n : o->step[2][1]);
+            else (wide ? wider_product : product)(o, at[0], at[1], packs ? packed(o, at[2], scratch) : at[2], packs ? 8 * n : o->step[2][1]);
         }
     return 0;
 }
@@ -342,65 +329,12 @@ WIDE static void sparse(const Op *o) {
     }
 }
 
-/* ---------------------------------------------------------------- linear equations */
-
-/* a x = b by elimination with row pivots; [a b] and the order of its rows are in scratch */
-WIDE static int eliminate(i64 n, i64 wide, double *rows, double **row) {
-    i64 c, r, j;
-    for (r = 0; r < n; r++) row[r] = rows + r * wide;
-    for (c = 0; c < n; c++) {
-        double most = fabs(row[c][c]), *pivot;
-        i64 best = c;
-        for (r = c + 1; r < n; r++) if (fabs(row[r][c]) > most) { most = fabs(row[r][c]); best = r; }
-        pivot = row[best]; row[best] = row[c]; row[c] = pivot;
-        if (most == 0.0) return 1;
-        const double inverse = 1.0 / pivot[c];
-        for (r = c + 1; r < n; r++) {
-            double *x = row[r];
-            const double f = x[c] * inverse;
-            if (f != 0.0) { IVDEP for (j = c + 1; j < wide; j++) x[j] -= f * pivot[j]; }
-        }
-    }
-    for (c = n - 1; c >= 0; c--) {
-        double *y = row[c];
-        for (r = c + 1; r < n; r++) {
-            const double f = y[r], *x = row[r];
-            IVDEP for (j = n; j < wide; j++) y[j] -= f * x[j];
-        }
-        const double inverse = 1.0 / y[c];
-        IVDEP for (j = n; j < wide; j++) y[j] *= inverse;
-    }
-    return 0;
-}
-
-/* shape: n, columns, batch, batch; steps: (i, j, batch, batch) of out, a and b, which is 1 without an address */
-static int solve(const Op *o) {
-    const i64 n = o->shape[0], k = o->shape[1], wide = n + k;
-    const i64 *so = o->step[0], *sa = o->step[1], *sb = o->step[2];
-    if (ample(n * (wide + 1))) return -1;
-    double *rows = scratch, **row = (double **)(scratch + n * wide);
-    for (i64 p = 0; p < o->shape[2]; p++) for (i64 q = 0; q < o->shape[3]; q++) {
-        const char *a = o->at[1] + p * sa[2] + q * sa[3], *b = o->at[2] + p * sb[2] + q * sb[3];
-        char *out = o->at[0] + p * so[2] + q * so[3];
-        for (i64 i = 0; i < n; i++) {
-            double *x = rows + i * wide;
-            for (i64 j = 0; j < n; j++) x[j] = *(const double *)(a + i * sa[0] + j * sa[1]);
-            if (o->at[2]) for (i64 j = 0; j < k; j++) x[n + j] = *(const double *)(b + i * sb[0] + j * sb[1]);
-            else for (i64 j = 0; j < k; j++) x[n + j] = i == j;
-        }
-        if (eliminate(n, wide, rows, row)) return 1;
-        for (i64 i = 0; i < n; i++)
-            for (i64 j = 0; j < k; j++) *(double *)(out + i * so[0] + j * so[1]) = row[i][n + j];
-    }
-    return 0;
-}
-
 /* ---------------------------------------------------------------- Python */
 
-static void tell_singular(void) {
+static void tell_failure(const char *why) {
     PyObject *linalg = PyImport_ImportModule("numpy.linalg");
     PyObject *error = linalg ? PyObject_GetAttrString(linalg, "LinAlgError") : NULL;
-    if (error) PyErr_SetString(error, "Singular matrix");
+    if (error) PyErr_SetString(error, why);
     Py_XDECREF(linalg);
     Py_XDECREF(error);
 }
@@ -409,8 +343,8 @@ int operate(const Op *o) {
     int failed = 0;
     if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
     else if (o->code == SPARSE) sparse(o);
-    else failed = o->code == SOLVE ? solve(o) : matmul(o);
-    if (failed > 0) tell_singular();
+    else failed = o->code == MATMUL ? matmul(o) : resolve(o);
+    if (failed > 0) tell_failure(o->code == MODES ? "Eigenvalues did not converge" : "Singular matrix");
     else if (failed) PyErr_NoMemory();
     return failed;
 }
@@ -513,7 +447,8 @@ static int set_code(PyObject *codes, const char *name, long code) {
 
 static int fill(PyObject *module) {
     PyObject *codes = PyDict_New();
-    int failed = !codes || set_code(codes, "matmul", MATMUL) || set_code(codes, "sparse", SPARSE) || set_code(codes, "solve", SOLVE) ||
+    int failed = !codes || set_code(codes, "matmul", MATMUL) || set_code(codes, "sparse", SPARSE) || set_code(codes, "factor", FACTOR) ||
+                  set_code(codes, "solve", SOLVE) || set_code(codes, "basis", BASIS) || set_code(codes, "modes", MODES) ||
                   set_code(codes, "call", CALL);
     for (int k = 0; k < MATMUL && !failed; k++) failed = set_code(codes, KINDS[k].name, k);
     failed = failed || PyModule_AddObjectRef(module, "CODES", codes);

@@ -10,6 +10,22 @@
 #include <Python.h>
 #include <stdint.h>
 
+/* twice, for processors with and without wide vectors, where the compiler and the C library can choose at start;
+ * products of matrices a third time, for still wider ones */
+#if !defined(__SANITIZE_ADDRESS__) && defined(__x86_64__) && defined(__GLIBC__) && defined(__GNUC__) && !defined(__clang__)
+#if __GNUC__ >= 12
+#define WIDE __attribute__((target_clones("arch=x86-64-v3", "default")))
+#else
+#define WIDE __attribute__((target_clones("avx2", "default")))
+#endif
+#define WIDER __attribute__((target("avx512f")))
+#define HAS_WIDER __builtin_cpu_supports("avx512f")
+#else
+#define WIDE
+#define WIDER
+#define HAS_WIDER 0
+#endif
+
 #define DIMS 5
 #define OPERANDS 4
 typedef int64_t i64;
@@ -35,11 +51,13 @@ typedef struct {
     X(sadd_d, "ddi")
 
 #define NAMED(f, k) f##_code,
-enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, SOLVE, CALL, USES, CODES };
+enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, FACTOR, SOLVE, BASIS, MODES, CALL, USES, CODES };
 typedef struct { const char *name, *kinds; } Kind;
 extern const Kind KINDS[];
 
 int operate(const Op *o);
+int resolve(const Op *o); /* operations from FACTOR on */
+double *workspace(i64 numbers);
 PyObject *tape_type(PyObject *module);
 PyObject *written_type(PyObject *module);
 PyObject *record(PyObject *module, PyObject *tape);

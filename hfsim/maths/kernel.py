@@ -1,6 +1,6 @@
 """The native kernel: whether it is there, and wanted.
 
-It is built from ``_replay.c`` and ``_record.c`` where a compiler is at hand when hfsim is installed; without
+It is built from the C files beside this one where a compiler is at hand when hfsim is installed; without
 it all is done in NumPy, with the same results.  ``HFSIM_KERNEL=numpy`` does without it; ``native`` insists.
 """
 

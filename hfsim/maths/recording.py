@@ -12,7 +12,7 @@ import numpy as np
 
 from hfsim.maths.kernel import replay
 from hfsim.maths.recorder import COPY, WHERE, Recorder, codes
-from hfsim.maths.tape import COMPLEX, REAL
+from hfsim.maths.tape import CODES, COMPLEX, REAL
 from hfsim.maths.traced import Recording, Refused, Traced, plain, recorder
 
 LONGEST_SUM = 32
@@ -89,19 +89,61 @@ def _round(tape: Recorder, a: Any, decimals: int = 0) -> Any:
     return np.rint(a)
 
 
+def _factors(tape: Recorder, a: Any) -> Any:
+    """Write down the factors of matrices, which `_solution` reads; see ``_resolve.c``."""
+    *batch, n, _ = a.shape
+    return tape.core.resolve(CODES["factor"], tape.core.new((*batch, 2 * n + 2, -n % 4 + n), a.itemsize), a)
+
+
+def _solution(tape: Recorder, factors: Any, b: Any) -> Any:
+    batch = np.broadcast_shapes(factors.shape[:-2], b.shape[:-2])
+    out = tape.core.new((*batch, *b.shape[-2:]), factors.itemsize)
+    return tape.core.resolve(CODES["solve"], out, factors, b)
+
+
 def _solve(tape: Recorder, a: Any, b: Any) -> Any:
-    """Write down linear equations: large or complex ones as a call of Python."""
+    """Write down linear equations: large ones as a call of Python."""
     if b.ndim == 1:
         return _solve(tape, a, b[:, None])[..., 0]
-    if not (a.dtype == b.dtype == REAL) or a.shape[-1] > LARGE or a.ndim > 4 or b.ndim > 4:
+    if a.shape[-1] > LARGE or a.ndim > 4 or b.ndim > 4:
         return tape.called(np.linalg.solve, (a, b), {})
-    return tape.core.solve(a, b)
+    a, b = (tape.cast(np.asarray(one), max(a.dtype, b.dtype)) for one in (a, b))
+    return _solution(tape, _factors(tape, a), b)
+
+
+class Inverse(Traced):
+    """Inverses of matrices; a product with few columns is a solution, so that they need not be formed."""
+
+    factors: Any = None
+
+    def __matmul__(self, b: Any) -> Any:
+        if self.factors is None or b.ndim < 2 or 2 * b.shape[-1] > b.shape[-2] or b.dtype > self.dtype:
+            return super().__matmul__(b)
+        return _solution(recorder(), self.factors, recorder().cast(b, self.dtype))
 
 
 def _inv(tape: Recorder, a: Any) -> Any:
-    if a.dtype != REAL or a.shape[-1] > LARGE or a.ndim > 4:
+    if a.shape[-1] > LARGE or a.ndim > 4:
         return tape.called(np.linalg.inv, (a,), {})
-    return tape.core.solve(a, None)
+    factors = _factors(tape, a)
+    found = _solution(tape, factors, np.eye(a.shape[-1], dtype=a.dtype)).view(Inverse)
+    found.factors = factors
+    return found
+
+
+def _eigh(tape: Recorder, a: Any) -> Any:
+    n = a.shape[-1]
+    if a.dtype != REAL or n > LARGE or a.ndim != 2:
+        return tape.called(np.linalg.eigh, (a,), {})
+    found = tape.core.resolve(CODES["modes"], tape.core.new((n + 1, n), a.itemsize), a)
+    return found[0], found[1:].T
+
+
+def _qr(tape: Recorder, a: Any, mode: str = "reduced") -> Any:
+    if a.dtype != REAL or a.ndim != 2 or mode != "complete":
+        return tape.called(np.linalg.qr, (a, mode), {})
+    Q = tape.core.resolve(CODES["basis"], tape.core.new((len(a), len(a)), a.itemsize), a)
+    return Q, Q.T @ a
 
 
 def _like(name: str) -> Callable[..., Any]:
@@ -116,6 +158,8 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.bincount: _bincount,
     np.linalg.solve: _solve,
     np.linalg.inv: _inv,
+    np.linalg.eigh: _eigh,
+    np.linalg.qr: _qr,
     np.zeros_like: _like("zeros"),
     np.empty_like: _like("empty"),
     np.ones_like: _like("ones"),

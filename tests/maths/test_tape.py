@@ -54,6 +54,10 @@ def decided(condition, x, y):
     return np.where(condition, x + y, x - y) if sometimes(condition) else x - y
 
 
+def moved(w2, U, x):
+    return (U * np.sqrt(w2)) @ (U.T @ x)
+
+
 FUNCTIONS = {
     "sums": lambda x, y: x + y[0] - 2.0 * y,
     "powers": lambda x, y: (x**2 + x**3) / (y * y),
@@ -88,12 +92,24 @@ FUNCTIONS = {
     "linear equations in batches": lambda x, y: np.linalg.solve(
         (x[:, :, None] * y[:, None] + 3.0 * np.eye(6)).reshape(1, 7, 6, 6)[:, :, ::-1], y[:, :, None]
     ),
+    "complex equations": lambda x, y: np.linalg.solve(x[:6] + 1j * y[:6], C[:1, :6].T).imag * y[:6],
     "constant matrix": lambda x, y: np.linalg.solve(C[:, :5], x[:5]) + np.linalg.solve(x[:5, :5], C[:, :1]),
     "inverses": lambda x, y: np.linalg.inv((x * y)[:6]) + np.linalg.inv(x[:6].T),
+    "complex inverses": lambda x, y: (
+        np.linalg.inv(np.stack([x[:6] + 1j * y[:6], 1j * x[:6]]))[:, ::2, 1:4].imag
+    ),
+    "products with inverses": lambda x, y: (
+        np.linalg.inv(np.stack([x[:6] + 1j * y[:6], 1j * x[:6]])) @ y[1:, :2]
+    ),
+    "modes": lambda x, y: moved(*np.linalg.eigh((x + y)[:6] @ (x + y)[:6].T), x[:6]),
+    "bases": lambda x, y: np.linalg.qr(x[:, :4], mode="complete")[0] @ y,
+    "triangles": lambda x, y: (
+        np.linalg.qr(y[:3], mode="complete")[1] + np.linalg.qr(x[:3, :2], mode="complete")[1][1, 1]
+    ),
     "dyads": lambda x, y: np.outer(x[:, 0], y[0]) + np.kron(x[:1], y[:, :1]) + np.kron(x[0, :3], y[:, :2]),
     "equal numbers": lambda x, y: np.where(np.rint(x) == np.rint(y), x, np.where(np.rint(x) != 0.0, 1.0, y)),
     "rounded": lambda x, y: np.round(3.0 * x) + np.full_like(x, 2.0) * np.broadcast_arrays(x, y[:1])[1],
-    "Python": lambda x, y: np.linalg.inv(x[:6] + 1j * y[:6]).real + np.ptp(x, axis=0),
+    "Python": lambda x, y: np.linalg.pinv(x) @ y + np.ptp(x, axis=0),
     "decided": lambda x, y: decided(np.abs(x).max() > 1.0, x, y),
     "outside": lambda x, y: outside(lambda a: np.where(a.max() > 0, a, -a), x) * y,
 }
@@ -221,12 +237,76 @@ def test_a_refused_part_is_done_by_python(rng):
 
 @pytest.mark.parametrize("unit", [1.0, 1.0 + 0.0j])
 def test_singular_equations_are_told(unit):
-    """Done natively, and by Python."""
     replayed = Replayed(lambda x: (np.linalg.inv(unit * x) * 2.0).real)
     replayed(np.eye(3))
     assert replayed.refused is None
-    with pytest.raises(np.linalg.LinAlgError):
+    with pytest.raises(np.linalg.LinAlgError, match="Singular"):
         replayed(np.zeros((3, 3)))
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 9, 37, 60])
+def test_modes_are_those_of_lapack(n, rng):
+    """Graded either way, with eigenvalues that repeat or vanish, large, small, all but diagonal."""
+    replayed = Replayed(lambda K: tuple(np.linalg.eigh(K)), lambda found: (found[1] * found[0]) @ found[1].T)
+    random, sizes = rng.standard_normal((n, n)), 10.0 ** np.linspace(0.0, -14.0, n)
+    symmetric, Q = random + random.T, np.linalg.qr(random)[0]
+    graded = symmetric * sizes * sizes[:, None]
+    some = [symmetric, graded, graded[::-1, ::-1], (Q * (np.arange(n) // 3)) @ Q.T, 1e-290 * symmetric]
+    some += [
+        1e290 * symmetric,
+        np.zeros((n, n)),
+        np.ones((n, n)),
+        np.diag(np.arange(n) // 2 + 1e-20) + 1e-160,
+    ]
+    some += [np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1), np.diag(sizes) + 1e-18 * symmetric]
+    for K in some:
+        values, vectors = replayed(K)
+        assert replayed.refused is None
+        size = max(np.abs(values).max(), 1e-300)
+        np.testing.assert_allclose(values / size, np.linalg.eigvalsh(K) / size, atol=1e-14, rtol=0.0)
+        np.testing.assert_allclose((K / size) @ vectors, vectors * (values / size), atol=1e-14, rtol=0.0)
+        np.testing.assert_allclose(vectors.T @ vectors, np.eye(n), atol=1e-14, rtol=0.0)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+@pytest.mark.parametrize("n", [1, 2, 5, 40])
+def test_modes_of_what_is_not_finite_are_an_error(n, bad):
+    replayed = Replayed(lambda K: tuple(np.linalg.eigh(K)), lambda found: found[0])
+    K = np.diag(np.arange(1.0, n + 1.0))
+    replayed(K)
+    assert replayed.refused is None
+    K[-1, 0] = bad
+    with pytest.raises(np.linalg.LinAlgError, match="did not converge"):
+        replayed(K)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (2, 1), (5, 0), (39, 3), (6, 6), (5, 8)])
+def test_bases_are_those_of_lapack(shape, rng):
+    """To the sign, also of columns that depend on one another or vanish."""
+    replayed = Replayed(lambda a: np.linalg.qr(a, mode="complete")[0])
+    for a in (rng.standard_normal(shape), np.eye(*shape), np.zeros(shape)):
+        np.testing.assert_allclose(replayed(a), np.linalg.qr(a, mode="complete")[0], atol=1e-14)
+    assert replayed.refused is None
+    a = rng.standard_normal(shape)
+    a[:, -1:] = a[:, :1]
+    Q = replayed(a)
+    np.testing.assert_allclose(Q.T @ Q, np.eye(len(a)), atol=1e-14)
+    assert np.abs(np.tril(Q.T @ a, -1)).max(initial=0.0) < 1e-14 * len(a)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5, 37, 62])
+def test_complex_equations_are_solved_as_by_lapack(n, rng):
+    """Also badly scaled ones, and those whose diagonal is zero."""
+    replayed = Replayed(lambda x, y, b: (z := np.linalg.inv(x + 1j * y)).real @ b + (z @ (b + 1j)).imag)
+    sizes = 10.0 ** rng.uniform(-3.0, 3.0, n)
+    for part in (np.ones((n, n)), 1.0 - np.eye(n) if n > 1 else 1.0, np.diag(sizes), sizes[:, None]):
+        x, y = rng.standard_normal((2, n, n)) * part
+        b = rng.standard_normal((n, 1))
+        z = np.linalg.inv(x + 1j * y)
+        expected = z.real @ b + (z @ (b + 1j)).imag
+        scale = np.linalg.cond(x + 1j * y) * np.abs(expected).max()
+        np.testing.assert_allclose(replayed(x, y, b) / scale, expected / scale, atol=1e-14, rtol=0.0)
+    assert replayed.refused is None
 
 
 def test_what_is_not_finite_stays_so():

@@ -1,0 +1,310 @@
+/* Linear equations, modes of symmetric matrices and orthonormal bases, for tapes (_replay.c).
+ *
+ * All is done along columns, or rows, of whole vectors: they end with zeros, and where they begin later they begin
+ * with zeros, so that nothing is left over.  Complex ones are vectors of real parts and then of imaginary ones.
+ */
+#include "_replay.h"
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#define W 4
+#define TINY 1e-280 /* squares of numbers that are nothing beside 1 */
+#define SWEEPS 30   /* for an eigenvalue at most, as in LAPACK */
+typedef double vec __attribute__((vector_size(32), aligned(8)));
+#define ALWAYS static inline __attribute__((always_inline))
+
+static inline i64 vectors(i64 n) { return (n + W - 1) / W; }
+
+/* ---------------------------------------------------------------- linear equations */
+
+/* What is kept of a matrix that is taken apart without moving its rows: its factors column by column, the upper one
+ * with rows in the order of pivots, their inverses, and this order. */
+typedef struct { i64 n, m, column; vec *lower, *upper, *inverse; i64 *order; } Factor;
+
+static inline Factor factor_at(char *at, i64 n, int parts) {
+    const i64 m = vectors(n), column = parts * m;
+    vec *lower = (vec *)at, *upper = lower + n * column, *inverse = upper + n * column;
+    return (Factor){n, m, column, lower, upper, inverse, (i64 *)(inverse + column)};
+}
+
+/* x -= f y in the first vectors */
+ALWAYS void less(vec *x, const vec *y, double re, double im, i64 count, i64 m, const int parts) {
+    for (i64 i = 0; i < count; i++) {
+        if (parts == 1) x[i] -= re * y[i];
+        else {
+            const vec u = y[i], v = y[m + i];
+            x[i] = x[i] - re * u + im * v;
+            x[m + i] = x[m + i] - re * v - im * u;
+        }
+    }
+}
+
+ALWAYS int factorise(Factor f, const char *a, const i64 *step, double *spare, const int parts) {
+    const i64 n = f.n, m = f.m, to = W * m;
+    memset(f.lower, 0, (char *)f.order - (char *)f.lower);
+    for (i64 j = 0; j < n; j++) {
+        double *u = (double *)(f.upper + j * f.column);
+        for (i64 i = 0; i < n; i++) {
+            const double *x = (const double *)(a + i * step[0] + j * step[1]);
+            u[i] = x[0];
+            if (parts == 2) u[to + i] = x[1];
+        }
+        f.order[j] = j;
+    }
+    for (i64 c = 0; c < n; c++) {
+        const double *u = (double *)(f.upper + c * f.column), *v = u + to;
+        double *l = (double *)(f.lower + c * f.column), *inverse = (double *)f.inverse, most = 0.0;
+        i64 best = -1, p, k;
+        for (k = c; k < n; k++) {
+            p = f.order[k];
+            const double size = fabs(u[p]) + (parts == 2 ? fabs(v[p]) : 0.0);
+            if (!(size <= most)) { most = size; best = k; }
+        }
+        if (best < 0) return 1;
+        p = f.order[best]; f.order[best] = f.order[c]; f.order[c] = p;
+        double re = 1.0 / u[p], im = 0.0;
+        if (parts == 2) {
+            const double unit = 1.0 / most, x = u[p] * unit, y = v[p] * unit, size = 1.0 / (x * x + y * y);
+            re = x * size * unit; im = -y * size * unit;
+            inverse[to + c] = im;
+        }
+        inverse[c] = re;
+        for (k = c + 1; k < n; k++) {
+            const i64 r = f.order[k];
+            if (parts == 1) l[r] = u[r] * re;
+            else { l[r] = u[r] * re - v[r] * im; l[to + r] = u[r] * im + v[r] * re; }
+        }
+        for (i64 j = c + 1; j < n; j++) {
+            vec *x = f.upper + j * f.column;
+            re = ((double *)x)[p]; im = parts == 2 ? ((double *)x)[to + p] : 0.0;
+            if (re != 0.0 || im != 0.0) less(x, f.lower + c * f.column, re, im, m, m, parts);
+        }
+        for (int part = 0; part < parts; part++) { /* rows of the upper factor in the order of pivots */
+            double *x = (double *)(f.upper + c * f.column) + part * to;
+            for (k = 0; k < c; k++) spare[k] = x[f.order[k]];
+            memset(x, 0, to * 8);
+            memcpy(x, spare, c * 8);
+        }
+    }
+    return 0;
+}
+
+/* Solve for a column, of which steps from row to row are told. */
+ALWAYS void substitute(Factor f, char *out, i64 so, const char *b, i64 sb, double *spare, const int parts) {
+    const i64 n = f.n, m = f.m, to = W * m;
+    double *x = spare, *z = x + parts * to;
+    const double *inverse = (const double *)f.inverse;
+    memset(spare, 0, 2 * f.column * sizeof(vec));
+    for (i64 i = 0; i < n; i++)
+        for (int part = 0; part < parts; part++) x[part * to + i] = ((const double *)(b + i * sb))[part];
+    for (i64 c = 0; c < n; c++) {
+        const i64 p = f.order[c];
+        const double re = z[c] = x[p], im = parts == 2 ? z[to + c] = x[to + p] : 0.0;
+        if (re != 0.0 || im != 0.0) less((vec *)x, f.lower + c * f.column, re, im, m, m, parts);
+    }
+    for (i64 c = n - 1; c >= 0; c--) {
+        double *one = (double *)(out + c * so), re = z[c] * inverse[c], im = 0.0;
+        if (parts == 2) {
+            im = z[c] * inverse[to + c] + z[to + c] * inverse[c];
+            re -= z[to + c] * inverse[to + c];
+            one[1] = im;
+        }
+        one[0] = re;
+        less((vec *)z, f.upper + c * f.column, re, im, vectors(c), m, parts);
+    }
+}
+
+WIDE static int factor(const Op *o, char *out, const char *a, const char *none, double *spare) {
+    const Factor f = factor_at(out, o->shape[0], (int)o->more);
+    return o->more == 2 ? factorise(f, a, o->step[1], spare, 2) : factorise(f, a, o->step[1], spare, 1);
+}
+
+WIDE static int solve(const Op *o, char *out, const char *a, const char *b, double *spare) {
+    const Factor f = factor_at((char *)a, o->shape[0], (int)o->more);
+    const i64 *so = o->step[0], *sb = o->step[2];
+    for (i64 j = 0; j < o->shape[1]; j++, out += so[1], b += sb[1])
+        if (o->more == 2) substitute(f, out, so[0], b, sb[0], spare, 2);
+        else substitute(f, out, so[0], b, sb[0], spare, 1);
+    return 0;
+}
+
+/* ---------------------------------------------------------------- reflections */
+
+ALWAYS double dot(const vec *x, const vec *y, i64 first, i64 m) {
+    vec sum = {0};
+    for (i64 j = first; j < m; j++) sum += x[j] * y[j];
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+}
+
+/* Make of x the vector v of a reflection 1 - weight v v^T that leaves of x from an entry on only this entry, and zero
+ * what is before it; return the weight. */
+ALWAYS double reflection(vec *x, i64 first, i64 m, double *left) {
+    double *v = (double *)x;
+    const double head = *left = v[first];
+    memset(v, 0, (first + 1) * 8);
+    const double tail = dot(x, x, first / W, m), all = head * head + tail, size = sqrt(all);
+    if (tail < TINY) return 0.0;
+    *left = head > 0.0 ? -size : size;
+    v[first] = head - *left;
+    return 1.0 / (all - head * *left);
+}
+
+/* Put the product of reflections, of which the k-th begins at k + shift, into the rows of a square matrix. */
+ALWAYS void product(i64 n, i64 m, i64 count, i64 shift, const vec *v, const double *weight, vec *rows, vec *sum) {
+    memset(rows, 0, n * m * sizeof(vec));
+    for (i64 i = 0; i < n; i++) ((double *)(rows + i * m))[i] = 1.0;
+    for (i64 k = count - 1; k >= 0; k--) {
+        const i64 begin = k + shift, first = begin / W;
+        const vec *x = v + k * m;
+        const double *y = (const double *)x;
+        if (weight[k] == 0.0) continue;
+        for (i64 j = first; j < m; j++) sum[j] = (vec){0};
+        for (i64 i = begin; i < n; i++) {
+            const double f = weight[k] * y[i];
+            for (i64 j = first; j < m; j++) sum[j] += f * rows[i * m + j];
+        }
+        for (i64 i = begin; i < n; i++) {
+            const double f = y[i];
+            for (i64 j = first; j < m; j++) rows[i * m + j] -= f * sum[j];
+        }
+    }
+}
+
+/* out: an orthonormal basis of which the first columns are those of a, as far as they are independent */
+WIDE static int basis(const Op *o, char *out, const char *a, const char *none, double *spare) {
+    const i64 n = o->shape[0], k = o->shape[1], m = vectors(n), count = n < k ? n : k, *so = o->step[0], *sa = o->step[1];
+    vec *v = (vec *)spare, *rows = v + k * m, *sum = rows + n * m;
+    double *weight = (double *)(sum + m);
+    memset(v, 0, k * m * sizeof(vec));
+    for (i64 j = 0; j < k; j++)
+        for (i64 i = 0; i < n; i++) ((double *)(v + j * m))[i] = *(const double *)(a + i * sa[0] + j * sa[1]);
+    for (i64 c = 0; c < count; c++) {
+        double left;
+        weight[c] = reflection(v + c * m, c, m, &left);
+        for (i64 j = c + 1; j < k; j++) {
+            vec *x = v + j * m;
+            less(x, v + c * m, weight[c] * dot(x, v + c * m, c / W, m), 0.0, m, m, 1);
+        }
+    }
+    product(n, m, count, 0, v, weight, rows, sum);
+    for (i64 i = 0; i < n; i++)
+        for (i64 j = 0; j < n; j++) *(double *)(out + i * so[0] + j * so[1]) = ((double *)(rows + i * m))[j];
+    return 0;
+}
+
+/* ---------------------------------------------------------------- symmetric matrices */
+
+/* Make a symmetric matrix tridiagonal: d and, beside it, e; its rows become reflections. */
+ALWAYS void tridiagonal(i64 n, i64 m, vec *rows, double *weight, double *d, double *e, vec *sum) {
+    double *p = (double *)sum;
+    for (i64 k = 0; k < n; k++) {
+        vec *v = rows + k * m;
+        const double *x = (const double *)v;
+        const i64 first = (k + 1) / W;
+        d[k] = x[k]; e[k] = 0.0; weight[k] = 0.0;
+        if (k + 1 < n) e[k] = x[k + 1];
+        if (k + 2 >= n) continue;
+        const double w = weight[k] = reflection(v, k + 1, m, &e[k]);
+        if (w == 0.0) continue;
+        for (i64 j = first; j < m; j++) sum[j] = (vec){0};
+        for (i64 i = k + 1; i < n; i++) {
+            const vec *a = rows + i * m;
+            const double f = w * x[i];
+            for (i64 j = first; j < m; j++) sum[j] += f * a[j];
+        }
+        for (i64 j = first * W; j <= k; j++) p[j] = 0.0;
+        const double part = 0.5 * w * dot(sum, v, first, m);
+        for (i64 j = first; j < m; j++) sum[j] -= part * v[j];
+        for (i64 i = k + 1; i < n; i++) {
+            vec *a = rows + i * m;
+            const double f = x[i], g = p[i];
+            for (i64 j = first; j < m; j++) a[j] = a[j] - f * sum[j] - g * v[j];
+        }
+    }
+}
+
+/* Make a tridiagonal matrix diagonal by rotations, implicit QL with shifts, and turn rows of a matrix along. */
+ALWAYS int diagonal(i64 n, i64 m, double *d, double *e, vec *rows) {
+    for (i64 l = 0; l < n; l++) for (int sweep = 0;; sweep++) {
+        i64 end = l, i;
+        while (end < n - 1 && !(fabs(e[end]) <= 0.5 * DBL_EPSILON * (fabs(d[end]) + fabs(d[end + 1]) + 1.0))) end++;
+        if (end == l) break;
+        if (sweep == SWEEPS) return 1;
+        double g = (d[l + 1] - d[l]) / (2.0 * e[l]), s = 1.0, c = 1.0, p = 0.0;
+        g = d[end] - d[l] + e[l] / (g + copysign(sqrt(g * g + 1.0), g));
+        for (i = end - 1; i >= l; i--) {
+            const double f = s * e[i], b = c * e[i], square = f * f + g * g;
+            if (square < TINY) { d[i + 1] -= p; e[i + 1] = e[end] = 0.0; break; }
+            /* the next g does not wait for the square root */
+            const double inverse = 1.0 / square, size = sqrt(square);
+            const double before = d[i + 1] - p, r = f * (d[i] - before) + 2.0 * g * b;
+            s = f / size; c = g / size;
+            p = f * r * inverse;
+            g = g * r * inverse - b;
+            d[i + 1] = before + p; e[i + 1] = size;
+            vec *x = rows + i * m, *y = x + m;
+            for (i64 j = 0; j < m; j++) {
+                const vec u = x[j], v = y[j];
+                y[j] = s * u + c * v;
+                x[j] = c * u - s * v;
+            }
+        }
+        if (i >= l) continue;
+        d[l] -= p; e[l] = g; e[end] = 0.0;
+    }
+    return 0;
+}
+
+/* out: a row of eigenvalues from the lowest up, and a row for each eigenvector */
+WIDE static int modes(const Op *o, char *out, const char *a, const char *none, double *spare) {
+    const i64 n = o->shape[0], m = vectors(n), wide = W * m, *so = o->step[0], *sa = o->step[1];
+    vec *rows = (vec *)spare, *turns = rows + n * m, *sum = turns + n * m;
+    double *x = (double *)rows, *d = (double *)(sum + m), *e = d + wide, *weight = e + wide, most = 0.0;
+    i64 *order = (i64 *)weight;
+    int power = 0;
+    memset(rows, 0, n * m * sizeof(vec));
+    for (i64 i = 0; i < n; i++)
+        for (i64 j = 0; j <= i; j++) {
+            const double one = *(const double *)(a + i * sa[0] + j * sa[1]);
+            x[i * wide + j] = x[j * wide + i] = one;
+            if (!(fabs(one) <= most)) most = fabs(one);
+        }
+    if (!(most <= DBL_MAX)) return 1;
+    frexp(most, &power);
+    if (power < -1000) power = -1000;
+    const double unit = ldexp(1.0, -power), back = ldexp(1.0, power);
+    for (i64 j = 0; j < n * m; j++) rows[j] *= unit;
+    tridiagonal(n, m, rows, weight, d, e, sum);
+    product(n, m, n - 2, 1, rows, weight, turns, sum);
+    for (i64 i = 0; i < n; i++) for (i64 j = 0; j < n; j++) x[i * wide + j] = ((double *)turns)[j * wide + i];
+    if (diagonal(n, m, d, e, rows)) return 1;
+    for (i64 k = 0; k < n; k++) order[k] = k;
+    for (i64 k = 0; k < n; k++) { /* few are out of order */
+        i64 i = k, row = order[k];
+        const double value = d[k];
+        for (; i > 0 && d[i - 1] > value; i--) { d[i] = d[i - 1]; order[i] = order[i - 1]; }
+        d[i] = value; order[i] = row;
+    }
+    for (i64 k = 0; k < n; k++) {
+        *(double *)(out + k * so[1]) = d[k] * back;
+        for (i64 j = 0; j < n; j++) *(double *)(out + (k + 1) * so[0] + j * so[1]) = x[order[k] * wide + j];
+    }
+    return 0;
+}
+
+/* ---------------------------------------------------------------- operations */
+
+/* shape: rows and columns of what is read last, batch, batch; steps: (i, j, batch, batch) */
+int resolve(const Op *o) {
+    static int (*const DO[])(const Op *, char *, const char *, const char *, double *) = {factor, solve, basis, modes};
+    const i64 *n = o->shape, m = W * vectors(n[0]);
+    double *spare = workspace((n[0] + n[1] + 8) * m);
+    if (!spare) return -1;
+    for (i64 p = 0; p < n[2]; p++) for (i64 q = 0; q < n[3]; q++) {
+        char *at[3];
+        for (int k = 0; k < 3; k++) at[k] = o->at[k] + p * o->step[k][2] + q * o->step[k][3];
+        if (DO[o->code - FACTOR](o, at[0], at[1], at[2], spare)) return 1;
+    }
+    return 0;
+}
