@@ -21,6 +21,7 @@ from hfsim.commands.options import (
     setting_options,
     talk_options,
     time_option,
+    timing_workers_options,
 )
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
@@ -28,6 +29,7 @@ from hfsim.output.talk import Destination, Talk, print_error
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.bench import Bench, Sweep
+    from hfsim.studies.cluster import Workers
 
 _DRAWING = (2.0, 0.1)
 """Time kept back for pictures: so many seconds, at most this part of the budget."""
@@ -74,6 +76,7 @@ _DEGREES = (
 @_numbers("degrees", int, "P,Q,...", _DEGREES)
 @time_option("budget", "CPU time all may take, e.g. 90s or 2min.", "60s")
 @repeats_option("Time short points so often and take the median.")
+@timing_workers_options
 @output_options
 @setting_options()
 @talk_options
@@ -90,6 +93,7 @@ def bench(
     degrees: tuple[int, ...],
     budget: float,
     repeats: int,
+    workers: Workers,
     to: Destination,
     overrides: tuple[str, ...],
     talk: Talk,
@@ -109,7 +113,8 @@ def bench(
     started = time.process_time()
     if separation:
         unfit = {"DECK": deck, "--methods": methods, "--tolerances": tolerances, "--steps": steps,
-                 "--models": models, "--set": overrides}  # fmt: skip
+                 "--models": models, "--set": overrides, "--jobs": workers.jobs > 1,
+                 "--dask": workers.dask or workers.config}  # fmt: skip
         _refuse_given(unfit, "does not go with --separation")
         plan = bench_separation.Plan(
             elements=elements or bench_separation.ELEMENTS,
@@ -133,7 +138,7 @@ def bench(
     sweep = complete(Sweep(methods, models, tolerances, steps, elements, degrees, repeats), loaded)
     about = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("bench", to, loaded.deck.name, talk, about)
-    raise click.exceptions.Exit(do_bench(loaded, sweep, budget, started, study))
+    raise click.exceptions.Exit(do_bench(loaded, sweep, workers, budget, started, study))
 
 
 def _refuse_given(options: Mapping[str, object], why: str) -> None:
@@ -170,7 +175,9 @@ def complete(sweep: Sweep, loaded: LoadedDeck) -> Sweep:
     )
 
 
-def do_bench(loaded: LoadedDeck, sweep: Sweep, seconds: float, started: float, study: Study) -> int:
+def do_bench(
+    loaded: LoadedDeck, sweep: Sweep, workers: Workers, seconds: float, started: float, study: Study
+) -> int:
     """Run the study, write and tell it, and return the exit code."""
     from hfsim.marching.stop import Budget
     from hfsim.output.bench import COLUMNS, as_rows, as_text
@@ -180,8 +187,12 @@ def do_bench(loaded: LoadedDeck, sweep: Sweep, seconds: float, started: float, s
 
     study.begin()
     drawing = min(_DRAWING[0], _DRAWING[1] * seconds) if study.plots else 0.0
-    with Progress(f"{loaded.deck.name}, bench", sys.stderr, study.talk.quiet) as progress:
-        result = measure(loaded, sweep, Budget(seconds - drawing, time.process_time, started, progress))
+    with (
+        workers.executor(loaded.source.texts, timing=True) as executor,
+        Progress(f"{loaded.deck.name}, bench", sys.stderr, study.talk.quiet) as progress,
+    ):
+        budget = Budget(seconds - drawing, time.process_time, started, progress)
+        result = measure(loaded, sweep, budget, executor)
     tables = {"bench": (COLUMNS, as_rows(result))}
     study.publish(as_facts(result), tables, as_text(result, study.path), lambda to: _draw(result, to))
     return _exit_code(result)

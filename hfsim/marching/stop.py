@@ -135,6 +135,14 @@ class Budget:
 
         return check
 
+    def charge(self, seconds: float) -> None:
+        """Count time that was used elsewhere."""
+        self.start -= seconds
+        self.report(min(1.0, self.used / self.seconds))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _going_on, (self.seconds, self.clock, self.used)
+
     def limiting(self, report: Progress) -> Progress:
         """Return what reports how far a run has come and ends it when the budget is used up."""
 
@@ -145,6 +153,13 @@ class Budget:
                 raise TimeUp(f"{used} at {_done(share)} of the duration", share)
 
         return check
+
+
+def _going_on(seconds: float, clock: Callable[[], float], used: float) -> Budget:
+    """Return a budget of which some is used, as it is in another process; there it tells nobody."""
+    budget = Budget(seconds, clock)
+    budget.start -= used
+    return budget
 
 
 def _done(share: float) -> str:

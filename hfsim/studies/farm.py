@@ -18,7 +18,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, ClassVar
 
 from hfsim.errors import HfsimError
 
@@ -93,6 +93,9 @@ class Executor(ABC):
     lost : str
         What else has ended it; empty if nothing has.
     """
+
+    elsewhere: ClassVar[bool] = True
+    """Whether jobs are done in other processes."""
 
     jobs: int
     deadline: float = float("inf")
@@ -180,6 +183,7 @@ class Executor(ABC):
 class Here(Executor):
     """The process itself, a job at a time: nothing disturbs what is timed, and signals reach jobs."""
 
+    elsewhere = False
     jobs: int = 1
 
     def outcomes(self) -> Generator[Outcome, None, None]:

@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -30,6 +32,7 @@ from hfsim.studies.bench import (
     recommend,
     recommendations,
 )
+from hfsim.studies.farm import Farm
 
 
 def pendulum(*overrides):
@@ -185,6 +188,28 @@ def test_an_interrupt_keeps_what_was_measured():
     result = bench(pendulum(), sweep(tolerances=(1e-3, 1e-9)), Budget(30.0, report=stop))
     assert result.status == "interrupted"
     assert result.cells
+
+
+def test_points_side_by_side_are_the_same_but_for_times(small):
+    def told(result):
+        return [replace(p, cpu=None, cpu_min=None, cpu_max=None) for p in result.points]
+
+    budget = Budget(30.0, time.process_time)
+    beside = bench(pendulum(), sweep(), budget, Farm(2))
+    assert told(beside) == told(small)
+    assert budget.used > sum(p.cpu * p.repeats for p in beside.points), "what others use counts"
+
+
+def lost(_):
+    os._exit(7)
+
+
+def test_a_point_whose_process_dies_has_failed(monkeypatch):
+    monkeypatch.setattr("hfsim.studies.bench.study._try", lost)
+    result = bench(pendulum(), sweep(), Budget(30.0), Farm(2))
+    assert {(p.status, p.reason) for p in result.points} == {
+        ("failed", "the worker ended without an answer (exit code 7)")
+    }
 
 
 def test_mesh_and_time_errors_are_told_apart():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from hfsim.studies.bench.points import ChannelError, GroupError, Point
 from hfsim.studies.bench.reference import Work, references, solve_of
 from hfsim.studies.bench.result import Bench
 from hfsim.studies.bench.sweep import Sweep
+from hfsim.studies.farm import Executor, Here, Outcome, Task
 from hfsim.studies.timing import Spread, solved
 
 _TRIAL_SHARE = 0.02
@@ -33,7 +35,7 @@ _FIRST_GROWTH = 2.0
 """Growth of the cost from one level to the next before it has been seen."""
 
 
-def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget) -> Bench:
+def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget, executor: Executor | None = None) -> Bench:
     """Measure error and CPU time of every point of a sweep, within a budget.
 
     Parameters
@@ -42,6 +44,8 @@ def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget) -> Bench:
     sweep : Sweep
     budget : Budget
         The first reference is made even if it takes longer.
+    executor : Executor, optional
+        Does the points; references are made here. Without it the points are done here too.
 
     Returns
     -------
@@ -59,7 +63,8 @@ def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget) -> Bench:
     try:
         references(loaded, sweep, works, budget)
         _warm_up(works, sweep, budget)
-        _run_points(works, sweep, budget, points)
+        waiting = [_Series(w, method, list(sweep.levels)) for w in works for method in sweep.methods]
+        _Points(sweep, budget, executor or Here(), points, waiting).run()
     except KeyboardInterrupt:
         status = "interrupted"
     if status == "done" and not any(w.truth for w in works):
@@ -121,6 +126,20 @@ class _Series:
         tolerance, step = (None, level) if sweep.steps else (level, None)
         return Point(cell.model, cell.elements, self.method, tolerance, step, degree=cell.degree)
 
+    def job(self, sweep: Sweep, budget: Budget, left: float) -> _Job:
+        """Return the next level, to be run in the time that is left; a first one is a trial."""
+        blank, trial = self.blank(self.levels[0], sweep), not self.costs and self.forecast is None
+        solve = solve_of(self.work.scene, self.method, self.levels[0], bool(sweep.steps))
+        allowed = min(_TRIAL_SHARE * budget.seconds, left) if trial else left
+        return _Job(self.work, blank, solve, sweep.repeats, budget, allowed)
+
+    def take(self, tried: _Tried) -> None:
+        """Take note of what a level has cost, or of how far it came."""
+        self.forecast, self.trial = tried.forecast, tried.trial
+        if tried.point is not None:
+            self.costs.append(tried.spent)
+            del self.levels[0]
+
     def given_up(self, sweep: Sweep, reason: str) -> list[Point]:
         """Return what is left: skipped, or over budget where a trial was cut off."""
         left = [replace(self.blank(level, sweep), reason=reason) for level in self.levels]
@@ -142,58 +161,118 @@ def _warm_up(works: Sequence[Work], sweep: Sweep, budget: Budget) -> None:
             raise stop
 
 
-def _run_points(works: Sequence[Work], sweep: Sweep, budget: Budget, points: list[Point]) -> None:
-    """Run the cheapest waiting point until all are done or the budget is; append to `points`."""
-    waiting = [_Series(w, method, list(sweep.levels)) for w in works for method in sweep.methods]
-    try:
-        while waiting:
-            series = min(waiting, key=lambda s: s.expected)
+class _Job(NamedTuple):
+    """A point to be run, and the time that its first solve is allowed [s]."""
+
+    work: Work
+    blank: Point
+    solve: SolveSpec
+    repeats: int
+    budget: Budget
+    allowed: float
+
+
+class _Tried(NamedTuple):
+    """What has come of it.
+
+    Attributes
+    ----------
+    point : Point or None
+        None where its solve was cut off.
+    spent, whole : float
+        Time used by its first solve, and by all [s].
+    trial : str
+        How it was cut off.
+    forecast : float or None
+        What it would have taken then [s].
+    """
+
+    point: Point | None
+    spent: float = 0.0
+    whole: float = 0.0
+    trial: str = ""
+    forecast: float | None = None
+
+
+@dataclass
+class _Points:
+    """Has the cheapest waiting points run until all are done or the budget is; appends to `found`."""
+
+    sweep: Sweep
+    budget: Budget
+    executor: Executor
+    found: list[Point]
+    waiting: list[_Series]
+    under_way: dict[int, _Series] = field(default_factory=dict)
+
+    def run(self) -> None:
+        """Run them.
+
+        Raises
+        ------
+        KeyboardInterrupt
+        """
+        self._hand_out()
+        self.executor.serve(self._take)
+        if self.executor.interrupted:
+            for series in (*self.waiting, *self.under_way.values()):
+                self.found += series.given_up(self.sweep, "interrupted")
+            raise KeyboardInterrupt
+
+    def _hand_out(self) -> None:
+        while self.waiting and len(self.under_way) < self.executor.jobs:
+            series = min(self.waiting, key=lambda s: s.expected)
+            self.waiting.remove(series)
+            left = self.budget.left - sum(one.expected for one in self.under_way.values())
             if series.work.cell.status == "over budget":
-                points += series.given_up(sweep, series.work.cell.reason)
-            elif budget.left <= series.expected:
-                points += series.given_up(sweep, f"about {series.expected:.2g} s expected")
+                self.found += series.given_up(self.sweep, series.work.cell.reason)
+            elif left <= series.expected:
+                self.found += series.given_up(self.sweep, f"about {series.expected:.2g} s expected")
             else:
-                points += _next_point(series, sweep, budget)
-            waiting = [s for s in waiting if s.levels]
-    except KeyboardInterrupt:
-        for series in waiting:
-            points += series.given_up(sweep, "interrupted")
-        raise
+                self.under_way[id(series)] = series
+                self.executor.add(Task(id(series), _try, series.job(self.sweep, self.budget, left)))
+
+    def _take(self, outcome: Outcome) -> None:
+        series = self.under_way.pop(outcome.key)
+        blank = series.blank(series.levels[0], self.sweep)
+        tried = outcome.value or _Tried(replace(blank, status="failed", reason=outcome.lost))
+        if self.executor.elsewhere:
+            self.budget.charge(tried.whole)
+        series.take(tried)
+        if tried.point is not None:
+            self.found.append(tried.point)
+        if series.levels:
+            self.waiting.append(series)
+        self._hand_out()
 
 
-def _next_point(series: _Series, sweep: Sweep, budget: Budget) -> list[Point]:
-    """Run the next level of a series, repeatedly if it is short; return nothing if it was put back."""
-    level, work = series.levels[0], series.work
-    solve = solve_of(work.scene, series.method, level, bool(sweep.steps))
-    unknown = not series.costs and series.forecast is None
+def _try(job: _Job) -> _Tried:
+    """Run a point, repeatedly if it is short."""
+    work, blank, solve, repeats, budget, allowed = job
     start = budget.used
-    allowed = min(_TRIAL_SHARE * budget.seconds, budget.left) if unknown else budget.left
     done, cpu = solved(work.scene, solve, budget.guard(allowed))
     spent = budget.used - start
     if isinstance(done.stop, KeyboardInterrupt):
         raise done.stop
     if isinstance(done.stop, TimeUp):
-        series.trial = f"{done.stop} after {spent:.2g} s"
-        series.forecast = max(spent / max(done.stop.share, 1e-6), 1.5 * spent)
-        return []
-    series.costs.append(spent)
-    series.forecast, series.trial = None, ""
-    del series.levels[0]
-    times = [cpu] if done.stop else _repeated(work.scene, solve, sweep, budget, cpu)
+        forecast = max(spent / max(done.stop.share, 1e-6), 1.5 * spent)
+        return _Tried(None, spent, spent, f"{done.stop} after {spent:.2g} s", forecast)
+    times = [cpu] if done.stop else _repeated(work.scene, solve, repeats, budget, cpu)
     spread, counts = Spread.of(times), done.problem.counts
     point = replace(
-        series.blank(level, sweep), cpu=spread.median, cpu_min=spread.least, cpu_max=spread.most,
+        blank, cpu=spread.median, cpu_min=spread.least, cpu_max=spread.most,
         repeats=len(times), steps=counts.steps, rejected=counts.rejected,
         newton_iterations=counts.iterations, evaluations=counts.evaluations,
         factorisations=counts.factorisations,
     )  # fmt: skip
-    return [_judged(point, done, work)]
+    point = _judged(point, done, work)
+    return _Tried(point, spent, budget.used - start)
 
 
-def _repeated(scene: Scene, solve: SolveSpec, sweep: Sweep, budget: Budget, cpu: float) -> list[float]:
+def _repeated(scene: Scene, solve: SolveSpec, repeats: int, budget: Budget, cpu: float) -> list[float]:
     """Return the times of a short point, repeated as often as asked for and the budget allows."""
     times = [cpu]
-    while len(times) < sweep.repeats and len(times) * cpu < _REPEAT_SHARE * budget.seconds:
+    while len(times) < repeats and len(times) * cpu < _REPEAT_SHARE * budget.seconds:
         again, seconds = solved(scene, solve, budget.guard(budget.left))
         try:
             again.in_time()
