@@ -148,7 +148,7 @@ class DenseDerivative(Derivative):
     of_imbalance: tuple[Array, Array] | None = None
 
     def __post_init__(self) -> None:
-        self._inverse: ByStep[Array] = ByStep()
+        self._inverse: ByStep[ComplexArray] = ByStep()
 
     @property
     def n(self) -> int:
@@ -185,16 +185,14 @@ class DenseDerivative(Derivative):
         return np.asarray(tau * start.first + 0.5 * tau**2 * damped)
 
     def correction(self, table: Collocation, h: float) -> Correction:
-        """Solve with I - (h pole)^2 J_q - h pole J_v, in real and imaginary parts."""
-        inverse = self._inverse.of(h, lambda: self._inverted(h * table.poles[:, None, None]))
-        s, (poles, n, _), end_rate = table.stages, inverse.shape, table.end_rate / h
-        x, y = table.left.real, table.left.imag
-        left = 2.0 * np.stack([x, -y, -y, -x], axis=2).reshape(s, -1)
+        """Solve with I - (h pole)^2 J_q - h pole J_v."""
+        mu = h * table.poles[:, None]
+        inverse = self._inverse.of(h, lambda: self._inverted(mu[:, :, None]))
+        right, joining, end_rate = mu**2 * table.right, table.joining, table.end_rate / h
 
         def correct(r: Array) -> tuple[Array, Array]:
-            parts = (table.parting @ r).reshape(2, poles, n)
-            solved = parts.swapaxes(0, 1) @ inverse
-            y = left @ solved.reshape(-1, n)
+            found = (inverse @ (right @ r)[:, :, None])[:, :, 0]
+            y = joining @ np.concatenate([found.real, found.imag])
             # without modes every velocity error counts as if it were slow, which is on the safe side
             return y, 0.5 * np.abs(end_rate @ y).max()
 
@@ -205,11 +203,8 @@ class DenseDerivative(Derivative):
         inverse = np.linalg.inv(np.eye(len(self.by_q)) - by_q * self.by_q - by_v * self.by_v)
         return lambda r: np.asarray(inverse @ r)
 
-    def _inverted(self, mu: ComplexArray) -> Array:
-        """Return (h pole)^2 times the inverses, for rows: real parts beside imaginary ones."""
-        by_q, by_v = np.ascontiguousarray(self.by_q.T), np.ascontiguousarray(self.by_v.T)
-        found = mu**2 * np.linalg.inv(np.eye(len(by_q)) - mu**2 * by_q - mu * by_v)
-        return np.concatenate([found.real, found.imag], axis=2)
+    def _inverted(self, mu: ComplexArray) -> ComplexArray:
+        return np.linalg.inv(np.eye(len(self.by_q)) - mu**2 * self.by_q - mu * self.by_v)
 
 
 @dataclass(eq=False)
