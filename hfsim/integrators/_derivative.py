@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
@@ -89,8 +90,6 @@ class Derivative:
     ----------
     increments : Increments
         The coordinates it is written in.
-    fastest : float
-        Largest circular frequency in it [rad/s].
     taken : ndarray
         Where: t, q, v, expected strains, and the angles whose turns are counted.
     ways : tuple of str
@@ -99,13 +98,21 @@ class Derivative:
 
     holds_arrays: ClassVar[bool] = True
     increments: Increments
-    fastest: float
     taken: Array
     ways: tuple[str, ...] = ()
 
     @property
     def n(self) -> int:
         """Number of coordinates."""
+        raise NotImplementedError
+
+    @cached_property
+    def fastest(self) -> float:
+        """Largest circular frequency in it [rad/s]."""
+        return float(self.frequency())
+
+    def frequency(self) -> Array:
+        """Return the same, shape ()."""
         raise NotImplementedError
 
     def check(self) -> None:

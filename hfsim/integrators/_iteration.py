@@ -46,6 +46,16 @@ class End(NamedTuple):
     """The same of the velocities, in a unit of time."""
 
 
+class Middle(NamedTuple):
+    """The stage in the middle of a step, where its derivative is taken."""
+
+    t: Array
+    q: Array
+    v: Array
+    expected: Array | None
+    """Strains, (n_strains,), if they are variables."""
+
+
 class Iteration:
     """A step at work.
 
@@ -57,12 +67,12 @@ class Iteration:
     place : Place
     strained : bool
         Whether strains are variables of the iteration.
-    corrects : bool
-        Whether corrections will be asked for.
 
     Attributes
     ----------
     derivative : Derivative
+        May be replaced when the step has been guessed.
+    strained : bool
     a : ndarray, shape (s, n)
         Accelerations at the stages.
     correction_found : ndarray, shape (s, n)
@@ -81,19 +91,16 @@ class Iteration:
         table: Collocation,
         place: Place,
         strained: bool = False,
-        corrects: bool = True,
     ) -> None:
-        self.derivative = derivative
+        self.derivative, self.strained = derivative, strained
         self.expected: Array | None = None
-        self._problem, self._table, self._place, self._strained = problem, table, place, strained
+        self._problem, self._table, self._place = problem, table, place
         t, q, v, h = place
         times = h * table.nodes
         self._t, self._uniform = t + times, q + times[:, None] * v
         # from accelerations at the stages to displacements and rates, and back
         self._moved, self._rates = h * h * table.A2, h * table.A
         self._back = table.A2_inverse / (h * h)
-        if corrects:
-            self._correction = derivative.correction(table, h)
 
     def guess(self, a0: Array) -> None:
         """Let modes swing freely from the start of the step, where accelerations are ``a0``."""
@@ -108,9 +115,16 @@ class Iteration:
             self.expected = np.asarray(seen + self.derivative.strain_changes(y))
         self.a = np.asarray(self._back @ (moved - (h * self._table.nodes)[:, None] * v))
 
-    def take(self, a: Array, expected: Array | None) -> None:
-        """Begin with a guess made elsewhere."""
-        self.a, self.expected = a.copy(), expected
+    def middle(self) -> Middle:
+        """Return the stage in the middle as it is guessed."""
+        (t, q, v, h), table, k = self._place, self._table, len(self._t) // 2
+        tau, expected = h * table.nodes[k], self.expected
+        q, v = q + tau * v + h * h * (table.A2[k] @ self.a), v + h * (table.A[k] @ self.a)
+        return Middle(np.asarray(t + tau), q, v, None if expected is None else expected[k].copy())
+
+    def prepare(self) -> None:
+        """Make ready for corrections with the derivative of now."""
+        self._correction = self.derivative.correction(self._table, self._place.h)
 
     def correct(self, anew: bool = True) -> tuple[Array, Array]:
         """Find a correction in natural increments.
@@ -129,7 +143,7 @@ class Iteration:
         q, v = self._uniform + self._moved @ self.a, self._place.v + self._rates @ self.a
         if anew:
             self._at: Any = self.derivative.increments.geometry(q)
-        if self._strained and self.expected is not None:
+        if self.strained and self.expected is not None:
             assert problem.strains is not None
             strained = Strained(problem.strains.seen(q), self.expected)
         r = self.derivative.residual(problem, Stages(self._at, self._t, q, v, self.a, strained))
@@ -146,6 +160,7 @@ class Iteration:
 
     def solve(self, ending: Ending) -> tuple[bool, int]:
         """Correct until that ends; return whether it converges, and the number of corrections."""
+        self.prepare()
         size, counts = np.inf, self._problem.counts
         for k in range(MAX_ITERATIONS):
             change, size = map(float, self.correct(anew=size > SAME))

@@ -118,7 +118,7 @@ class Stepping:
         self._wish = self._reach = 0.0
         self._stretch = start[0], start[0]
         self._behind_break = False
-        problem.count_on(start[0], t_end)
+        problem.count_on(len(start[1]), start[0], t_end)
         self._kept = self._memories()
 
     def __iter__(self) -> Stepping:
@@ -330,7 +330,7 @@ class Stepping:
         self._problem.turns.keep(t, attempt.q, attempt.v)
         self._behind_break = False
         self._rechart()
-        self._problem.often.expect(t, h)
+        self._problem.often.expect(t, h, self._wish)
         self._kept = self._memories()
 
     def _rechart(self) -> None:

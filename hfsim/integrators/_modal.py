@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -90,10 +89,9 @@ class ModalDerivative(Derivative):
         rows = self.L if self.joints is None else np.concatenate([self.L, self.joints.jacobian])
         self._columns = np.ascontiguousarray(rows.T)
 
-    @cached_property
-    def fastest(self) -> float:  # type: ignore[override]
-        """Largest circular frequency [rad/s]."""
-        return float(np.sqrt(np.abs(self.w2).max(initial=0.0)))
+    def frequency(self) -> Array:
+        """Return the largest circular frequency [rad/s]."""
+        return np.asarray(np.sqrt(np.abs(self.w2).max(initial=0.0)))
 
     @property
     def n(self) -> int:

@@ -11,11 +11,15 @@ from hfsim.maths import kernel
 from hfsim.maths.replayed import Replayed
 from hfsim.maths.traced import Recording
 
+MOST = 400
+"""Coordinates up to which calls cost so much that replaying pays."""
 EARLY = 3
-"""Steps before which nothing is said of those to come."""
-SEEN = 10
+"""Steps before which nothing is said of those to come while they grow."""
+GROWING = 1.5
+"""Growth of a step from which they do."""
+SEEN = 9
 """Calls of a function after which it may be recorded."""
-MANY = 50
+MANY = 25
 """Calls to come from which recording a function, which takes as long as a dozen or two of them, pays."""
 
 _Found = TypeVar("_Found")
@@ -78,10 +82,18 @@ class Often:
         self._asked[kind] = self._asked.get(kind, 0) + weight
         return False
 
-    def expect(self, t: float, h: float) -> None:
-        """Take note of a step of length h that ended at t, and choose what is to be replayed from then on."""
+    def expect(self, t: float, h: float, following: float) -> None:
+        """Choose what is to be replayed from now on.
+
+        Parameters
+        ----------
+        t, h : float
+            When a step ended, and its length [s].
+        following : float
+            Length of the next one.
+        """
         self._steps += 1
-        if self._steps < EARLY or not self._wanted:
+        if not self._wanted or (self._steps < EARLY and following > GROWING * h):
             return
         # at the pace of the whole run, or at that of its last step if that is longer
         share = (self._end - t) / max(t - self._start, h * self._steps)

@@ -10,7 +10,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
-from hfsim.integrators._often import Often
+from hfsim.integrators._often import MOST, Often
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.counting import Turns
@@ -178,9 +178,9 @@ class Problem:
     recordings: Recordings = field(default_factory=Recordings)
     often: Often = field(default_factory=Often)
 
-    def count_on(self, start: float, end: float) -> None:
-        """Begin to count, for a run between these times, what is called often enough to be replayed."""
-        self.often = Often(self.recordings, start, end)
+    def count_on(self, n: int, start: float, end: float) -> None:
+        """Begin to count, in a run of n coordinates between these times, what is called often."""
+        self.often = Often(self.recordings if n <= MOST else None, start, end)
 
     def apart(self) -> Problem:
         """Return the same equations, evaluated in NumPy alone, with counts of their own."""

@@ -1,13 +1,7 @@
-"""Collocation steps replayed natively.
-
-A recording holds for all steps that a method makes from one kind of derivative: the place of a step, its
-length and the derivative are inputs.  It is checked against NumPy before it is used.
-"""
+"""Collocation steps replayed natively: whole attempts, and the derivatives that they take."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from threading import get_ident
 from typing import Any
 
@@ -15,17 +9,34 @@ import numpy as np
 
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending
-from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
-from hfsim.integrators._problem import Counts, Increments, PlainIncrements, Problem
-from hfsim.integrators._tableau import Collocation
+from hfsim.integrators._iteration import LINEAR, End, Middle, Place
+from hfsim.integrators._problem import Problem
+from hfsim.integrators._recorded import Kind, Recorded
 from hfsim.integrators.derivative import computed, place_of, taken_at
 from hfsim.maths.arrays import Array
-from hfsim.maths.replayed import UNREADABLE, Replayed, agree, arrays_in, jittered, rebuilt, shaken
+from hfsim.maths.replayed import UNREADABLE, arrays_in, rebuilt
 from hfsim.maths.tape import iterated
-from hfsim.maths.traced import plain
 
-MOST = 400
-"""Coordinates up to which calls cost so much that replaying pays."""
+
+class Held:
+    """A derivative in the memory of a recording, until another one is written there.
+
+    Attributes
+    ----------
+    replay : Replay
+    fastest, taken, ways
+        As those of a `Derivative`.
+    """
+
+    def __init__(self, replay: Replay, fastest: float, taken: Array, ways: tuple[str, ...]) -> None:
+        self.replay, self.fastest, self.taken, self.ways = replay, fastest, taken, ways
+
+    def apart(self, problem: Problem) -> Derivative:
+        """Return the same in memory of its own."""
+        self.replay.holds(problem, self)
+        found: Derivative = rebuilt(self.replay.template)
+        found.taken, found.ways = self.taken, self.ways
+        return found
 
 
 class Replays:
@@ -39,210 +50,185 @@ class Replays:
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
         self._kept = problem.recordings.setdefault(get_ident(), {})
-        self._last: tuple[Any, Any] = None, None
 
-    def step(
-        self, derivative: Derivative, table: Collocation, place: Place, strained: bool, native: bool
-    ) -> Iteration | Replay:
-        """Return what does a step: a recording if that is wanted and there is one."""
-        if native and len(place.q) <= MOST:
-            kind, numbers = self._seen(derivative)
-            found = self._found((*kind, table, strained), derivative, table, place)
-            if isinstance(found, Replay):
-                return found.begin(self._problem.counts, derivative, numbers, place)
-        return Iteration(self._problem, derivative, table, place, strained)
+    def of(self, kind: Kind, place: Place, derivative: Derivative | Held) -> Replay | None:
+        """Return the recording of a kind of steps, in which there is a derivative; None if there is none.
 
-    def _found(
-        self, key: Any, derivative: Derivative, table: Collocation, place: Place
-    ) -> Replay | Exception:
-        """Return the recording of a kind of steps, or why there is none."""
-        found: Replay | Exception | None = self._kept.get(key)
-        if found is None:
-            try:
-                found = Replay(self._problem, derivative, table, place, strained=key[-1])
-            except UNREADABLE as why:
-                found = why
-            self._kept[key] = found
-        return found
+        One that cannot be recorded itself has a recording of steps for each of its forms.
+        """
+        found = self._deriving(kind, place)
+        if found is None and isinstance(derivative, Derivative):
+            found = self._recorded((kind, _form(derivative)), place, derivative)
+        return found if found is not None and found.holds(self._problem, derivative) else None
 
     def derivative(
-        self,
-        natural: Increments | None,
-        t: float,
-        q: Array,
-        v: Array,
-        expected: Array | None = None,
-        native: bool = False,
-    ) -> Derivative:
-        """Compute a derivative; see `hfsim.integrators.derivative.derivative`."""
-        problem = self._problem
+        self, kind: Kind, place: Place, expected: Array | None = None, native: bool = False
+    ) -> Derivative | Held:
+        """Compute a derivative for steps of a kind, about as long as one from there."""
+        problem, (t, q, v, _) = self._problem, place
         if problem.strains is not None and expected is None:
             expected = problem.strains.seen(q[None])[0]
-        make = partial(_computed, problem, natural or PlainIncrements())
-        given = (t, q, v) if expected is None else (t, q, v, expected)
-        if native and problem.linearized is not None and len(q) <= MOST:
-            make = self._function(("derivative", natural is None), make, _inverse)
-        return taken_at(make(*given), problem, t, q, v, expected)
+        replay = self._deriving(kind, place) if native else None
+        if replay is not None:
+            return replay.derive(problem, (t, q, v, expected))
+        found = computed(problem, kind.increments(problem), False, t, q, v, expected)
+        return taken_at(found, problem, t, q, v, expected)
 
-    def _function(self, name: Any, function: Callable[..., Any], measure: Any = None) -> Any:
-        """Return a function that is recorded when it is first called."""
-        if name not in self._kept:
-            self._kept[name] = Replayed(function, measure)
-        return self._kept[name]
-
-    def taken_again(self, natural: Increments | None, taken: Array, native: bool) -> Derivative:
+    def taken_again(self, kind: Kind, taken: Array, h: float, native: bool) -> Derivative | Held:
         """Compute a derivative where one was taken."""
         (t, q, v, expected), angles = place_of(self._problem, taken)
         with self._problem.turns.supposed(t, angles):
-            return self.derivative(natural, t, q, v, expected, native)
+            return self.derivative(kind, Place(t, q, v, h), expected, native)
 
-    def _seen(self, derivative: Derivative) -> tuple[tuple[Any, ...], dict[str, Array]]:
-        """Return what recordings depend on, the form of a derivative and its arrays, and these themselves."""
-        if self._last[0] is not derivative:
-            flags = tuple(one for one in vars(derivative).values() if isinstance(one, bool))
-            numbers = dict(arrays_in(derivative))
-            shapes = tuple((name, one.shape, one.dtype.char) for name, one in numbers.items())
-            kind = type(derivative), type(derivative.increments), flags, shapes
-            self._last = derivative, (kind, numbers)
-        found: tuple[tuple[Any, ...], dict[str, Array]] = self._last[1]
-        return found
+    def _deriving(self, kind: Kind, place: Place) -> Replay | None:
+        """Return the recording of a kind of steps and their derivatives."""
+        return None if self._problem.linearized is None else self._recorded((kind, None), place)
+
+    def _recorded(
+        self, key: tuple[Kind, Any], place: Place, derivative: Derivative | None = None
+    ) -> Replay | None:
+        if key not in self._kept:
+            try:
+                recorded = Recorded(self._problem.apart(), key[0], place, derivative)
+                self._kept[key] = Replay(recorded, derivative)
+            except UNREADABLE as why:
+                self._kept[key] = why
+        found = self._kept[key]
+        return found if isinstance(found, Replay) else None
 
 
 class Replay:
-    """Recorded steps of a kind; parameters, methods and attributes are those of `Iteration`."""
+    """Recorded steps of a kind at work.
 
-    def __init__(
-        self, problem: Problem, derivative: Derivative, table: Collocation, place: Place, strained: bool
-    ) -> None:
-        from hfsim.maths.recorder import Recorder
-        from hfsim.maths.recording import recording
+    Attributes
+    ----------
+    recorded : Recorded
+    derives : bool
+        Whether the derivative is among what is recorded.
+    held : Derivative, Held or None
+        The derivative in the memory of the recording.
+    """
 
-        problem = problem.apart()
-        # NumPy goes first: what is kept when it is first asked for must not be made on the tape
-        other = Place(place.t, shaken(place.q), shaken(place.v), 0.9 * place.h)
-        known = rebuilt(derivative, shaken)
-        begun, expected = _trial(Iteration(problem, known, table, other, strained), other)
-        tape = Recorder()
-        step = Place(*(tape.input(np.asarray(one, dtype=float)) for one in place))
-        a0, on_tape = tape.input(place.q), rebuilt(derivative, tape.input)
-        with np.errstate(all="ignore"), recording(tape):
-            own = _Recorded(problem, on_tape, table, step, strained)
-            tape.cut()
-            own.a = tape.input(np.zeros((table.stages, len(place.q))))
-            own.guess(a0)
-            tape.cut()
-            sizes = own.correct()
-            tape.cut()
-            own.advance(finite=False)
-            tape.cut()
-            own.advance(finite=True)
-            tape.cut()
-            end = own.end()
-            tape.cut()
-        strains = [] if own.expected is None else [own.expected]
-        programs = tape.programs(*sizes, own.correction_found, *end, *strains)
-        self._begin, self._guess, self._correct, self._small, self._finite, self._end = programs
-        self._sizes, self.correction_found = (plain(sizes[0]), plain(sizes[1])), plain(own.correction_found)
-        self._ends = tuple(map(plain, end))
-        self._known = [(name, plain(one)) for name, one in arrays_in(on_tape) if tape.reads(one)]
-        self._place, self._a0, self.a = tuple(map(plain, step)), plain(a0), plain(own.a)
-        self.expected = None if own.expected is None else plain(own.expected)
-        self._held: Any = None
-        self._renew = tape.renew
-        self.calls = tape.told
-        tape.poison()
+    def __init__(self, recorded: Recorded, given: Derivative | None) -> None:
+        self.recorded, self.derives = recorded, given is None
+        self.held: Derivative | Held | None = given
+        self._prepared = np.nan
+        """Length of the step that corrections are ready for."""
 
-        def near() -> list[Array]:
-            place = other._replace(q=jittered(other.q), v=jittered(other.v))
-            step = Iteration(problem, known, table, place, strained)
-            return _trial(step, place, (jittered(begun[0]), begun[1]))[1]
+    @property
+    def a(self) -> Array:
+        """Accelerations at the stages, shape (s, n)."""
+        return self.recorded.a
 
-        _, found = _trial(self.begin(problem.counts, known, dict(arrays_in(known)), other), other, begun)
-        agree(expected, found, 1.0 + np.abs(other.q).max(), near)
+    @property
+    def template(self) -> Derivative:
+        """A derivative whose arrays are the memory of the recording."""
+        return self.recorded.template
 
-    def begin(
-        self, counts: Counts, derivative: Derivative, numbers: dict[str, Array], place: Place
-    ) -> Replay:
-        """Go on with another step, by a derivative that holds these numbers."""
-        self._counts, self.derivative = counts, derivative
-        if derivative is not self._held:
-            for name, memory in self._known:
-                memory[...] = numbers[name]
-            self._held = derivative
-        for memory, value in zip(self._place, place, strict=True):
-            memory[...] = value
-        self._renew()
-        self._begin()
-        return self
+    def attempt(
+        self, problem: Problem, place: Place, known: Array | None, renew: bool, ending: Ending,
+        guess: Array | None = None,
+    ) -> tuple[bool, int]:  # fmt: skip
+        """Make a step with the derivative that is held.
 
-    def guess(self, a0: Array) -> None:
-        """Let modes swing freely."""
-        self._a0[...] = a0
-        self._guess()
+        Parameters
+        ----------
+        problem : Problem
+            That of the run.
+        place : Place
+        known : ndarray, shape (n,), or None
+            Accelerations at the start, if they are.
+        renew : bool
+            Whether the derivative is taken anew in the middle of the step, if that is recorded.
+        ending : Ending
+        guess : ndarray, shape (s, n), optional
+            Accelerations at the stages to begin with.
 
-    def take(self, a: Array, expected: Array | None) -> None:
-        """Begin with a guess made elsewhere."""
-        self.a[...] = a
-        if self.expected is not None and expected is not None:
-            self.expected[...] = expected
+        Returns
+        -------
+        converged : bool
+        count : int
+            Number of corrections.
+        """
+        step, counts = self.recorded, problem.counts
+        names = self._begin(problem, place, known)
+        if guess is not None:
+            step.run(*names)
+            step.a[...], names = guess, []
+        if renew:
+            self.held, self._prepared = None, np.nan
+            names += ["middle", "derive"]
+        if place.h != self._prepared:
+            names.append("prepare")
+        programs = step.program(*names), *map(step.program, ("correct", "small", "finite", "end"))
+        converged, count = iterated(programs, step.sizes, (*ending.limits, LINEAR), MAX_ITERATIONS)
+        self._prepared = place.h
+        if renew:
+            self._take(problem)
+        counts.iterations += count
+        counts.calls += count
+        counts.evaluations += count * len(step.a)
+        counts.native += converged
+        return converged and bool(np.isfinite(step.a).all()), count
 
-    def correct(self) -> None:
-        """Find a correction."""
-        self._correct()
+    def middle(self, problem: Problem, place: Place, known: Array | None) -> Middle:
+        """Return the stage in the middle of a step as it is guessed; parameters are those of `attempt`."""
+        self.recorded.run(*self._begin(problem, place, known), "middle")
+        return Middle(*self.recorded.taken())
 
-    def advance(self, finite: bool) -> None:
-        """Add the correction."""
-        (self._finite if finite else self._small)()
-
-    def solve(self, ending: Ending) -> tuple[bool, int]:
-        """Correct until that ends."""
-        programs, limits = (self._correct, self._small, self._finite), (*ending.limits, LINEAR)
-        converged, count = iterated(programs, self._sizes, limits, MAX_ITERATIONS)
-        self._counts.iterations += count
-        self._counts.calls += count
-        self._counts.evaluations += count * len(self.a)
-        return converged and bool(np.isfinite(self.a).all()), count
+    def started(self) -> Array:
+        """Return the accelerations at the start of the last step."""
+        return self.recorded.a0.copy()
 
     def end(self) -> End:
-        """Return what the step leads to."""
-        self._end()
-        self._counts.native += 1
-        return End(*(one.copy() for one in self._ends))
+        """Return what the last step leads to."""
+        return self.recorded.result()
 
+    def derive(self, problem: Problem, at: tuple[float, Array, Array, Array | None]) -> Held:
+        """Compute a derivative and hold it."""
+        self.held, self._prepared = None, np.nan
+        self.recorded.derive(at)
+        return self._take(problem)
 
-class _Recorded(Iteration):
-    """A step on a tape: what changes from correction to correction stays in its place."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        before = self.__dict__.get(name)
-        if name in ("a", "expected") and before is not None:
-            before[...] = value
+    def holds(self, problem: Problem, derivative: Derivative | Held) -> bool:
+        """Tell whether a derivative is held, after it was brought here if it fits."""
+        if derivative is self.held:
+            return True
+        if isinstance(derivative, Derivative):
+            if _form(derivative) != _form(self.template):
+                return False
+            self.recorded.put(derivative)
+        elif derivative.replay is self:
+            at, angles = place_of(problem, derivative.taken)
+            with problem.turns.supposed(at[0], angles):
+                self.recorded.derive(at)
         else:
-            self.__dict__[name] = value
+            return False
+        self.held, self._prepared = derivative, np.nan
+        return True
+
+    def _begin(self, problem: Problem, place: Place, known: Array | None) -> list[str]:
+        """Go to another step; return how it begins."""
+        self.recorded.begin(place)
+        if known is not None:
+            self.recorded.a0[...] = known
+            return ["guess"]
+        problem.count(self.recorded.a0[None])
+        return ["start", "guess"]
+
+    def _take(self, problem: Problem) -> Held:
+        """Take note of the derivative that was computed."""
+        fastest, (t, q, _, _) = float(self.recorded.frequency), self.recorded.taken()
+        problem.counts.factorisations += 1
+        if not np.isfinite(fastest):
+            raise np.linalg.LinAlgError("the derivative is not finite")
+        taken = np.concatenate([self.recorded.where, problem.turns.angles(t, q)])
+        held = self.held = Held(self, fastest, taken, tuple(sorted(problem.often.chosen)))
+        return held
 
 
-def _trial(step: Iteration | Replay, place: Place, begun: Any = None) -> tuple[Any, list[Array]]:
-    """Do a step with two corrections; return what these begin with (else the guess), and results."""
-    step.guess(place.q)
-    found, h = [step.end().q], place.h
-    if begun is None:
-        begun = step.a.copy(), None if step.expected is None else step.expected.copy()
-    step.take(*begun)
-    for finite in (True, False):
-        step.correct()
-        found.append(step.correction_found.copy())
-        step.advance(finite)
-    as_length = (1.0, h, h * h, 1.0, h)
-    return begun, found + [np.asarray(unit * one) for unit, one in zip(as_length, step.end(), strict=True)]
-
-
-def _computed(
-    problem: Problem, natural: Increments, t: float, q: Array, v: Array, expected: Array | None = None
-) -> Derivative:
-    return computed(problem, natural, False, t, q, v, expected)
-
-
-def _inverse(found: Derivative) -> Array:
-    """Return a matrix by which derivatives are compared: modes by themselves may turn in their planes."""
-    time = 1.0 / (1.0 + found.fastest)
-    return found.solver(time**2, time)(np.eye(found.n))
+def _form(derivative: Derivative) -> Any:
+    """Return what derivatives must have in common to have the same memory."""
+    arrays = (one for one in arrays_in(derivative) if one[0] != ".taken")
+    shapes = tuple((name, one.shape, one.dtype.char) for name, one in arrays)
+    return type(derivative), type(derivative.increments), shapes

@@ -6,6 +6,8 @@ serves all stages.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
@@ -48,9 +50,10 @@ class StagewiseStepper(CollocationStepper):
         self._old = False
         self._course, self._length = self._made
 
-    def _guess(self, place: Place, a0: Array) -> Iteration:
+    def _guess(self, place: Place) -> Iteration:
         """Return a step with accelerations that go on from the last step, at first those of the start."""
-        step = Iteration(self._problem, self._derivative, self.table, place, corrects=False)
+        step = Iteration(self._problem, self._own_derivative(), self.table, place)
+        a0 = self._start_acceleration(place)
         if not len(self._course):
             step.a = np.repeat(a0[None], self.table.stages, axis=0)
         else:
@@ -58,17 +61,19 @@ class StagewiseStepper(CollocationStepper):
             step.a = np.asarray(legvander(places, len(self._course) - 1) @ self._course)
         return step
 
-    def _renew(self, t: float, q: Array, v: Array, h: float, expected: Array | None = None) -> None:
+    def _renew(self, t: Any, q: Array, v: Array, expected: Array | None, h: float) -> None:
         """Keep the derivative at the start: it takes no part in the steps."""
 
-    def _solve(self, place: Place) -> bool:
-        """Iterate; return whether either guess leads to the stage accelerations."""
-        found = self._newton(*place, self._step.a)
+    def _solve(self, place: Place) -> Iteration | None:
+        """Return a step whose stage accelerations either guess leads to."""
+        step = self._guess(place)
+        found = self._newton(*place, step.a)
         if found is None and len(self._course):
             found = self._newton(*place, np.repeat(self._known[None], self.table.stages, axis=0))
-        if found is not None:
-            self._step.take(found, None)
-        return found is not None
+        if found is None:
+            return None
+        step.a = found
+        return step
 
     def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         problem, counts = self._problem, self._problem.counts

@@ -37,12 +37,22 @@ class Segment(NamedTuple):
         theta = (times - self.t) / self.h
         return self.read(theta, *legendre(theta, len(self.series))[1:])
 
+    def inside(self, shares: Array) -> tuple[Array, Array]:
+        """Return the same at shares of its length, which are those of many steps."""
+        return self.read(shares, *_polynomials(shares.tobytes(), len(self.series)))
+
     def read(self, theta: Array, once: Array, twice: Array) -> tuple[Array, Array]:
         """Return the same at places 0 to 1, from integrals of at least as many polynomials there."""
         count = len(self.series)
         v = self.v + self.h * (once[:, :count] @ self.series)
         q = self.q + self.h * theta[:, None] * self.v + self.h**2 * (twice[:, :count] @ self.series)
         return q, v
+
+
+@lru_cache(maxsize=64)
+def _polynomials(places: bytes, count: int) -> tuple[Array, Array]:
+    """Return the integrals of polynomials at places, as `Segment.read` wants them."""
+    return legendre(np.frombuffer(places), count)[1:]
 
 
 @lru_cache(maxsize=1)

@@ -23,10 +23,12 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, unsolved
+from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending
 from hfsim.integrators._iteration import End, Iteration, Place
-from hfsim.integrators._problem import Increments, Problem
-from hfsim.integrators._replayed import Replay, Replays
+from hfsim.integrators._problem import Problem
+from hfsim.integrators._recorded import Kind
+from hfsim.integrators._replayed import Held, Replay, Replays
 from hfsim.integrators._tableau import Collocation, gauss, radau
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
@@ -125,7 +127,7 @@ class CollocationStepper(Stepper):
         self._method, self._problem, self._tolerance = method, problem, method.tolerance
         self.name, self.table, self._stiff = method.name, method.table, False
         self._replays = Replays(problem)
-        self._derivative = self._replays.derivative(None, t, q, v)
+        self._derivative = self._replays.derivative(self._kind(False), Place(t, q, v, 0.0))
         self._old, self._served, self._iterations = False, 0, 0
         self._cap = np.inf
         self._known_at, self._known = np.nan, q
@@ -134,17 +136,17 @@ class CollocationStepper(Stepper):
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
         place = Place(t, q, v, h)
+        if self._old and self._is_stiff(h) != self._stiff:
+            self._renew(*self._guess(place).middle(), h)
         if self.replays:
-            self._problem.often.ask(self._kind, WEIGHT)
-        self._step = self._guess(place, self._start_acceleration(t, q, v))
-        if self._old and self._renew_inside(place, self._step):
-            self._step = self._guess(place, self._known)
-        if not self._solve(place):
+            self._problem.often.ask(self._name, WEIGHT)
+        step = self._solve(place)
+        if step is None:
             self._cap = SHRUNK * h
-            self._renew(t, q, v, SHRUNK * h)
+            self._renew(t, q, v, None, SHRUNK * h)
             return unsolved(SHRUNK)
-        end = self._step.end()
-        self._last = self._step.a[-1].copy()
+        end = step.end()
+        self._last = step.a[-1].copy()
         error = self._error(place, end)
         return Attempt(error, self._growth(error, h), end.q, end.v, end.series)
 
@@ -166,15 +168,10 @@ class CollocationStepper(Stepper):
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take the same derivative again."""
         super().recall(memory)
-        self._choose()
+        self._choose(self._stiff)
         with self._problem.often.supposed(memory["ways"]):
-            self._derivative = self._replays.taken_again(self._natural, memory["taken"], self._native)
-
-    def _start_acceleration(self, t: float, q: Array, v: Array) -> Array:
-        """Return the accelerations at the start of a step, known if the last one had a stage at its end."""
-        if self._known_at != t:
-            self._known_at, self._known = t, self._problem.single(t, q, v)
-        return self._known
+            kind = self._kind(self._stiff)
+            self._derivative = self._replays.taken_again(kind, memory["taken"], self.first, self._native)
 
     def _error(self, place: Place, end: End) -> float:
         """Return the error over the tolerance; that of velocities counts where it reaches farther."""
@@ -188,65 +185,93 @@ class CollocationStepper(Stepper):
         most = next(factor for iterations, factor in self.growths if self._iterations <= iterations)
         return min(growth, most, self._cap / h)
 
-    def _guess(self, place: Place, a0: Array) -> Iteration | Replay:
-        """Return a step that begins with modes that swing freely from its start."""
-        step = self._replays.step(self._derivative, self.table, place, self._strained, self._native)
-        step.guess(a0)
+    def _solve(self, place: Place) -> Iteration | Replay | None:
+        """Iterate; return a step that has converged."""
+        replay, ending, guess = self._replay(place), Ending(place.q, self._tolerance), None
+        if replay is not None and self._old and not replay.derives:
+            middle = replay.middle(self._problem, place, self._known_at_start(place))
+            guess, self._known_at, self._known = replay.a.copy(), place.t, replay.started()
+            self._renew(*middle, place.h)
+            replay = self._replay(place)
+        if replay is None:
+            step = self._begun(place)
+            step.a = step.a if guess is None else guess
+            converged, self._iterations = step.solve(ending)
+            return step if converged else None
+        known = self._known_at_start(place)
+        converged, self._iterations = replay.attempt(self._problem, place, known, self._old, ending, guess)
+        assert replay.held is not None
+        self._derivative = replay.held
+        self._known_at, self._known = place.t, replay.started()
+        if self._old:
+            self._old, self._served = False, 0
+        return replay if converged else None
+
+    def _replay(self, place: Place) -> Replay | None:
+        """Return what replays a step with the derivative of now, if anything does."""
+        return self._replays.of(self._kind(self._stiff), place, self._derivative) if self._native else None
+
+    def _begun(self, place: Place) -> Iteration:
+        """Return a step with its first guess and, if it is time for one, a derivative in its middle."""
+        step = self._guess(place)
+        if self._old:
+            self._renew(*step.middle(), place.h)
+            step.derivative = self._own_derivative()
         return step
 
+    def _guess(self, place: Place) -> Iteration:
+        """Return a step that begins with modes that swing freely from its start."""
+        kind = self._kind(self._stiff)
+        step = Iteration(self._problem, self._own_derivative(), self.table, place, kind.strained)
+        step.guess(self._start_acceleration(place))
+        return step
+
+    def _start_acceleration(self, place: Place) -> Array:
+        """Return the accelerations at the start of a step."""
+        if self._known_at != place.t:
+            self._known_at, self._known = place.t, self._problem.single(*place[:3])
+        return self._known
+
+    def _known_at_start(self, place: Place) -> Array | None:
+        """Return the same if they are known: if the last step had a stage at its end."""
+        return self._known if self._known_at == place.t else None
+
+    def _own_derivative(self) -> Derivative:
+        """Return the derivative in memory of its own."""
+        if isinstance(self._derivative, Held):
+            self._derivative = self._derivative.apart(self._problem)
+        return self._derivative
+
     @property
-    def _kind(self) -> str:
-        """That of its steps now."""
+    def _name(self) -> str:
+        """That of the kind of its steps now."""
         return f"steps {self.label} {self._stiff}"
 
     @property
     def _native(self) -> bool:
         """Whether they are replayed."""
-        return self._kind in self._problem.often.chosen
+        return self._name in self._problem.often.chosen
 
-    @property
-    def _strained(self) -> bool:
-        """Whether strains are variables of the iteration."""
-        return self._stiff and self._problem.strains is not None
+    def _kind(self, stiff: bool) -> Kind:
+        return Kind(self.table, stiff, stiff and self._problem.strains is not None)
 
-    def _renew_inside(self, place: Place, step: Iteration | Replay) -> bool:
-        """Compute the derivative anew at the stage in the middle; return whether the method has changed."""
-        (t, q, v, h), table, middle = place, self.table, self.table.stages // 2
-        tau, a, expected = h * table.nodes[middle], step.a, step.expected
-        q, v = q + tau * v + h * h * (table.A2[middle] @ a), v + h * (table.A[middle] @ a)
-        self._renew(t + tau, q, v, h, None if expected is None else expected[middle].copy())
-        return self.table is not table
+    def _is_stiff(self, h: float) -> bool:
+        """Tell whether a step is long for the fastest mode."""
+        return bool(h * self._derivative.fastest > STIFF * self.table.stages)
 
-    def _renew(self, t: float, q: Array, v: Array, h: float, expected: Array | None = None) -> None:
+    def _renew(self, t: Any, q: Array, v: Array, expected: Array | None, h: float) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
-        self._stiff = bool(h * self._derivative.fastest > STIFF * self.table.stages)
-        self._choose()
-        self._derivative = self._replays.derivative(self._natural, t, q, v, expected, self._native)
+        self._stiff = self._is_stiff(h)
+        self._choose(self._stiff)
+        place = Place(float(t), q, v, h)
+        self._derivative = self._replays.derivative(self._kind(self._stiff), place, expected, self._native)
         self._old, self._served = False, 0
 
-    def _choose(self) -> None:
+    def _choose(self, stiff: bool) -> None:
         """Take the method for damping in stiff steps and the other one else."""
         if (damping := self._method.damping) is not None:
-            self.name = damping.name if self._stiff else self._method.name
-            self.table = damping.table() if self._stiff else self._method.table
-
-    @property
-    def _natural(self) -> Increments | None:
-        return self._problem.increments if self._stiff else None
-
-    def _solve(self, place: Place) -> bool:
-        """Iterate; return whether that converges."""
-        if self._step.derivative is not self._derivative:
-            self._step = self._again(place, self._step)
-        converged, self._iterations = self._step.solve(Ending(place.q, self._tolerance))
-        return converged
-
-    def _again(self, place: Place, before: Iteration | Replay) -> Iteration | Replay:
-        """Return the step with the derivative of now and the guess of before."""
-        a, expected = before.a.copy(), None if before.expected is None else before.expected.copy()
-        step = self._replays.step(self._derivative, self.table, place, self._strained, self._native)
-        step.take(a, expected)
-        return step
+            self.name = damping.name if stiff else self._method.name
+            self.table = damping.table() if stiff else self._method.table
 
 
 GAUSS_STAGES = 20

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -155,10 +154,9 @@ class DenseDerivative(Derivative):
         """Number of coordinates."""
         return len(self.by_q)
 
-    @cached_property
-    def fastest(self) -> float:  # type: ignore[override]
-        """Largest circular frequency [rad/s]."""
-        return float(np.sqrt(np.linalg.norm(self.by_q, 2))) if self.by_q.size else 0.0
+    def frequency(self) -> Array:
+        """Return the largest circular frequency [rad/s]."""
+        return np.asarray(np.sqrt(np.linalg.norm(self.by_q, 2)) if self.by_q.size else 0.0)
 
     def check(self) -> None:
         """Refuse what is not finite: LAPACK would print a complaint of its own."""
@@ -225,11 +223,13 @@ class SparseDerivative(Derivative):
 
     def __post_init__(self) -> None:
         scale = 1.0 / np.sqrt(self.at.metric.diagonal())
-        # Gershgorin's bound with the mass on the diagonal alone
-        rows = scale * (abs(self.at.stiffness) @ scale)
-        self.fastest = float(np.sqrt(rows.max(initial=0.0)))
+        self._rows = scale * (abs(self.at.stiffness) @ scale)
         self._geometry: Any = self.increments.geometry(self.q[None])
         self._factors: ByStep[list[_Solver]] = ByStep()
+
+    def frequency(self) -> Array:
+        """Return a bound of the circular frequencies: Gershgorin's, with the mass on the diagonal alone."""
+        return np.asarray(np.sqrt(self._rows.max(initial=0.0)))
 
     def _solver(self, by_q: complex, by_v: complex) -> _Solver:
         """Return the solution of M - by_q M J_q - by_v M J_v, on the joints."""

@@ -27,7 +27,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, relative
-from hfsim.integrators._iteration import LINEAR, End, Place
+from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss, legendre
 from hfsim.integrators.collocation import CollocationMethod, CollocationStepper
@@ -146,17 +146,19 @@ class EnergyStepper(CollocationStepper):
         growth = 0.8 * max(error, 1e-30) ** (-1.0 / (self.table.stages + 2))
         return float(growth if error > 1.0 else min(growth, 1.25, self._cap / h))
 
-    def _solve(self, place: Place) -> bool:
-        """Iterate; return whether any iteration converges."""
-        a = self._step.a
+    def _solve(self, place: Place) -> Iteration | None:
+        """Return a step to which any iteration converges."""
+        step = self._begun(place)
+        a = step.a
         solved = self._simplified(*place, a)
         if solved is None:
             solved = self._newton(*place, a)
         if solved is None:
             solved = self._followed(*place)
-        if solved is not None:
-            self._step.take(solved, None)
-        return solved is not None
+        if solved is None:
+            return None
+        step.a = solved
+        return step
 
     def _followed(self, t: float, q: Array, v: Array, h: float) -> Array | None:
         """Follow the solution from a step of no length, where the accelerations are those at the start."""
@@ -186,16 +188,17 @@ class EnergyStepper(CollocationStepper):
         return np.asarray(self._path.average @ self._along - a)
 
     def _simplified(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
-        table, natural = self.table, self._derivative.increments
+        table, derivative = self.table, self._own_derivative()
+        natural = derivative.increments
         uniform = q + (h * table.nodes)[:, None] * v
         A2, back = h * h * table.A2, table.A2_inverse / h**2
-        correct = self._derivative.correction(table, h)
+        correct = derivative.correction(table, h)
         ending = _Stagnation(q)
         for k in range(MAX_ITERATIONS):
             self._iterations = k + 1
             defect = self._defect(t, q, v, h, a)
             at = natural.geometry(uniform + A2 @ a)
-            y, consequence = correct(self._derivative.reading(natural.to_natural(at, defect)))
+            y, consequence = correct(derivative.reading(natural.to_natural(at, defect)))
             small = float(np.abs(y).max()) < LINEAR
             a = a + back @ (natural.from_natural if small else natural.advance)(at, y)
             ended = ending.after(float(consequence))

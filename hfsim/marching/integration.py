@@ -182,11 +182,11 @@ def problem_of(scene: Scene) -> Problem:
         quartic=system.quartic,
         breaks=system.breaks(scene.deck.solve.duration),
         period=system.period,
-        turns=Turns(system),
         edges=Edges(system),
         recordings=scene.recordings,
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
+    problem.turns = Turns(system, problem.through)
     problem.project = partial(system.project, strict=True, through=problem.through)
     return problem
 

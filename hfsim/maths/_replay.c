@@ -387,13 +387,14 @@ static int ended(Ending *e, int k, double change, double size) {
 }
 
 static PyObject *iterate(PyObject *self, PyObject *args) {
-    Py_buffer correct, small, finite, change, size;
+    Py_buffer before, correct, small, finite, after, change, size;
     PyObject *calls;
     Ending e = {0, 0, 0, HUGE_VAL, HUGE_VAL, HUGE_VAL};
     double linear;
-    int most, k = 0, outcome = 0, failed = 0;
-    if (!PyArg_ParseTuple(args, "y*y*y*O!y*y*ddddi", &correct, &small, &finite, &PyList_Type, &calls, &change, &size,
-                          &e.goal, &e.near, &e.last_digit, &linear, &most)) return NULL;
+    int most, k = 0, outcome = 0, failed;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*O!y*y*ddddi", &before, &correct, &small, &finite, &after, &PyList_Type, &calls,
+                          &change, &size, &e.goal, &e.near, &e.last_digit, &linear, &most)) return NULL;
+    failed = replay(&before, calls);
     while (!outcome && k < most && !failed) {
         failed = PyErr_CheckSignals() || replay(&correct, calls);
         if (failed) break;
@@ -401,8 +402,9 @@ static PyObject *iterate(PyObject *self, PyObject *args) {
         failed = replay(found < linear ? &small : &finite, calls);
         outcome = ended(&e, k++, *(double *)change.buf, found);
     }
-    PyBuffer_Release(&correct); PyBuffer_Release(&small); PyBuffer_Release(&finite);
-    PyBuffer_Release(&change); PyBuffer_Release(&size);
+    failed = failed || (outcome > 0 && replay(&after, calls));
+    PyBuffer_Release(&before); PyBuffer_Release(&correct); PyBuffer_Release(&small); PyBuffer_Release(&finite);
+    PyBuffer_Release(&after); PyBuffer_Release(&change); PyBuffer_Release(&size);
     return failed ? NULL : PyLong_FromLong(outcome > 0 ? k : -k);
 }
 

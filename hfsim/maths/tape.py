@@ -11,7 +11,7 @@ the state decide what is done next, `Refused` is raised, and the caller goes on 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any, ClassVar
@@ -36,7 +36,7 @@ class Program:
     """Operations to be repeated."""
 
     def __init__(self, rows: np.ndarray, calls: list[Callable[[], None]], memory: Any) -> None:
-        self._memory = memory
+        self.memory = memory
         self.rows, self.calls = rows, calls
 
     def __len__(self) -> int:
@@ -50,19 +50,20 @@ class Program:
 
 
 def iterated(
-    programs: tuple[Program, Program, Program],
+    programs: Sequence[Program],
     sizes: tuple[Array, Array],
     limits: tuple[float, float, float, float],
     most: int,
 ) -> tuple[bool, int]:
-    """Repeat what finds a correction and what adds it until an iteration ends.
+    """Repeat what finds a correction and what adds it until that ends, with what comes before and after.
 
     Parameters
     ----------
-    programs : tuple of Program
-        What finds a correction; what adds it if it is small, and if it is not.
+    programs : sequence of Program
+        What comes first; what finds a correction; what adds it if it is small, and if it is not; what follows
+        if the iteration converges.
     sizes : tuple of ndarray, shape ()
-        Where the first one writes the size of the correction's consequence, and of the correction.
+        Where a correction writes the size of the correction's consequence, and of the correction.
     limits : tuple of float
         Those of `hfsim.integrators._ending.Ending`, and below what size a correction is small.
     most : int
@@ -77,6 +78,11 @@ def iterated(
     assert replay is not None
     count = replay.iterate(*(one.rows for one in programs), programs[0].calls, *sizes, *limits, most)
     return count > 0, abs(count)
+
+
+def joined(programs: Sequence[Program]) -> Program:
+    """Return programs of one tape, one after another, as one."""
+    return Program(np.concatenate([one.rows for one in programs]), programs[0].calls, programs[0].memory)
 
 
 class Tape:

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.projection import Through, directly
 from hfsim.mechanics.system import System
 from hfsim.mechanics.turns import NEAR, Turning
 
@@ -35,18 +36,25 @@ class Step(Protocol):
     def v(self) -> Array:
         """Its rate."""
 
-    def at(self, times: Array) -> tuple[Array, Array]:
-        """Return (q, v) at times within the step, shape (n_times, n) each."""
+    def inside(self, shares: Array) -> tuple[Array, Array]:
+        """Return (q, v) at shares of its length, shape (n_shares, n) each."""
 
 
 class Turns:
-    """The turns of a system's angles, counted from step to step; without a system there are none."""
+    """The turns of a system's angles, counted from step to step; without a system there are none.
 
-    def __init__(self, system: System | None = None) -> None:
-        self._system = system
+    Parameters
+    ----------
+    system : System, optional
+    through : callable, optional
+        What functions of states are called through.
+    """
+
+    def __init__(self, system: System | None = None, through: Through = directly) -> None:
+        self._system, self._through = system, through
         forces = () if system is None else system.forces
         self._parts = tuple((part, part.counter) for part in forces if part.counter is not None)
-        self._seen: tuple[Array, list[Array]] = np.zeros(0), []
+        self._seen = np.zeros(0), np.zeros((0, 0))
 
     def start(self, t: float, q: Array, v: Array) -> None:
         """Begin to follow a motion in a state (n,)."""
@@ -60,13 +68,12 @@ class Turns:
         """
         if self._system is None or not self._parts:
             return ""
-        times = step.t + step.h * PLACES
-        x = self._system.absolute(np.concatenate([step.at(times)[0][:-1], q[None]]))
-        self._seen = times, [count.counted(times, part.angle(x)) for part, count in self._parts]
-        for (part, count), angles in zip(self._parts, self._seen[1], strict=True):
-            if np.abs(angles - count.expected(times)).max() > NEAR:
-                return part.item
-        return ""
+        times, inside = step.t + step.h * PLACES, step.inside(PLACES)[0]
+        inside[-1] = q
+        angles, astray = self._through("angles in a step", self._along, (times, inside))
+        self._seen = times, angles
+        far = np.abs(astray).max(axis=1) > NEAR
+        return self._parts[int(np.argmax(far))][0].item if far.any() else ""
 
     def keep(self, t: float, q: Array, v: Array) -> None:
         """Go on to the end of the step that was tried last."""
@@ -80,10 +87,10 @@ class Turns:
 
     def angles(self, t: float, q: Array) -> Array:
         """Return the angles in a state (n,), with all their turns."""
-        if self._system is None or not self._parts:
+        if not self._parts:
             return np.zeros(0)
-        time, x = np.array([t]), self._system.absolute(q[None])
-        return np.concatenate([count.counted(time, part.angle(x)) for part, count in self._parts])
+        found: Array = self._through("angles", self._counted, (np.array([t]), q[None]))[:, 0]
+        return found
 
     @contextmanager
     def supposed(self, t: float, angles: Array) -> Iterator[None]:
@@ -124,8 +131,25 @@ class Turns:
             count.start(Turning(*row))
 
     def _now(self, t: float, q: Array, v: Array) -> list[Turning]:
-        if self._system is None or not self._parts:
+        if not self._parts:
             return []
-        x, u = self._system.absolute(q[None]), self._system.absolute_velocity(q[None], v[None])
-        rates = (float(part.spin(x, u)[0]) for part, _ in self._parts)
-        return [Turning(t, *pair) for pair in zip(self.angles(t, q).tolist(), rates, strict=True)]
+        pairs = self._through("turning", self._turning, (np.array([t]), q[None], v[None]))
+        return [Turning(t, *pair) for pair in pairs.tolist()]
+
+    def _counted(self, t: Array, q: Array) -> Array:
+        """Return the angles in states (n_batch, n), with all their turns, shape (n_angles, n_batch)."""
+        assert self._system is not None
+        x = self._system.absolute(q)
+        return np.stack([count.counted(t, part.angle(x)) for part, count in self._parts])
+
+    def _along(self, t: Array, q: Array) -> tuple[Array, Array]:
+        """Return the same, and by how much they leave what is expected."""
+        angles = self._counted(t, q)
+        return angles, angles - np.stack([count.expected(t) for _, count in self._parts])
+
+    def _turning(self, t: Array, q: Array, v: Array) -> Array:
+        """Return angles and their rates in a state, shape (n_angles, 2)."""
+        assert self._system is not None
+        x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
+        rates = np.concatenate([part.spin(x, u) for part, _ in self._parts])
+        return np.stack([self._counted(t, q)[:, 0], rates], axis=1)

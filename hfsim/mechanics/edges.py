@@ -38,6 +38,6 @@ class Edges:
     def _sides(self, system: System, step: Step, shares: Array) -> Array:
         """Return on which side of each edge a step is, at shares of its length."""
         times = step.t + step.h * shares
-        q, v = step.at(times)
+        q, v = step.inside(shares)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
         return np.concatenate([part.edges(times, x, u) > 0.0 for part in self._parts], axis=1)

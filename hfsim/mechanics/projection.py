@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
 from hfsim.mechanics.equations import Equations
 
 CLOSED = 1e-9
@@ -47,7 +47,7 @@ class Constrained(Protocol):
         """Return (q, v) of absolute coordinates and rates."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Projection:
     """Moves states of a system onto its constraints.
 
@@ -71,24 +71,26 @@ class Projection:
             return q, v
 
     def _moved(self, t: Array, q: Array, v: Array, strict: bool) -> tuple[Array, Array]:
-        x, u, gap, miss = self.through("projected start", self._start, (t, q, v))
+        x, u, gap, miss, drift, slip = self.through("constraints", self._seen, (t, q, v))
         corrections = 0
         while not float(miss) <= ROUNDING and corrections < MOST:
             corrections += 1
             x, gap, miss = self.through("projected positions", self._closer, (t, x, gap))
         if strict and corrections == MOST and not _largest(gap) <= CLOSED * max(1.0, _largest(x)):
             raise np.linalg.LinAlgError("the joints cannot be closed")
-        drift, miss = self.through("drift", self._drift, (t, x, u))
-        if float(miss) > ROUNDING:
+        if corrections:
+            drift, slip = self.through("drift", self._drift, (t, x, u))
+        if float(slip) > ROUNDING:
             found: tuple[Array, Array] = self.through("projected rates", self._steadier, (q, x, u, drift))
             return found
         return self.system.state(x, u, q) if corrections else (q, v)
 
-    def _start(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
-        """Return absolute coordinates and rates, and what `_gap` does."""
+    def _seen(self, t: Array, q: Array, v: Array) -> tuple[Array, ...]:
+        """Return absolute coordinates and rates, and what `_gap` and `_drift` do."""
         frames = self.system.frames(q)
         x = self.system.absolute(q, frames)
-        return x, self.system.absolute_velocity(q, v, frames), *self._gap(t, x)
+        u = self.system.absolute_velocity(q, v, frames)
+        return x, u, *self._gap(t, x), *self._drift(t, x, u)
 
     def _closer(self, t: Array, x: Array, gap: Array) -> tuple[Array, Array, Array]:
         """Return coordinates with a gap corrected, and what `_gap` does."""

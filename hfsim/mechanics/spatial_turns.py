@@ -145,7 +145,7 @@ class TurnAbout(OfAxes):
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
         """Return the multiplier times the second derivative, Im (ddz / z - dz dz / z^2)."""
-        moment = float(multipliers[0, 0])
+        moment = multipliers[0, 0]
         n, o, z = (part[0] for part in self._both(x))
         by_n, by_o = (
             self._slope(end, x)[0][:, marker.support - marker.columns.start]

@@ -58,6 +58,9 @@ class TurnCount:
 
     def expected(self, t: Array) -> Array:
         """Return about what the angle is at times (n_batch,)."""
+        last = live(self._last)
+        if last is not self._last:  # a tape is for steps, which all begin at the last kept one
+            return np.asarray(last[1] + last[2] * (t - last[0]))
         if self.now is not None and (t >= self.now.t).all():
             return self.now.at(t)
         known = self.noted if self.now is None else [*self.noted, self.now]
@@ -67,10 +70,7 @@ class TurnCount:
 
     def counted(self, t: Array, angle: Array) -> Array:
         """Return angles (n_batch,), given modulo a turn, with all their turns."""
-        last = live(self._last)
-        # a tape is for steps, which all begin at the last kept one
-        expected = self.expected(t) if last is self._last else last[1] + last[2] * (t - last[0])
-        return np.asarray(angle + 2.0 * np.pi * np.rint((expected - angle) / (2.0 * np.pi)))
+        return np.asarray(angle + 2.0 * np.pi * np.rint((self.expected(t) - angle) / (2.0 * np.pi)))
 
     def start(self, here: Turning) -> None:
         """Begin to follow a motion; what was noted of later times belonged to another one."""

@@ -137,6 +137,7 @@ def test_a_run_that_was_put_down_goes_on_to_the_last_bit(method, scene, fixed):
 def test_what_is_replayed_from_some_step_on_is_so_in_a_run_that_goes_on(method, monkeypatch):
     """Derivatives by differences among it, which are taken again as they were taken: before that step."""
     monkeypatch.setattr(_often, "EARLY", 4)
+    monkeypatch.setattr(_often, "GROWING", 0.0)
     monkeypatch.setattr(_often, "SEEN", 0)
     whole, _ = stepping("plain", method, None, coordinates="frame")
     memories = [written(whole.memory()) for _ in whole]

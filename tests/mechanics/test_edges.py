@@ -41,11 +41,11 @@ class Part:
 
 
 def step_along(path, h=2.0, start=1.0):
-    def at(times):
-        x = path(times)[:, None]
+    def inside(shares):
+        x = path(start + h * shares)[:, None]
         return x, 0.0 * x
 
-    return SimpleNamespace(t=start, h=h, q=None, v=None, at=at)
+    return SimpleNamespace(t=start, h=h, q=None, v=None, inside=inside)
 
 
 def edges_of(*values):

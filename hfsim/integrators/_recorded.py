@@ -1,0 +1,293 @@
+"""A collocation step on a tape.
+
+A recording holds for all steps of a kind: the place of a step, its length and where its derivative is taken
+are inputs.  It is checked against NumPy before it is used.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hfsim.integrators._derivative import Derivative
+from hfsim.integrators._iteration import End, Iteration, Place
+from hfsim.integrators._problem import Increments, PlainIncrements, Problem
+from hfsim.integrators._tableau import Collocation
+from hfsim.integrators.derivative import computed
+from hfsim.maths.arrays import Array
+from hfsim.maths.replayed import agree, arrays_in, jittered, later, rebuilt, shaken
+from hfsim.maths.tape import Program, joined
+from hfsim.maths.traced import plain
+
+PROGRAMS = ("derive", "start", "guess", "middle", "prepare", "correct", "small", "finite", "end")
+"""What steps are put together from, in the order in which it is recorded; see the methods of `Recorded`."""
+
+State = tuple[Any, Array, Array, Array | None]
+"""(t, q, v, expected strains or None) where a derivative is taken."""
+
+
+class Kind(NamedTuple):
+    """What steps have in common that one recording serves."""
+
+    table: Collocation
+    stiff: bool
+    """Whether corrections are made in natural coordinates."""
+    strained: bool
+    """Whether strains are variables of the iteration."""
+
+    def increments(self, problem: Problem) -> Increments:
+        """Return the coordinates of the corrections."""
+        return problem.increments if self.stiff else PlainIncrements()
+
+
+class Recorded:
+    """Steps of a kind as programs on fixed memory; methods are those of `Iteration`, unless said otherwise.
+
+    Parameters
+    ----------
+    problem : Problem
+        To be evaluated in NumPy.
+    kind : Kind
+    place : Place
+        A step of this kind.
+    given : Derivative, optional
+        One that is not to be recorded itself, but written down where it changes.
+
+    Attributes
+    ----------
+    template : Derivative
+        Its arrays are the memory of the derivative.
+    frequency : ndarray, shape ()
+        Its largest circular frequency.
+    where : ndarray
+        Where it is taken: t, q, v and expected strains, joined.
+    a0 : ndarray, shape (n,)
+        Accelerations at the start.
+    a : ndarray, shape (s, n)
+    expected : ndarray, shape (s, n_strains), or None
+    correction_found : ndarray, shape (s, n)
+    sizes : tuple of ndarray, shape ()
+        Of a correction's consequence, and of the correction.
+    calls : list of str
+        What is done by Python.
+
+    Raises
+    ------
+    UNREADABLE
+        If they cannot be recorded.
+    """
+
+    def __init__(self, problem: Problem, kind: Kind, place: Place, given: Derivative | None = None) -> None:
+        from hfsim.maths.recorder import Recorder
+
+        # NumPy goes first: what is kept when it is first asked for must not be made on the tape
+        begun, expected = _tried(_InNumPy(problem, kind, place, given), place)
+        tape, self._derives = Recorder(), given is None
+        other = Place(float(later(place.t)), shaken(place.q), shaken(place.v), 0.9 * place.h)
+        self._record(tape, problem, kind, other, given)
+        self._restore, self.calls = tape.renew, tape.told
+        tape.poison()
+
+        def near() -> list[Array]:
+            other = place._replace(q=jittered(place.q), v=jittered(place.v))
+            return _tried(_InNumPy(problem, kind, other, given), other, (jittered(begun[0]), begun[1]))[1]
+
+        self.begin(place)
+        if given is None:
+            self.derive(_here(problem, place))
+        else:
+            self.put(given)
+        agree(expected, _tried(self, place, begun)[1], 1.0 + np.abs(place.q).max(), near)
+
+    def _record(
+        self, tape: Any, problem: Problem, kind: Kind, place: Place, given: Derivative | None
+    ) -> None:
+        """Make a step on a tape; take hold of its memory and its programs."""
+        from hfsim.maths.recording import recording
+
+        n = len(place.q)
+        memory: list[Any] = [tape.input(np.asarray(one, dtype=float)) for one in place]
+        step = Place(*memory)
+        a0, where = tape.input(place.q), tape.input(_together(_here(problem, place)))
+        if given is not None:
+            given = rebuilt(given, tape.input)
+        with np.errstate(all="ignore"), recording(tape):
+            known = given or _derived(problem, kind, *_parted(where, n))
+            frequency = known.frequency()
+            tape.cut()
+            a0[...] = problem.single(step.t, step.q, step.v)
+            tape.cut()
+            own = _OnTape(problem, known, kind.table, step, kind.strained)
+            own.a = tape.input(np.zeros((kind.table.stages, n)))
+            own.guess(a0)
+            tape.cut()
+            for part, value in zip(_parted(where, n), own.middle(), strict=True):
+                if part is not None:
+                    part[...] = value
+            tape.cut()
+            own.prepare()
+            tape.cut()
+            sizes = own.correct()
+            tape.cut()
+            own.advance(finite=False)
+            tape.cut()
+            own.advance(finite=True)
+            tape.cut()
+            end = own.end()
+            tape.cut()
+        arrays = {name: one for name, one in arrays_in(known) if tape.knows(one)}
+        strains = [] if own.expected is None else [own.expected]
+        programs = tape.programs(*sizes, own.correction_found, *end, *strains, frequency, *arrays.values())
+        self._programs: dict[tuple[str, ...], Program] = {}
+        self._programs.update(((name,), one) for name, one in zip(PROGRAMS, programs, strict=True))
+        self.template: Derivative = rebuilt(known, plain)
+        self._arrays = {name: plain(one) for name, one in arrays.items()}
+        self.frequency, self.sizes = plain(frequency), (plain(sizes[0]), plain(sizes[1]))
+        self._place, self.a0, self.where = list(map(plain, memory)), plain(a0), plain(where)
+        self.a, self.correction_found = plain(own.a), plain(own.correction_found)
+        self.expected = None if own.expected is None else plain(own.expected)
+        self._end = tuple(map(plain, end))
+
+    def program(self, *names: str) -> Program:
+        """Return programs, one after another, as one."""
+        if names not in self._programs:
+            self._programs[names] = joined([self._programs[name,] for name in names])
+        return self._programs[names]
+
+    def run(self, *names: str) -> None:
+        """Run programs."""
+        self.program(*names)()
+
+    def begin(self, place: Place) -> None:
+        """Go to another step."""
+        for memory, value in zip(self._place, place, strict=True):
+            memory[...] = value
+        self._restore()
+
+    def derive(self, at: State) -> None:
+        """Compute the derivative at a state."""
+        self.where[...] = _together(at)
+        self._restore()
+        self.run("derive")
+
+    def put(self, derivative: Derivative) -> None:
+        """Write down a derivative that was computed elsewhere and is of the same form."""
+        for name, value in arrays_in(derivative):
+            if name in self._arrays:
+                self._arrays[name][...] = value
+
+    def taken(self) -> State:
+        """Return where the derivative was taken."""
+        t, q, v, expected = _parted(self.where, len(self.a0))
+        return float(t), q.copy(), v.copy(), None if expected is None else expected.copy()
+
+    def result(self) -> End:
+        """Return what the last step leads to."""
+        return End(*(one.copy() for one in self._end))
+
+    def start(self) -> Array:
+        """Compute the accelerations at the start."""
+        self.run("start")
+        return self.a0.copy()
+
+    def guess(self, a0: Array) -> None:
+        """Let modes swing freely."""
+        self.a0[...] = a0
+        self.run("guess")
+
+    def renew(self) -> None:
+        """Take the derivative at the stage in the middle, if it is not given."""
+        if self._derives:
+            self.run("middle", "derive")
+
+    def prepare(self) -> None:
+        """Make ready for corrections."""
+        self.run("prepare")
+
+    def correct(self) -> None:
+        """Find a correction."""
+        self.run("correct")
+
+    def advance(self, finite: bool) -> None:
+        """Add the correction."""
+        self.run("finite" if finite else "small")
+
+    def end(self) -> End:
+        """Return what the step leads to."""
+        self.run("end")
+        return self.result()
+
+
+class _InNumPy(Iteration):
+    """A step of a kind, with a derivative that is given or that of its start."""
+
+    def __init__(self, problem: Problem, kind: Kind, place: Place, given: Derivative | None) -> None:
+        derivative = given or _derived(problem, kind, *_here(problem, place))
+        super().__init__(problem, derivative, kind.table, place, kind.strained)
+        self._kind, self._given = kind, given
+
+    def start(self) -> Array:
+        """Return the accelerations at the start."""
+        t, q, v, _ = self._place
+        return self._problem.single(t, q, v)
+
+    def renew(self) -> None:
+        """Take the derivative at the stage in the middle, if it is not given."""
+        if self._given is None:
+            self.derivative = _derived(self._problem, self._kind, *self.middle())
+
+
+class _OnTape(Iteration):
+    """A step on a tape: what changes from correction to correction stays in its place."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        before = self.__dict__.get(name)
+        if name in ("a", "expected") and before is not None:
+            before[...] = value
+        else:
+            self.__dict__[name] = value
+
+
+def _tried(step: _InNumPy | Recorded, place: Place, begun: Any = None) -> tuple[Any, list[Array]]:
+    """Do a step with two corrections; return what these begin with (else the guess), and results."""
+    found, h = [step.start()], place.h
+    step.guess(found[0])
+    found.append(step.end().q)
+    if begun is None:
+        begun = step.a.copy(), None if step.expected is None else step.expected.copy()
+    step.a[...] = begun[0]
+    if step.expected is not None:
+        step.expected[...] = begun[1]
+    step.renew()
+    step.prepare()
+    for finite in (True, False):
+        step.correct()
+        found.append(step.correction_found.copy())
+        step.advance(finite)
+    as_length = (h * h, 1.0, 1.0, 1.0, 1.0, h, h * h, 1.0, h)
+    return begun, [np.asarray(unit * one) for unit, one in zip(as_length, [*found, *step.end()], strict=True)]
+
+
+def _derived(
+    problem: Problem, kind: Kind, t: Any, q: Array, v: Array, expected: Array | None
+) -> Derivative:
+    """Return the derivative at a state."""
+    return computed(problem, kind.increments(problem), False, t, q, v, expected)
+
+
+def _here(problem: Problem, place: Place) -> State:
+    """Return the state in which a step begins."""
+    t, q, v, _ = place
+    return t, q, v, None if problem.strains is None else problem.strains.seen(q[None])[0]
+
+
+def _together(at: State) -> Array:
+    """Return a state as one array."""
+    return np.concatenate([np.ravel(one) for one in at if one is not None])
+
+
+def _parted(where: Array, n: int) -> State:
+    """Return the parts of a state (n,) that is one array."""
+    expected = where[2 * n + 1 :] if len(where) > 2 * n + 1 else None
+    return where[0], where[1 : n + 1], where[n + 1 : 2 * n + 1], expected
