@@ -59,6 +59,7 @@ typedef void (*Inner)(char **at, const i64 *step, const i64 *row, i64 n, i64 row
         } else {                                                                                             \
             for (i = 0; i < n; i++) { T a = AT(T, 1, i); AT(TO, 0, i) = EXPR; }                              \
         })
+#define LANES 32
 /* out op= a, where out may stand still: then several partial results, which do not wait for one another */
 #define REDUCE(NAME, T, EXPR)                                                                                \
     static inline T NAME##_of(T r, T a) { return EXPR; }                                                     \
@@ -66,15 +67,15 @@ typedef void (*Inner)(char **at, const i64 *step, const i64 *row, i64 n, i64 row
         i = 0;                                                                                               \
         if (step[0] == 0) {                                                                                  \
             T r = *(T *)at[0];                                                                               \
-            if (n >= 16) {                                                                                   \
-                T p[8];                                                                                      \
-                for (int k = 0; k < 8; k++) p[k] = AT(T, 1, k);                                              \
-                if (step[1] == sizeof(T)) for (i = 8; i + 8 <= n; i += 8) {                                  \
+            if (n >= 2 * LANES && step[1] == sizeof(T)) {                                                    \
+                T p[LANES];                                                                                  \
+                memcpy(p, at[1], sizeof p);                                                                  \
+                for (i = LANES; i + LANES <= n; i += LANES) {                                                \
                     const T *q = (const T *)at[1] + i;                                                       \
-                    for (int k = 0; k < 8; k++) p[k] = NAME##_of(p[k], q[k]);                                \
-                } else for (i = 8; i + 8 <= n; i += 8)                                                       \
-                    for (int k = 0; k < 8; k++) p[k] = NAME##_of(p[k], AT(T, 1, i + k));                     \
-                for (int k = 0; k < 8; k++) r = NAME##_of(r, p[k]);                                          \
+                    IVDEP for (int k = 0; k < LANES; k++) p[k] = NAME##_of(p[k], q[k]);                      \
+                }                                                                                            \
+                for (int m = LANES / 2; m; m /= 2) for (int k = 0; k < m; k++) p[k] = NAME##_of(p[k], p[k + m]); \
+                r = NAME##_of(r, p[0]);                                                                      \
             }                                                                                                \
             for (; i < n; i++) r = NAME##_of(r, AT(T, 1, i));                                                \
             *(T *)at[0] = r;                                                                                 \
@@ -133,8 +134,6 @@ UNARY(neg_d, double, double, -a)
 UNARY(abs_d, double, double, fabs(a))
 UNARY(sqr_d, double, double, a *a)
 UNARY(sqrt_d, double, double, sqrt(a))
-UNARY(sin_d, double, double, sin(a))
-UNARY(cos_d, double, double, cos(a))
 UNARY(tan_d, double, double, tan(a))
 UNARY(exp_d, double, double, exp(a))
 UNARY(sinh_d, double, double, sinh(a))
@@ -144,12 +143,57 @@ UNARY(sign_d, double, double, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a)
 UNARY(neg_D, cplx, cplx, -a)
 UNARY(sqr_D, cplx, cplx, mul(a, a))
 UNARY(conj_D, cplx, cplx, conj(a))
-UNARY(exp_D, cplx, cplx, creal(a) == 0.0 ? CMPLX(cos(cimag(a)), sin(cimag(a))) : cexp(a))
 UNARY(abs_D, double, cplx, size(a))
 REDUCE(radd_d, double, r + a)
 REDUCE(radd_D, cplx, r + a)
 REDUCE(rmax_d, double, larger(r, a))
 REDUCE(rmin_d, double, smaller(r, a))
+
+/* sine of a + quarters pi / 2 within 1 ulp, |a| < FAR: reduced by parts of pi / 2, then series of fdlibm */
+#define FAR 1e5
+static inline double wave(double a, int quarters) {
+    const double n = rint(a * 0x1.45f306dc9c883p-1), once = a - n * 0x1.921fb54400000p+0, part = n * 0x1.0b4611a600000p-34;
+    const double twice = once - part, tail = n * 0x1.3198a2e037073p-69 - ((once - twice) - part);
+    const double y = twice - tail, e = (twice - y) - tail, z = y * y, v = z * y, half = 0.5 * z, w = 1.0 - half;
+    const double s = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 +
+                     z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)));
+    const double c = z * (4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 +
+                     z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)))));
+    const double sine = y - ((z * (0.5 * e - v * s) - e) + v * 1.66666666666666324348e-01);
+    const double cosine = w + (((1.0 - w) - half) + (z * c - y * e));
+    const int turn = (int)n + quarters;
+    const double found = turn & 1 ? cosine : sine;
+    return turn & 2 ? -found : found;
+}
+/* the exponential of a within 1 ulp, |a| < 700, in the same way */
+static inline double grow(double a) {
+    const double n = rint(a * 0x1.71547652b82fep+0), most = a - n * 0x1.62e42fee00000p-1, rest = n * 0x1.a39ef35793c76p-33;
+    const double x = most - rest, z = x * x;
+    const double c = x - z * (1.66666666666666019037e-01 + z * (-2.77777777770155933842e-03 + z * (6.61375632143793436117e-05 +
+                              z * (-1.65339022054652515390e-06 + z * 4.13813679705723846039e-08))));
+    const i64 power = (i64)((int)n + 1023) << 52;
+    double scale;
+    memcpy(&scale, &power, sizeof scale);
+    return scale * (1.0 - ((rest - x * c / (2.0 - c)) - most));
+}
+#define WAVE(NAME, QUARTERS, OTHER)                                                                          \
+    ROWS_OF(NAME, 2,                                                                                         \
+        double *o = (double *)at[0]; const double *p = (const double *)at[1];                                \
+        int far = step[0] != 8 || step[1] != 8;                                                              \
+        for (i = 0; i < n && !far; i++) far = !(fabs(p[i]) < FAR);                                           \
+        if (far) for (i = 0; i < n; i++) AT(double, 0, i) = OTHER(AT(double, 1, i));                         \
+        else IVDEP for (i = 0; i < n; i++) o[i] = wave(p[i], QUARTERS);)
+WAVE(sin_d, 0, sin)
+WAVE(cos_d, 1, cos)
+ROWS_OF(exp_D, 2,
+    double *o = (double *)at[0]; const double *p = (const double *)at[1];
+    int far = step[0] != 16 || step[1] != 16;
+    for (i = 0; i < n && !far; i++) far = !(fabs(p[2 * i]) < 700.0 && fabs(p[2 * i + 1]) < FAR);
+    if (far) for (i = 0; i < n; i++) AT(cplx, 0, i) = cexp(AT(cplx, 1, i));
+    else IVDEP for (i = 0; i < n; i++) {
+        const double size = grow(p[2 * i]), a = p[2 * i + 1];
+        o[2 * i] = size * wave(a, 1); o[2 * i + 1] = size * wave(a, 0);
+    })
 
 ROWS_OF(where_d, 4, for (i = 0; i < n; i++) AT(double, 0, i) = AT(char, 1, i) ? AT(double, 2, i) : AT(double, 3, i);)
 ROWS_OF(where_D, 4, for (i = 0; i < n; i++) AT(cplx, 0, i) = AT(char, 1, i) ? AT(cplx, 2, i) : AT(cplx, 3, i);)
@@ -273,7 +317,7 @@ WIDE static const char *packed(const Op *o, const char *b, double *scratch) {
 }
 
 /* a small one, of which there are many */
-static void tiny(const Op *o, char *c, const char *a, const char *b) {
+WIDE static void tiny(const Op *o, char *c, const char *a, const char *b) {
     const i64 kk = o->shape[1], mode = o->more, *cs = o->step[0], *as = o->step[1], *bs = o->step[2];
     for (i64 i = 0; i < o->shape[0]; i++)
         for (i64 j = 0; j < o->shape[2]; j++) {

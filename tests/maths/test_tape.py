@@ -115,6 +115,21 @@ FUNCTIONS = {
 }
 
 
+def test_waves_are_exact_to_the_last_digit():
+    """At all sizes, near their zeros and extremes, and where the C library takes over; products nearly."""
+    x = 10.0 ** np.linspace(-12.0, 7.0, 8000) * np.resize([1.0, -1.0], 8000)
+    x[::4] = np.rint(x[::4] / (0.5 * np.pi)) * (0.5 * np.pi)
+    waves = Replayed(lambda x: (np.sin(x), np.cos(x), np.exp(1j * x), np.exp((1 + 1j) * np.minimum(x, 600))))
+    for some in np.concatenate([x, [0.0] * 8]).reshape(8, -1, 1):  # the last ones are far
+        some = np.ascontiguousarray(some[:, 0])
+        found, expected = waves(some), waves._function(some)
+        for one, other, digits in zip(found, expected, (1.5, 1.5, 1.5, 4.0), strict=True):
+            for part in ("real", "imag"):
+                a, b = getattr(one, part), getattr(other, part)
+                assert (np.abs(a - b) <= digits * np.spacing(np.abs(b))).all()
+    assert waves.refused is None
+
+
 @pytest.mark.parametrize("name", FUNCTIONS)
 def test_what_is_replayed_is_what_numpy_does(name, rng):
     function = FUNCTIONS[name]
