@@ -1,11 +1,18 @@
-"""What tests of the native kernel share: recordings made at once, and runs of both kernels."""
+"""What tests of the native kernel share: recordings made at once, evaluations and runs of both kernels."""
 
+from functools import partial
+
+import numpy as np
 import pytest
 
 from hfsim.integrators import _often
 from hfsim.maths import kernel
+from hfsim.maths.replayed import Replayed, jittered
+from hfsim.maths.traced import apart
+from hfsim.mechanics.projection import Projection
 
 native = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
+STATES = 3
 
 
 def at_once(monkeypatch):
@@ -22,3 +29,51 @@ def both(monkeypatch, call):
         monkeypatch.setattr(kernel, "KERNEL", way)
         found.append(call())
     return found
+
+
+def states(scene, rng):
+    q, v = (np.repeat(one[None], STATES, axis=0) for one in (scene.q, scene.v))
+    near = 1.0 + 1e-4 * rng.standard_normal(q.shape)
+    return np.array([0.01, 0.1, 0.3]), q * near, v * near + 0.1 * rng.standard_normal(q.shape)
+
+
+def evaluates_alike(scene):
+    """Hold forces, accelerations, balances and projections of a scene against NumPy.
+
+    To 1e-12 of what they amount to, or ten times what the last digit of a state makes.
+    """
+    system, rng = scene.system, np.random.default_rng(3)
+    for part in system.forces:
+
+        def force(t, q, v, part=part):
+            x = system.absolute(q)
+            out = np.zeros_like(x)
+            apart(part.add_force, t, x, system.absolute_velocity(q, v), out)
+            return out
+
+        compare(force, scene, rng)
+    compare(system.acceleration, scene, rng)
+    if system.balances:
+        a = rng.standard_normal((STATES, system.n))
+        compare(lambda t, q, v: np.concatenate(system.imbalance(t, q, v, a), axis=1), scene, rng)
+    if system.n_rows:
+        compare(partial(projected, Projection(system)), scene, rng)
+
+
+def projected(projection, t, q, v):
+    x, u, gap, *_ = projection._seen(t, q, v)
+    x, gap, _ = projection._closer(t, x, gap)
+    drift, _ = projection._drift(t, x, u)
+    return np.concatenate([*projection._steadier(q, x, u, drift), gap], axis=1)
+
+
+def compare(function, scene, rng):
+    replayed = Replayed(function)
+    replayed(*states(scene, rng))
+    assert replayed.refused is None
+    for _ in range(2):
+        at = states(scene, rng)
+        own, near = function(*at), function(*map(jittered, at))
+        reach = 10.0 * np.abs(own - near).max(initial=0.0)
+        size = np.abs(own).max(initial=0.0)
+        assert np.abs(own - replayed(*at)).max(initial=0.0) <= max(1e-12 * size, reach, 1e-15)

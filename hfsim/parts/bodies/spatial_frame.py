@@ -20,6 +20,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import skew
+from hfsim.maths.traced import sometimes
 from hfsim.mechanics.chart import Chart
 
 EDGE = 1.8
@@ -38,18 +39,21 @@ def _sines(angle: Array, cosine: Array) -> tuple[Array, Array, Array]:
     g = (cosine - f) / square
     h = -(f + 3.0 * g) / square
     small = angle < _SMALL
-    if small.any():
-        powers = np.multiply.accumulate(np.repeat(angle[small, None] ** 2, _TERMS - 1, axis=1), axis=1)
-        f[small], g[small], h[small] = _SERIES[:, :1] + _SERIES[:, 1:] @ powers.T
+    if sometimes(small):
+        square = np.minimum(angle, _SMALL) ** 2
+        near = _SERIES[-1]
+        for coefficients in _SERIES[-2::-1]:
+            near = near * square + coefficients
+        f, g, h = (np.where(small, near[..., k : k + 1], one) for k, one in enumerate((f, g, h)))
     return f, g, h
 
 
 def _series() -> Array:
-    """Return the series of these three in squares of the angle, shape (3, _TERMS)."""
+    """Return the series of these three in squares of the angle, shape (_TERMS, 3)."""
     f = np.cumprod([1.0, *(-1.0 / (2 * k * (2 * k + 1)) for k in range(1, _TERMS + 2))])
     g = 2.0 * np.arange(1, len(f)) * f[1:]
     h = 2.0 * np.arange(1, len(g)) * g[1:]
-    return np.array([one[:_TERMS] for one in (f, g, h)])
+    return np.stack([one[:_TERMS] for one in (f, g, h)], axis=1)
 
 
 _SERIES = _series()

@@ -1,0 +1,116 @@
+"""All that decks can name is recorded, and evaluates to what it does in NumPy, in the plane and in space."""
+
+from copy import deepcopy
+
+import numpy as np
+import pytest
+import yaml
+from natively import both, evaluates_alike, native
+from test_totality import CASES, ELBOW, EXAMPLES, SCENE, SPACE, scene_with
+
+from hfsim.marching.integration import run_integration
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+
+pytestmark = native
+HINGED = {"type": "revolute", "between": ELBOW, "axis": [0, 1, 0]}
+SWAY = {"type": "sine", "amplitude": 0.1, "frequency": 2.0}
+ARM = SCENE["bodies"]["arm"]
+STOPS = {"stiffness": 200.0, "lower": -1e-4, "upper": 1e-3}
+TURNING = {"damping": 0.1, "friction": {"torque": 0.2}, "stops": STOPS}
+SLIDING = {"damping": 0.1, "friction": {"force": 2.0}, "stops": STOPS}
+PULL = [0.1, 0.2, 0.3]
+
+
+def planar(**changes):
+    return changed(SCENE, changes)
+
+
+def spatial(**changes):
+    return changed(SPACE, {"elbow": {"type": "spherical", "between": ELBOW}} | changes)
+
+
+def changed(deck, changes):
+    """Return a deck with other entries: a body 'arm', joints, springs and loads by what they join or load."""
+    deck = deepcopy(deck)
+    for name, entry in changes.items():
+        if name == "arm":
+            deck["bodies"]["arm"] = entry
+        else:
+            kind = {"coil": "springs", "band": "springs", "load": "loads"}.get(name, "joints")
+            deck.setdefault(kind, {})[name] = entry
+    return yaml.safe_dump(deck)
+
+
+def about(kind, **entry):
+    return {"type": kind, "between": ["ground", "hub"], **entry}
+
+
+REGISTERED = {
+    f"{kind} {name}": scene_with(kind, name, EXAMPLES.get(kind, {name: {}})[name])
+    for kind, name in CASES
+    if kind not in ("rule", "integrator")
+}
+BEAMS = {
+    f"{where.__name__} {element} {model}": where(arm=ARM | {"element": element, "model": model})
+    for where in (planar, spatial)
+    for element in ("cable", "continuum", "cosserat")
+    for model in ("rigid", "linear", "lowOrder", "exact")
+    if (element, model) != ("continuum", "lowOrder")
+}
+RESISTING = {
+    "planar turn": planar(pin=about("revolute", **TURNING)),
+    "planar shift": planar(pin=about("prismatic", axis=[0, 1], **SLIDING)),
+    "spatial turn": spatial(pin=about("revolute", axis=[0, 1, 0], **TURNING)),
+    "spatial both": spatial(pin=about("cylindrical", axis=[1, 0, 1], turning=TURNING, sliding=SLIDING)),
+}
+IN_SPACE = {
+    "revolute": spatial(elbow=HINGED),
+    "prismatic": spatial(elbow=HINGED | {"type": "prismatic"}),
+    "fixed": spatial(elbow={"type": "fixed", "between": ELBOW}),
+    "driver": spatial(elbow=HINGED, drive=HINGED | {"type": "driver", "angle": SWAY}),
+    "motor": spatial(elbow=HINGED, drive=HINGED | {"type": "motor", "torque": 0.1, "law": SWAY}),
+    "servo": spatial(
+        elbow=HINGED, drive=HINGED | {"type": "servo", "angle": 0.3, "stiffness": 2.0, "limit": 1.0}
+    ),
+    "motion": spatial(elbow={"type": "motion", "between": ELBOW, "y": SWAY}),
+    "rotational": spatial(coil=about("rotational", axis=[0, 1, 0], stiffness=3.0, damping=0.1)),
+    "two_point": spatial(band={"type": "two_point", "between": ["ground", "arm.root"], "stiffness": 3.0}),
+    **{
+        f"{kind}{' follower' * follower}": spatial(
+            load={"type": kind, "at": "arm", kind: PULL, "follower": follower}
+        )
+        for kind in ("force", "moment")
+        for follower in (False, True)
+    },
+    "distributed": spatial(arm=ARM, load={"type": "distributed", "on": "arm", "force": PULL}),
+}
+DECKS = REGISTERED | BEAMS | RESISTING | {f"spatial {name}": deck for name, deck in IN_SPACE.items()}
+STEPS = {
+    f"integrator {name}": scene_with("integrator", name, EXAMPLES["integrator"][name])
+    for kind, name in CASES
+    if kind == "integrator"
+}
+
+
+@pytest.mark.parametrize("name", DECKS)
+def test_every_part_evaluates_to_what_it_does_in_numpy(name):
+    evaluates_alike(build(parse_deck(DECKS[name])))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", DECKS | STEPS)
+def test_every_part_moves_as_it_does_in_numpy(name, monkeypatch):
+    """To 1e-9, in as many steps but for where rounding decides."""
+
+    def run():
+        tolerance = 1e-5 if name in STEPS else 1e-9
+        scene = build(
+            parse_deck((DECKS | STEPS)[name], "deck", ["solve.duration=0.02", f"solve.tolerance={tolerance}"])
+        )
+        return run_integration(scene, scene.deck.solve)
+
+    one, other = both(monkeypatch, run)
+    assert one.stop is None and other.stop is None
+    assert np.abs(one.trajectory.q - other.trajectory.q).max() <= 1e-9
+    assert abs(len(one.trajectory.segments) - len(other.trajectory.segments)) <= 1
