@@ -9,6 +9,7 @@
 #include <string.h>
 
 #define W 4
+#define SIDE 4     /* columns that are solved for side by side */
 #define TINY 1e-280 /* squares of numbers that are nothing beside 1 */
 #define SWEEPS 30   /* for an eigenvalue at most, as in LAPACK */
 typedef double vec __attribute__((vector_size(32), aligned(8)));
@@ -40,8 +41,44 @@ ALWAYS void less(vec *x, const vec *y, double re, double im, i64 count, i64 m, c
     }
 }
 
+/* Choose the pivot of a column, the largest of the rows that are left; return its row, -1 if all are zero. */
+ALWAYS i64 pivot(Factor f, i64 c, double *spare, const int parts) {
+    const i64 n = f.n, to = W * f.m;
+    double *u = (double *)(f.upper + c * f.column), *v = u + to, *l = (double *)(f.lower + c * f.column);
+    double *inverse = (double *)f.inverse, most = 0.0, re, im = 0.0;
+    i64 best = -1, k;
+    for (k = c; k < n; k++) {
+        const i64 r = f.order[k];
+        const double size = fabs(u[r]) + (parts == 2 ? fabs(v[r]) : 0.0);
+        if (!(size <= most)) { most = size; best = k; }
+    }
+    if (best < 0) return -1;
+    const i64 p = f.order[best];
+    f.order[best] = f.order[c]; f.order[c] = p;
+    re = 1.0 / u[p];
+    if (parts == 2) {
+        const double unit = 1.0 / most, x = u[p] * unit, y = v[p] * unit, size = 1.0 / (x * x + y * y);
+        re = x * size * unit; im = -y * size * unit;
+        inverse[to + c] = im;
+    }
+    inverse[c] = re;
+    for (k = c + 1; k < n; k++) {
+        const i64 r = f.order[k];
+        if (parts == 1) l[r] = u[r] * re;
+        else { l[r] = u[r] * re - v[r] * im; l[to + r] = u[r] * im + v[r] * re; }
+    }
+    for (int part = 0; part < parts; part++, u += to) { /* above it, in the order of pivots */
+        for (k = 0; k < c; k++) spare[k] = u[f.order[k]];
+        memset(u, 0, to * 8);
+        memcpy(u, spare, c * 8);
+    }
+    return p;
+}
+
+/* Eliminate by two pivots at once. */
 ALWAYS int factorise(Factor f, const char *a, const i64 *step, double *spare, const int parts) {
     const i64 n = f.n, m = f.m, to = W * m;
+    i64 p = 0, before = 0;
     memset(f.lower, 0, (char *)f.order - (char *)f.lower);
     for (i64 j = 0; j < n; j++) {
         double *u = (double *)(f.upper + j * f.column);
@@ -52,67 +89,57 @@ ALWAYS int factorise(Factor f, const char *a, const i64 *step, double *spare, co
         }
         f.order[j] = j;
     }
-    for (i64 c = 0; c < n; c++) {
-        const double *u = (double *)(f.upper + c * f.column), *v = u + to;
-        double *l = (double *)(f.lower + c * f.column), *inverse = (double *)f.inverse, most = 0.0;
-        i64 best = -1, p, k;
-        for (k = c; k < n; k++) {
-            p = f.order[k];
-            const double size = fabs(u[p]) + (parts == 2 ? fabs(v[p]) : 0.0);
-            if (!(size <= most)) { most = size; best = k; }
+    for (i64 c = 0; c < n; c++, before = p) {
+        vec *y = f.lower + c * f.column, *z = y - f.column, *x = f.upper + (c + 1) * f.column;
+        if ((p = pivot(f, c, spare, parts)) < 0) return 1;
+        if (c % 2 == 0) {
+            const double *u = (double *)x;
+            if (c + 1 < n) less(x, y, u[p], parts == 2 ? u[to + p] : 0.0, m, m, parts);
+            continue;
         }
-        if (best < 0) return 1;
-        p = f.order[best]; f.order[best] = f.order[c]; f.order[c] = p;
-        double re = 1.0 / u[p], im = 0.0;
-        if (parts == 2) {
-            const double unit = 1.0 / most, x = u[p] * unit, y = v[p] * unit, size = 1.0 / (x * x + y * y);
-            re = x * size * unit; im = -y * size * unit;
-            inverse[to + c] = im;
-        }
-        inverse[c] = re;
-        for (k = c + 1; k < n; k++) {
-            const i64 r = f.order[k];
-            if (parts == 1) l[r] = u[r] * re;
-            else { l[r] = u[r] * re - v[r] * im; l[to + r] = u[r] * im + v[r] * re; }
-        }
-        for (i64 j = c + 1; j < n; j++) {
-            vec *x = f.upper + j * f.column;
-            re = ((double *)x)[p]; im = parts == 2 ? ((double *)x)[to + p] : 0.0;
-            if (re != 0.0 || im != 0.0) less(x, f.lower + c * f.column, re, im, m, m, parts);
-        }
-        for (int part = 0; part < parts; part++) { /* rows of the upper factor in the order of pivots */
-            double *x = (double *)(f.upper + c * f.column) + part * to;
-            for (k = 0; k < c; k++) spare[k] = x[f.order[k]];
-            memset(x, 0, to * 8);
-            memcpy(x, spare, c * 8);
+        const double *l = (double *)z, g = l[p], h = parts == 2 ? l[to + p] : 0.0;
+        for (i64 j = c + 1; j < n; j++, x += f.column) {
+            const double *u = (double *)x, r = u[before], s = parts == 2 ? u[to + before] : 0.0;
+            const double re = u[p] - g * r + h * s, im = parts == 2 ? u[to + p] - g * s - h * r : 0.0;
+            for (i64 i = 0; i < m; i++) {
+                if (parts == 1) x[i] = x[i] - r * z[i] - re * y[i];
+                else {
+                    const vec q = z[i], t = z[m + i], v = y[i], w = y[m + i];
+                    x[i] = x[i] - r * q + s * t - re * v + im * w;
+                    x[m + i] = x[m + i] - r * t - s * q - re * w - im * v;
+                }
+            }
         }
     }
     return 0;
 }
 
-/* Solve for a column, of which steps from row to row are told. */
-ALWAYS void substitute(Factor f, char *out, i64 so, const char *b, i64 sb, double *spare, const int parts) {
-    const i64 n = f.n, m = f.m, to = W * m;
-    double *x = spare, *z = x + parts * to;
+/* Solve for some columns side by side, none of which waits for its last step then. */
+ALWAYS void substitute(Factor f, char *out, const i64 *so, const char *b, const i64 *sb, i64 count, double *spare, const int parts) {
+    const i64 n = f.n, m = f.m, to = W * m, one = 2 * parts * to;
     const double *inverse = (const double *)f.inverse;
-    memset(spare, 0, 2 * f.column * sizeof(vec));
-    for (i64 i = 0; i < n; i++)
-        for (int part = 0; part < parts; part++) x[part * to + i] = ((const double *)(b + i * sb))[part];
-    for (i64 c = 0; c < n; c++) {
-        const i64 p = f.order[c];
-        const double re = z[c] = x[p], im = parts == 2 ? z[to + c] = x[to + p] : 0.0;
-        if (re != 0.0 || im != 0.0) less((vec *)x, f.lower + c * f.column, re, im, m, m, parts);
-    }
-    for (i64 c = n - 1; c >= 0; c--) {
-        double *one = (double *)(out + c * so), re = z[c] * inverse[c], im = 0.0;
-        if (parts == 2) {
-            im = z[c] * inverse[to + c] + z[to + c] * inverse[c];
-            re -= z[to + c] * inverse[to + c];
-            one[1] = im;
+    memset(spare, 0, count * one * 8);
+    for (i64 q = 0; q < count; q++)
+        for (i64 i = 0; i < n; i++)
+            for (int part = 0; part < parts; part++)
+                spare[q * one + part * to + i] = ((const double *)(b + i * sb[0] + q * sb[1]))[part];
+    for (i64 c = 0; c < n; c++)
+        for (i64 q = 0; q < count; q++) {
+            double *x = spare + q * one, *z = x + parts * to;
+            const double re = z[c] = x[f.order[c]], im = parts == 2 ? z[to + c] = x[to + f.order[c]] : 0.0;
+            if (re != 0.0 || im != 0.0) less((vec *)x, f.lower + c * f.column, re, im, m, m, parts);
         }
-        one[0] = re;
-        less((vec *)z, f.upper + c * f.column, re, im, vectors(c), m, parts);
-    }
+    for (i64 c = n - 1; c >= 0; c--)
+        for (i64 q = 0; q < count; q++) {
+            double *z = spare + q * one + parts * to, *found = (double *)(out + c * so[0] + q * so[1]), re = z[c] * inverse[c], im = 0.0;
+            if (parts == 2) {
+                im = z[c] * inverse[to + c] + z[to + c] * inverse[c];
+                re -= z[to + c] * inverse[to + c];
+                found[1] = im;
+            }
+            found[0] = re;
+            less((vec *)z, f.upper + c * f.column, re, im, vectors(c), m, parts);
+        }
 }
 
 WIDE static int factor(const Op *o, char *out, const char *a, const char *none, double *spare) {
@@ -122,10 +149,12 @@ WIDE static int factor(const Op *o, char *out, const char *a, const char *none, 
 
 WIDE static int solve(const Op *o, char *out, const char *a, const char *b, double *spare) {
     const Factor f = factor_at((char *)a, o->shape[0], (int)o->more);
-    const i64 *so = o->step[0], *sb = o->step[2];
-    for (i64 j = 0; j < o->shape[1]; j++, out += so[1], b += sb[1])
-        if (o->more == 2) substitute(f, out, so[0], b, sb[0], spare, 2);
-        else substitute(f, out, so[0], b, sb[0], spare, 1);
+    const i64 k = o->shape[1], *so = o->step[0], *sb = o->step[2];
+    for (i64 j = 0; j < k; j += SIDE, out += SIDE * so[1], b += SIDE * sb[1]) {
+        const i64 count = k - j < SIDE ? k - j : SIDE;
+        if (o->more == 2) substitute(f, out, so, b, sb, count, spare, 2);
+        else substitute(f, out, so, b, sb, count, spare, 1);
+    }
     return 0;
 }
 
@@ -299,7 +328,7 @@ WIDE static int modes(const Op *o, char *out, const char *a, const char *none, d
 int resolve(const Op *o) {
     static int (*const DO[])(const Op *, char *, const char *, const char *, double *) = {factor, solve, basis, modes};
     const i64 *n = o->shape, m = W * vectors(n[0]);
-    double *spare = workspace((n[0] + n[1] + 8) * m);
+    double *spare = workspace((n[0] + n[1] + 4 * SIDE) * m);
     if (!spare) return -1;
     for (i64 p = 0; p < n[2]; p++) for (i64 q = 0; q < n[3]; q++) {
         char *at[3];
