@@ -65,9 +65,7 @@ class Often:
         given : tuple
             Numbers and arrays.
         """
-        if not self._wanted or Recording.tape is not None:
-            return function(*given)
-        if not self.ask(kind):
+        if Recording.tape is not None or not self.ask(kind):
             return function(*given)
         kept = self._recordings.setdefault(get_ident(), {})
         found: Replayed[_Found] | None = kept.get(kind)
@@ -77,8 +75,8 @@ class Often:
 
     def ask(self, kind: str, weight: int = 1) -> bool:
         """Tell whether a function is replayed, which takes as long as some calls; if not, count that."""
-        if kind in self.chosen:
-            return True
+        if kind in self.chosen or not self._wanted:
+            return self._wanted
         self._asked[kind] = self._asked.get(kind, 0) + weight
         return False
 
