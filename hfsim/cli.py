@@ -44,6 +44,13 @@ INTERRUPTED = 130
 SELDOM = 10_000
 """New objects after which Python looks for cycles."""
 
+LEFT_OUT: dict[str, dict[str, object]] = {
+    "numpy._core._add_newdocs": {},
+    "numpy._core._add_newdocs_scalars": {},
+    "numpy._typing": {"NDArray": list},
+}
+"""Modules for people who read and check types, with what is used of them while a program runs."""
+
 
 class LazyGroup(click.Group):
     """A group whose sub-commands are imported when they are called."""
@@ -121,6 +128,8 @@ def main() -> None:
     """
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
         os.environ.setdefault(name, "1")  # the matrices are small: more threads only cost CPU time
+    for module, known in LEFT_OUT.items():
+        _leave_out(module, **known)
     if os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1") == "1":
         _leave_out("pydantic.plugin._loader", get_plugins=tuple)
     gc.set_threshold(SELDOM)
@@ -142,15 +151,17 @@ def _leave_out(name: str, **known: object) -> None:
     The module by which pydantic looks for plug-ins in all that is installed imports more than hfsim does of
     the standard library, if only to find that they are switched off.
     """
+    stand_in = ModuleType(name)
 
     def ask(rest: str) -> object:
         if rest.startswith("__"):  # the import system looks whether it is a package
             raise AttributeError(rest)
-        del sys.modules[name]
+        if sys.modules[name] is stand_in:
+            del sys.modules[name]
         return getattr(importlib.import_module(name), rest)
 
-    sys.modules[name] = ModuleType(name)
-    vars(sys.modules[name]).update(known, __getattr__=ask)
+    vars(stand_in).update(known, __getattr__=ask)
+    sys.modules.setdefault(name, stand_in)
 
 
 def _open_closed_streams() -> None:

@@ -41,7 +41,7 @@ class UnfinishedRunError(HfsimError):
         super().__init__(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class DeckProblem:
     """One thing that is wrong with a deck.
 
@@ -149,7 +149,7 @@ def interruption_words(stop: KeyboardInterrupt) -> str:
     return "interrupted from the keyboard"
 
 
-@dataclass(eq=False)
+@dataclass(eq=False, repr=False)
 class SolverFailure(HfsimError):  # noqa: N818
     """The integration could not go on: the solver failed or the model broke down.
 

@@ -220,7 +220,7 @@ def test_help_imports_only_click():
 
 
 NOT_NEEDED = {
-    *("scipy", "matplotlib", "numpy.ma", "numpy.random", "numpy.testing"),
+    *("scipy", "matplotlib", "numpy.ma", "numpy.random", "numpy.testing", "numpy.typing", "numpy._typing._array_like"),
     *("ssl", "http", "multiprocessing", "concurrent", "unittest"),
     *("importlib.metadata", "email", "logging", "shutil"),
     *("hfsim.studies", "hfsim.output.plots", "hfsim.commands.bench", "hfsim.commands.compare"),
@@ -250,7 +250,10 @@ def test_what_stands_in_for_a_module_gives_way_to_it():
         "_leave_out('pydantic.plugin._loader', get_plugins=tuple)\n"
         "from pydantic.plugin._loader import get_plugins\n"
         "assert get_plugins is tuple\n"
-        "from pydantic.plugin._loader import PYDANTIC_ENTRY_POINT_GROUP\n"
+        "stand_in = sys.modules['pydantic.plugin._loader']\n"
+        "asked = stand_in.PYDANTIC_ENTRY_POINT_GROUP, sys.modules['pydantic.plugin._loader']\n"
+        "assert asked[1] is not stand_in\n"
+        "assert asked == (stand_in.PYDANTIC_ENTRY_POINT_GROUP, sys.modules['pydantic.plugin._loader'])\n"
     )
     assert "importlib.metadata" in modules_after(code)
 

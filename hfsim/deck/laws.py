@@ -1,15 +1,19 @@
 """Laws of time: what a driver imposes or a load is scaled with."""
 
+from __future__ import annotations
+
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.traced import outside
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 class Law(ABC):

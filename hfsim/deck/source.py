@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 from pathlib import Path as FilePath
 from typing import Any
 
 from hfsim.deck.reader import LARGEST, Mark, Path, dotted, parse
 from hfsim.errors import MOST_PROBLEMS, DeckError, DeckProblem
+from hfsim.maths.frozen import mutable
 
 COMPARED = 200
 """Known names that a misspelt one is compared with."""
@@ -23,7 +24,6 @@ MOST_BYTES = 4 * LARGEST + 4
 _INDEX = re.compile(r"[0-9]{1,9}")
 
 
-@dataclass(frozen=True)
 class OverrideProblem(DeckProblem):
     """A problem that came in by ``--set`` and so has no place in the file."""
 
@@ -57,7 +57,7 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
     return f"known: {', '.join([*islice(known, _LISTED), *more])}" if known else ""
 
 
-@dataclass(eq=False)
+@mutable
 class DeckSource:
     """A deck as it was written.
 

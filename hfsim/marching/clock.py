@@ -5,10 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
+
+from hfsim.maths.frozen import mutable
 
 
-@dataclass(eq=False)
+@mutable
 class PhaseClock:
     """Adds up the time spent in named phases.
 

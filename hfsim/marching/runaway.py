@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.integrators import Memory
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import mutable
 from hfsim.mechanics.system import System
 
 Watch: TypeAlias = Callable[[float, Array, Array], None]
@@ -27,7 +27,7 @@ FASTEST = 1e12
 """Rate in SI units, over the largest at the start (or 1), from which a motion is none."""
 
 
-@dataclass(eq=False)
+@mutable
 class EnergyWatch:
     """Ends a run whose energy grows without a source, as that of truncated models can.
 
@@ -91,7 +91,7 @@ class EnergyWatch:
         )
 
 
-@dataclass(eq=False)
+@mutable
 class PartsWatch:
     """Ends a run in which a part has run away: what follows is neither mechanics nor worth the steps."""
 
@@ -115,7 +115,7 @@ class PartsWatch:
                 raise failure
 
 
-@dataclass(eq=False)
+@mutable
 class RedundantWatch:
     """Ends a run in which joint equations that others make superfluous no longer hold.
 
@@ -148,7 +148,7 @@ class RedundantWatch:
             )
 
 
-@dataclass(eq=False)
+@mutable
 class RateWatch:
     """Ends a run whose steps feed the motion without end, before numbers overflow.
 

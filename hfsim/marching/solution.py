@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from hfsim.deck.source import did_you_mean
+from hfsim.maths.frozen import frozen
 
 if TYPE_CHECKING:
     from numpy import ndarray
@@ -69,7 +70,7 @@ class Fine(Protocol):
         """Return some channels at sorted times within the run, shape (n_times, n_names)."""
 
 
-@dataclass(frozen=True, eq=False)
+@frozen
 class Run:
     """What one simulated model of one scene gives; ``run["b1.tip.x"]`` are the values of a channel.
 

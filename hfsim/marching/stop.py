@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from hfsim.errors import LimitReached
+from hfsim.maths.frozen import frozen, mutable
 
 Progress = Callable[[float], None]
 """Told the share of the duration that is done, 0 to 1, at every step; may raise to end the run."""
@@ -61,7 +61,7 @@ SHIELD = Shield()
 """That of this process."""
 
 
-@dataclass(frozen=True)
+@frozen
 class Share:
     """Tells how much is done of some work that is a part of more; in another process, nobody.
 
@@ -89,7 +89,7 @@ def _nobody(share: float) -> None:
     """Be told, and say nothing."""
 
 
-@dataclass(eq=False)
+@mutable
 class Budget:
     """Time that work may take [s].
 

@@ -7,12 +7,11 @@ from functools import lru_cache
 from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array: TypeAlias = NDArray[np.floating[Any]]
-ComplexArray: TypeAlias = NDArray[np.complexfloating[Any, Any]]
-BoolArray: TypeAlias = NDArray[np.bool_]
-IntArray: TypeAlias = NDArray[np.integer[Any]]
+Array: TypeAlias = np.ndarray[Any, np.dtype[np.floating[Any]]]
+ComplexArray: TypeAlias = np.ndarray[Any, np.dtype[np.complexfloating[Any, Any]]]
+BoolArray: TypeAlias = np.ndarray[Any, np.dtype[np.bool_]]
+IntArray: TypeAlias = np.ndarray[Any, np.dtype[np.integer[Any]]]
 Places: TypeAlias = slice | IntArray
 
 

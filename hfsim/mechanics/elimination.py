@@ -10,13 +10,13 @@ points between nodes or off the centre of mass, and all of bodies with coordinat
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, IntArray
-from hfsim.maths.frozen import frozen
+from hfsim.maths.frozen import frozen, mutable
 from hfsim.maths.matrices import Entries, assemble
 from hfsim.maths.rotations import rotate
 from hfsim.mechanics.body import Body
@@ -92,7 +92,7 @@ def eliminate(
     return work.result(sparse)
 
 
-@dataclass(eq=False)
+@mutable
 class _Elimination:
     """Where each coordinate comes from, while joints are taken in."""
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import NamedTuple
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import mutable
 from hfsim.maths.traced import live
 
 NEAR = 0.5 * np.pi
@@ -26,7 +27,7 @@ class Turning(NamedTuple):
         return self.angle + self.rate * (t - self.t)
 
 
-@dataclass(eq=False)
+@mutable
 class TurnCount:
     """The full turns of one angle: of all that differ by turns the one nearest to what is expected is meant.
 

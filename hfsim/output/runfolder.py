@@ -13,13 +13,14 @@ import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
 from hfsim.errors import HfsimError
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.solution import Run
+from hfsim.maths.frozen import mutable
 from hfsim.output.disk import disk, write_json
 from hfsim.output.text import printable
 
@@ -37,7 +38,7 @@ class FolderError(HfsimError):
     exit_code = 2
 
 
-@dataclass(eq=False)
+@mutable
 class RunFolder:
     """A folder whose use for new results was granted by `claim`.
 
@@ -114,7 +115,7 @@ def _locked(path: Path) -> int | None:
     return held
 
 
-@dataclass(eq=False)
+@mutable
 class Stopwatch(PhaseClock):
     """Phases of one job, beginning with the process itself.
 

@@ -9,14 +9,13 @@ start that fulfils the joints is taken, and what that changes is told.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 
 from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray
-from hfsim.maths.frozen import frozen
+from hfsim.maths.frozen import frozen, mutable
 from hfsim.maths.matrices import smallest_step
 from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
 from hfsim.mechanics.constraints import Constraint
@@ -110,7 +109,7 @@ class Start:
             yield name, (row[: self.n_dim], row[self.n_dim :])
 
 
-@dataclass(eq=False)
+@mutable
 class _Stated:
     """Places or rates of all frames, (n,), what of them the deck states, and what of that is exact.
 

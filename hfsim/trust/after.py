@@ -8,13 +8,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, NamedTuple
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.distance import farthest
 from hfsim.marching.stop import Budget, Progress
+from hfsim.maths.frozen import mutable
 from hfsim.trust.estimate import Compared, Estimate, advice
 from hfsim.trust.experiments import time_for
 
@@ -81,7 +82,7 @@ class Stages:
         self._progress(self._solved + share * (1.0 - self._solved))
 
 
-@dataclass(eq=False)
+@mutable
 class Aftermath:
     """What the work after a run finds.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from hfsim.marching.balance import balance, step_samples
 from hfsim.marching.integration import Integration, run_integration
 from hfsim.marching.stop import Budget
 from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import mutable
 from hfsim.maths.rank import Dependence, dependence
 from hfsim.parts.bodies.models import LADDER, MODELS
 from hfsim.scene.build import Scene, build
@@ -48,7 +49,7 @@ def time_for(seconds: float) -> float:
     return max(seconds, AT_LEAST)
 
 
-@dataclass(eq=False)
+@mutable
 class Experiments:
     """Short runs of one scene around a failure, within a budget.
 

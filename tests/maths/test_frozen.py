@@ -2,7 +2,9 @@
 
 from dataclasses import field, replace
 
-from hfsim.maths.frozen import frozen
+import pytest
+
+from hfsim.maths.frozen import frozen, mutable
 
 
 @frozen
@@ -17,6 +19,31 @@ class Named(Point):
 
     def __repr__(self):
         return self.name
+
+
+@mutable
+class Heap:
+    kind: str = field(kw_only=True)
+    stones: list[int] = field(default_factory=list)
+    total = 0
+
+    def __post_init__(self):
+        self.total = sum(self.stones)
+
+
+def test_values_are_given_by_place_or_by_name_or_have_defaults():
+    assert vars(Named(1.0, name="tip")) == {"x": 1.0, "y": 0.0, "name": "tip"}
+    first, second = Heap(kind="a"), Heap([1, 2], kind="b")
+    assert first.stones == [] and first.stones is not Heap(kind="c").stones
+    assert (first.total, second.total, second.kind) == (0, 3, "b")
+
+
+@pytest.mark.parametrize(
+    ("values", "named"), [((), {}), ((1.0, 2.0, 3.0), {}), ((1.0,), {"x": 2.0}), ((1.0,), {"z": 2.0})]
+)
+def test_values_of_no_field_or_missing_or_given_twice(values, named):
+    with pytest.raises(TypeError, match="Point"):
+        Point(*values, **named)
 
 
 def test_values_differ_by_identity():

@@ -15,9 +15,8 @@ from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hfsim.maths.arrays import Array, component_rows, from_component_rows
+from hfsim.maths.arrays import Array, IntArray, component_rows, from_component_rows
 from hfsim.maths.frozen import frozen
 
 if TYPE_CHECKING:
@@ -155,8 +154,8 @@ class QuadraticMap:
         Multiplies the whole.
     """
 
-    first: NDArray[np.intp]
-    second: NDArray[np.intp]
+    first: IntArray
+    second: IntArray
     matrix: Array
     constant: Array
     scale: Array | None = None
@@ -246,19 +245,19 @@ class GramLaw(RowLaw):
         return self.linear - self.reference @ self.quadratic
 
     @cached_property
-    def pairs(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    def pairs(self) -> tuple[IntArray, IntArray]:
         """The two vectors of each product; each pair once."""
         return np.triu_indices(self._n_vectors)
 
     @cached_property
-    def packed(self) -> NDArray[np.intp]:
+    def packed(self) -> IntArray:
         """Which of the pairs each entry of G is, entries in a row."""
         where = np.zeros((self._n_vectors, self._n_vectors), dtype=np.intp)
         where[self.pairs] = where[self.pairs[::-1]] = np.arange(len(self.pairs[0]))
         return where.ravel()
 
     @cached_property
-    def _factors(self) -> tuple[NDArray[np.intp], int, NDArray[np.intp]]:
+    def _factors(self) -> tuple[IntArray, int, IntArray]:
         """Rows of components that are multiplied, how many make the G_ab, and the pair of each H_ab.
 
         The rows: first, then second factors of G_ab, pairs of vectors one after another for each component;
