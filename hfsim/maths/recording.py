@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -51,8 +52,8 @@ def _cumsum(tape: Recorder, a: Any, axis: int | None = None) -> Any:
     if axis is None or a.shape[axis] > LONGEST_SUM:
         return tape.called(np.cumsum, (a, axis), {})
     out, ahead = a.copy(), (slice(None),) * (axis % a.ndim)
-    for k in range(1, a.shape[axis]):
-        out[(*ahead, k)] += out[(*ahead, k - 1)]
+    for last, own in pairwise([out[(*ahead, k)] for k in range(a.shape[axis])]):
+        own += last
     return out
 
 
