@@ -9,6 +9,7 @@ from click.testing import CliRunner
 from natively import at_once, native
 
 from hfsim.cli import app
+from hfsim.maths import kernel
 from hfsim.maths.recorder import Recorder
 from hfsim.maths.recording import recording
 
@@ -69,3 +70,14 @@ def test_a_pool_finds_what_one_process_finds(recorders, tmp_path):
         thread.join()
     assert pooled == alone and len(alone) == 8
     assert len(set(recorders.read_text().split()) - {str(os.getpid())}) == 2
+
+
+@pytest.mark.slow
+def test_a_pool_with_the_kernel_tells_what_one_in_numpy_tells(recorders, monkeypatch, tmp_path):
+    native = swept(tmp_path / "native", 2)
+    assert recorders.exists()
+    monkeypatch.setattr(kernel, "KERNEL", "numpy")
+    for one, other in zip(native, swept(tmp_path / "numpy", 2), strict=True):
+        assert one["status"] == other["status"] == "done"
+        for name in (name for name in one if "(" in name):
+            assert float(one[name]) == pytest.approx(float(other[name]), rel=1e-9, abs=1e-10), name
