@@ -3,6 +3,7 @@
 
 import json
 import shlex
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -323,6 +324,15 @@ def test_steps_that_stay_hopeless_end_and_say_so(monkeypatch):
     )
     assert isinstance(stop, SolverFailure) and "crawl" in stop.reason
     assert fast.counts.steps + fast.counts.rejected <= 150
+
+
+@pytest.mark.parametrize(("step", "attempts"), [(1e-11, 200), (1e-9, 2000), (1e-6, None)])
+def test_the_less_a_run_gains_the_sooner_it_ends(step, attempts):
+    pace, made = _pace.Pace(0.0, 1.0), 0
+    with pytest.raises(SolverFailure) if attempts else nullcontext():
+        for made in range(1, 3000):
+            pace.note(made * step, False, False)
+    assert made == (attempts or 2999)
 
 
 def test_short_steps_of_a_stiff_start_are_left_alone(monkeypatch):
