@@ -689,7 +689,8 @@ static PyObject *taken(PyObject *a, PyObject *key) {
 
 /* a[key] = value */
 static int put(PyObject *a, PyObject *key, PyObject *value) {
-    PyObject *found = value ? places(a, key) : Py_NewRef(Py_None), *done = NULL;
+    if (!value) { PyErr_SetString(PyExc_ValueError, "arrays keep their entries"); return -1; }
+    PyObject *found = places(a, key), *done = NULL;
     if (found == Py_None) done = PyObject_CallMethod(a, "_rare_put", "(OO)", key, value);
     else if (found) {
         PyObject *given[] = {found, value};
