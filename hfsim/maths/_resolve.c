@@ -8,8 +8,8 @@
 #include <math.h>
 #include <string.h>
 
-#define W 4
-#define SIDE 4     /* columns that are solved for side by side */
+#define W 4         /* numbers in a vector */
+#define SIDE 4      /* columns that are solved for side by side */
 #define TINY 1e-280 /* squares of numbers that are nothing beside 1 */
 #define SWEEPS 30   /* for an eigenvalue at most, as in LAPACK */
 typedef double vec __attribute__((vector_size(32), aligned(8)));
@@ -131,7 +131,8 @@ ALWAYS void substitute(Factor f, char *out, const i64 *so, const char *b, const 
         }
     for (i64 c = n - 1; c >= 0; c--)
         for (i64 q = 0; q < count; q++) {
-            double *z = spare + q * one + parts * to, *found = (double *)(out + c * so[0] + q * so[1]), re = z[c] * inverse[c], im = 0.0;
+            double *z = spare + q * one + parts * to, *found = (double *)(out + c * so[0] + q * so[1]);
+            double re = z[c] * inverse[c], im = 0.0;
             if (parts == 2) {
                 im = z[c] * inverse[to + c] + z[to + c] * inverse[c];
                 re -= z[to + c] * inverse[to + c];
