@@ -34,8 +34,8 @@ def import_libraries() -> None:
     """
     gc.disable()
     import numpy  # noqa: F401
-    import pydantic  # noqa: F401
     import yaml  # noqa: F401
+    from pydantic import BaseModel  # noqa: F401
 
     import hfsim.output.api  # noqa: F401
 

@@ -99,7 +99,7 @@ class RectangleSection(Spec):
         return SHEAR_FACTOR, SHEAR_FACTOR
 
 
-class CircleSection(_Round):
+class CircleSection(_Round, Spec):
     """Full circular cross-section."""
 
     shape: Literal["circle"]
@@ -132,7 +132,7 @@ class CircleSection(_Round):
         return math.pi * self.outer_radius**4 / 4
 
 
-class TubeSection(_Round):
+class TubeSection(_Round, Spec):
     """Circular tube."""
 
     shape: Literal["tube"]

@@ -69,7 +69,7 @@ class Sized(Protocol):
         """I_y and I_z [m^4]."""
 
 
-class EquivalentRectangle(Spec):
+class EquivalentRectangle:
     """A section seen as the rectangle with its area A and second moment I, sqrt(12 I/A) high."""
 
     stiff: ClassVar[Literal[False]] = False
@@ -86,7 +86,7 @@ class EquivalentRectangle(Spec):
         return self.area / equivalent_side(self.bending[1], self.area)
 
 
-class GeneralSection(EquivalentRectangle):
+class GeneralSection(EquivalentRectangle, Spec):
     """Cross-section given by its area and second moment, in space by both of them."""
 
     spatial = ("second_moments", "torsion_constant", "shear_factors")

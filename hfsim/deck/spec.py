@@ -3,8 +3,6 @@
 An entry says what is wrong with it as a whole in `Spec.complaints`.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
@@ -154,7 +152,7 @@ class Spec(BaseModel):
         for key, entry in self._inner():
             yield from (one.inside(key) for one in entry.slips_in(around))
 
-    def _inner(self) -> Iterator[tuple[str, Spec]]:
+    def _inner(self) -> Iterator[tuple[str, "Spec"]]:
         """Yield the entries inside this one with their keys."""
         return ((key, entry) for key, entry in vars(self).items() if isinstance(entry, Spec))
 

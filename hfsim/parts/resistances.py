@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from hfsim.mechanics.resistances import Resistance
 
 
-class _ResistanceSpec(Spec):
+class _Resisted:
     """Damping, friction and stops of one coordinate."""
 
-    damping: Any
-    friction: Any
-    stops: Any
+    if TYPE_CHECKING:
+        damping: Any
+        friction: Any
+        stops: Any
 
     @property
     def resistances(self) -> tuple[Resistance, ...]:
@@ -37,7 +38,7 @@ class _ResistanceSpec(Spec):
         return (*friction, *(self.stops.build() if self.stops else ()))
 
 
-class TurningResistanceSpec(_ResistanceSpec):
+class TurningResistanceSpec(_Resisted, Spec):
     """What resists a turn."""
 
     damping: RotationalDamping = 0.0
@@ -50,7 +51,7 @@ class TurningResistanceSpec(_ResistanceSpec):
     """Stops."""
 
 
-class SlidingResistanceSpec(_ResistanceSpec):
+class SlidingResistanceSpec(_Resisted, Spec):
     """What resists a shift."""
 
     damping: Damping = 0.0
