@@ -196,10 +196,15 @@ class Recorded:
         self.a0[...] = a0
         self.run("guess")
 
-    def renew(self) -> None:
-        """Take the derivative at the stage in the middle, if it is not given."""
+    def middle(self) -> State:
+        """Return the stage in the middle as it is guessed; the derivative is taken again where it was."""
+        before = self.where.copy()
+        self.run("middle")
+        found = self.taken()
+        self.where[...] = before
         if self._derives:
-            self.run("middle", "derive")
+            self.run("derive")
+        return found
 
     def prepare(self) -> None:
         """Make ready for corrections."""
@@ -225,17 +230,11 @@ class _InNumPy(Iteration):
     def __init__(self, problem: Problem, kind: Kind, place: Place, given: Derivative | None) -> None:
         derivative = given or _derived(problem, kind, *_here(problem, place))
         super().__init__(problem, derivative, kind.table, place, kind.strained)
-        self._kind, self._given = kind, given
 
     def start(self) -> Array:
         """Return the accelerations at the start."""
         t, q, v, _ = self._place
         return self._problem.single(t, q, v)
-
-    def renew(self) -> None:
-        """Take the derivative at the stage in the middle, if it is not given."""
-        if self._given is None:
-            self.derivative = _derived(self._problem, self._kind, *self.middle())
 
 
 class _OnTape(Iteration):
@@ -259,13 +258,14 @@ def _tried(step: _InNumPy | Recorded, place: Place, begun: Any = None) -> tuple[
     step.a[...] = begun[0]
     if step.expected is not None:
         step.expected[...] = begun[1]
-    step.renew()
+    found += [np.asarray(one) for one in step.middle() if one is not None]
     step.prepare()
     for finite in (True, False):
         step.correct()
         found.append(step.correction_found.copy())
         step.advance(finite)
-    as_length = (h * h, 1.0, 1.0, 1.0, 1.0, h, h * h, 1.0, h)
+    strains = () if step.expected is None else (1.0,)
+    as_length = (h * h, 1.0, 1.0, 1.0, h, *strains, 1.0, 1.0, 1.0, h, h * h, 1.0, h)
     return begun, [np.asarray(unit * one) for unit, one in zip(as_length, [*found, *step.end()], strict=True)]
 
 
