@@ -9,8 +9,8 @@ from hfsim.mechanics.counting import PLACES, Step
 from hfsim.mechanics.system import System
 
 NEAR = 1e-3
-"""Share of a step from its ends up to which an edge counts as there."""
-ROUNDS = 2
+"""Share of a step up to which an edge counts as its start."""
+ROUNDS = 4
 """Times that the stretch with an edge is looked at more closely."""
 
 
@@ -33,7 +33,7 @@ class Edges:
                 return step.h
             k = int(np.argmax(changed))
             shares = np.linspace(shares[k], shares[k + 1], len(shares))
-        return step.h if shares[-1] > 1.0 - NEAR else step.h * float(shares[-1])
+        return step.h * float(shares[-1])
 
     def _sides(self, system: System, step: Step, shares: Array) -> Array:
         """Return on which side of each edge a step is, at shares of its length."""
