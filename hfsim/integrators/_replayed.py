@@ -218,11 +218,12 @@ class Replay:
 
     def _take(self, problem: Problem) -> Held:
         """Take note of the derivative that was computed."""
-        fastest, (t, q, _, _) = float(self.recorded.frequency), self.recorded.taken()
+        fastest, where = float(self.recorded.frequency), self.recorded.where
         problem.counts.factorisations += 1
         if not np.isfinite(fastest):
             raise np.linalg.LinAlgError("the derivative is not finite")
-        taken = np.concatenate([self.recorded.where, problem.turns.angles(t, q)])
+        angles = problem.turns.angles(float(where[0]), where[1 : len(self.recorded.a0) + 1])
+        taken = np.concatenate([where, angles])
         held = self.held = Held(self, fastest, taken, tuple(sorted(problem.often.chosen)))
         return held
 

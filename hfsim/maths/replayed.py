@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
 
@@ -29,13 +29,7 @@ _Result = TypeVar("_Result")
 
 
 class Replayed(Generic[_Result]):
-    """A function of arrays whose result is an array, or an object that holds some.
-
-    Parameters
-    ----------
-    function : callable
-    measure : callable, optional
-        Result -> array by which results are compared; without it they are arrays, or tuples of some.
+    """A function of arrays whose result is an array, or a tuple of some.
 
     Attributes
     ----------
@@ -43,10 +37,8 @@ class Replayed(Generic[_Result]):
         Why it is not replayed.
     """
 
-    def __init__(
-        self, function: Callable[..., _Result], measure: Callable[[_Result], Array] | None = None
-    ) -> None:
-        self._function, self._measure = function, measure
+    def __init__(self, function: Callable[..., _Result]) -> None:
+        self._function = function
         self._program: Callable[[], None] | None = None
         self.refused: Exception | None = None if kernel.KERNEL == "native" else Refused("switched off")
 
@@ -66,8 +58,8 @@ class Replayed(Generic[_Result]):
             memory[...] = value
         self._renew()
         self._program()
-        found: _Result = rebuilt(self._template)
-        return found
+        outputs = tuple([one.copy() for one in self._outputs])
+        return cast(_Result, outputs if self._several else outputs[0])
 
     def _record(self, given: tuple[Any, ...]) -> None:
         from hfsim.maths.recorder import Recorder
@@ -76,29 +68,28 @@ class Replayed(Generic[_Result]):
         try:
             # NumPy goes first: what is kept when it is first asked for must not be made on the tape
             some = (later(given[0]), *map(shaken, given[1:]))
-            expected = self._measured(self._function(*some))
+            expected = _arrays(self._function(*some))
             scale = max(float(np.abs(one).max(initial=0.0)) for one in expected)
             tape = Recorder()
             inputs = [tape.input(np.asarray(one, dtype=float)) for one in given]
             with np.errstate(all="ignore"), recording(tape):
                 found = self._function(*inputs)
-            outputs = [one for _, one in arrays_in(found)]
+            self._several, outputs = isinstance(found, tuple), _arrays(found)
             tape.cut()
             (self._program,) = tape.programs(*filter(tape.knows, outputs))
             self._renew = tape.renew
-            self._inputs, self._template = [plain(one) for one in inputs], rebuilt(found, plain)
+            self._inputs, self._outputs = list(map(plain, inputs)), list(map(plain, outputs))
             tape.poison()
-            agree(expected, self._measured(self._again(some)), scale if len(expected) > 1 else 0.0)
+            agree(expected, _arrays(self._again(some)), scale if len(expected) > 1 else 0.0)
         except UNREADABLE as why:
             self.refused = why
         except BaseException:
             self._program = None  # it was not compared
             raise
 
-    def _measured(self, found: _Result) -> list[Array]:
-        if self._measure:
-            return [self._measure(found)]
-        return list(map(np.asarray, found if isinstance(found, tuple) else (found,)))
+
+def _arrays(found: Any) -> list[Array]:
+    return list(map(np.asarray, found if isinstance(found, tuple) else (found,)))
 
 
 def agree(
