@@ -62,8 +62,7 @@ def evaluates_alike(scene):
 
 def projected(projection, t, q, v):
     x, u, gap, *_ = projection._seen(t, q, v)
-    x, gap, _ = projection._closer(t, x, gap)
-    drift, _ = projection._drift(t, x, u)
+    x, gap, _, drift, _ = projection._closer(t, x, u, gap)
     return np.concatenate([*projection._steadier(q, x, u, drift), gap], axis=1)
 
 

@@ -17,10 +17,10 @@ EARLY = 3
 """Steps before which nothing is said of those to come while they grow."""
 GROWING = 1.5
 """Growth of a step from which they do."""
-SEEN = 9
+SEEN = 2
 """Calls of a function after which it may be recorded."""
-MANY = 25
-"""Calls to come from which recording a function, which takes as long as a dozen or two of them, pays."""
+MANY = 15
+"""Calls to come from which recording a function, which takes as long as a dozen of them, pays."""
 
 _Found = TypeVar("_Found")
 

@@ -75,11 +75,9 @@ class Projection:
         corrections = 0
         while not float(miss) <= ROUNDING and corrections < MOST:
             corrections += 1
-            x, gap, miss = self.through("projected positions", self._closer, (t, x, gap))
+            x, gap, miss, drift, slip = self.through("projected positions", self._closer, (t, x, u, gap))
         if strict and corrections == MOST and not _largest(gap) <= CLOSED * max(1.0, _largest(x)):
             raise np.linalg.LinAlgError("the joints cannot be closed")
-        if corrections:
-            drift, slip = self.through("drift", self._drift, (t, x, u))
         if float(slip) > ROUNDING:
             found: tuple[Array, Array] = self.through("projected rates", self._steadier, (q, x, u, drift))
             return found
@@ -92,10 +90,10 @@ class Projection:
         u = self.system.absolute_velocity(q, v, frames)
         return x, u, *self._gap(t, x), *self._drift(t, x, u)
 
-    def _closer(self, t: Array, x: Array, gap: Array) -> tuple[Array, Array, Array]:
-        """Return coordinates with a gap corrected, and what `_gap` does."""
+    def _closer(self, t: Array, x: Array, u: Array, gap: Array) -> tuple[Array, ...]:
+        """Return coordinates with a gap corrected, and what `_gap` and `_drift` do."""
         x = x - self._correction(x, gap)
-        return x, *self._gap(t, x)
+        return x, *self._gap(t, x), *self._drift(t, x, u)
 
     def _steadier(self, q: Array, x: Array, u: Array, drift: Array) -> tuple[Array, Array]:
         """Return the state of absolute coordinates near q and of rates with a drift corrected."""
