@@ -44,7 +44,10 @@ FIRST_SHARE, LEAST_MORE = 0.25, 5e-3
 """By which shares of its length a step is made longer when its solution is followed."""
 NOTHING = 1e-17
 PATIENCE = 3
-"""Corrections one after another, none smaller than the smallest before, that end an iteration."""
+"""Corrections, none smaller than the smallest before, that end an iteration."""
+SHRINKING = 0.3
+"""Size of a correction over that of the one before, below which the iteration still gets on: the smallest one
+may have been so by chance."""
 SERVES_WELL = 12
 """Iterations to round-off in a step up to which its derivative is kept for the next."""
 ROUNDING = 1e-10
@@ -257,7 +260,7 @@ class _Stagnation:
 
     def __init__(self, q: Array) -> None:
         self._scale = 1.0 + float(np.abs(q).max())
-        self._least = np.inf
+        self._least = self._last = np.inf
         self._idle = 0
 
     def after(self, change: float) -> bool | None:
@@ -267,8 +270,11 @@ class _Stagnation:
             return False
         if relative < NOTHING:
             return True
-        self._idle = self._idle + 1 if relative > 0.9 * self._least else 0
-        self._least = min(self._least, relative)
+        if relative <= 0.9 * self._least:
+            self._idle = 0
+        elif relative > SHRINKING * self._last:
+            self._idle += 1
+        self._least, self._last = min(self._least, relative), relative
         if self._idle < PATIENCE:
             return None
         return self._least < ROUNDING

@@ -109,6 +109,14 @@ def test_a_long_swing_with_large_steps():
         assert isinstance(lost.stop, SolverFailure)
 
 
+def test_a_correction_that_is_small_by_chance_ends_no_iteration():
+    """Sizes of a step of the pendulum that was given up at 1.8e-11, and lost 5e-10 J."""
+    stagnation = energy._Stagnation(np.zeros(1))
+    unfinished = 1.2, 2e-2, 2.4e-3, 7e-6, 1e-7, 2.7e-8, 1.2e-11, 1.4e-9, 2.9e-10, 1.8e-11, 1e-12, 1e-15
+    assert all(stagnation.after(size) is None for size in unfinished)
+    assert [stagnation.after(size) for size in (2e-16, 3e-16, 2e-16, 3e-16)] == [None, None, None, True]
+
+
 @pytest.mark.slow
 def test_the_energy_after_a_hundred_thousand_steps():
     given = ["solve.duration=400", "solve.step=0.004", "solve.stages=2", "solve.method=energy"]
