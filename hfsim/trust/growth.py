@@ -12,9 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.marching.integration import Integration, run_integration
+from hfsim.marching.rounding import ROUNDING
 from hfsim.marching.stop import Progress
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import factorised
+from hfsim.mechanics.system import System
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 from hfsim.trust.experiments import DENSE
@@ -104,9 +106,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     system, path = scene.system, done.trajectory
     if (system.n > DENSE and not system.linearizes) or path.t_start > 0.0 or path.condensed:
         return None
-    times = np.linspace(0.0, path.t_end, _TIMES + 1)
-    q, v = path.at(times)
-    speed = float(np.abs(system.absolute_velocity(q, v)).max(initial=0.0)) or 1.0
+    speed = _largest_speed(system, *path.at(np.linspace(0.0, path.t_end, _TIMES + 1)))
     kick = min(KICK * solve.tolerance, _MOST_KICK) * speed * _slow_direction(scene, done)
     start, rates = system.project(np.zeros(1), scene.q[None], scene.v[None] + kick)
     if np.abs(rates[0] - scene.v).max(initial=0.0) <= _LEFT * np.abs(kick).max(initial=0.0):
@@ -121,6 +121,14 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
     times = np.linspace(0.0, end, _TIMES + 1)
     apart = system.absolute(again.at(times)[0]) - system.absolute(path.at(times)[0])
     return growth_of(times, np.abs(apart).max(axis=1))
+
+
+def _largest_speed(system: System, q: Array, v: Array) -> float:
+    """Return the largest speed of a motion; one at rest: rounding must not be what a disturbance is made of."""
+    x = system.absolute(q)
+    if np.abs(x - x[0]).max(initial=0.0) <= ROUNDING * np.abs(x).max(initial=0.0):
+        return 1.0
+    return float(np.abs(system.absolute_velocity(q, v)).max())
 
 
 def _slow_direction(scene: Scene, done: Integration) -> Array:

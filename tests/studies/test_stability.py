@@ -16,7 +16,9 @@ from zoo import DEAD_CENTRE
 
 from hfsim.cli import app
 from hfsim.errors import DeckError
+from hfsim.marching.integration import run_integration
 from hfsim.output.stability import map_text
+from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary
@@ -25,6 +27,7 @@ from hfsim.studies.stability.maps import stability_map
 from hfsim.studies.stability.results import Plan
 from hfsim.studies.stability.trials import Job, solve_point, solve_reference
 from hfsim.studies.stability.verdict import Bounds, Trial, Truth, classify
+from hfsim.trust import growth
 from hfsim.trust.growth import UNSTABLE, growth_of
 
 # --- the farm ------------------------------------------------------------------------------------
@@ -354,9 +357,7 @@ output: {channels: [rod.angle]}
         assert point.outcome == outcome, point
 
 
-def test_a_scene_at_rest_has_no_energy_to_lose():
-    """A beam without a load: its energies are round-off, and their drift would be anything."""
-    text = """
+AT_REST = """
 hfsim: 1
 materials: {alloy: {density: 2700.0, youngs_modulus: 7.0e10}}
 sections: {bar: {area: 1.0e-4, second_moment: 1.0e-9}}
@@ -364,8 +365,22 @@ bodies: {b1: {type: beam, material: alloy, section: bar, length: 1.0, elements: 
 joints: {clamp: {type: fixed, between: [ground, b1.root]}}
 solve: {duration: 0.1}
 """
-    result = stability_map(parse_deck(text), plan(methods=("auto",), models=("linear", "exact")))
+
+
+def test_a_scene_at_rest_has_no_energy_to_lose():
+    """A beam without a load: its energies are round-off, and their drift would be anything."""
+    result = stability_map(parse_deck(AT_REST), plan(methods=("auto",), models=("linear", "exact")))
     assert [p.outcome for p in result.points] == ["accurate", "accurate"]
+
+
+def test_a_scene_at_rest_is_disturbed_by_more_than_round_off(monkeypatch):
+    """By a share of its largest speed, 1e-10 m/s of round-off, positions change in their last digit if at all."""
+    scene = build(parse_deck(AT_REST))
+    done, started = run_integration(scene, scene.deck.solve), []
+    monkeypatch.setattr(growth, "run_integration", lambda *given: started.append(given[3]) or done)
+    assert growth.disturbed_growth(scene, done, scene.deck.solve, lambda share: None).factor == 1.0
+    assert 0.0 < np.abs(done.trajectory.at(np.linspace(0.0, 0.1, 50))[1]).max() < 1e-8
+    assert np.abs(started[0][2]).max() > 1e-6
 
 
 def test_the_end_of_a_class_is_located():
