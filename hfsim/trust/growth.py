@@ -124,7 +124,7 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
 
 
 def _largest_speed(system: System, q: Array, v: Array) -> float:
-    """Return the largest speed of a motion; one at rest: rounding must not be what a disturbance is made of."""
+    """Return the largest speed of a motion; one at rest, for no share of rounding is a disturbance."""
     x = system.absolute(q)
     if np.abs(x - x[0]).max(initial=0.0) <= ROUNDING * np.abs(x).max(initial=0.0):
         return 1.0

@@ -374,7 +374,7 @@ def test_a_scene_at_rest_has_no_energy_to_lose():
 
 
 def test_a_scene_at_rest_is_disturbed_by_more_than_round_off(monkeypatch):
-    """By a share of its largest speed, 1e-10 m/s of round-off, positions change in their last digit if at all."""
+    """By a share of its largest speed, 1e-10 m/s of round-off, positions change in the last digit at most."""
     scene = build(parse_deck(AT_REST))
     done, started = run_integration(scene, scene.deck.solve), []
     monkeypatch.setattr(growth, "run_integration", lambda *given: started.append(given[3]) or done)
