@@ -6,6 +6,7 @@ else must be known of a method stands in its `Integrator`, and that in `hfsim.in
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import ClassVar, NamedTuple, Protocol
 
@@ -64,7 +65,7 @@ class Attempt(NamedTuple):
     @property
     def solved(self) -> bool:
         """Whether the equations of the step were solved."""
-        return bool(np.isfinite(self.error))
+        return math.isfinite(self.error)
 
 
 def unsolved(growth: float = 0.5) -> Attempt:

@@ -168,7 +168,7 @@ class Iteration:
             counts.iterations += 1
             converged = ending.after(k, change, size)
             if converged is not None:
-                return converged and bool(np.isfinite(self.a).all()), k + 1
+                return converged, k + 1
         return False, MAX_ITERATIONS
 
     def end(self) -> End:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,7 +14,7 @@ from hfsim.integrators._memory import Memory, packed, unpacked
 from hfsim.integrators._pace import Pace
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import Segment, Trajectory
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, are_finite
 
 
 class Limits(NamedTuple):
@@ -112,6 +113,7 @@ class Stepping:
         self.stop: HfsimError | KeyboardInterrupt | None = None
         self._problem, self._method, self._limits, self._watch = problem, method, limits, watch
         self._t_end, self._duration = t_end, t_end - start[0]
+        self._almost = t_end * (1.0 - SAME_TIME)
         self._breaks = _stretches(problem.breaks, start[0], t_end)
         self._pace = Pace(start[0], t_end)
         self._stepper: Stepper | None = None
@@ -150,7 +152,7 @@ class Stepping:
 
     @property
     def _at_end(self) -> bool:
-        return bool(self.path.t_end >= self._t_end * (1.0 - SAME_TIME))
+        return self.path.t_end >= self._almost
 
     def memory(self) -> Memory:
         """Return all that the steps after the last kept one depend on; valid between any two steps.
@@ -214,12 +216,14 @@ class Stepping:
                     stepper = self._restarted()
                     self._wish = min(self._wish, stepper.first)
                 continue
-            if fixed is None and (early := self._edge(attempt, h)) < h:
+            tried = Segment(path.t_end, h, path.q, path.v, attempt.series)
+            has_edges = fixed is None and h > self._limits.short * self._duration
+            if has_edges and (early := self._problem.edges.first(tried)) < h:
                 self._problem.counts.rejected, self._wish = self._problem.counts.rejected + 1, early
                 continue
             if h >= 0.5 * self._wish:
                 self._wish = float(h * min(max(attempt.growth, 0.2), 5.0))
-            self._keep(stepper, attempt, h)
+            self._keep(stepper, attempt, tried)
 
     def _begin(self) -> Stepper:
         """Start the method, or take it up where it was put down."""
@@ -273,7 +277,7 @@ class Stepping:
         path = self.path
         try:
             stepper = self._method.start(self._problem, path.t_end, path.q, path.v)
-            if np.isfinite(stepper.first):
+            if isfinite(stepper.first):
                 return stepper
         except np.linalg.LinAlgError:
             pass
@@ -286,22 +290,19 @@ class Stepping:
         try:
             attempt = stepper.attempt(path.t_end, path.q, path.v, h)
             if not attempt.solved:
-                return attempt if np.isfinite(attempt.growth) else unsolved()
-            finite = np.isfinite(attempt.q).all() and np.isfinite(attempt.v).all()
-            if not finite or not problem.admissible(attempt.q):
+                return attempt if isfinite(attempt.growth) else unsolved()
+            if not are_finite(attempt.q, attempt.v) or not problem.admissible(attempt.q):
                 return unsolved()
-            end, rate = problem.project(np.array([path.t_end + h]), attempt.q[None], attempt.v[None])
-            item = problem.turns.strays(Segment(path.t_end, h, path.q, path.v, attempt.series), end[0])
-            if item:
-                return self._strayed(item, h)
-            return attempt._replace(q=end[0], v=rate[0])
+            if problem.project is not None:
+                end, rate = problem.project(np.array([path.t_end + h]), attempt.q[None], attempt.v[None])
+                attempt = attempt._replace(q=end[0], v=rate[0])
+            if problem.turns:
+                tried = Segment(path.t_end, h, path.q, path.v, attempt.series)
+                if item := problem.turns.strays(tried, attempt.q):
+                    return self._strayed(item, h)
+            return attempt
         except np.linalg.LinAlgError:
             return unsolved()
-
-    def _edge(self, attempt: Attempt, h: float) -> float:
-        """Return after what time a step meets an edge of a force inside, or h; too short a step has none."""
-        step = Segment(self.path.t_end, h, self.path.q, self.path.v, attempt.series)
-        return self._problem.edges.first(step) if h > self._limits.short * self._duration else h
 
     def _strayed(self, item: str, h: float) -> Attempt:
         """Return the outcome of a step in which turns could not be counted.
@@ -317,15 +318,14 @@ class Stepping:
         cause = "it leaves the motion at the start of the step by more than a quarter of a turn"
         raise SolverFailure(why, self.path.t_end, item, remedy="take a shorter step", cause=cause)
 
-    def _keep(self, stepper: Stepper, attempt: Attempt, h: float) -> None:
-        path = self.path
-        end = self._stretch[1]
+    def _keep(self, stepper: Stepper, attempt: Attempt, tried: Segment) -> None:
+        path, h, end = self.path, tried.h, self._stretch[1]
         t = end if h == end - path.t_end else path.t_end + h
         stepper.accept(t, attempt.q, attempt.v)
         self._problem.counts.steps += 1
         if self._limits.step is None:
             self._pace.note(t, False, False)
-        path.segments.append(Segment(path.t_end, h, path.q, path.v, attempt.series))
+        path.segments.append(tried)
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
         self._problem.turns.keep(t, attempt.q, attempt.v)
         self._behind_break = False

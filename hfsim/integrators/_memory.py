@@ -24,7 +24,8 @@ class Remembering:
 
     def memory(self) -> dict[str, Any]:
         """Return all that the next step depends on, beside the state."""
-        return {name: getattr(self, name) for name in self.remembers}
+        own = vars(self)
+        return {name: own[name] for name in self.remembers}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on as the one did whose memory this is."""

@@ -47,7 +47,8 @@ class Often:
         self._recordings: dict[int, dict[Any, Any]] = {} if recordings is None else recordings
         self._steps = 0
         self._asked: dict[str, int] = {}
-        self.chosen: frozenset[str] = frozenset()
+        self.chosen: tuple[str, ...] = ()
+        """Sorted."""
 
     def call(
         self,
@@ -97,7 +98,7 @@ class Often:
         share = (self._end - t) / max(t - self._start, h * self._steps)
         many = [kind for kind, asked in self._asked.items() if asked > SEEN and asked * share > MANY]
         if many:
-            self.chosen |= frozenset(many)
+            self.chosen = tuple(sorted({*self.chosen, *many}))
             self._asked = {kind: asked for kind, asked in self._asked.items() if kind not in many}
 
     def replayed(self) -> bool:
@@ -108,18 +109,18 @@ class Often:
     def memory(self) -> dict[str, Any]:
         """Return what was counted and chosen."""
         names, asked = tuple(self._asked), tuple(self._asked.values())
-        return {"steps": self._steps, "asked": asked, "names": names, "chosen": tuple(sorted(self.chosen))}
+        return {"steps": self._steps, "asked": asked, "names": names, "chosen": self.chosen}
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on as the one did whose memory this is."""
-        self._steps, self.chosen = memory["steps"], frozenset(map(str, memory["chosen"]))
+        self._steps, self.chosen = memory["steps"], tuple(map(str, memory["chosen"]))
         self._asked = dict(zip(map(str, memory["names"]), map(int, memory["asked"]), strict=True))
 
     @contextmanager
     def supposed(self, chosen: Iterable[str]) -> Iterator[None]:
         """For the time being, replay these and no others."""
         before = self.chosen, dict(self._asked)
-        self.chosen = frozenset(map(str, chosen))
+        self.chosen = tuple(map(str, chosen))
         try:
             yield
         finally:

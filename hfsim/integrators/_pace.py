@@ -71,6 +71,7 @@ class Pace(Remembering):
 
     def __post_init__(self) -> None:
         self.windows = [_Window(*one, self.t) for one in WINDOWS]
+        self._seen = self._of_windows()
 
     def note(self, t: float, rejected: bool, unsolved: bool) -> None:
         """Count one attempt that ended at t.
@@ -86,16 +87,20 @@ class Pace(Remembering):
         for window in self.windows:
             if not self.attempts % window.attempts:
                 window.look(t, self.t_end, self.rejected)
+                self._seen = self._of_windows()
 
     def memory(self) -> dict[str, Any]:
         """Return the counts, and what each window knows."""
-        known = {
+        return super().memory() | self._seen
+
+    def _of_windows(self) -> dict[str, Any]:
+        return {
             f"{k}.{name}": value for k, one in enumerate(self.windows) for name, value in one.memory().items()
         }
-        return super().memory() | known
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on as the one did whose memory this is."""
         super().recall(memory)
         for k, window in enumerate(self.windows):
             window.recall(part_of(memory, str(k)))
+        self._seen = self._of_windows()

@@ -113,8 +113,8 @@ class Problem:
     ----------
     acceleration : callable
         (t, q, v) -> q'' with a leading batch axis on all of them.
-    project : callable
-        (t, q, v) -> (q, v) moved onto the constraints; batch axis as above.
+    project : callable or None
+        (t, q, v) -> (q, v) moved onto the constraints, if there are any; batch axis as above.
     dissipates : bool
         Whether stiff methods need the derivative of the accelerations by v.
     admissible : callable
@@ -157,7 +157,7 @@ class Problem:
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
-    project: Callable[[Array, Array, Array], tuple[Array, Array]]
+    project: Callable[[Array, Array, Array], tuple[Array, Array]] | None
     dissipates: bool
     admissible: Callable[[Array], bool] = lambda q: True
     breakdown: Callable[[float, Array], SolverFailure | None] = lambda t, q: None

@@ -69,6 +69,8 @@ class Recorded:
     correction_found : ndarray, shape (s, n)
     sizes : tuple of ndarray, shape ()
         Of a correction's consequence, and of the correction.
+    corrections : list of Program
+        What finds a correction, what adds a small one, what adds another one, and what ends the step.
     calls : list of str
         What is done by Python.
 
@@ -147,6 +149,7 @@ class Recorded:
         self._place, self.a0, self.where = list(map(plain, memory)), plain(a0), plain(where)
         self.a, self.correction_found = plain(own.a), plain(own.correction_found)
         self.expected = None if own.expected is None else plain(own.expected)
+        self.corrections = [self._programs[name,] for name in ("correct", "small", "finite", "end")]
         self._end = tuple(map(plain, end))
 
     def program(self, *names: str) -> Program:
@@ -161,8 +164,8 @@ class Recorded:
 
     def begin(self, place: Place) -> None:
         """Go to another step."""
-        for memory, value in zip(self._place, place, strict=True):
-            memory[...] = value
+        t, q, v, h = self._place
+        t[()], q[:], v[:], h[()] = place
         self._restore()
 
     def derive(self, at: State) -> None:
@@ -184,7 +187,7 @@ class Recorded:
 
     def result(self) -> End:
         """Return what the last step leads to."""
-        return End(*(one.copy() for one in self._end))
+        return End(*[one.copy() for one in self._end])
 
     def start(self) -> Array:
         """Compute the accelerations at the start."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from threading import get_ident
 from typing import Any
 
@@ -160,7 +161,7 @@ class Replay:
             names += ["middle", "derive"]
         if place.h != self._prepared:
             names.append("prepare")
-        programs = step.program(*names), *map(step.program, ("correct", "small", "finite", "end"))
+        programs = step.program(*names), *step.corrections
         converged, count = iterated(programs, step.sizes, (*ending.limits, LINEAR), MAX_ITERATIONS)
         self._prepared = place.h
         if renew:
@@ -169,7 +170,7 @@ class Replay:
         counts.calls += count
         counts.evaluations += count * len(step.a)
         counts.native += converged
-        return converged and bool(np.isfinite(step.a).all()), count
+        return converged, count
 
     def middle(self, problem: Problem, place: Place, known: Array | None) -> Middle:
         """Return the stage in the middle of a step as it is guessed; parameters are those of `attempt`."""
@@ -220,11 +221,10 @@ class Replay:
         """Take note of the derivative that was computed."""
         fastest, where = float(self.recorded.frequency), self.recorded.where
         problem.counts.factorisations += 1
-        if not np.isfinite(fastest):
+        if not isfinite(fastest):
             raise np.linalg.LinAlgError("the derivative is not finite")
         angles = problem.turns.angles(float(where[0]), where[1 : len(self.recorded.a0) + 1])
-        taken = np.concatenate([where, angles])
-        held = self.held = Held(self, fastest, taken, tuple(sorted(problem.often.chosen)))
+        held = self.held = Held(self, fastest, np.concatenate([where, angles]), problem.often.chosen)
         return held
 
 

@@ -33,7 +33,8 @@ class StagewiseStepper(CollocationStepper):
     def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         super().__init__(method, problem, t, q, v)
         if method.stagewise is not None:
-            self.table = method.stagewise()
+            self._usual = method.stagewise()
+            self._choose(False)
         self._course: Array = np.zeros((0, len(q)))
         self._length = 1.0
         """Of the last step, whose Legendre series of the accelerations is the course."""

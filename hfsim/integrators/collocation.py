@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from math import isfinite
 from pkgutil import resolve_name
 from typing import Any, ClassVar, NamedTuple
 
@@ -116,7 +117,7 @@ class CollocationStepper(Stepper):
     @property
     def label(self) -> str:
         """Name and number of stages of its steps now."""
-        return f"{self.name}:{self.table.stages}"
+        return self._label
 
     growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
     replays: ClassVar[bool] = True
@@ -125,9 +126,10 @@ class CollocationStepper(Stepper):
 
     def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._tolerance = method, problem, method.tolerance
-        self.name, self.table, self._stiff = method.name, method.table, False
+        self._usual = method.table
+        self._choose(False)
         self._replays = Replays(problem)
-        self._derivative = self._replays.derivative(self._kind(False), Place(t, q, v, 0.0))
+        self._derivative = self._replays.derivative(self._kind, Place(t, q, v, 0.0))
         self._old, self._served, self._iterations = False, 0, 0
         self._cap = np.inf
         self._known_at, self._known = np.nan, q
@@ -139,13 +141,13 @@ class CollocationStepper(Stepper):
         if self._old and self._is_stiff(h) != self._stiff:
             self._renew(*self._guess(place).middle(), h)
         if self.replays:
-            self._problem.often.ask(self._name, WEIGHT)
+            self._problem.often.ask(self._named, WEIGHT)
         step = self._solve(place)
-        if step is None:
+        end = None if step is None else step.end()
+        if step is None or end is None or not isfinite(end.error):
             self._cap = SHRUNK * h
             self._renew(t, q, v, None, SHRUNK * h)
             return unsolved(SHRUNK)
-        end = step.end()
         self._last = step.a[-1].copy()
         error = self._error(place, end)
         return Attempt(error, self._growth(error, h), end.q, end.v, end.series)
@@ -170,8 +172,8 @@ class CollocationStepper(Stepper):
         super().recall(memory)
         self._choose(self._stiff)
         with self._problem.often.supposed(memory["ways"]):
-            kind = self._kind(self._stiff)
-            self._derivative = self._replays.taken_again(kind, memory["taken"], self.first, self._native)
+            again = self._replays.taken_again
+            self._derivative = again(self._kind, memory["taken"], self.first, self._native)
 
     def _error(self, place: Place, end: End) -> float:
         """Return the error over the tolerance; that of velocities counts where it reaches farther."""
@@ -209,7 +211,7 @@ class CollocationStepper(Stepper):
 
     def _replay(self, place: Place) -> Replay | None:
         """Return what replays a step with the derivative of now, if anything does."""
-        return self._replays.of(self._kind(self._stiff), place, self._derivative) if self._native else None
+        return self._replays.of(self._kind, place, self._derivative) if self._native else None
 
     def _begun(self, place: Place) -> Iteration:
         """Return a step with its first guess and, if it is time for one, a derivative in its middle."""
@@ -221,8 +223,7 @@ class CollocationStepper(Stepper):
 
     def _guess(self, place: Place) -> Iteration:
         """Return a step that begins with modes that swing freely from its start."""
-        kind = self._kind(self._stiff)
-        step = Iteration(self._problem, self._own_derivative(), self.table, place, kind.strained)
+        step = Iteration(self._problem, self._own_derivative(), self.table, place, self._kind.strained)
         step.guess(self._start_acceleration(place))
         return step
 
@@ -243,17 +244,9 @@ class CollocationStepper(Stepper):
         return self._derivative
 
     @property
-    def _name(self) -> str:
-        """That of the kind of its steps now."""
-        return f"steps {self.label} {self._stiff}"
-
-    @property
     def _native(self) -> bool:
-        """Whether they are replayed."""
-        return self._name in self._problem.often.chosen
-
-    def _kind(self, stiff: bool) -> Kind:
-        return Kind(self.table, stiff, stiff and self._problem.strains is not None)
+        """Whether its steps are replayed."""
+        return self._named in self._problem.often.chosen
 
     def _is_stiff(self, h: float) -> bool:
         """Tell whether a step is long for the fastest mode."""
@@ -261,17 +254,19 @@ class CollocationStepper(Stepper):
 
     def _renew(self, t: Any, q: Array, v: Array, expected: Array | None, h: float) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
-        self._stiff = self._is_stiff(h)
-        self._choose(self._stiff)
+        self._choose(self._is_stiff(h))
         place = Place(float(t), q, v, h)
-        self._derivative = self._replays.derivative(self._kind(self._stiff), place, expected, self._native)
+        self._derivative = self._replays.derivative(self._kind, place, expected, self._native)
         self._old, self._served = False, 0
 
     def _choose(self, stiff: bool) -> None:
         """Take the method for damping in stiff steps and the other one else."""
-        if (damping := self._method.damping) is not None:
-            self.name = damping.name if stiff else self._method.name
-            self.table = damping.table() if stiff else self._method.table
+        damping = self._method.damping if stiff else None
+        self.name, self._stiff = (damping or self._method).name, stiff
+        self.table = damping.table() if damping else self._usual
+        self._label = f"{self.name}:{self.table.stages}"
+        self._named = f"steps {self._label} {stiff}"
+        self._kind = Kind(self.table, stiff, stiff and self._problem.strains is not None)
 
 
 GAUSS_STAGES = 20

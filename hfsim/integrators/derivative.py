@@ -80,7 +80,7 @@ def taken_at(
     problem.counts.factorisations += 1
     found.check()
     place = [np.array([t]), q, v] if expected is None else [np.array([t]), q, v, expected]
-    found.ways = tuple(sorted(problem.often.chosen))
+    found.ways = problem.often.chosen
     found.taken = np.concatenate([*place, problem.turns.angles(t, q)])
     return found
 

@@ -168,7 +168,7 @@ def problem_of(scene: Scene) -> Problem:
     system = scene.system
     problem = Problem(
         acceleration=system.acceleration,
-        project=system.project,
+        project=None,
         dissipates=system.dissipates,
         admissible=system.admissible,
         breakdown=system.breakdown,
@@ -187,7 +187,8 @@ def problem_of(scene: Scene) -> Problem:
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
     problem.turns = Turns(system, problem.through)
-    problem.project = partial(system.project, strict=True, through=problem.through)
+    if system.equations.constraints:
+        problem.project = partial(system.project, strict=True, through=problem.through)
     return problem
 
 

@@ -174,7 +174,9 @@ class RateWatch:
         SolverFailure
             If a rate is `FASTEST`, or not finite.
         """
-        rate = float(np.abs(v).max(initial=0.0))
+        if v.dot(v) < self._most**2:  # a quick look
+            return
+        rate = float(np.abs(v).max())
         if not rate < self._most:
             raise self.culprit(t, q, v) or SolverFailure(
                 reason=f"the motion grows beyond all scale at t = {t:.4g} s, up to rates of {rate:.2g}",

@@ -57,6 +57,17 @@ def random_signs(shape: tuple[int, ...]) -> Array:
     return signs
 
 
+def are_finite(a: Array, b: Array) -> bool:
+    """Tell whether all entries of two arrays (n,) are finite.
+
+    Examples
+    --------
+    >>> [are_finite(np.array([0.0, 1e300]), np.array([0.0, last])) for last in (1e300, np.nan, np.inf)]
+    [True, False, False]
+    """
+    return math.isfinite(a.dot(b)) or bool(np.isfinite(a).all() and np.isfinite(b).all())
+
+
 def component_rows(V: Array) -> Array:
     """Return vectors (..., n_elements, n_vectors, n_dim) as (n_vectors, n_dim, n_elements * n_states)."""
     return V.T.swapaxes(0, 1).reshape(*V.shape[-2:], -1)

@@ -76,7 +76,7 @@ def iterated(
         Corrections made.
     """
     assert replay is not None
-    count = replay.iterate(*(one.rows for one in programs), programs[0].calls, *sizes, *limits, most)
+    count = replay.iterate(*[one.rows for one in programs], programs[0].calls, *sizes, *limits, most)
     return count > 0, abs(count)
 
 

@@ -16,6 +16,9 @@ from hfsim.mechanics.turns import NEAR, Turning
 PLACES = np.linspace(0.0, 1.0, 17)[1:]
 """Places in a step at which angles are looked at."""
 
+NONE = np.zeros((0, 3))
+"""What is remembered where no angle is counted."""
+
 
 class Step(Protocol):
     """A step of a motion, with what is in between."""
@@ -77,6 +80,8 @@ class Turns:
 
     def keep(self, t: float, q: Array, v: Array) -> None:
         """Go on to the end of the step that was tried last."""
+        if not self._parts:
+            return
         times, seen = self._seen
         for (_, count), here, angles in zip(self._parts, self._now(t, q, v), seen, strict=True):
             count.keep(here, times, angles)
@@ -122,6 +127,8 @@ class Turns:
 
     def memory(self) -> Array:
         """Return time, angle and rate of each angle at the last kept step, (n_angles, 3); (0, 3) before."""
+        if not self._parts:
+            return NONE
         known = [count.now for _, count in self._parts if count.now is not None]
         return np.array(known, dtype=float).reshape(-1, 3)
 

@@ -306,7 +306,7 @@ class System:
         The mass matrix is positive definite for all motions that the joints allow, and no clamped slope
         has turned over through zero length.
         """
-        if np.any(q[self.reduction.stretches] <= 0.0):
+        if min(q[self.reduction.stretches].tolist(), default=1.0) <= 0.0:
             return False
         return not self.variable_mass or self._smallest_inertia(self.absolute(q[None]))[0] > 0.0
 
