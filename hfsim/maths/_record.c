@@ -1,7 +1,7 @@
 /* Writes down operations (hfsim/maths/tape.py): a tape holds memory, and what is done on it, which is done at once.
  *
  * Memory comes from large blocks, so that an address tells whose it is.  What is no longer referred to is used anew
- * within the same program: it is written again there before it is read.  Arrays come through Python's buffers.
+ * within the same program: it is written again there before it is read.
  */
 #include "_replay.h"
 #include <stdlib.h>
@@ -25,7 +25,6 @@ typedef struct {
     PyObject_HEAD
     PyObject *type, *refused, *copy, *constants, *dtypes, *codes;
     PyTypeObject *memory;
-    PyTypeObject *array; /* of NumPy */
     Block blocks[BLOCKS]; int n_blocks, program;
     char *next;
     Op *ops; Pieces *touched; i64 count, room, room_touched;
@@ -33,6 +32,13 @@ typedef struct {
     int32_t *left; i64 n_left, room_left; /* pieces to be used anew */
 } Tape;
 typedef struct { PyObject_HEAD Tape *tape; int32_t piece; } Memory;
+
+/* NumPy's arrays, as its binary interface has them: how they begin, and what it offers */
+typedef struct { PyObject_HEAD char *at; int nd; i64 *shape, *step; PyObject *base, *dtype; } Array;
+typedef PyObject *NewArray(PyTypeObject *, PyObject *dtype, int nd, const i64 *shape, const i64 *step, char *at, int, PyObject *);
+enum { TYPE = 2, NEW = 94, SET_BASE = 282, WRITEABLE = 0x500 };
+static void **numpy;
+static PyTypeObject *array;
 
 static int refuse(Tape *t, const char *why) { PyErr_SetString(t->refused, why); return -1; }
 
@@ -112,19 +118,15 @@ static void leave(Tape *t, int32_t piece) {
 
 /* Return an array with such memory. */
 static PyObject *array_of(Tape *t, const View *v) {
+    PyObject *dtype = PyTuple_GetItem(t->dtypes, v->item == 8 ? 0 : v->item == 16 ? 1 : 2);
     Memory *memory = (Memory *)PyType_GenericAlloc(t->memory, 0);
     if (!memory) return NULL;
     memory->tape = (Tape *)Py_NewRef((PyObject *)t);
     memory->piece = piece_at(t, v->at);
-    PyObject *shape = PyTuple_New(v->nd);
-    for (int d = 0; d < v->nd; d++) PyTuple_SetItem(shape, d, PyLong_FromLongLong(v->shape[d]));
-    PyObject *dtype = PyTuple_GetItem(t->dtypes, v->item == 8 ? 0 : v->item == 16 ? 1 : 2);
-    return PyObject_CallFunction(t->type, "NON", shape, dtype, memory);
-}
-
-static int exported(Memory *m, Py_buffer *view, int flags) {
-    const Piece *piece = &m->tape->pieces[m->piece];
-    return PyBuffer_FillInfo(view, (PyObject *)m, piece->at, piece->size, 0, flags);
+    PyObject *found = ((NewArray *)numpy[NEW])((PyTypeObject *)t->type, Py_NewRef(dtype), v->nd, v->shape, NULL, v->at, WRITEABLE, NULL);
+    if (!found) Py_DECREF((PyObject *)memory);
+    else if (((int (*)(PyObject *, PyObject *))numpy[SET_BASE])(found, (PyObject *)memory)) Py_CLEAR(found);
+    return found;
 }
 
 static void left(Memory *m) {
@@ -135,17 +137,18 @@ static void left(Memory *m) {
     Py_DECREF((PyObject *)type);
 }
 
-static PyType_Slot MEMORY_SLOTS[] = {{Py_tp_dealloc, left}, {Py_bf_getbuffer, exported}, {0, NULL}};
+static PyType_Slot MEMORY_SLOTS[] = {{Py_tp_dealloc, left}, {0, NULL}};
 static PyType_Spec MEMORY = {"hfsim.maths._replay.Memory", sizeof(Memory), 0, Py_TPFLAGS_DEFAULT, MEMORY_SLOTS};
 
 static int viewed(Tape *t, PyObject *a, View *v) {
-    Py_buffer b;
-    if (PyObject_GetBuffer(a, &b, PyBUF_STRIDES)) return -1;
-    *v = (View){b.buf, b.itemsize, b.ndim, {0}, {0}};
-    int failed = b.ndim > MOST ? refuse(t, "too many dimensions") : 0;
-    for (int d = 0; d < b.ndim && !failed; d++) { v->shape[d] = b.shape[d]; v->step[d] = b.strides[d]; }
-    PyBuffer_Release(&b);
-    return failed;
+    if (!PyObject_TypeCheck(a, array)) { PyErr_SetString(PyExc_TypeError, "no array"); return -1; }
+    const Array *own = (const Array *)a;
+    if (own->nd > MOST) return refuse(t, "too many dimensions");
+    *v = (View){own->at, 0, own->nd, {0}, {0}};
+    for (int k = 0; k < 3; k++) if (own->dtype == PyTuple_GetItem(t->dtypes, k)) v->item = k == 0 ? 8 : k == 1 ? 16 : 1;
+    memcpy(v->shape, own->shape, own->nd * sizeof(i64));
+    memcpy(v->step, own->step, own->nd * sizeof(i64));
+    return 0;
 }
 
 /* Return a copy of an array that is no memory of the tape: one for all its uses. */
@@ -171,7 +174,7 @@ static int operand(Tape *t, PyObject *a, View *v) {
         return PyErr_Occurred() ? -1 : 0;
     }
     int ours = PyObject_TypeCheck(a, (PyTypeObject *)t->type);
-    if (PyObject_CheckBuffer(a)) {
+    if (PyObject_TypeCheck(a, array)) {
         if (viewed(t, a, v)) return -1;
         if (known(t, v->at)) return 0;
         if (ours) return entries(v) ? refuse(t, "memory of unknown origin") : 0;
@@ -332,7 +335,7 @@ static PyObject *applied(Tape *t, int code, int complex_code, PyObject *const *a
         if (placed && k == n - 1 ? viewed(t, args[k], &v[k]) : operand(t, args[k], &v[k])) return NULL;
         complex = complex || v[k].item == 16;
     }
-    if (placed) follow(&v[given ? 0 : 1], &v[n - 1]);
+    if (placed) { v[n - 1].item = 8; follow(&v[given ? 0 : 1], &v[n - 1]); }
     if (complex) code = complex_code;
     if (code < 0) return Py_NewRef(Py_NotImplemented);
     if (code == copy_D_code && v[1].item == 8) code = cast_D_code;
@@ -667,14 +670,14 @@ static PyObject *places(PyObject *a, PyObject *key) {
     for (Py_ssize_t k = 0; k < n && all; k++) {
         PyObject *one = several ? PyTuple_GetItem(key, k) : key;
         whole = whole || one == Py_Ellipsis;
-        int number = PyIndex_Check(one) && !PyBool_Check(one) && !PyObject_TypeCheck(one, recording->array);
+        int number = PyIndex_Check(one) && !PyBool_Check(one) && !PyObject_TypeCheck(one, array);
         if (number || PySlice_Check(one) || one == Py_None || one == Py_Ellipsis)
             PyTuple_SetItem(all, k, Py_NewRef(one));
         else Py_CLEAR(all);
     }
     if (!all) return PyErr_Occurred() ? NULL : Py_NewRef(Py_None);
     PyTuple_SetItem(all, n, Py_NewRef(Py_Ellipsis)); /* a single entry comes as an array too */
-    PyObject *found = ((binaryfunc)PyType_GetSlot(recording->array, Py_mp_subscript))(a, whole ? key : all);
+    PyObject *found = ((binaryfunc)PyType_GetSlot(array, Py_mp_subscript))(a, whole ? key : all);
     Py_DECREF(all);
     return found;
 }
@@ -700,16 +703,45 @@ static int put(PyObject *a, PyObject *key, PyObject *value) {
     return done ? 0 : -1;
 }
 
+/* Do what the operators of arrays do without the detour by ufuncs. */
+static PyObject *operated(PyObject *out, PyObject *a, PyObject *b, int slot, int code, int complex_code) {
+    PyObject *given[] = {out, a, b};
+    int known = recording && PyObject_TypeCheck(a, array) && (PyFloat_Check(b) || PyObject_TypeCheck(b, array));
+    PyObject *found = !known ? Py_NewRef(Py_NotImplemented) : code == MATMUL ? matmul(recording, given, 3) :
+                      applied(recording, code, complex_code, given, 3);
+    if (found != Py_NotImplemented) return found;
+    Py_DECREF(found);
+    return ((binaryfunc)PyType_GetSlot(array, slot))(a, b);
+}
+
+#define OPERATORS(X) \
+    X(nb_add, Py_None, add_d_code, add_D_code) X(nb_inplace_add, a, add_d_code, add_D_code) \
+    X(nb_subtract, Py_None, sub_d_code, sub_D_code) X(nb_inplace_subtract, a, sub_d_code, sub_D_code) \
+    X(nb_multiply, Py_None, mul_d_code, mul_D_code) X(nb_true_divide, Py_None, div_d_code, div_D_code) \
+    X(nb_matrix_multiply, Py_None, MATMUL, MATMUL)
+#define OPERATOR(slot, out, code, complex) \
+    static PyObject *on_##slot(PyObject *a, PyObject *b) { return operated(out, a, b, Py_##slot, code, complex); }
+OPERATORS(OPERATOR)
+#define ITS_SLOT(slot, out, code, complex) {Py_##slot, on_##slot},
+
 static PyMethodDef WRITTEN_METHODS[] = {
     {"__array_ufunc__", (PyCFunction)(void (*)(void))ufunc, METH_VARARGS | METH_KEYWORDS, "Write down an operation."},
     {NULL, NULL, 0, NULL},
 };
 static PyType_Slot WRITTEN_SLOTS[] = {
-    {Py_mp_subscript, taken}, {Py_mp_ass_subscript, put}, {Py_tp_methods, WRITTEN_METHODS},
+    OPERATORS(ITS_SLOT) {Py_mp_subscript, taken}, {Py_mp_ass_subscript, put}, {Py_tp_methods, WRITTEN_METHODS},
     {Py_tp_doc, "What arrays write down by themselves."}, {0, NULL},
 };
 static PyType_Spec WRITTEN = {"hfsim.maths._replay.Written", 0, 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE, WRITTEN_SLOTS};
-PyObject *written_type(PyObject *module) { return PyType_FromModuleAndSpec(module, &WRITTEN, NULL); }
+PyObject *written_type(PyObject *module) {
+    PyObject *of = PyImport_ImportModule("numpy._core._multiarray_umath");
+    PyObject *offer = of ? PyObject_GetAttrString(of, "_ARRAY_API") : NULL;
+    numpy = offer ? PyCapsule_GetPointer(offer, NULL) : NULL;
+    Py_XDECREF(of); Py_XDECREF(offer);
+    if (!numpy) return NULL;
+    array = numpy[TYPE];
+    return PyType_FromModuleAndSpec(module, &WRITTEN, NULL);
+}
 
 /* ---------------------------------------------------------------- Python */
 
@@ -737,9 +769,7 @@ static PyObject *reads(Tape *t, PyObject *a) {
 }
 
 static PyObject *poison(Tape *t, PyObject *none) {
-    for (const Block *b = t->blocks; b < t->blocks + t->n_blocks; b++)
-        for (i64 k = 0; k < (b->high - b->low) / GRAIN; k++)
-            if (b->piece[k] >= 0 && !(t->pieces[b->piece[k]].flags & FIXED)) memset(b->low + GRAIN * k, 0xff, GRAIN);
+    for (const Piece *p = t->pieces; p < t->pieces + t->n_pieces; p++) if (!(p->flags & FIXED)) memset(p->at, 0xff, p->size);
     Py_RETURN_NONE;
 }
 
@@ -764,7 +794,6 @@ static Py_ssize_t length(Tape *t) { return t->count; }
 
 static int begin(Tape *t, PyObject *args, PyObject *how) {
     if (!PyArg_ParseTuple(args, "OOOO!O!", &t->type, &t->refused, &t->copy, &PyTuple_Type, &t->dtypes, &PyDict_Type, &t->codes)) return -1;
-    t->array = PyType_GetSlot((PyTypeObject *)t->type, Py_tp_base);
     Py_INCREF(t->codes); Py_INCREF(t->type); Py_INCREF(t->refused); Py_INCREF(t->copy); Py_INCREF(t->dtypes);
     t->memory = (PyTypeObject *)PyType_FromSpec(&MEMORY);
     t->constants = PyDict_New();
