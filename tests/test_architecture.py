@@ -258,6 +258,27 @@ def test_what_stands_in_for_a_module_gives_way_to_it():
     assert "importlib.metadata" in modules_after(code)
 
 
+def test_what_libraries_put_off_is_there_when_it_is_asked_for():
+    code = (
+        "import re, typing, typing_extensions\n"
+        "kept = re.compile, typing.TypedDict, typing_extensions.TypedDict\n"
+        "from hfsim.commands import import_libraries\n"
+        "import_libraries()\n"
+        "assert kept == (re.compile, typing.TypedDict, typing_extensions.TypedDict)\n"
+        "import yaml\n"
+        "found = yaml.safe_load('{a: 1.5, b: 12, c: no, d: 2020-02-01, e: null}')\n"
+        "assert list(map(str, found.values())) == ['1.5', '12', 'False', '2020-02-01', 'None']\n"
+        "assert yaml.safe_load(yaml.safe_dump(['1.5', 1.5])) == ['1.5', 1.5]\n"
+        "try:\n"
+        "    yaml.safe_load('\\x00')\n"
+        "except yaml.reader.ReaderError:\n"
+        "    pass\n"
+        "else:\n"
+        "    raise AssertionError\n"
+    )
+    modules_after(code)
+
+
 def test_a_deck_builds_only_the_classes_it_uses():
     code = (
         "from hfsim.parts.bodies import BeamSpec, RigidSpec\n"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +11,7 @@ from hfsim.integrators._derivative import ByStep, Correction, Derivative, Stages
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
-from hfsim.maths.frozen import frozen
+from hfsim.maths.frozen import frozen, mutable
 from hfsim.maths.traced import sometimes
 from hfsim.mechanics.linearized import Linearized
 
@@ -52,7 +51,7 @@ class Joints:
         return np.asarray(gaps @ self.closing)
 
 
-@dataclass(eq=False)
+@mutable
 class ModalDerivative(Derivative):
     """J_q = -R S with S R = diag(w2), where nothing dissipates: every mode is corrected by itself.
 

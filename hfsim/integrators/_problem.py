@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -12,7 +12,7 @@ from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import MOST, Often
 from hfsim.maths.arrays import Array
-from hfsim.maths.frozen import frozen
+from hfsim.maths.frozen import frozen, mutable
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.linearized import Linearized, by_differences
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from hfsim.mechanics.slopes import Slopes
 
 
-@dataclass(eq=False)
+@mutable
 class Counts(Remembering):
     """What a run cost, in calls."""
 
@@ -105,7 +105,7 @@ class PlainIncrements:
         return v, a, np.zeros_like(a)
 
 
-@dataclass(eq=False)
+@mutable
 class Problem:
     """Equations of motion q'' = a(t, q, v) with the manifold their solutions stay on.
 

@@ -8,7 +8,6 @@ as the sparse matrices it comes from, factorised for each pole of the method.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from hfsim.integrators._modal import ModalDerivative
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
+from hfsim.maths.frozen import mutable
 from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.linearized import Linearized
 
@@ -128,7 +128,7 @@ def _of_imbalance(natural: Increments, q: Array, at: Linearized) -> tuple[Array,
     return mobility, natural.to_natural(geometry, closing) if len(closing) else closing
 
 
-@dataclass(eq=False)
+@mutable
 class DenseDerivative(Derivative):
     """J_q and J_v as matrices: one complex inverse for each pole of the method and step length.
 
@@ -205,7 +205,7 @@ class DenseDerivative(Derivative):
         return np.linalg.inv(np.eye(len(self.by_q)) - mu**2 * self.by_q - mu * self.by_v)
 
 
-@dataclass(eq=False)
+@mutable
 class SparseDerivative(Derivative):
     """A sparse linearised system: one complex factor for each pole of the method and step length.
 
