@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from hfsim.integrators import _often
+from hfsim.integrators import _often, collocation
 from hfsim.maths import kernel
 from hfsim.maths.replayed import Replayed, jittered
 from hfsim.maths.traced import apart
@@ -16,7 +16,8 @@ STATES = 3
 
 
 def at_once(monkeypatch):
-    """Let all be recorded when it comes for the second time."""
+    """Let steps be recorded at once, all else when it comes for the second time."""
+    monkeypatch.setattr(collocation, "LASTING", 0)
     for name in ("EARLY", "SEEN", "MANY"):
         monkeypatch.setattr(_often, name, 0)
 

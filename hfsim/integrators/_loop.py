@@ -239,7 +239,7 @@ class Stepping:
             self._wish = remembered["wish"]
             self._reach = stepper.reach = remembered["reach"]
             self._problem.counts.recall(self._kept["counts"])
-        self._problem.often.recall(self._kept["often"])
+            self._problem.often.recall(self._kept["often"])
         self._stepper = stepper
         self._name(stepper)
         return stepper

@@ -74,12 +74,21 @@ class Often:
             found = kept[kind] = Replayed(function)
         return found(*given)
 
-    def ask(self, kind: str, weight: int = 1) -> bool:
-        """Tell whether a function is replayed, which takes as long as some calls; if not, count that."""
+    def ask(self, kind: str) -> bool:
+        """Tell whether a function is replayed; if not, count the call."""
         if kind in self.chosen or not self._wanted:
             return self._wanted
-        self._asked[kind] = self._asked.get(kind, 0) + weight
+        self._asked[kind] = self._asked.get(kind, 0) + 1
         return False
+
+    def rest(self, t: float) -> float:
+        """Return how long the run goes on from a time [s]."""
+        return self._end - t
+
+    def take(self, *kinds: str) -> None:
+        """Replay from now on what is sure to be called often."""
+        if self._wanted:
+            self.chosen = tuple(sorted({*self.chosen, *kinds}))
 
     def expect(self, t: float, h: float, following: float) -> None:
         """Choose what is to be replayed from now on.
@@ -98,7 +107,7 @@ class Often:
         share = (self._end - t) / max(t - self._start, h * self._steps)
         many = [kind for kind, asked in self._asked.items() if asked > SEEN and asked * share > MANY]
         if many:
-            self.chosen = tuple(sorted({*self.chosen, *many}))
+            self.take(*many)
             self._asked = {kind: asked for kind, asked in self._asked.items() if kind not in many}
 
     def replayed(self) -> bool:

@@ -50,8 +50,10 @@ GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
 """Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
-WEIGHT = 10
-"""Calls that count as much as a step does when it is asked whether recording one pays."""
+LASTING = 6
+"""Steps to come, at the length of now, from which they are replayed."""
+FAR = 1000
+"""Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
 
 
 class Damping(NamedTuple):
@@ -130,18 +132,18 @@ class CollocationStepper(Stepper):
         self._choose(False)
         self._replays = Replays(problem)
         self._derivative = self._replays.derivative(self._kind, Place(t, q, v, 0.0))
-        self._old, self._served, self._iterations = False, 0, 0
+        self._old, self._served, self._iterations = True, 0, 0
         self._cap = np.inf
         self._known_at, self._known = np.nan, q
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
+        if self.replays and problem.often.rest(t) > FAR * self.first:
+            self.first *= 2.0 * STIFF
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
         place = Place(t, q, v, h)
-        if self._old and self._is_stiff(h) != self._stiff:
-            self._renew(*self._guess(place).middle(), h)
-        if self.replays:
-            self._problem.often.ask(self._named, WEIGHT)
+        if self._old:
+            self._prepare(place)
         step = self._solve(place)
         end = None if step is None else step.end()
         if step is None or end is None or not isfinite(end.error):
@@ -151,6 +153,14 @@ class CollocationStepper(Stepper):
         self._last = step.a[-1].copy()
         error = self._error(place, end)
         return Attempt(error, self._growth(error, h), end.q, end.v, end.series)
+
+    def _prepare(self, place: Place) -> None:
+        """Choose how steps are made from now on."""
+        often, stiff = self._problem.often, self._is_stiff(place.h)
+        if self.replays and often.rest(place.t) > LASTING * place.h:
+            often.take(_name(stiff))
+        if stiff != self._stiff:
+            self._renew(*self._guess(place).middle(), place.h)
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Ask for a new derivative every other step, or at once if it served badly.
@@ -245,8 +255,8 @@ class CollocationStepper(Stepper):
 
     @property
     def _native(self) -> bool:
-        """Whether its steps are replayed."""
-        return self._named in self._problem.often.chosen
+        """Whether steps of the kind of now are replayed."""
+        return _name(self._stiff) in self._problem.often.chosen
 
     def _is_stiff(self, h: float) -> bool:
         """Tell whether a step is long for the fastest mode."""
@@ -265,8 +275,12 @@ class CollocationStepper(Stepper):
         self.name, self._stiff = (damping or self._method).name, stiff
         self.table = damping.table() if damping else self._usual
         self._label = f"{self.name}:{self.table.stages}"
-        self._named = f"steps {self._label} {stiff}"
         self._kind = Kind(self.table, stiff, stiff and self._problem.strains is not None)
+
+
+def _name(stiff: bool) -> str:
+    """Return by what steps of a kind are told from others where functions are chosen that are replayed."""
+    return f"steps, stiff: {stiff}"
 
 
 GAUSS_STAGES = 20

@@ -142,7 +142,7 @@ def test_what_is_replayed_from_some_step_on_is_so_in_a_run_that_goes_on(method, 
     whole, _ = stepping("plain", method, None, coordinates="frame")
     memories = [written(whole.memory()) for _ in whole]
     chosen = [read(memory)["often.chosen"].size for memory in memories]
-    assert chosen[2] == 0 < chosen[3]
+    assert chosen[2] < chosen[3]
     for k in (2, 3, 4):
         again, _ = stepping("plain", method, None, coordinates="frame")
         again.recall(read(memories[k]))

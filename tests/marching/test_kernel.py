@@ -46,7 +46,7 @@ def test_forces_and_balances_are_those_of_numpy(name):
     ],
 )
 def test_runs_are_those_of_numpy(name, settings, monkeypatch):
-    """To 1e-9, step for step, from the second one on."""
+    """To 1e-9, step for step."""
     at_once(monkeypatch)
     runs = []
     for way in ("native", "numpy"):
