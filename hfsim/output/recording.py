@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from hfsim.errors import LimitReached, interruption_code
 from hfsim.integrators import Memory
 from hfsim.marching.solution import Run
+from hfsim.marching.stop import SHIELD
 from hfsim.output.checkpoint import CHECKPOINT, Checkpoint, put_down
 from hfsim.output.disk import History, disk, write_json
 from hfsim.output.extras import Extras, add_extras
@@ -64,8 +65,8 @@ class Recording:
     # --- while it runs ---------------------------------------------------------------------------
 
     def begin(self, channels: Iterable[str]) -> None:
-        """Make the folder with all that is known before the first step."""
-        with disk(self.path), self._watch.phase("write"):
+        """Make the folder with all that is known before the first step; what ends the run meanwhile waits."""
+        with disk(self.path), self._watch.phase("write"), SHIELD:
             summary = running_summary(self._name, self._model, self.provenance)
             self.folder.prepare(("history.csv", CHECKPOINT) if self._from else (), summary)
             self._history = History(self.path / "history.csv", tuple(channels), self._size or None)

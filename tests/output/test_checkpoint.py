@@ -18,7 +18,7 @@ from hfsim.marching.stop import SHIELD
 from hfsim.output import recording
 from hfsim.output.checkpoint import CHECKPOINT, CheckpointError, put_down, take_up
 from hfsim.output.disk import History
-from hfsim.output.runfolder import RunLog
+from hfsim.output.runfolder import RunFolder, RunLog
 from hfsim.output.writers import Provenance
 
 RESOLVED = {"name": "case", "solve": {"duration": 1.0, "tolerance": 1e-6, "max_steps": 5}}
@@ -98,6 +98,18 @@ def whole(tmp_path_factory):
 
 
 LONG = ("--set", "solve.duration=4")
+
+
+def test_a_run_that_ends_while_its_folder_is_made_says_so(tmp_path, monkeypatch):
+    prepare = RunFolder.prepare
+
+    def struck(self, *given):
+        prepare(self, *given)
+        SHIELD.interrupt(KeyboardInterrupt())
+
+    monkeypatch.setattr(RunFolder, "prepare", struck)
+    assert here("-o", str(tmp_path / "run"))[0] == 130
+    assert json.loads((tmp_path / "run/summary.json").read_text())["status"] == "interrupted"
 
 
 @pytest.mark.parametrize(
