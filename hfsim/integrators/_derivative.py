@@ -158,10 +158,9 @@ class Derivative:
         raise NotImplementedError
 
 
-def in_natural(natural: Increments, q: Array, J: Array) -> Array:
-    """Return a derivative by state coordinates as one by natural coordinates."""
-    if isinstance(natural, PlainIncrements):
-        return J
-    at = natural.geometry(q[None])
-    unit = natural.from_natural(at, np.eye(len(q))).T
-    return natural.to_natural(at, np.ascontiguousarray((J @ unit).T)).T
+def in_natural(natural: Increments, at: Any, *slopes: Array) -> list[Array]:
+    """Return derivatives by state coordinates, n of them, as ones by natural coordinates."""
+    n = len(slopes[0])
+    unit = natural.from_natural(at, np.eye(n)).T
+    rows = natural.to_natural(at, np.concatenate([(J @ unit).T for J in slopes]))
+    return [rows[k : k + n].T for k in range(0, len(rows), n)]

@@ -112,11 +112,12 @@ class ModalDerivative(Derivative):
         if isinstance(natural, PlainIncrements):
             return cls(natural, w2, R, L, joints)
         geometry = natural.geometry(q[None])
-        R = np.ascontiguousarray(natural.to_natural(geometry, np.ascontiguousarray(R.T)).T)
+        motions = [np.ascontiguousarray(R.T)] if joints is None else [R.T, joints.closing]
+        rows = natural.to_natural(geometry, np.concatenate(motions))
+        R = np.ascontiguousarray(rows[: R.shape[1]].T)
         unit = natural.from_natural(geometry, np.eye(len(q))).T
         if joints is not None:
-            closing = natural.to_natural(geometry, joints.closing)
-            joints = Joints(joints.jacobian @ unit, closing, joints.forces)
+            joints = Joints(joints.jacobian @ unit, rows[R.shape[1] :], joints.forces)
         return cls(natural, w2, R, L @ unit, joints, at.mass)
 
     @classmethod

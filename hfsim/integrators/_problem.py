@@ -73,7 +73,7 @@ class Increments(Protocol):
         """Return finite natural increments as changes of the states."""
 
     def rates(self, at: Any, v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """Return the first and second time derivatives of the natural coordinates.
+        """Return the first and second time derivatives of the natural coordinates in one state.
 
         Third comes the part of the second ones that velocities alone cause.
         """

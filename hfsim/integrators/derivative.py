@@ -108,20 +108,19 @@ def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:
         return SparseDerivative(natural, q, at)
     if at.damping is None and not at.solved:
         return ModalDerivative.of(at, natural, q)
-    by_q, by_v = (None if J is None else in_natural(natural, q, J) for J in at.slopes())
-    assert by_q is not None
-    if by_v is None:
-        by_v = np.zeros_like(by_q)
+    slopes, geometry = [J for J in at.slopes() if J is not None], natural.geometry(q[None])
+    plain = isinstance(natural, PlainIncrements)
+    by_q, *others = slopes if plain else in_natural(natural, geometry, *slopes)
+    if not others:
         modes = ModalDerivative.of_slope(by_q, natural)
         if modes is not None:
             return modes
-    balance = None if at.solved or isinstance(natural, PlainIncrements) else _of_imbalance(natural, q, at)
-    return DenseDerivative(natural, by_q, by_v, balance)
+    by_v = others[0] if others else np.zeros_like(by_q)
+    return DenseDerivative(natural, by_q, by_v, None if at.solved or plain else _of_imbalance(natural, geometry, at))
 
 
-def _of_imbalance(natural: Increments, q: Array, at: Linearized) -> tuple[Array, Array]:
+def _of_imbalance(natural: Increments, geometry: Any, at: Linearized) -> tuple[Array, Array]:
     """Return the maps from forces and gaps of an imbalance, as rows, to natural accelerations."""
-    geometry = natural.geometry(q[None])
     once = natural.to_natural(geometry, at.mobility)
     mobility = natural.to_natural(geometry, np.ascontiguousarray(once.T))
     closing = at.closing()

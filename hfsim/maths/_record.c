@@ -384,6 +384,59 @@ static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
     return PyErr_Occurred() ? NULL : applied(t, codes[0], codes[1], args + 2, (int)count - 2);
 }
 
+/* Set memory to what an operand is, broadcast to its shape. */
+static int set(Tape *t, const View *o, const View *v) {
+    if (v->item != o->item && (v->item != 8 || o->item != 16)) return refuse(t, "numbers of another type");
+    View both[2] = {*o, *v};
+    return elementwise(t, v->item == o->item ? copy_code(o->item) : cast_D_code, both, 2, o);
+}
+
+/* reduce(code for real numbers, code for complex ones, a, axes as bits, whether they stay, begin or None) -> result */
+static PyObject *reduced(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View v[2], begin, o;
+    if (count != 6) { PyErr_SetString(PyExc_TypeError, "reduce"); return NULL; }
+    long code[2] = {PyLong_AsLong(args[0]), PyLong_AsLong(args[1])}, axes = PyLong_AsLong(args[3]), stay = PyLong_AsLong(args[4]);
+    if (PyErr_Occurred() || operand(t, args[2], &v[1])) return NULL;
+    int first = args[5] == Py_None, kind = v[1].item == 16;
+    if (v[1].item < 8 || code[kind] < 0 || (first && !entries(&v[1]))) { refuse(t, "a reduction"); return NULL; }
+    v[0] = v[1];
+    for (int d = 0; d < v[1].nd; d++) if (axes >> d & 1) v[0].shape[d] = 1;
+    begin = v[0];
+    if ((!first && operand(t, args[5], &begin)) || place(t, &v[0], 0)) return NULL;
+    o = v[0];
+    for (int d = o.nd = 0; d < v[0].nd; d++) if (stay || !(axes >> d & 1)) o.shape[o.nd++] = v[0].shape[d];
+    PyObject *out = array_of(t, &o);
+    if (out && (set(t, &v[0], &begin) || elementwise(t, (int)code[kind], v, 2, &v[1]))) Py_CLEAR(out);
+    return out;
+}
+
+/* join(axis, arrays) -> one after another along an axis */
+static PyObject *joined(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View o = {0}, v;
+    if (count != 2 || !PyList_Check(args[1])) { PyErr_SetString(PyExc_TypeError, "join"); return NULL; }
+    const long axis = PyLong_AsLong(args[0]);
+    const Py_ssize_t n = PyList_Size(args[1]);
+    for (Py_ssize_t k = 0; k < n; k++) {
+        if (operand(t, PyList_GetItem(args[1], k), &v)) return NULL;
+        i64 before = k ? o.shape[axis] : 0, item = o.item;
+        if (axis < 0 || axis >= v.nd) { refuse(t, "no such axis"); return NULL; }
+        o.shape[axis] = v.shape[axis];
+        if (k && !same_shape(&o, &v)) { refuse(t, "shapes differ"); return NULL; }
+        o = v;
+        o.shape[axis] += before;
+        if (o.item < item) o.item = item;
+    }
+    if (place(t, &o, 0)) return NULL;
+    PyObject *out = array_of(t, &o);
+    for (Py_ssize_t k = 0; k < n && out; k++) {
+        if (operand(t, PyList_GetItem(args[1], k), &v)) Py_CLEAR(out);
+        o.shape[axis] = v.shape[axis];
+        if (out && set(t, &o, &v)) Py_CLEAR(out);
+        o.at += v.shape[axis] * o.step[axis];
+    }
+    return out;
+}
+
 /* ---------------------------------------------------------------- products of matrices */
 
 static void transpose(View *v) {
@@ -773,8 +826,13 @@ static PyObject *poison(Tape *t, PyObject *none) {
     Py_RETURN_NONE;
 }
 
-static PyObject *rows(Tape *t, PyObject *none) {
-    return PyBytes_FromStringAndSize((const char *)t->ops, t->count * sizeof(Op));
+/* Return the operations that are kept, by a byte for each. */
+static PyObject *rows(Tape *t, PyObject *kept) {
+    PyObject *found = PyByteArray_Check(kept) ? PyByteArray_FromStringAndSize(NULL, t->count * sizeof(Op)) : NULL;
+    if (!found) return NULL;
+    Op *next = (Op *)PyByteArray_AsString(found);
+    for (i64 k = 0; k < t->count && k < PyByteArray_Size(kept); k++) if (PyByteArray_AsString(kept)[k]) *next++ = t->ops[k];
+    return found;
 }
 
 static PyObject *cut(Tape *t, PyObject *none) {
@@ -822,6 +880,8 @@ static void end(Tape *t) {
 static PyMethodDef METHODS[] = {
     {"new", FAST(made), "Return an array of a shape and an item size, an input if anything more is told."},
     {"apply", FAST(apply), "Write down an elementwise operation; return its result."},
+    {"reduce", FAST(reduced), "Write down a reduction; return its result."},
+    {"join", FAST(joined), "Write down how arrays are joined; return the result."},
     {"matmul", FAST(matmul), "Write down a product of matrices; return its result."},
     {"resolve", FAST(resolved), "Write down an operation on matrices; return what it writes."},
     {"call", FAST(call), "Write down a call of Python."},
@@ -829,7 +889,7 @@ static PyMethodDef METHODS[] = {
     {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},
     {"reads", (PyCFunction)reads, METH_O, "Return whether a live operation reads an array."},
     {"poison", (PyCFunction)poison, METH_NOARGS, "Fill memory with what is no number."},
-    {"rows", (PyCFunction)rows, METH_NOARGS, "Return all operations."},
+    {"rows", (PyCFunction)rows, METH_O, "Return the operations that are kept."},
     {"cut", (PyCFunction)cut, METH_NOARGS, "End a program; return the number of operations."},
     {"keep", (PyCFunction)keep, METH_O, "Forget operations but for the first."},
     {NULL, NULL, 0, NULL},

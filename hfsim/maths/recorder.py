@@ -89,22 +89,14 @@ def _reduce(
     tape: Tape, ufunc: Any, a: Any, axis: Any = 0, dtype: Any = None, out: Any = None, keepdims: Any = False,
     initial: Any = np._NoValue, where: Any = True,
 ) -> Any:  # fmt: skip
-    if dtype is not None or out is not None or where is not True or a.dtype not in (REAL, COMPLEX):
+    if dtype is not None or out is not None or where is not True:
         raise Refused("a reduction")
     some = range(a.ndim) if axis is None else axis if isinstance(axis, tuple) else (axis,)
-    axes = {x % a.ndim for x in some}
-    found = tape.core.new(tuple([1 if x in axes else n for x, n in enumerate(a.shape)]), a.itemsize)
-    if initial is not np._NoValue and initial is not None:
-        begin = initial
-    elif ufunc is np.add:
+    axes = sum({1 << x % a.ndim for x in some})
+    begin = None if initial is np._NoValue else initial
+    if begin is None and ufunc is np.add:
         begin = 0.0
-    else:
-        begin = a[tuple([slice(0, 1) if x in axes else slice(None) for x in range(a.ndim)])]
-    tape.core.apply(*COPY, found, begin)
-    tape.core.apply(*REDUCED[ufunc], found, a)
-    if keepdims is not np._NoValue and keepdims:
-        return found
-    return found.reshape([n for x, n in enumerate(a.shape) if x not in axes])
+    return tape.core.reduce(*REDUCED[ufunc], a, axes, keepdims is not np._NoValue and keepdims, begin)
 
 
 def _take(tape: Tape, a: Traced, key: Any) -> Any:
@@ -166,6 +158,7 @@ class Recorder(Tape):
 
     operations = ELEMENTWISE
     ufunc = _ufunc
+    reduce = _reduce
     take = _take
     put = _put
     copied = _copied

@@ -25,17 +25,15 @@ LARGE = 120
 def _concatenate(tape: Recorder, arrays: Any, axis: int = 0, out: Any = None, **how: Any) -> Any:
     if out is not None:
         raise Refused("joined into an array")
-    arrays = [np.asarray(a) for a in arrays]
-    axis %= arrays[0].ndim
-    shape, before = list(arrays[0].shape), (slice(None),) * axis
-    shape[axis] = sum(a.shape[axis] for a in arrays)
-    made, first = tape.core.new(tuple(shape), max(a.itemsize for a in arrays)), 0
-    for a in arrays:
-        last = first + a.shape[axis]
-        if last > first:
-            made[(*before, slice(first, last))] = a
-        first = last
-    return made
+    arrays = list(map(np.asarray, arrays))
+    return tape.core.join(axis % arrays[0].ndim, arrays)
+
+
+def _stack(tape: Recorder, arrays: Any, axis: int = 0, **how: Any) -> Any:
+    arrays = list(map(np.asarray, arrays))
+    axis %= arrays[0].ndim + 1
+    place = (*(slice(None),) * axis, None)
+    return tape.core.join(axis, [one[place] for one in arrays])
 
 
 def _where(tape: Recorder, condition: Any, x: Any, y: Any) -> Any:
@@ -81,7 +79,7 @@ def _full_like(tape: Recorder, a: Any, value: Any) -> Any:
 
 def _broadcast_arrays(tape: Recorder, *arrays: Any) -> tuple[Any, ...]:
     shape = np.broadcast_shapes(*map(np.shape, arrays))
-    return tuple(np.broadcast_to(one, shape) for one in arrays)
+    return tuple(one if np.shape(one) == shape else np.broadcast_to(one, shape) for one in arrays)
 
 
 def _round(tape: Recorder, a: Any, decimals: int = 0) -> Any:
@@ -153,6 +151,7 @@ def _like(name: str) -> Callable[..., Any]:
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.concatenate: _concatenate,
+    np.stack: _stack,
     np.where: _where,
     np.dot: _dot,
     np.cumsum: _cumsum,
@@ -166,6 +165,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.ones_like: _like("ones"),
     np.copy: lambda tape, a, **how: a.copy(),
     np.full_like: _full_like,
+    np.broadcast_to: lambda tape, a, shape: np.broadcast_to(plain(a), shape).view(Traced),
     np.broadcast_arrays: _broadcast_arrays,
     np.round: _round,
     np.kron: _kron,
@@ -178,7 +178,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
 }
 """What is written down in a way of its own."""
 TRANSPARENT = {
-    *(np.sum, np.max, np.min, np.stack, np.hstack, np.vstack, np.split, np.array_split, np.swapaxes),
+    *(np.sum, np.max, np.min, np.hstack, np.vstack, np.split, np.array_split, np.swapaxes),
     *(np.transpose, np.moveaxis, np.expand_dims, np.squeeze, np.reshape, np.ravel, np.take, np.real, np.imag),
     np.angle,
 }

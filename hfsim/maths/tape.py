@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -176,13 +177,10 @@ class Tape:
 
     def programs(self, *outputs: np.ndarray) -> list[Program]:
         """Return all programs without operations that lead to no output, no input and no call."""
-        kept = np.frombuffer(self.core.live(*outputs), dtype=bool)
-        rows = np.frombuffer(self.core.rows(), dtype=np.int64).reshape(-1, WORDS)
-        memory = self.core, self._kept
-        return [
-            Program(rows[first:last][kept[first:last]], self.calls, memory)
-            for first, last in zip(self._cuts, self._cuts[1:], strict=False)
-        ]
+        kept = self.core.live(*outputs)
+        rows = np.frombuffer(self.core.rows(kept), dtype=np.int64).reshape(-1, WORDS)
+        cuts, memory = [kept.count(1, 0, cut) for cut in self._cuts], (self.core, self._kept)
+        return [Program(rows[first:last], self.calls, memory) for first, last in pairwise(cuts)]
 
 
 def fixed(a: Any) -> np.ndarray:

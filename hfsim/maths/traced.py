@@ -97,6 +97,18 @@ class Traced(Written, np.ndarray):  # type: ignore[misc]
         """Write down a product."""
         return recorder().function(np.dot, (self, other), {})
 
+    def sum(self, axis: Any = None, *args: Any, **how: Any) -> Any:
+        """Write down a sum."""
+        return recorder().reduce(np.add, self, axis, *args, **how)
+
+    def max(self, axis: Any = None, **how: Any) -> Any:  # type: ignore[override]
+        """Write down the largest entries."""
+        return recorder().reduce(np.maximum, self, axis, **how)
+
+    def min(self, axis: Any = None, **how: Any) -> Any:  # type: ignore[override]
+        """Write down the smallest entries."""
+        return recorder().reduce(np.minimum, self, axis, **how)
+
     def repeat(self, repeats: Any, axis: int | None = None) -> Any:  # type: ignore[override]
         """Write down a selection."""
         if axis is None:

@@ -245,19 +245,19 @@ class NaturalIncrements:
         return self._free(out)
 
     def rates(self, at: tuple[Array, list[Any]], v: Array, a: Array) -> tuple[Array, Array, Array]:
-        """Return the first and second time derivatives of the natural coordinates.
+        """Return the first and second time derivatives of the natural coordinates in one state.
 
         Third comes the part of the second ones that velocities alone cause.
         """
-        u, ax = self.reduction.expand_rates(v), self.reduction.expand_rates(a)
-        y1, y2, rest = u.copy(), ax.copy(), np.zeros_like(u)
+        dx = self.reduction.expand_rates(np.concatenate([v, a]))
+        y = dx.copy()
+        u, y1, y2 = dx[: len(v)], y[: len(v)], y[len(v) :]
+        rest = np.zeros_like(u)
         for part, geometry in zip(self.beams, at[1], strict=True):
-            part.to_natural(geometry, u, y1)
-            part.to_natural(geometry, ax, y2)
+            part.to_natural(geometry, dx, y)
             part.convective(geometry, u, y1, rest)
         for mount in self._mounts:
-            mount.make_relative(at[0], u, y1)
-            mount.make_relative(at[0], ax, y2)
+            mount.make_relative(at[0], dx, y)
             # the joint holds, so that nothing moves relative to the rigid body
             root = run_of(mount.positions[0])
             y1[:, root], rest[:, root] = 0.0, -y2[:, root]

@@ -131,8 +131,10 @@ class Tie(PointPart):
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return what stiffness and curvature make of it in one state; by differences where rates count."""
+        if self.uses_rates:
+            return super().tangent(t, x, u)
         s, w, rows = self._all(t, x, u)
-        curved = None if self.uses_rates else self._curved(x, self._sum(t, s, w))
+        curved = self._curved(x, self._sum(t, s, w))
         if curved is None:
             return super().tangent(t, x, u)
         stiff = self._dyad(rows, sum(one.slopes(t, s, w)[0][0] for one in self.resistances))
