@@ -62,9 +62,9 @@ def evaluates_alike(scene):
 
 
 def projected(projection, t, q, v):
-    x, u, gap, *_ = projection._seen(t, q, v)
-    x, gap, _, drift, _ = projection._closer(t, x, u, gap)
-    return np.concatenate([*projection._steadier(q, x, u, drift), gap], axis=1)
+    x, u, gap, *_ = projection.seen(t, q, v)
+    x, gap, _, drift, _ = projection.closer(t, x, u, gap)
+    return np.concatenate([*projection.steadier(q, x, u, drift), gap], axis=1)
 
 
 def compare(function, scene, rng):

@@ -54,6 +54,8 @@ class Attempt(NamedTuple):
         State at the end of the step.
     series : ndarray, shape (m, n)
         For `Segment`.
+    closed : bool
+        Whether the end was moved onto the constraints.
     """
 
     error: float
@@ -61,6 +63,7 @@ class Attempt(NamedTuple):
     q: Array
     v: Array
     series: Array
+    closed: bool = False
 
     @property
     def solved(self) -> bool:

@@ -44,6 +44,8 @@ class End(NamedTuple):
     """Size of the last terms in the Legendre series of the positions, relative above 1, shape ()."""
     rate_error: Array
     """The same of the velocities, in a unit of time."""
+    closed: bool = False
+    """Whether it was moved onto the constraints."""
 
 
 class Middle(NamedTuple):

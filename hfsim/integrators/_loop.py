@@ -293,12 +293,12 @@ class Stepping:
                 return attempt if isfinite(attempt.growth) else unsolved()
             if not are_finite(attempt.q, attempt.v) or not problem.admissible(attempt.q):
                 return unsolved()
-            if problem.project is not None:
+            if problem.project is not None and not attempt.closed:
                 end, rate = problem.project(np.array([path.t_end + h]), attempt.q[None], attempt.v[None])
                 attempt = attempt._replace(q=end[0], v=rate[0])
             if problem.turns:
                 tried = Segment(path.t_end, h, path.q, path.v, attempt.series)
-                if item := problem.turns.strays(tried, attempt.q):
+                if item := problem.turns.strays(tried, attempt.q, attempt.v):
                     return self._strayed(item, h)
             return attempt
         except np.linalg.LinAlgError:
@@ -327,7 +327,7 @@ class Stepping:
             self._pace.note(t, False, False)
         path.segments.append(tried)
         path.t_end, path.q, path.v = t, attempt.q, attempt.v
-        self._problem.turns.keep(t, attempt.q, attempt.v)
+        self._problem.turns.keep(t)
         self._behind_break = False
         self._rechart()
         self._problem.often.expect(t, h, self._wish)

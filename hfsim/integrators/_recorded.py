@@ -6,10 +6,12 @@ are inputs.  It is checked against NumPy before it is used.
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from hfsim.integrators._closing import FUNCTIONS, Closing, tried
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._iteration import End, Iteration, Place
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
@@ -19,6 +21,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import agree, arrays_in, jittered, later, rebuilt, shaken
 from hfsim.maths.tape import Program, joined
 from hfsim.maths.traced import plain
+from hfsim.mechanics.projection import SEEN, Projection
 
 PROGRAMS = ("derive", "start", "guess", "middle", "prepare", "correct", "small", "finite", "end")
 """What steps are put together from, in the order in which it is recorded; see the methods of `Recorded`."""
@@ -62,6 +65,8 @@ class Recorded:
         Its largest circular frequency.
     where : ndarray
         Where it is taken: t, q, v and expected strains, joined.
+    angles : ndarray
+        Those whose turns are counted, there.
     a0 : ndarray, shape (n,)
         Accelerations at the start.
     a : ndarray, shape (s, n)
@@ -93,14 +98,17 @@ class Recorded:
 
         def near() -> list[Array]:
             other = place._replace(q=jittered(place.q), v=jittered(place.v))
-            return _tried(_InNumPy(problem, kind, other, given), other, (jittered(begun[0]), begun[1]))[1]
+            step = _InNumPy(problem, kind, other, given)
+            return _tried(step, other, (jittered(begun[0]), begun[1]))[1][: len(found)]
 
         self.begin(place)
         if given is None:
             self.derive(_here(problem, place))
+            agree([problem.turns.angles(place.t, place.q)], [self.angles])
         else:
             self.put(given)
-        agree(expected, _tried(self, place, begun)[1], 1.0 + np.abs(place.q).max(), near)
+        found = _tried(self, place, begun)[1]
+        agree(expected[: len(found)], found, 1.0 + np.abs(place.q).max(), near)
 
     def _record(
         self, tape: Any, problem: Problem, kind: Kind, place: Place, given: Derivative | None
@@ -116,7 +124,8 @@ class Recorded:
             given = rebuilt(given, tape.input)
         with np.errstate(all="ignore"), recording(tape):
             known = given or _derived(problem, kind, *_parted(where, n))
-            frequency = known.frequency()
+            frequency, turns = known.frequency(), problem.turns
+            angles = turns.counted(where[:1], where[None, 1 : n + 1])[:, 0] if turns else np.zeros(0)
             tape.cut()
             a0[...] = problem.single(step.t, step.q, step.v)
             tape.cut()
@@ -138,19 +147,27 @@ class Recorded:
             tape.cut()
             end = own.end()
             tape.cut()
+            closing = Closing.of(tape, problem.project, np.reshape(step.t + step.h, 1), end)
         arrays = {name: one for name, one in arrays_in(known) if tape.knows(one)}
         strains = [] if own.expected is None else [own.expected]
-        programs = tape.programs(*sizes, own.correction_found, *end, *strains, frequency, *arrays.values())
+        outputs = [*sizes, own.correction_found, *end[:5], *strains, frequency, *arrays.values()]
+        outputs += [*([angles] if turns else []), *(closing.outputs if closing else [])]
+        programs = tape.programs(*outputs)
+        names = (*PROGRAMS, *FUNCTIONS) if closing else PROGRAMS
         self._programs: dict[tuple[str, ...], Program] = {}
-        self._programs.update(((name,), one) for name, one in zip(PROGRAMS, programs, strict=True))
+        self._programs.update(((name,), one) for name, one in zip(names, programs, strict=True))
+        if closing:
+            closing.programs = {name: self._programs[name,] for name in FUNCTIONS}
         self.template: Derivative = rebuilt(known, plain)
         self._arrays = {name: plain(one) for name, one in arrays.items()}
         self.frequency, self.sizes = plain(frequency), (plain(sizes[0]), plain(sizes[1]))
+        self.angles = plain(angles)
         self._place, self.a0, self.where = list(map(plain, memory)), plain(a0), plain(where)
         self.a, self.correction_found = plain(own.a), plain(own.correction_found)
         self.expected = None if own.expected is None else plain(own.expected)
-        self.corrections = [self._programs[name,] for name in ("correct", "small", "finite", "end")]
-        self._end = tuple(map(plain, end))
+        last = self.program("end", SEEN) if closing else self.program("end")
+        self.corrections = [*map(self.program, ("correct", "small", "finite")), last]
+        self._closing, self._end = closing, tuple(map(plain, end[:5]))
 
     def program(self, *names: str) -> Program:
         """Return programs, one after another, as one."""
@@ -186,8 +203,12 @@ class Recorded:
         return float(t), q.copy(), v.copy(), None if expected is None else expected.copy()
 
     def result(self) -> End:
-        """Return what the last step leads to."""
-        return End(*[one.copy() for one in self._end])
+        """Return what the last step leads to, moved onto the constraints if that is recorded."""
+        end = self._ended()
+        if self._closing is None or not isfinite(end.error):
+            return end
+        q, v = self._closing(end.q, end.v)
+        return end._replace(q=q, v=v, closed=True)
 
     def start(self) -> Array:
         """Compute the accelerations at the start."""
@@ -224,7 +245,15 @@ class Recorded:
     def end(self) -> End:
         """Return what the step leads to."""
         self.run("end")
-        return self.result()
+        return self._ended()
+
+    def _ended(self) -> End:
+        q, v, series, error, rate_error = [one.copy() for one in self._end]
+        return End(q, v, series, error, rate_error)
+
+    def closed(self, q: Array, v: Array) -> list[Array]:
+        """Return what the functions of the projection return at an end; nothing if they are not recorded."""
+        return self._closing.tried(q, v) if self._closing else []
 
 
 class _InNumPy(Iteration):
@@ -238,6 +267,11 @@ class _InNumPy(Iteration):
         """Return the accelerations at the start."""
         t, q, v, _ = self._place
         return self._problem.single(t, q, v)
+
+    def closed(self, q: Array, v: Array) -> list[Array]:
+        """Return what the functions of the projection return at an end."""
+        t, project = np.array([self._place.t + self._place.h]), self._problem.project
+        return tried(Projection(project.system), t, q, v) if isinstance(project, Projection) else []
 
 
 class _OnTape(Iteration):
@@ -269,7 +303,8 @@ def _tried(step: _InNumPy | Recorded, place: Place, begun: Any = None) -> tuple[
         step.advance(finite)
     strains = () if step.expected is None else (1.0,)
     as_length = (h * h, 1.0, 1.0, 1.0, h, *strains, 1.0, 1.0, 1.0, h, h * h, 1.0, h)
-    return begun, [np.asarray(unit * one) for unit, one in zip(as_length, [*found, *step.end()], strict=True)]
+    found = [np.asarray(unit * one) for unit, one in zip(as_length, [*found, *step.end()[:5]], strict=True)]
+    return begun, found + step.closed(shaken(place.q), shaken(place.v))
 
 
 def _derived(

@@ -219,12 +219,12 @@ class Replay:
 
     def _take(self, problem: Problem) -> Held:
         """Take note of the derivative that was computed."""
-        fastest, where = float(self.recorded.frequency), self.recorded.where
+        step, fastest = self.recorded, float(self.recorded.frequency)
         problem.counts.factorisations += 1
         if not isfinite(fastest):
             raise np.linalg.LinAlgError("the derivative is not finite")
-        angles = problem.turns.angles(float(where[0]), where[1 : len(self.recorded.a0) + 1])
-        held = self.held = Held(self, fastest, np.concatenate([where, angles]), problem.often.chosen)
+        taken = np.concatenate([step.where, step.angles])
+        held = self.held = Held(self, fastest, taken, problem.often.chosen)
         return held
 
 

@@ -152,7 +152,7 @@ class CollocationStepper(Stepper):
             return unsolved(SHRUNK)
         self._last = step.a[-1].copy()
         error = self._error(place, end)
-        return Attempt(error, self._growth(error, h), end.q, end.v, end.series)
+        return Attempt(error, self._growth(error, h), *end[:3], end.closed)
 
     def _prepare(self, place: Place) -> None:
         """Choose how steps are made from now on."""

@@ -17,6 +17,7 @@ from hfsim.marching.stop import SHIELD, Progress, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
+from hfsim.mechanics.projection import Projection
 from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
 from hfsim.scene.build import Scene
@@ -188,7 +189,7 @@ def problem_of(scene: Scene) -> Problem:
     )
     problem.turns = Turns(system, problem.through)
     if system.equations.constraints:
-        problem.project = partial(system.project, strict=True, through=problem.through)
+        problem.project = Projection(system, problem.through)
     return problem
 
 

@@ -57,34 +57,36 @@ class Turns:
         self._system, self._through = system, through
         forces = () if system is None else system.forces
         self._parts = tuple((part, part.counter) for part in forces if part.counter is not None)
-        self._seen = np.zeros(0), np.zeros((0, 0))
+        self._seen = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 2))
 
     def start(self, t: float, q: Array, v: Array) -> None:
         """Begin to follow a motion in a state (n,)."""
-        for (_, count), here in zip(self._parts, self._now(t, q, v), strict=True):
-            count.start(here)
+        if self._parts:
+            pairs = self._turning(np.array([t]), q[None], v[None])
+            for (_, count), pair in zip(self._parts, pairs.tolist(), strict=True):
+                count.start(Turning(t, *pair))
 
-    def strays(self, step: Step, q: Array) -> str:
+    def strays(self, step: Step, q: Array, v: Array) -> str:
         """Return what has an angle that leaves what was expected of it in a tried step with this end, or ''.
 
         By more than a quarter of a turn: its force may have been that of another number of turns.
         """
-        if self._system is None or not self._parts:
+        if not self._parts:
             return ""
         times, inside = step.t + step.h * PLACES, step.inside(PLACES)[0]
         inside[-1] = q
-        angles, astray = self._through("angles in a step", self._along, (times, inside))
-        self._seen = times, angles
-        far = np.abs(astray).max(axis=1) > NEAR
-        return self._parts[int(np.argmax(far))][0].item if far.any() else ""
+        angles, astray, end = self._through("angles in a step", self._along, (times, inside, v))
+        self._seen = times, angles, end
+        far = (part.item for (part, _), most in zip(self._parts, astray.tolist(), strict=True) if most > NEAR)
+        return next(far, "")
 
-    def keep(self, t: float, q: Array, v: Array) -> None:
-        """Go on to the end of the step that was tried last."""
+    def keep(self, t: float) -> None:
+        """Go on to the end of the step that was tried last, at this time."""
         if not self._parts:
             return
-        times, seen = self._seen
-        for (_, count), here, angles in zip(self._parts, self._now(t, q, v), seen, strict=True):
-            count.keep(here, times, angles)
+        times, seen, end = self._seen
+        for (_, count), angles, pair in zip(self._parts, seen, end.tolist(), strict=True):
+            count.keep(Turning(t, *pair), times, angles)
 
     def __len__(self) -> int:
         """Return their number."""
@@ -94,8 +96,7 @@ class Turns:
         """Return the angles in a state (n,), with all their turns."""
         if not self._parts:
             return np.zeros(0)
-        found: Array = self._through("angles", self._counted, (np.array([t]), q[None]))[:, 0]
-        return found
+        return self.counted(np.array([t]), q[None])[:, 0]
 
     @contextmanager
     def supposed(self, t: float, angles: Array) -> Iterator[None]:
@@ -122,8 +123,8 @@ class Turns:
             self.start(steps[0].t, steps[0].q, steps[0].v)
         ends = [(step.t, step.q, step.v) for step in steps[1:]]
         for step, (t, q, v) in zip(steps, [*ends, end], strict=True):
-            self.strays(step, q)
-            self.keep(t, q, v)
+            self.strays(step, q, v)
+            self.keep(t)
 
     def memory(self) -> Array:
         """Return time, angle and rate of each angle at the last kept step, (n_angles, 3); (0, 3) before."""
@@ -137,26 +138,21 @@ class Turns:
         for (_, count), row in zip(self._parts, memory.tolist(), strict=False):
             count.start(Turning(*row))
 
-    def _now(self, t: float, q: Array, v: Array) -> list[Turning]:
-        if not self._parts:
-            return []
-        pairs = self._through("turning", self._turning, (np.array([t]), q[None], v[None]))
-        return [Turning(t, *pair) for pair in pairs.tolist()]
-
-    def _counted(self, t: Array, q: Array) -> Array:
+    def counted(self, t: Array, q: Array) -> Array:
         """Return the angles in states (n_batch, n), with all their turns, shape (n_angles, n_batch)."""
         assert self._system is not None
         x = self._system.absolute(q)
         return np.stack([count.counted(t, part.angle(x)) for part, count in self._parts])
 
-    def _along(self, t: Array, q: Array) -> tuple[Array, Array]:
-        """Return the same, and by how much they leave what is expected."""
-        angles = self._counted(t, q)
-        return angles, angles - np.stack([count.expected(t) for _, count in self._parts])
+    def _along(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
+        """Return the same, by how much they leave what is expected, and `_turning` in the last one."""
+        angles = self.counted(t, q)
+        astray = np.abs(angles - np.stack([count.expected(t) for _, count in self._parts])).max(axis=1)
+        return angles, astray, self._turning(t[-1:], q[-1:], v[None])
 
     def _turning(self, t: Array, q: Array, v: Array) -> Array:
         """Return angles and their rates in a state, shape (n_angles, 2)."""
         assert self._system is not None
         x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
         rates = np.concatenate([part.spin(x, u) for part, _ in self._parts])
-        return np.stack([self._counted(t, q)[:, 0], rates], axis=1)
+        return np.stack([self.counted(t, q)[:, 0], rates], axis=1)

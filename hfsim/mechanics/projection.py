@@ -18,6 +18,9 @@ ROUNDING = 1e-13
 MOST = 8
 """Corrections of the positions."""
 
+SEEN, CLOSER, STEADIER = "constraints", "projected positions", "projected rates"
+"""Names of the functions of a `Projection`, in the order in which they may be called."""
+
 Through = Callable[[str, Callable[..., Any], tuple[Any, ...]], Any]
 """Calls a function of arrays, which has a name, and returns what it returns."""
 
@@ -61,7 +64,7 @@ class Projection:
     system: Constrained
     through: Through = directly
 
-    def __call__(self, t: Array, q: Array, v: Array, strict: bool) -> tuple[Array, Array]:
+    def __call__(self, t: Array, q: Array, v: Array, strict: bool = True) -> tuple[Array, Array]:
         """Return the states (n_batch, n) moved there, themselves if they are there; see `System.project`."""
         try:
             return self._moved(t, q, v, strict)
@@ -71,31 +74,31 @@ class Projection:
             return q, v
 
     def _moved(self, t: Array, q: Array, v: Array, strict: bool) -> tuple[Array, Array]:
-        x, u, gap, miss, drift, slip = self.through("constraints", self._seen, (t, q, v))
+        x, u, gap, miss, drift, slip = self.through(SEEN, self.seen, (t, q, v))
         corrections = 0
         while not float(miss) <= ROUNDING and corrections < MOST:
             corrections += 1
-            x, gap, miss, drift, slip = self.through("projected positions", self._closer, (t, x, u, gap))
+            x, gap, miss, drift, slip = self.through(CLOSER, self.closer, (t, x, u, gap))
         if strict and corrections == MOST and not _largest(gap) <= CLOSED * max(1.0, _largest(x)):
             raise np.linalg.LinAlgError("the joints cannot be closed")
         if float(slip) > ROUNDING:
-            found: tuple[Array, Array] = self.through("projected rates", self._steadier, (q, x, u, drift))
+            found: tuple[Array, Array] = self.through(STEADIER, self.steadier, (q, x, u, drift))
             return found
         return self.system.state(x, u, q) if corrections else (q, v)
 
-    def _seen(self, t: Array, q: Array, v: Array) -> tuple[Array, ...]:
+    def seen(self, t: Array, q: Array, v: Array) -> tuple[Array, ...]:
         """Return absolute coordinates and rates, and what `_gap` and `_drift` do."""
         frames = self.system.frames(q)
         x = self.system.absolute(q, frames)
         u = self.system.absolute_velocity(q, v, frames)
         return x, u, *self._gap(t, x), *self._drift(t, x, u)
 
-    def _closer(self, t: Array, x: Array, u: Array, gap: Array) -> tuple[Array, ...]:
+    def closer(self, t: Array, x: Array, u: Array, gap: Array) -> tuple[Array, ...]:
         """Return coordinates with a gap corrected, and what `_gap` and `_drift` do."""
         x = x - self._correction(x, gap)
         return x, *self._gap(t, x), *self._drift(t, x, u)
 
-    def _steadier(self, q: Array, x: Array, u: Array, drift: Array) -> tuple[Array, Array]:
+    def steadier(self, q: Array, x: Array, u: Array, drift: Array) -> tuple[Array, Array]:
         """Return the state of absolute coordinates near q and of rates with a drift corrected."""
         return self.system.state(x, u - self._correction(x, drift), q)
 

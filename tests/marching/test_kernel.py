@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from natively import at_once, evaluates_alike, native, states
 
+from hfsim.integrators._closing import Closing
 from hfsim.integrators._ending import Ending
 from hfsim.marching.integration import run_integration
 from hfsim.maths import kernel
@@ -13,6 +14,7 @@ from hfsim.maths.recording import Recorder
 from hfsim.maths.replayed import Replayed
 from hfsim.maths.tape import iterated
 from hfsim.mechanics.counting import Turns
+from hfsim.mechanics.projection import ROUNDING, Projection
 from hfsim.output.writers import Provenance, summary_of
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -123,6 +125,26 @@ def test_iterations_end_as_in_numpy(seed):
     first, nothing = tape.programs()
     programs = (nothing, first, nothing, nothing, nothing)
     assert iterated(programs, sizes, (*ending.limits, 1e-3), 20) == expected
+
+
+@pytest.mark.parametrize("name", ["hub_beams", "hub_beams_soft"])
+def test_ends_of_native_steps_lie_on_the_joints(name, monkeypatch):
+    """Moved there in the recording of the steps, or after them where that cannot be recorded."""
+    at_once(monkeypatch)
+    runs = []
+    for recorded in (True, False):
+        if not recorded:
+            monkeypatch.setattr(Closing, "of", lambda *given: None)
+        scene = scene_of(name, "solve.duration=0.1")
+        done = run_integration(scene, scene.deck.solve)
+        called = done.problem.often.memory()
+        assert done.problem.counts.native > 1
+        assert recorded == ("constraints" not in (*called["names"], *called["chosen"]))
+        for step in done.trajectory.segments[1:]:
+            seen = Projection(scene.system).seen(np.array([step.t]), step.q[None], step.v[None])
+            assert max(seen[3], seen[5]) < 2.0 * ROUNDING
+        runs.append(done.trajectory)
+    assert np.abs(runs[0].q - runs[1].q).max() < 1e-9
 
 
 @pytest.mark.parametrize("method", ["auto", "gear"])
