@@ -10,6 +10,7 @@
 #define MOST 8          /* dimensions of an array at most */
 #define BLOCKS 32       /* each twice as large as the one before */
 #define FIRST_BLOCK (1 << 18)
+#define FIRST_ROOM 4096 /* of lists: as many operations as most recordings have, so that few are copied */
 #define GRAIN 64        /* bytes that belong to one piece of memory */
 #define NARROW 4        /* columns below which a product of matrices is done as that of their transposes */
 #define SHORT 16        /* entries in a row below which the longest dimension is gone through instead */
@@ -25,7 +26,7 @@ typedef struct {
     PyObject_HEAD
     PyObject *type, *refused, *copy, *constants, *dtypes, *codes;
     PyTypeObject *memory;
-    Block blocks[BLOCKS]; int n_blocks, program;
+    Block blocks[BLOCKS]; int n_blocks, program, ended;
     char *next;
     Op *ops; Pieces *touched; i64 count, room, room_touched;
     Piece *pieces; i64 n_pieces, room_pieces;
@@ -44,7 +45,7 @@ static int refuse(Tape *t, const char *why) { PyErr_SetString(t->refused, why); 
 
 static int grown(void **list, i64 count, i64 *room, size_t size) {
     if (count < *room) return 0;
-    i64 more = *room ? 2 * *room : 512;
+    i64 more = *room ? 2 * *room : FIRST_ROOM;
     void *found = realloc(*list, more * size);
     if (!found) { PyErr_NoMemory(); return -1; }
     *list = found; *room = more;
@@ -211,6 +212,7 @@ static int same_shape(const View *a, const View *b) {
 static void swap(i64 *a, i64 *b) { i64 c = *a; *a = *b; *b = c; }
 
 static int append(Tape *t, const Op *o) {
+    if (t->ended) return refuse(t, "a tape that has ended");
     if (grown((void **)&t->ops, t->count, &t->room, sizeof(Op))) return -1;
     if (grown((void **)&t->touched, t->count, &t->room_touched, sizeof(Pieces))) return -1;
     for (int k = 0; k < OPERANDS; k++) t->touched[t->count].of[k] = o->at[k] ? piece_at(t, o->at[k]) : -1;
@@ -777,7 +779,22 @@ static PyObject *operated(PyObject *out, PyObject *a, PyObject *b, int slot, int
 OPERATORS(OPERATOR)
 #define ITS_SLOT(slot, out, code, complex) {Py_##slot, on_##slot},
 
+/* a.conj() and a.copy(...) */
+static PyObject *conjugated(PyObject *a, PyObject *none) {
+    PyObject *given[] = {Py_None, a}, *found = recording ? applied(recording, -1, conj_D_code, given, 2) : Py_NewRef(a);
+    if (found != Py_NotImplemented) return found;
+    Py_DECREF(found);
+    return Py_NewRef(a);
+}
+
+static PyObject *copy(PyObject *a, PyObject *args, PyObject *how) {
+    PyObject *given[] = {Py_None, a};
+    return recording ? applied(recording, copy_d_code, copy_D_code, given, 2) : call_method(a, "_refuse", args, how);
+}
+
 static PyMethodDef WRITTEN_METHODS[] = {
+    {"conj", conjugated, METH_NOARGS, "Write down complex conjugates."},
+    {"copy", (PyCFunction)(void (*)(void))copy, METH_VARARGS | METH_KEYWORDS, "Write down a copy."},
     {"__array_ufunc__", (PyCFunction)(void (*)(void))ufunc, METH_VARARGS | METH_KEYWORDS, "Write down an operation."},
     {NULL, NULL, 0, NULL},
 };
@@ -826,13 +843,14 @@ static PyObject *poison(Tape *t, PyObject *none) {
     Py_RETURN_NONE;
 }
 
-/* Return the operations that are kept, by a byte for each. */
+/* End the tape: keep some operations, by a byte for each, and return their memory. */
 static PyObject *rows(Tape *t, PyObject *kept) {
-    PyObject *found = PyByteArray_Check(kept) ? PyByteArray_FromStringAndSize(NULL, t->count * sizeof(Op)) : NULL;
-    if (!found) return NULL;
-    Op *next = (Op *)PyByteArray_AsString(found);
-    for (i64 k = 0; k < t->count && k < PyByteArray_Size(kept); k++) if (PyByteArray_AsString(kept)[k]) *next++ = t->ops[k];
-    return found;
+    i64 n = 0;
+    if (!PyByteArray_Check(kept)) { PyErr_SetString(PyExc_TypeError, "rows"); return NULL; }
+    for (i64 k = 0; k < t->count && k < PyByteArray_Size(kept); k++)
+        if (PyByteArray_AsString(kept)[k] && n++ < k) t->ops[n - 1] = t->ops[k];
+    t->count = n; t->ended = 1;
+    return PyMemoryView_FromMemory((char *)t->ops, n * sizeof(Op), PyBUF_READ);
 }
 
 static PyObject *cut(Tape *t, PyObject *none) {
@@ -889,7 +907,7 @@ static PyMethodDef METHODS[] = {
     {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},
     {"reads", (PyCFunction)reads, METH_O, "Return whether a live operation reads an array."},
     {"poison", (PyCFunction)poison, METH_NOARGS, "Fill memory with what is no number."},
-    {"rows", (PyCFunction)rows, METH_O, "Return the operations that are kept."},
+    {"rows", (PyCFunction)rows, METH_O, "Return the operations that are kept; the last thing to be asked for."},
     {"cut", (PyCFunction)cut, METH_NOARGS, "End a program; return the number of operations."},
     {"keep", (PyCFunction)keep, METH_O, "Forget operations but for the first."},
     {NULL, NULL, 0, NULL},

@@ -64,8 +64,11 @@ def _raw(tape: Tape, a: Traced) -> np.ndarray:
     return a.view(np.ndarray)
 
 
-def _copied(tape: Tape, a: Any) -> Any:
-    return tape.core.apply(*COPY, None, a)
+def _filled(tape: Tape, shape: tuple[int, ...], itemsize: int, value: Any) -> Any:
+    """Return an array of such a value."""
+    found = tape.core.new(shape, itemsize)
+    tape.core.apply(*COPY, found, value)
+    return found
 
 
 def _cast(tape: Tape, a: Any, dtype: np.dtype[Any]) -> Any:
@@ -161,7 +164,7 @@ class Recorder(Tape):
     reduce = _reduce
     take = _take
     put = _put
-    copied = _copied
+    filled = _filled
     cast = _cast
     called = called
     switch: Callable[[Any], None] = staticmethod(lambda tape: None)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.maths.kernel import replay
-from hfsim.maths.recorder import COPY, WHERE, Recorder, codes
+from hfsim.maths.recorder import WHERE, Recorder, codes
 from hfsim.maths.tape import CODES, COMPLEX, REAL
 from hfsim.maths.traced import Recording, Refused, Traced, plain, recorder
 
@@ -69,12 +69,6 @@ def _kron(tape: Recorder, a: Any, b: Any) -> Any:
     ones = (1,) * ndim
     pairs = np.reshape(a, np.ravel([m, ones], "F")) * np.reshape(b, np.ravel([ones, n], "F"))
     return pairs.reshape(np.multiply(m, n))
-
-
-def _full_like(tape: Recorder, a: Any, value: Any) -> Any:
-    out = tape.core.new(a.shape, a.itemsize)
-    tape.core.apply(*COPY, out, value)
-    return out
 
 
 def _broadcast_arrays(tape: Recorder, *arrays: Any) -> tuple[Any, ...]:
@@ -164,7 +158,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.empty_like: _like("empty"),
     np.ones_like: _like("ones"),
     np.copy: lambda tape, a, **how: a.copy(),
-    np.full_like: _full_like,
+    np.full_like: lambda tape, a, value: tape.filled(a.shape, a.itemsize, value),
     np.broadcast_to: lambda tape, a, shape: np.broadcast_to(plain(a), shape).view(Traced),
     np.broadcast_arrays: _broadcast_arrays,
     np.round: _round,
@@ -222,11 +216,9 @@ def _made(name: str) -> Callable[..., Any]:
         found = ORIGINAL[name](*args, **how)
         if Recording.tape is None or isinstance(found, Traced) or found.dtype not in (REAL, COMPLEX):
             return found
-        core = recorder().core
-        out = core.new(found.shape, found.itemsize)
-        if not name.startswith("empty"):
-            core.apply(*COPY, out, found if number is None else number)
-        return out
+        if name.startswith("empty"):
+            return recorder().core.new(found.shape, found.itemsize)
+        return recorder().filled(found.shape, found.itemsize, found if number is None else number)
 
     return make
 

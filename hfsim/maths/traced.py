@@ -58,10 +58,6 @@ class Traced(Written, np.ndarray):  # type: ignore[misc]
     def __iter__(self) -> Iterator[Any]:
         return (self[k] for k in range(len(self)))
 
-    def copy(self, order: Any = "C") -> Any:
-        """Write down a copy."""
-        return recorder().copied(self)
-
     def __copy__(self) -> Any:
         return self.copy()
 
@@ -91,7 +87,7 @@ class Traced(Written, np.ndarray):  # type: ignore[misc]
             raise Refused("take")
         if axis is None:
             return self.reshape(-1)[np.asarray(indices)]
-        return self[(slice(None),) * (axis % self.ndim) + (np.asarray(indices),)]
+        return recorder().take(self, (slice(None),) * (axis % self.ndim) + (np.asarray(indices),))
 
     def dot(self, other: Any) -> Any:  # type: ignore[override]
         """Write down a product."""
@@ -113,6 +109,9 @@ class Traced(Written, np.ndarray):  # type: ignore[misc]
         """Write down a selection."""
         if axis is None:
             return self.reshape(-1).repeat(repeats, 0)
+        if isinstance(repeats, int) and self.shape[axis] == 1:
+            shape = (*self.shape[:axis], repeats, *self.shape[axis + 1 :])
+            return recorder().filled(shape, self.itemsize, self)
         return self.take(np.repeat(np.arange(self.shape[axis]), repeats), axis)
 
     def fill(self, value: Any) -> None:

@@ -12,6 +12,9 @@ from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.markers import ROUNDING, LinearMarker, Marker
 
+_PARTS, _SIGNS = np.array([[1, 0], [0, 1]]), np.array([[-1.0, -1.0], [-1.0, 1.0]])
+"""Which parts of a complex number, and with which signs, the matrix of -Im(dt dt w) consists of."""
+
 
 @frozen
 class NodalMarker(LinearMarker):
@@ -61,10 +64,16 @@ class NodalMarker(LinearMarker):
 
     def spin_stiffness(self, x: Array, moment: Array) -> Entries:
         """Return the second derivative of Im log t: -Im(dt dt / t^2)."""
-        w = moment[0] / self._slope(x)[0] ** 2
-        turn = np.array([[-w.imag, -w.real], [-w.real, w.imag]])
+        w = as_vectors(moment / self._slope(x) ** 2)[0]
+        dyad = self._slope_dyad
+        values = (dyad * (w[_PARTS] * _SIGNS)[:, None]).reshape(2 * len(dyad), -1)
+        return Entries.of_block(self.support, self.support, values)
+
+    @cached_property
+    def _slope_dyad(self) -> Array:
+        """Products of entries of the slope row, (k, 1, k, 1)."""
         row = self.slope_row[self._involved]
-        return Entries.of_block(self.support, self.support, np.kron(np.outer(row, row), turn))
+        return np.outer(row, row)[:, None, :, None]
 
 
 @frozen

@@ -156,7 +156,7 @@ class Tie(PointPart):
         for (_, marker), J in zip(self._ends, rows, strict=True):
             row[marker.columns] += J[0]
         row = row[self.support]
-        return Entries.of_block(self.support, self.support, factor * np.outer(row, row))
+        return Entries.of_block(self.support, self.support, factor * (row[:, None] * row))
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return what all resistances store."""
