@@ -328,6 +328,9 @@ static void follow(View *v, View *places) {
     }
 }
 
+/* Whether columns, not rows, are contiguous. */
+static int turned(const View *v) { return v->nd == 2 && v->item == 8 && v->step[0] == 8 && v->shape[0] >= NARROW && v->shape[1] >= NARROW; }
+
 /* Write down an operation, by its code for real numbers or that for complex ones: out or None, ... -> out */
 static PyObject *applied(Tape *t, int code, int complex_code, PyObject *const *args, int n) {
     View v[OPERANDS], s = {NULL, 8, 0, {0}, {0}};
@@ -351,6 +354,10 @@ static PyObject *applied(Tape *t, int code, int complex_code, PyObject *const *a
             copies[k] = 1;
         }
         else if (v[k].item != item) { refuse(t, "numbers of another type"); return NULL; }
+        else if (n > 2 && !placed && turned(&v[k]) && !(given && turned(&v[0]))) {
+            if (copied(t, &v[k], copy_d_code, 8)) return NULL; /* rows as they are gone through */
+            copies[k] = 1;
+        }
         if (k > 0 && broadcast(t, &s, &v[k])) return NULL;
     }
     if (!given) {

@@ -64,21 +64,18 @@ typedef void (*Inner)(char **at, const i64 *step, const i64 *row, i64 n, i64 row
 #define REDUCE(NAME, T, EXPR)                                                                                \
     static inline T NAME##_of(T r, T a) { return EXPR; }                                                     \
     ROWS_OF(NAME, 2,                                                                                         \
-        i = 0;                                                                                               \
-        if (step[0] == 0) {                                                                                  \
-            T r = *(T *)at[0];                                                                               \
-            if (n >= 2 * LANES && step[1] == sizeof(T)) {                                                    \
-                T p[LANES];                                                                                  \
-                memcpy(p, at[1], sizeof p);                                                                  \
-                for (i = LANES; i + LANES <= n; i += LANES) {                                                \
-                    const T *q = (const T *)at[1] + i;                                                       \
-                    IVDEP for (int k = 0; k < LANES; k++) p[k] = NAME##_of(p[k], q[k]);                      \
-                }                                                                                            \
-                for (int m = LANES / 2; m; m /= 2) for (int k = 0; k < m; k++) p[k] = NAME##_of(p[k], p[k + m]); \
-                r = NAME##_of(r, p[0]);                                                                      \
+        if (step[0] == 0 && step[1] == sizeof(T)) {                                                          \
+            T p[LANES];                                                                                      \
+            const T *q = (const T *)at[1];                                                                   \
+            i64 lanes = n < LANES ? n : LANES;                                                               \
+            memcpy(p, q, lanes * sizeof(T));                                                                 \
+            for (i = LANES; i + LANES <= n; i += LANES) IVDEP for (int k = 0; k < LANES; k++) p[k] = NAME##_of(p[k], q[i + k]); \
+            IVDEP for (int k = 0; k < n - i; k++) p[k] = NAME##_of(p[k], q[i + k]);                          \
+            for (i64 half; lanes > 1; lanes = half) {                                                        \
+                half = (lanes + 1) / 2;                                                                      \
+                IVDEP for (i64 k = 0; k < lanes - half; k++) p[k] = NAME##_of(p[k], p[k + half]);            \
             }                                                                                                \
-            for (; i < n; i++) r = NAME##_of(r, AT(T, 1, i));                                                \
-            *(T *)at[0] = r;                                                                                 \
+            *(T *)at[0] = NAME##_of(*(T *)at[0], p[0]);                                                      \
         } else if (step[0] == sizeof(T) && step[1] == sizeof(T)) {                                           \
             T *o = (T *)at[0]; const T *p = (const T *)at[1];                                                \
             IVDEP for (i = 0; i < n; i++) o[i] = NAME##_of(o[i], p[i]);                                      \
@@ -91,18 +88,11 @@ static inline cplx mul(cplx a, cplx b) {
     return CMPLX(x * u - y * v, x * v + y * u);
 }
 static inline cplx quo(cplx a, cplx b) {
-    double x = creal(a), y = cimag(a), u = creal(b), v = cimag(b), r, d;
-    if (fabs(u) >= fabs(v)) {
-        if (u == 0 && v == 0) return CMPLX(x / fabs(u), y / fabs(u));
-        r = v / u; d = 1.0 / (u + v * r);
-        return CMPLX((x + y * r) * d, (y - x * r) * d);
-    }
-    r = u / v; d = 1.0 / (v + u * r);
-    return CMPLX((x * r + y) * d, (y * r - x) * d);
-}
-static inline double size(cplx a) {
-    const double square = creal(a) * creal(a) + cimag(a) * cimag(a);
-    return square > 1e-280 && square < 1e300 ? sqrt(square) : cabs(a);
+    const double u = creal(b), v = cimag(b);
+    const int flat = fabs(u) >= fabs(v);
+    const double p = flat ? u : v, q = flat ? v : u, x = flat ? creal(a) : cimag(a), y = flat ? cimag(a) : creal(a);
+    const double r = p == 0.0 ? 0.0 : q / p, d = 1.0 / (p + q * r), e = flat ? d : -d;
+    return CMPLX((x + y * r) * d, (y - x * r) * e);
 }
 static inline double larger(double a, double b) { return ((a >= b) | (a != a)) ? a : b; }
 static inline double smaller(double a, double b) { return ((a <= b) | (a != a)) ? a : b; }
@@ -136,14 +126,11 @@ UNARY(sqr_d, double, double, a *a)
 UNARY(sqrt_d, double, double, sqrt(a))
 UNARY(tan_d, double, double, tan(a))
 UNARY(exp_d, double, double, exp(a))
-UNARY(sinh_d, double, double, sinh(a))
-UNARY(cosh_d, double, double, cosh(a))
 UNARY(rint_d, double, double, rint(a))
 UNARY(sign_d, double, double, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a)
 UNARY(neg_D, cplx, cplx, -a)
 UNARY(sqr_D, cplx, cplx, mul(a, a))
-UNARY(conj_D, cplx, cplx, conj(a))
-UNARY(abs_D, double, cplx, size(a))
+UNARY(conj_D, cplx, cplx, CMPLX(creal(a), -cimag(a)))
 REDUCE(radd_d, double, r + a)
 REDUCE(radd_D, cplx, r + a)
 REDUCE(rmax_d, double, larger(r, a))
@@ -176,15 +163,26 @@ static inline double grow(double a) {
     memcpy(&scale, &power, sizeof scale);
     return scale * (1.0 - ((rest - x * c / (2.0 - c)) - most));
 }
-#define WAVE(NAME, QUARTERS, OTHER)                                                                          \
+static inline double odd(double a) { /* hyperbolic sine */
+    const double once = grow(fabs(a)), z = a * a;
+    const double near = a + a * z * (1 / 6.0 + z * (1 / 120.0 + z * (1 / 5040.0 + z * (1 / 362880.0 + z * (1 / 39916800.0 + z * (1 / 6227020800.0))))));
+    return z < 0.25 ? near : copysign(0.5 * (once - 1.0 / once), a);
+}
+static inline double even(double a) { const double once = grow(fabs(a)); return 0.5 * (once + 1.0 / once); }
+/* EXPR of numbers that are all PLAIN; OTHER if one is not */
+#define PLAINLY(NAME, T, PLAIN, EXPR, OTHER)                                                                 \
     ROWS_OF(NAME, 2,                                                                                         \
-        double *o = (double *)at[0]; const double *p = (const double *)at[1];                                \
-        int far = step[0] != 8 || step[1] != 8;                                                              \
-        for (i = 0; i < n && !far; i++) far = !(fabs(p[i]) < FAR);                                           \
-        if (far) for (i = 0; i < n; i++) AT(double, 0, i) = OTHER(AT(double, 1, i));                         \
-        else IVDEP for (i = 0; i < n; i++) o[i] = wave(p[i], QUARTERS);)
-WAVE(sin_d, 0, sin)
-WAVE(cos_d, 1, cos)
+        double *o = (double *)at[0]; const T *p = (const T *)at[1];                                          \
+        int far = step[0] != 8 || step[1] != sizeof(T);                                                      \
+        if (!far) IVDEP for (i = 0; i < n; i++) { const T a = p[i]; far |= !PLAIN; }                       \
+        if (far) for (i = 0; i < n; i++) { const T a = AT(T, 1, i); AT(double, 0, i) = PLAIN ? EXPR : OTHER; }              \
+        else IVDEP for (i = 0; i < n; i++) { const T a = p[i]; o[i] = EXPR; })
+static inline double square(cplx a) { return creal(a) * creal(a) + cimag(a) * cimag(a); }
+PLAINLY(sin_d, double, (fabs(a) < FAR), wave(a, 0), sin(a))
+PLAINLY(cos_d, double, (fabs(a) < FAR), wave(a, 1), cos(a))
+PLAINLY(sinh_d, double, (fabs(a) < 700.0), odd(a), sinh(a))
+PLAINLY(cosh_d, double, (fabs(a) < 700.0), even(a), cosh(a))
+PLAINLY(abs_D, cplx, ((square(a) > 1e-280) & (square(a) < 1e300)), sqrt(square(a)), cabs(a))
 ROWS_OF(exp_D, 2,
     double *o = (double *)at[0]; const double *p = (const double *)at[1];
     int far = step[0] != 16 || step[1] != 16;
@@ -195,8 +193,16 @@ ROWS_OF(exp_D, 2,
         o[2 * i] = size * wave(a, 1); o[2 * i + 1] = size * wave(a, 0);
     })
 
-ROWS_OF(where_d, 4, for (i = 0; i < n; i++) AT(double, 0, i) = AT(char, 1, i) ? AT(double, 2, i) : AT(double, 3, i);)
-ROWS_OF(where_D, 4, for (i = 0; i < n; i++) AT(cplx, 0, i) = AT(char, 1, i) ? AT(cplx, 2, i) : AT(cplx, 3, i);)
+#define WHERE(NAME, T)                                                                                       \
+    ROWS_OF(NAME, 4,                                                                                         \
+        T *o = (T *)at[0]; const char *c = at[1]; const T *p = (const T *)at[2]; const T *q = (const T *)at[3]; \
+        const int plain = step[0] == sizeof(T) && step[1] == 1;                                              \
+        if (plain && step[2] == sizeof(T) && step[3] == sizeof(T)) IVDEP for (i = 0; i < n; i++) o[i] = c[i] ? p[i] : q[i]; \
+        else if (plain && step[2] == sizeof(T) && step[3] == 0) IVDEP for (i = 0; i < n; i++) o[i] = c[i] ? p[i] : *q; \
+        else if (plain && step[2] == 0 && step[3] == sizeof(T)) IVDEP for (i = 0; i < n; i++) o[i] = c[i] ? *p : q[i]; \
+        else for (i = 0; i < n; i++) AT(T, 0, i) = AT(char, 1, i) ? AT(T, 2, i) : AT(T, 3, i);)
+WHERE(where_d, double)
+WHERE(where_D, cplx)
 
 /* out, a, places: out[i] = a[i + places[i]], places in bytes; and the other way round */
 #define FROM(T) *(T *)(at[1] + i * step[1] + AT(i64, 2, i))
@@ -213,6 +219,30 @@ ROWS_OF(sadd_d, 3, for (i = 0; i < n; i++) INTO(double) += AT(double, 1, i);)
 static const struct { Inner inner; int operands; } TABLE[] = {ELEMENTWISE(LISTED)};
 #define TOLD(f, k) {#f, k},
 const Kind KINDS[] = {ELEMENTWISE(TOLD)};
+
+/* to[i, j] = from[i, j], rows of the one and columns of the other contiguous: in squares of vectors */
+typedef double vec __attribute__((vector_size(32), aligned(8)));
+typedef i64 order __attribute__((vector_size(32)));
+#ifdef __clang__
+#define MIXED(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define MIXED(a, b, ...) __builtin_shuffle(a, b, (order){__VA_ARGS__})
+#endif
+WIDE static void turned(char *to, i64 row, const char *from, i64 column, i64 m, i64 n) {
+    i64 i = 0, j;
+    for (; i + 4 <= m; i += 4) {
+        for (j = 0; j + 4 <= n; j += 4) {
+            const char *p = from + i * 8 + j * column;
+            char *q = to + i * row + j * 8;
+            const vec a = *(const vec *)p, b = *(const vec *)(p + column), c = *(const vec *)(p + 2 * column), d = *(const vec *)(p + 3 * column);
+            const vec e = MIXED(a, b, 0, 4, 2, 6), f = MIXED(a, b, 1, 5, 3, 7), g = MIXED(c, d, 0, 4, 2, 6), h = MIXED(c, d, 1, 5, 3, 7);
+            *(vec *)q = MIXED(e, g, 0, 1, 4, 5); *(vec *)(q + row) = MIXED(f, h, 0, 1, 4, 5);
+            *(vec *)(q + 2 * row) = MIXED(e, g, 2, 3, 6, 7); *(vec *)(q + 3 * row) = MIXED(f, h, 2, 3, 6, 7);
+        }
+        for (; j < n; j++) for (int k = 0; k < 4; k++) *(double *)(to + (i + k) * row + j * 8) = *(const double *)(from + (i + k) * 8 + j * column);
+    }
+    for (; i < m; i++) for (j = 0; j < n; j++) *(double *)(to + i * row + j * 8) = *(const double *)(from + i * 8 + j * column);
+}
 
 static inline void elementwise(const Op *o, Inner inner, int operands) {
     char *at[OPERANDS];
@@ -293,7 +323,6 @@ double *workspace(i64 numbers) {
             default: NAME##_panel(o, c, a, b, pb, j, MOST);                                                  \
         }                                                                                                    \
     }
-typedef double vec __attribute__((vector_size(32), aligned(8)));
 typedef double wider __attribute__((vector_size(64), aligned(8)));
 
 static inline __attribute__((always_inline)) void placed(double *to, i64 step, const double *out, i64 n, i64 mode) {
@@ -309,36 +338,48 @@ PRODUCT(wider_product, wider, 5, WIDER)
 WIDE static const char *packed(const Op *o, const char *b, double *scratch) {
     const i64 kk = o->shape[1], n = o->shape[2], bk = o->step[2][1], bj = o->step[2][2];
     double *to = scratch;
-    for (i64 k = 0; k < kk; k++, b += bk, to += n) {
-        if (bj == 16) { IVDEP for (i64 j = 0; j < n; j++) to[j] = ((const double *)b)[2 * j]; }
-        else for (i64 j = 0; j < n; j++) to[j] = *(const double *)(b + j * bj);
-    }
+    if (bk == 8) turned((char *)to, 8 * n, b, bj, kk, n);
+    else for (i64 k = 0; k < kk; k++, b += bk, to += n) for (i64 j = 0; j < n; j++) to[j] = *(const double *)(b + j * bj);
     return (const char *)scratch;
 }
 
-/* a small one, of which there are many */
-WIDE static void tiny(const Op *o, char *c, const char *a, const char *b) {
+/* a part of small ones, of which there are many */
+static inline __attribute__((always_inline)) void corner(const Op *o, i64 row, i64 column, const int M, const int N) {
     const i64 kk = o->shape[1], mode = o->more, *cs = o->step[0], *as = o->step[1], *bs = o->step[2];
-    for (i64 i = 0; i < o->shape[0]; i++)
-        for (i64 j = 0; j < o->shape[2]; j++) {
-            const char *x = a + i * as[0], *y = b + j * bs[2];
-            double *out = (double *)(c + i * cs[0] + j * cs[2]), sum = 0.0;
-            for (i64 k = 0; k < kk; k++, x += as[1], y += bs[1]) sum += *(const double *)x * *(const double *)y;
-            *out = mode == 0 ? sum : mode == 1 ? *out + sum : *out - sum;
+    for (i64 p = 0; p < o->shape[3]; p++) for (i64 q = 0; q < o->shape[4]; q++) {
+        char *c = o->at[0] + p * cs[3] + q * cs[4] + row * cs[0] + column * cs[2];
+        const char *a = o->at[1] + p * as[3] + q * as[4] + row * as[0], *b = o->at[2] + p * bs[3] + q * bs[4] + column * bs[2];
+        double sum[4][4] = {{0}};
+        for (i64 k = 0; k < kk; k++, a += as[1], b += bs[1])
+            UNROLL for (int i = 0; i < M; i++) UNROLL for (int j = 0; j < N; j++)
+                sum[i][j] += *(const double *)(a + i * as[0]) * *(const double *)(b + j * bs[2]);
+        UNROLL for (int i = 0; i < M; i++) UNROLL for (int j = 0; j < N; j++) {
+            double *out = (double *)(c + i * cs[0] + j * cs[2]);
+            *out = mode == 0 ? sum[i][j] : mode == 1 ? *out + sum[i][j] : *out - sum[i][j];
         }
+    }
+}
+#define CORNER(M, N) case 4 * M + N: corner(o, i, j, M, N); break;
+#define CORNERS(M) CORNER(M, 1) CORNER(M, 2) CORNER(M, 3) CORNER(M, 4)
+WIDE static void small(const Op *o) {
+    for (i64 i = 0; i < o->shape[0]; i += 4) for (i64 j = 0; j < o->shape[2]; j += 4) {
+        const i64 rows = o->shape[0] - i, columns = o->shape[2] - j;
+        switch (4 * (rows < 4 ? rows : 4) + (columns < 4 ? columns : 4)) { CORNERS(1) CORNERS(2) CORNERS(3) CORNERS(4) }
+    }
 }
 
 static int matmul(const Op *o) {
     const i64 m = o->shape[0], kk = o->shape[1], n = o->shape[2], packs = o->step[2][2] != 8;
-    const int small = n < 4 || (m * n < 16 && kk < 16), wide = n >= 8 && HAS_WIDER;
-    double *scratch = packs ? workspace(kk * n) : NULL;
+    const int wide = n >= 8 && HAS_WIDER;
+    double *scratch;
+    if (n < 4 || (m * n < 16 && kk < 16) || (packs && m < 4)) { small(o); return 0; }
+    scratch = packs ? workspace(kk * n) : NULL;
     if (packs && !scratch) return -1;
     for (i64 p = 0; p < o->shape[3]; p++)
         for (i64 q = 0; q < o->shape[4]; q++) {
             char *at[3];
             for (int k = 0; k < 3; k++) at[k] = o->at[k] + p * o->step[k][3] + q * o->step[k][4];
-            if (small) tiny(o, at[0], at[1], at[2]);
-            else (wide ? wider_product : product)(o, at[0], at[1], packs ? packed(o, at[2], scratch) : at[2], packs ? 8 * n : o->step[2][1]);
+            (wide ? wider_product : product)(o, at[0], at[1], packs ? packed(o, at[2], scratch) : at[2], packs ? 8 * n : o->step[2][1]);
         }
     return 0;
 }
@@ -385,7 +426,9 @@ static void tell_failure(const char *why) {
 
 int operate(const Op *o) {
     int failed = 0;
-    if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
+    if (o->code == copy_d_code && o->ndim == 2 && o->step[0][1] == 8 && o->step[1][0] == 8)
+        turned(o->at[0], o->step[0][0], o->at[1], o->step[1][1], o->shape[0], o->shape[1]);
+    else if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
     else if (o->code == SPARSE) sparse(o);
     else failed = o->code == MATMUL ? matmul(o) : resolve(o);
     if (failed > 0) tell_failure(o->code == MODES ? "Eigenvalues did not converge" : "Singular matrix");
@@ -459,15 +502,17 @@ static PyObject *profile(PyObject *self, PyObject *args) { /* least ns per op ov
     const Op *o = ops.buf; i64 n = ops.len / sizeof(Op);
     double *best = malloc(n * 8);
     for (i64 i = 0; i < n; i++) best[i] = 1e9;
+    double idle = 1e9;
     for (int r = 0; r < reps; r++) for (i64 i = 0; i < n; i++) {
-        struct timespec b, e; clock_gettime(CLOCK_MONOTONIC, &b);
+        struct timespec a, b, e; clock_gettime(CLOCK_MONOTONIC, &a); clock_gettime(CLOCK_MONOTONIC, &b);
+        if ((b.tv_sec - a.tv_sec) * 1e9 + (b.tv_nsec - a.tv_nsec) < idle) idle = (b.tv_sec - a.tv_sec) * 1e9 + (b.tv_nsec - a.tv_nsec);
         if (o[i].code < CALL) operate(o + i);
         clock_gettime(CLOCK_MONOTONIC, &e);
         double t = (e.tv_sec - b.tv_sec) * 1e9 + (e.tv_nsec - b.tv_nsec);
         if (t < best[i]) best[i] = t;
     }
     PyObject *out = PyList_New(n);
-    for (i64 i = 0; i < n; i++) PyList_SetItem(out, i, PyFloat_FromDouble(best[i]));
+    for (i64 i = 0; i < n; i++) PyList_SetItem(out, i, PyFloat_FromDouble(best[i] - idle));
     free(best);
     PyBuffer_Release(&ops);
     return out;

@@ -88,6 +88,7 @@ FUNCTIONS = {
     "repeated": lambda x, y: np.repeat(x[:1], 7, axis=0) * y,
     "bins": lambda x, y: np.bincount(np.array([0, 2, 2, 5]), weights=x[0, :4], minlength=7)[:, None] * y,
     "transposed": lambda x, y: np.ascontiguousarray(x.T).T + np.swapaxes(y.T, 0, 1),
+    "turned": lambda x, y: x - y.reshape(6, 7).T * (2.0 * x.reshape(6, 7).T),
     "linear equations": lambda x, y: np.linalg.solve(x[:6], y[:6]) + np.linalg.solve(y[:6].T, x[0]),
     "linear equations in batches": lambda x, y: np.linalg.solve(
         (x[:, :, None] * y[:, None] + 3.0 * np.eye(6)).reshape(1, 7, 6, 6)[:, :, ::-1], y[:, :, None]
@@ -128,6 +129,28 @@ def test_waves_are_exact_to_the_last_digit():
                 a, b = getattr(one, part), getattr(other, part)
                 assert (np.abs(a - b) <= digits * np.spacing(np.abs(b))).all()
     assert waves.refused is None
+
+
+def test_growing_functions_are_exact_to_the_last_digits():
+    """At all sizes, and where the C library takes over."""
+    x = 10.0 ** np.linspace(-12.0, 2.9, 4000) * np.resize([1.0, -1.0], 4000)
+    growing = Replayed(lambda x: (np.sinh(x), np.cosh(x), np.abs(np.exp(np.minimum(x, 300)) * (x + 1j))))
+    with np.errstate(over="ignore", invalid="ignore"):
+        for some in (*x.reshape(8, -1), np.zeros(500)):
+            for one, other in zip(growing(some), growing._function(some), strict=True):
+                near = np.isfinite(other)
+                assert (one[~near] == other[~near]).all()
+                assert (np.abs(one - other)[near] <= 4.0 * np.spacing(np.abs(other[near]))).all()
+    assert growing.refused is None
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 7, 31, 32, 33, 50, 64, 97, 200])
+def test_totals_of_all_lengths(n, rng):
+    totals = Replayed(lambda x: (x.sum(), x.max(), x.min(), (1j * x).sum().imag, x[::2].sum()))
+    for x in rng.standard_normal((3, n)):
+        for one, other in zip(totals(x), totals._function(x), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-13)
+    assert np.isnan(totals(np.where(np.arange(n) == n // 2, np.nan, 1.0))[1])
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
