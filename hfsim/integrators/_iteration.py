@@ -85,6 +85,7 @@ class Iteration:
 
     a: Array
     correction_found: Array
+    _q: Array
 
     def __init__(
         self,
@@ -124,6 +125,10 @@ class Iteration:
         q, v = q + tau * v + h * h * (table.A2[k] @ self.a), v + h * (table.A[k] @ self.a)
         return Middle(np.asarray(t + tau), q, v, None if expected is None else expected[k].copy())
 
+    def reach(self) -> None:
+        """Find where the stages are; corrections move them from there."""
+        self._q = self._uniform + self._moved @ self.a
+
     def prepare(self) -> None:
         """Make ready for corrections with the derivative of now."""
         self._correction = self.derivative.correction(self._table, self._place.h)
@@ -142,7 +147,7 @@ class Iteration:
             Size of the correction's consequence, and of the correction.
         """
         problem, strained = self._problem, None
-        q, v = self._uniform + self._moved @ self.a, self._place.v + self._rates @ self.a
+        q, v = self._q, self._place.v + self._rates @ self.a
         if anew:
             self._at: Any = self.derivative.increments.geometry(q)
         if self.strained and self.expected is not None:
@@ -158,10 +163,13 @@ class Iteration:
         """Add the correction, as finite increments or as small ones."""
         natural = self.derivative.increments
         add = natural.advance if finite else natural.from_natural
-        self.a += self._back @ add(self._at, self.correction_found)
+        moved = add(self._at, self.correction_found)
+        self._q += moved
+        self.a += self._back @ moved
 
     def solve(self, ending: Ending) -> tuple[bool, int]:
         """Correct until that ends; return whether it converges, and the number of corrections."""
+        self.reach()
         self.prepare()
         size, counts = np.inf, self._problem.counts
         for k in range(MAX_ITERATIONS):

@@ -190,9 +190,11 @@ class ModalDerivative(Derivative):
     def correction(self, table: Collocation, h: float) -> Correction:
         """Multiply each mode and pole by (h pole)^2 and divide it by 1 + (h pole)^2 w2."""
         factor, mu2 = self._factors.of(h, lambda: self._parted((h * table.poles[:, None]) ** 2))
-        poles, moved = len(table.poles), h * h * table.A2
-        R, end_rate, per_rate = np.ascontiguousarray(self.R.T), table.end_rate / h, self._per_rate
-        joints, m = self.joints, len(self.w2)
+        poles, m, joints, end_rate = len(table.poles), len(self.w2), self.joints, table.end_rate
+        # the stages, and then what they do to rates at the end; what is in no mode counts as if it were slow
+        joining = np.concatenate([table.joining, (end_rate @ table.joining)[None]])
+        moved = h * np.concatenate([h * table.A2, 0.5 * (end_rate @ table.A2)[None]])
+        R, per_rate = np.ascontiguousarray(self.R.T), self._per_rate / h
         columns = self._columns if self.mass is None else None
 
         def correct(r: Array) -> tuple[Array, Array]:
@@ -201,15 +203,13 @@ class ModalDerivative(Derivative):
             z = parts[:, :, :m]
             if joints is not None:
                 z = z - _product(mu2, parts[:, :, m:]) @ joints.forces
-            modes = table.joining @ _product(factor, z).reshape(2 * poles, m)
+            modes = joining @ _product(factor, z).reshape(2 * poles, m)
+            modes[-1] *= per_rate
             # back in coordinates: amplitudes of nearly parallel modes mean nothing one by one
-            y, consequence = modes @ R, ((end_rate @ modes) * per_rate) @ R
+            y = modes @ R
             if joints is not None:
-                # what is in no mode stays as it is, and counts as if it were slow
-                rest = joints.closed(moved @ r[:, m:])
-                y += rest
-                consequence += 0.5 * (end_rate @ rest)
-            return y.real, np.abs(consequence.real).max()
+                y += joints.closed(moved @ r[:, m:])
+            return y[:-1].real, np.abs(y[-1].real).max()
 
         return correct
 

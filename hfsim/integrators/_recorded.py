@@ -23,7 +23,7 @@ from hfsim.maths.tape import Program, joined
 from hfsim.maths.traced import plain
 from hfsim.mechanics.projection import SEEN, Projection
 
-PROGRAMS = ("derive", "start", "guess", "middle", "prepare", "correct", "small", "finite", "end")
+PROGRAMS = ("derive", "start", "guess", "middle", "reach", "prepare", "correct", "small", "finite", "end")
 """What steps are put together from, in the order in which it is recorded; see the methods of `Recorded`."""
 
 State = tuple[Any, Array, Array, Array | None]
@@ -137,6 +137,8 @@ class Recorded:
                 if part is not None:
                     part[...] = value
             tape.cut()
+            own.reach()
+            tape.cut()
             own.prepare()
             tape.cut()
             sizes = own.correct()
@@ -230,6 +232,10 @@ class Recorded:
             self.run("derive")
         return found
 
+    def reach(self) -> None:
+        """Find where the stages are."""
+        self.run("reach")
+
     def prepare(self) -> None:
         """Make ready for corrections."""
         self.run("prepare")
@@ -279,7 +285,7 @@ class _OnTape(Iteration):
 
     def __setattr__(self, name: str, value: Any) -> None:
         before = self.__dict__.get(name)
-        if name in ("a", "expected") and before is not None:
+        if name in ("a", "expected", "_q") and before is not None:
             before[...] = value
         else:
             self.__dict__[name] = value
@@ -296,6 +302,7 @@ def _tried(step: _InNumPy | Recorded, place: Place, begun: Any = None) -> tuple[
     if step.expected is not None:
         step.expected[...] = begun[1]
     found += [np.asarray(one) for one in step.middle() if one is not None]
+    step.reach()
     step.prepare()
     for finite in (True, False):
         step.correct()

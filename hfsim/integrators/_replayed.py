@@ -159,6 +159,7 @@ class Replay:
         if renew:
             self.held, self._prepared = None, np.nan
             names += ["middle", "derive"]
+        names.append("reach")
         if place.h != self._prepared:
             names.append("prepare")
         programs = step.program(*names), *step.corrections
