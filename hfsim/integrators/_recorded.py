@@ -56,6 +56,8 @@ class Recorded:
         A step of this kind.
     given : Derivative, optional
         One that is not to be recorded itself, but written down where it changes.
+    known : Derivative, optional
+        One that NumPy found: it need not again if it is that of the step's start.
 
     Attributes
     ----------
@@ -85,11 +87,15 @@ class Recorded:
         If they cannot be recorded.
     """
 
-    def __init__(self, problem: Problem, kind: Kind, place: Place, given: Derivative | None = None) -> None:
+    def __init__(
+        self, problem: Problem, kind: Kind, place: Place, given: Derivative | None = None,
+        known: Derivative | None = None,
+    ) -> None:  # fmt: skip
         from hfsim.maths.recorder import Recorder
 
         # NumPy goes first: what is kept when it is first asked for must not be made on the tape
-        begun, expected = _tried(_InNumPy(problem, kind, place, given), place)
+        known = known if known is not None and _starts(known, problem, kind, place) else None
+        begun, expected = _tried(_InNumPy(problem, kind, place, given or known), place)
         tape, self._derives = Recorder(), given is None
         other = Place(float(later(place.t)), shaken(place.q), shaken(place.v), 0.9 * place.h)
         self._record(tape, problem, kind, other, given)
@@ -325,6 +331,13 @@ def _here(problem: Problem, place: Place) -> State:
     """Return the state in which a step begins."""
     t, q, v, _ = place
     return t, q, v, None if problem.strains is None else problem.strains.seen(q[None])[0]
+
+
+def _starts(derivative: Derivative, problem: Problem, kind: Kind, place: Place) -> bool:
+    """Tell whether a derivative is what a step of a kind begins with."""
+    alike = type(derivative.increments) is type(kind.increments(problem))
+    here = _together(_here(problem, place))
+    return alike and np.array_equal(derivative.taken[: len(here)], here)
 
 
 def _together(at: State) -> Array:

@@ -57,7 +57,7 @@ class Replays:
 
         One that cannot be recorded itself has a recording of steps for each of its forms.
         """
-        found = self._deriving(kind, place)
+        found = self._deriving(kind, place, derivative)
         if found is None and isinstance(derivative, Derivative):
             found = self._recorded((kind, _form(derivative)), place, derivative)
         return found if found is not None and found.holds(self._problem, derivative) else None
@@ -81,17 +81,20 @@ class Replays:
         with self._problem.turns.supposed(t, angles):
             return self.derivative(kind, Place(t, q, v, h), expected, native)
 
-    def _deriving(self, kind: Kind, place: Place) -> Replay | None:
+    def _deriving(
+        self, kind: Kind, place: Place, known: Derivative | Held | None = None
+    ) -> Replay | None:
         """Return the recording of a kind of steps and their derivatives."""
-        return None if self._problem.linearized is None else self._recorded((kind, None), place)
+        return None if self._problem.linearized is None else self._recorded((kind, None), place, None, known)
 
     def _recorded(
-        self, key: tuple[Kind, Any], place: Place, derivative: Derivative | None = None
+        self, key: tuple[Kind, Any], place: Place, given: Derivative | None, known: Any = None
     ) -> Replay | None:
         if key not in self._kept:
             try:
-                recorded = Recorded(self._problem.apart(), key[0], place, derivative)
-                self._kept[key] = Replay(recorded, derivative)
+                known = known if isinstance(known, Derivative) else None
+                recorded = Recorded(self._problem.apart(), key[0], place, given, known)
+                self._kept[key] = Replay(recorded, given)
             except UNREADABLE as why:
                 self._kept[key] = why
         found = self._kept[key]
