@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
@@ -101,6 +101,11 @@ class Stepper(Remembering):
 
     first: float
     """First step length to try [s]."""
+
+    def kept(self) -> Callable[[], dict[str, Any]]:
+        """Return what tells the memory of now: it may be that of others too, which change in place."""
+        memory = self.memory()
+        return lambda: memory
 
     @property
     def label(self) -> str:

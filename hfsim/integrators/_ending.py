@@ -27,7 +27,7 @@ class Ending:
     """
 
     def __init__(self, q: Array, tolerance: float) -> None:
-        scale = 1.0 + float(np.abs(q).max())
+        scale = 1.0 + float(np.maximum.reduce(np.abs(q)))
         self.limits = GOAL * tolerance * scale, ROUNDING * scale, LAST_DIGIT * scale
         self._before = self._last = self._rate = np.inf
 

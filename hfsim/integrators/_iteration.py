@@ -40,9 +40,9 @@ class End(NamedTuple):
     v: Array
     series: Array
     """Of the accelerations, as in `Segment`."""
-    error: Array
+    error: Array | float
     """Size of the last terms in the Legendre series of the positions, relative above 1, shape ()."""
-    rate_error: Array
+    rate_error: Array | float
     """The same of the velocities, in a unit of time."""
     closed: bool = False
     """Whether it was moved onto the constraints."""

@@ -159,41 +159,40 @@ class Stepping:
 
         A step that was interrupted leaves nothing in it.
         """
-        return packed(self._kept)
+        return packed({owner: memory() for owner, memory in self._kept.items()})
 
     def recall(self, memory: Mapping[str, Array]) -> None:
         """Take up a run where its memory was taken, its counts included."""
-        self._kept = {owner: unpacked(memory, owner) for owner in self._kept}
-        state = self._kept["state"]
+        kept = {owner: unpacked(memory, owner) for owner in self._kept}
+        self._kept = {owner: one.copy for owner, one in kept.items()}
+        state = kept["state"]
         t, q, v = state["t"], state["q"], state["v"]
         self.path, self.stop, self._stepper = Trajectory(t, t, q, v), None, None
         self.path.methods.extend(map(str, state["methods"]))
-        self._pace.recall(self._kept["pace"])
+        self._pace.recall(kept["pace"])
         k = int(np.searchsorted(self._breaks, t))
         self._go_into(max(k - 1, 0), k)
-        self._problem.counts.recall(self._kept["counts"])
+        self._problem.counts.recall(kept["counts"])
 
-    def _memories(self) -> dict[str, dict[str, Any]]:
-        path, stepper, own, turns = self.path, self._stepper, dict[str, Any](), dict[str, Any]()
+    def _memories(self) -> dict[str, Callable[[], dict[str, Any]]]:
+        """Return what tells the memories of now, by owner."""
+        path, problem, stepper = self.path, self._problem, self._stepper
+        state = {"t": path.t_end, "q": path.q, "v": path.v, "methods": tuple(path.methods)}
+        kept = {"state": state.copy, "pace": self._pace.kept(), "counts": problem.counts.kept()}
+        kept |= {"often": problem.often.kept(), "stepper": dict, "turns": dict}
         if stepper is not None:
-            own = {"wish": self._wish, "reach": self._reach} | stepper.memory()
-            turns = {"now": self._problem.turns.memory()}
-        return {
-            "state": {"t": path.t_end, "q": path.q, "v": path.v, "methods": tuple(path.methods)},
-            "pace": self._pace.memory(),
-            "counts": self._problem.counts.memory(),
-            "often": self._problem.often.memory(),
-            "stepper": own,
-            "turns": turns,
-        }
+            own, wish, reach = stepper.kept(), self._wish, self._reach
+            kept["stepper"] = lambda: {"wish": wish, "reach": reach} | own()
+            kept["turns"] = problem.turns.kept()
+        return kept
 
     def _drop_unkept(self) -> None:
         """Go back to the last kept step: an interruption may come anywhere."""
-        path, state = self.path, self._kept["state"]
+        path, state = self.path, self._kept["state"]()
         path.t_end, path.q, path.v = state["t"], state["q"], state["v"]
         while path.segments and path.segments[-1].t >= path.t_end:
             path.segments.pop()
-        if turns := self._kept["turns"]:
+        if turns := self._kept["turns"]():
             self._problem.turns.recall(turns["now"])
 
     def _step(self) -> None:
@@ -227,9 +226,9 @@ class Stepping:
 
     def _begin(self) -> Stepper:
         """Start the method, or take it up where it was put down."""
-        remembered, turns, path = self._kept["stepper"], self._problem.turns, self.path
+        remembered, turns, path = self._kept["stepper"](), self._problem.turns, self.path
         if remembered:
-            turns.recall(self._kept["turns"]["now"])
+            turns.recall(self._kept["turns"]()["now"])
         else:
             turns.start(path.t_end, path.q, path.v)
         stepper = self._started()
@@ -238,8 +237,8 @@ class Stepping:
             stepper.recall(remembered)
             self._wish = remembered["wish"]
             self._reach = stepper.reach = remembered["reach"]
-            self._problem.counts.recall(self._kept["counts"])
-            self._problem.often.recall(self._kept["often"])
+            self._problem.counts.recall(self._kept["counts"]())
+            self._problem.often.recall(self._kept["often"]())
         self._stepper = stepper
         self._name(stepper)
         return stepper

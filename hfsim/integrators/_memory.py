@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -27,10 +28,21 @@ class Remembering:
         own = vars(self)
         return {name: own[name] for name in self.remembers}
 
+    def kept(self) -> Callable[[], dict[str, Any]]:
+        """Return what tells the memory of now, also when this has gone on."""
+        return partial(_told, type(self), vars(self).copy())
+
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on as the one did whose memory this is."""
         for name in self.remembers:
             setattr(self, name, memory[name])
+
+
+def _told(kind: type[Remembering], own: dict[str, Any]) -> dict[str, Any]:
+    """Return the memory of one that has such attributes."""
+    twin = object.__new__(kind)
+    vars(twin).update(own)
+    return twin.memory()
 
 
 def packed(memories: Mapping[str, Mapping[str, Any]]) -> Memory:

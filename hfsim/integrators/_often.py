@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from threading import get_ident
 from typing import Any, TypeVar
 
+from hfsim.integrators._memory import Remembering
 from hfsim.maths import kernel
 from hfsim.maths.replayed import Replayed
 from hfsim.maths.traced import Recording
@@ -25,7 +26,7 @@ MANY = 15
 _Found = TypeVar("_Found")
 
 
-class Often:
+class Often(Remembering):
     """Which functions are replayed in a run.
 
     That is decided between two steps, from what was counted before and the pace of the run, and remembered:
@@ -78,7 +79,7 @@ class Often:
         """Tell whether a function is replayed; if not, count the call."""
         if kind in self.chosen or not self._wanted:
             return self._wanted
-        self._asked[kind] = self._asked.get(kind, 0) + 1
+        self._asked = {**self._asked, kind: self._asked.get(kind, 0) + 1}
         return False
 
     def rest(self, t: float) -> float:
@@ -87,7 +88,7 @@ class Often:
 
     def take(self, *kinds: str) -> None:
         """Replay from now on what is sure to be called often."""
-        if self._wanted:
+        if self._wanted and not all(kind in self.chosen for kind in kinds):
             self.chosen = tuple(sorted({*self.chosen, *kinds}))
 
     def expect(self, t: float, h: float, following: float) -> None:
@@ -128,7 +129,7 @@ class Often:
     @contextmanager
     def supposed(self, chosen: Iterable[str]) -> Iterator[None]:
         """For the time being, replay these and no others."""
-        before = self.chosen, dict(self._asked)
+        before = self.chosen, self._asked
         self.chosen = tuple(map(str, chosen))
         try:
             yield

@@ -67,8 +67,8 @@ class Recorded:
         Its largest circular frequency.
     where : ndarray
         Where it is taken: t, q, v and expected strains, joined.
-    angles : ndarray
-        Those whose turns are counted, there.
+    taken_at : ndarray
+        The same and the angles whose turns are counted, joined.
     a0 : ndarray, shape (n,)
         Accelerations at the start.
     a : ndarray, shape (s, n)
@@ -110,7 +110,7 @@ class Recorded:
         self.begin(place)
         if given is None:
             self.derive(_here(problem, place))
-            agree([problem.turns.angles(place.t, place.q)], [self.angles])
+            agree([problem.turns.angles(place.t, place.q)], [self.taken_at[len(self.where) :]])
         else:
             self.put(given)
         found = _tried(self, place, begun)[1]
@@ -131,7 +131,9 @@ class Recorded:
         with np.errstate(all="ignore"), recording(tape):
             known = given or _derived(problem, kind, *_parted(where, n))
             frequency, turns = known.frequency(), problem.turns
-            angles = turns.counted(where[:1], where[None, 1 : n + 1])[:, 0] if turns else np.zeros(0)
+            taken = where
+            if turns:
+                taken = np.concatenate([where, turns.counted(where[:1], where[None, 1 : n + 1])[:, 0]])
             tape.cut()
             a0[...] = problem.single(step.t, step.q, step.v)
             tape.cut()
@@ -159,7 +161,7 @@ class Recorded:
         arrays = {name: one for name, one in arrays_in(known) if tape.knows(one)}
         strains = [] if own.expected is None else [own.expected]
         outputs = [*sizes, own.correction_found, *end[:5], *strains, frequency, *arrays.values()]
-        outputs += [*([angles] if turns else []), *(closing.outputs if closing else [])]
+        outputs += [taken, *(closing.outputs if closing else [])]
         programs = tape.programs(*outputs)
         names = (*PROGRAMS, *FUNCTIONS) if closing else PROGRAMS
         self._programs: dict[tuple[str, ...], Program] = {}
@@ -169,7 +171,7 @@ class Recorded:
         self.template: Derivative = rebuilt(known, plain)
         self._arrays = {name: plain(one) for name, one in arrays.items()}
         self.frequency, self.sizes = plain(frequency), (plain(sizes[0]), plain(sizes[1]))
-        self.angles = plain(angles)
+        self.taken_at = plain(taken)
         self._place, self.a0, self.where = list(map(plain, memory)), plain(a0), plain(where)
         self.a, self.correction_found = plain(own.a), plain(own.correction_found)
         self.expected = None if own.expected is None else plain(own.expected)
@@ -260,8 +262,8 @@ class Recorded:
         return self._ended()
 
     def _ended(self) -> End:
-        q, v, series, error, rate_error = [one.copy() for one in self._end]
-        return End(q, v, series, error, rate_error)
+        q, v, series, error, rate_error = self._end
+        return End(q.copy(), v.copy(), series.copy(), float(error), float(rate_error))
 
     def closed(self, q: Array, v: Array) -> list[Array]:
         """Return what the functions of the projection return at an end; nothing if they are not recorded."""

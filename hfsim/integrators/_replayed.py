@@ -57,6 +57,10 @@ class Replays:
 
         One that cannot be recorded itself has a recording of steps for each of its forms.
         """
+        if isinstance(derivative, Held):
+            replay = derivative.replay
+            if replay.kind == kind and replay.held is derivative:
+                return replay
         found = self._deriving(kind, place, derivative)
         if found is None and isinstance(derivative, Derivative):
             found = self._recorded((kind, _form(derivative)), place, derivative)
@@ -94,7 +98,7 @@ class Replays:
             try:
                 known = known if isinstance(known, Derivative) else None
                 recorded = Recorded(self._problem.apart(), key[0], place, given, known)
-                self._kept[key] = Replay(recorded, given)
+                self._kept[key] = Replay(key[0], recorded, given)
             except UNREADABLE as why:
                 self._kept[key] = why
         found = self._kept[key]
@@ -106,6 +110,7 @@ class Replay:
 
     Attributes
     ----------
+    kind : Kind
     recorded : Recorded
     derives : bool
         Whether the derivative is among what is recorded.
@@ -113,8 +118,8 @@ class Replay:
         The derivative in the memory of the recording.
     """
 
-    def __init__(self, recorded: Recorded, given: Derivative | None) -> None:
-        self.recorded, self.derives = recorded, given is None
+    def __init__(self, kind: Kind, recorded: Recorded, given: Derivative | None) -> None:
+        self.kind, self.recorded, self.derives = kind, recorded, given is None
         self.held: Derivative | Held | None = given
         self._prepared = np.nan
         """Length of the step that corrections are ready for."""
@@ -223,12 +228,11 @@ class Replay:
 
     def _take(self, problem: Problem) -> Held:
         """Take note of the derivative that was computed."""
-        step, fastest = self.recorded, float(self.recorded.frequency)
+        fastest = float(self.recorded.frequency)
         problem.counts.factorisations += 1
         if not isfinite(fastest):
             raise np.linalg.LinAlgError("the derivative is not finite")
-        taken = np.concatenate([step.where, step.angles])
-        held = self.held = Held(self, fastest, taken, problem.often.chosen)
+        held = self.held = Held(self, fastest, self.recorded.taken_at.copy(), problem.often.chosen)
         return held
 
 

@@ -41,12 +41,18 @@ class Segment(NamedTuple):
         """Return the same at shares of its length, which are those of many steps."""
         return self.read(shares, *_polynomials(shares.tobytes(), len(self.series)))
 
+    def positions(self, shares: Array) -> Array:
+        """Return q at shares of its length, shape (n_shares, n)."""
+        return self._positions(shares, _polynomials(shares.tobytes(), len(self.series))[1])
+
     def read(self, theta: Array, once: Array, twice: Array) -> tuple[Array, Array]:
         """Return the same at places 0 to 1, from integrals of at least as many polynomials there."""
         count = len(self.series)
         v = self.v + self.h * (once[:, :count] @ self.series)
-        q = self.q + self.h * theta[:, None] * self.v + self.h**2 * (twice[:, :count] @ self.series)
-        return q, v
+        return self._positions(theta, twice[:, :count]), v
+
+    def _positions(self, theta: Array, twice: Array) -> Array:
+        return self.q + self.h * theta[:, None] * self.v + self.h**2 * (twice @ self.series)
 
 
 @lru_cache(maxsize=64)

@@ -27,6 +27,7 @@ from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Ste
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending
 from hfsim.integrators._iteration import End, Iteration, Place
+from hfsim.integrators._memory import Remembering
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Kind
 from hfsim.integrators._replayed import Held, Replay, Replays
@@ -54,6 +55,8 @@ LASTING = 6
 """Steps to come, at the length of now, from which they are replayed."""
 FAR = 1000
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
+NAMES = {stiff: f"steps, stiff: {stiff}" for stiff in (False, True)}
+"""By what steps of a kind are told from others where functions are chosen that are replayed."""
 
 
 class Damping(NamedTuple):
@@ -150,7 +153,8 @@ class CollocationStepper(Stepper):
             self._cap = SHRUNK * h
             self._renew(t, q, v, None, SHRUNK * h)
             return unsolved(SHRUNK)
-        self._last = step.a[-1].copy()
+        if self._at_end:
+            self._last = step.a[-1].copy()
         error = self._error(place, end)
         return Attempt(error, self._growth(error, h), *end[:3], end.closed)
 
@@ -158,7 +162,7 @@ class CollocationStepper(Stepper):
         """Choose how steps are made from now on."""
         often, stiff = self._problem.often, self._is_stiff(place.h)
         if self.replays and often.rest(place.t) > LASTING * place.h:
-            often.take(_name(stiff))
+            often.take(NAMES[stiff])
         if stiff != self._stiff:
             self._renew(*self._guess(place).middle(), place.h)
 
@@ -170,12 +174,14 @@ class CollocationStepper(Stepper):
         self._served += 1
         self._old = self._served >= SERVES or self._iterations > SERVES_WELL
         self._cap *= REGROWTH
-        if self.table.nodes[-1] == 1.0:
+        if self._at_end:
             self._known_at, self._known = t, self._last
 
     def memory(self) -> dict[str, Any]:
         """Return where the derivative was taken, how it serves, and the accelerations known at the end."""
         return super().memory() | {"taken": self._derivative.taken, "ways": self._derivative.ways}
+
+    kept = Remembering.kept
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take the same derivative again."""
@@ -192,10 +198,10 @@ class CollocationStepper(Stepper):
     def _growth(self, error: float, h: float) -> float:
         """Return the factor on the step: long steps with some more iterations cost less."""
         growth = float((TARGET / max(error, 1e-30)) ** (1.0 / (self.table.stages + 1)))
-        if error > 1.0:
-            return growth
-        most = next(factor for iterations, factor in self.growths if self._iterations <= iterations)
-        return min(growth, most, self._cap / h)
+        for iterations, most in self.growths:
+            if self._iterations <= iterations and error <= 1.0:
+                return min(growth, most, self._cap / h)
+        return growth
 
     def _solve(self, place: Place) -> Iteration | Replay | None:
         """Iterate; return a step that has converged."""
@@ -214,7 +220,8 @@ class CollocationStepper(Stepper):
         converged, self._iterations = replay.attempt(self._problem, place, known, self._old, ending, guess)
         assert replay.held is not None
         self._derivative = replay.held
-        self._known_at, self._known = place.t, replay.started()
+        if known is None:
+            self._known_at, self._known = place.t, replay.started()
         if self._old:
             self._old, self._served = False, 0
         return replay if converged else None
@@ -256,7 +263,7 @@ class CollocationStepper(Stepper):
     @property
     def _native(self) -> bool:
         """Whether steps of the kind of now are replayed."""
-        return _name(self._stiff) in self._problem.often.chosen
+        return NAMES[self._stiff] in self._problem.often.chosen
 
     def _is_stiff(self, h: float) -> bool:
         """Tell whether a step is long for the fastest mode."""
@@ -275,12 +282,9 @@ class CollocationStepper(Stepper):
         self.name, self._stiff = (damping or self._method).name, stiff
         self.table = damping.table() if damping else self._usual
         self._label = f"{self.name}:{self.table.stages}"
+        self._at_end = bool(self.table.nodes[-1] == 1.0)
+        """Whether the last stage is the end of the step."""
         self._kind = Kind(self.table, stiff, stiff and self._problem.strains is not None)
-
-
-def _name(stiff: bool) -> str:
-    """Return by what steps of a kind are told from others where functions are chosen that are replayed."""
-    return f"steps, stiff: {stiff}"
 
 
 GAUSS_STAGES = 20

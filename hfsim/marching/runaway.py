@@ -39,6 +39,7 @@ class EnergyWatch:
 
     def __post_init__(self) -> None:
         self._truncated = [body for body in self.system.variable_mass if body.truncated]
+        self.needed = bool(self._truncated)
         self._last: tuple[float, float] | None = None
         self._work = self._most = self._start = self._potential = 0.0
 
@@ -50,8 +51,6 @@ class EnergyWatch:
         SolverFailure
             If more than `LIMIT` times the energy that there should be has come out of nothing.
         """
-        if not self._truncated:
-            return
         system, time = self.system, np.array([t])
         x = system.absolute(q[None])
         u = system.absolute_velocity(q[None], v[None])
@@ -99,6 +98,7 @@ class PartsWatch:
 
     def __post_init__(self) -> None:
         self._parts = [part for part in self.system.forces if part.runs_away]
+        self.needed = bool(self._parts)
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
         """Look at a kept state.
@@ -108,7 +108,7 @@ class PartsWatch:
         SolverFailure
             If a part says so.
         """
-        x = self.system.absolute(q[None]) if self._parts else q
+        x = self.system.absolute(q[None])
         for part in self._parts:
             failure = part.runaway(t, x)
             if failure is not None:
@@ -200,7 +200,8 @@ class Watches:
     def __init__(self, system: System, others: Sequence[Watch] = ()) -> None:
         self._energy = EnergyWatch(system)
         redundant = (RedundantWatch(system),) if system.redundant else ()
-        self._every: tuple[Watch, ...] = (self._energy, PartsWatch(system), *redundant, *others)
+        own = [watch for watch in (self._energy, PartsWatch(system)) if watch.needed]
+        self._every: tuple[Watch, ...] = (*own, *redundant, *others)
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
         """Look at a kept state."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Protocol
 
@@ -15,9 +15,6 @@ from hfsim.mechanics.turns import NEAR, Turning
 
 PLACES = np.linspace(0.0, 1.0, 17)[1:]
 """Places in a step at which angles are looked at."""
-
-NONE = np.zeros((0, 3))
-"""What is remembered where no angle is counted."""
 
 
 class Step(Protocol):
@@ -42,6 +39,9 @@ class Step(Protocol):
     def inside(self, shares: Array) -> tuple[Array, Array]:
         """Return (q, v) at shares of its length, shape (n_shares, n) each."""
 
+    def positions(self, shares: Array) -> Array:
+        """Return q there."""
+
 
 class Turns:
     """The turns of a system's angles, counted from step to step; without a system there are none.
@@ -57,7 +57,7 @@ class Turns:
         self._system, self._through = system, through
         forces = () if system is None else system.forces
         self._parts = tuple((part, part.counter) for part in forces if part.counter is not None)
-        self._seen = np.zeros(0), np.zeros((0, 0)), np.zeros((0, 2))
+        self._seen: list[list[float]] = []
 
     def start(self, t: float, q: Array, v: Array) -> None:
         """Begin to follow a motion in a state (n,)."""
@@ -73,20 +73,16 @@ class Turns:
         """
         if not self._parts:
             return ""
-        times, inside = step.t + step.h * PLACES, step.inside(PLACES)[0]
+        times, inside = step.t + step.h * PLACES, step.positions(PLACES)
         inside[-1] = q
-        angles, astray, end = self._through("angles in a step", self._along, (times, inside, v))
-        self._seen = times, angles, end
-        far = (part.item for (part, _), most in zip(self._parts, astray.tolist(), strict=True) if most > NEAR)
+        self._seen = self._through("angles in a step", self._along, (times, inside, v)).tolist()
+        far = (part.item for (part, _), row in zip(self._parts, self._seen, strict=True) if row[0] > NEAR)
         return next(far, "")
 
     def keep(self, t: float) -> None:
         """Go on to the end of the step that was tried last, at this time."""
-        if not self._parts:
-            return
-        times, seen, end = self._seen
-        for (_, count), angles, pair in zip(self._parts, seen, end.tolist(), strict=True):
-            count.keep(Turning(t, *pair), times, angles)
+        for (_, count), (_, left, *here) in zip(self._parts, self._seen, strict=True):
+            count.keep(Turning(t, *here), left)
 
     def __len__(self) -> int:
         """Return their number."""
@@ -128,10 +124,12 @@ class Turns:
 
     def memory(self) -> Array:
         """Return time, angle and rate of each angle at the last kept step, (n_angles, 3); (0, 3) before."""
-        if not self._parts:
-            return NONE
+        return self.kept()()["now"]
+
+    def kept(self) -> Callable[[], dict[str, Array]]:
+        """Return what tells the memory of now, also when the motion has gone on."""
         known = [count.now for _, count in self._parts if count.now is not None]
-        return np.array(known, dtype=float).reshape(-1, 3)
+        return lambda: {"now": np.array(known, dtype=float).reshape(-1, 3)}
 
     def recall(self, memory: Array) -> None:
         """Go on with a motion that was put down."""
@@ -144,11 +142,11 @@ class Turns:
         x = self._system.absolute(q)
         return np.stack([count.counted(t, part.angle(x)) for part, count in self._parts])
 
-    def _along(self, t: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return the same, by how much they leave what is expected, and `_turning` in the last one."""
-        angles = self.counted(t, q)
-        astray = np.abs(angles - np.stack([count.expected(t) for _, count in self._parts])).max(axis=1)
-        return angles, astray, self._turning(t[-1:], q[-1:], v[None])
+    def _along(self, t: Array, q: Array, v: Array) -> Array:
+        """Return how far each leaves what is known of it, and `_turning` in the last state, (n_angles, 4)."""
+        pairs = zip(self._parts, self.counted(t, q), strict=True)
+        left = np.stack([count.left(t, angles) for (_, count), angles in pairs])
+        return np.concatenate([left, self._turning(t[-1:], q[-1:], v[None])], axis=1)
 
     def _turning(self, t: Array, q: Array, v: Array) -> Array:
         """Return angles and their rates in a state, shape (n_angles, 2)."""

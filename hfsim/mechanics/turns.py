@@ -46,12 +46,13 @@ class TurnCount:
     now: Turning | None = None
 
     def __post_init__(self) -> None:
-        self._last = np.array(self.now or self.noted[-1], dtype=float)
+        self._last, self._noted = np.zeros(3), np.zeros(3)
+        self.take(self.noted, self.now)
 
     def take(self, noted: list[Turning], now: Turning | None) -> None:
         """Take this for what is known of the angle."""
         self.noted, self.now = noted, now
-        self._last[:] = now or noted[-1]
+        self._last[:], self._noted[:] = now or noted[-1], noted[-1]
 
     def suppose(self, t: float, angle: float) -> None:
         """Say about what the angle is [rad] where a motion is to begin."""
@@ -69,6 +70,11 @@ class TurnCount:
         k = np.maximum(np.searchsorted(times, t, side="right") - 1, 0)
         return np.asarray(angles[k] + rates[k] * (t - times[k]))
 
+    def left(self, t: Array, angle: Array) -> Array:
+        """Return by how much angles (n_batch,) leave what is expected, and what was noted, at most."""
+        noted = Turning(*live(self._noted)).at(t)
+        return np.stack([np.abs(angle - one).max() for one in (self.expected(t), noted)])
+
     def counted(self, t: Array, angle: Array) -> Array:
         """Return angles (n_batch,), given modulo a turn, with all their turns."""
         return np.asarray(angle + 2.0 * np.pi * np.rint((self.expected(t) - angle) / (2.0 * np.pi)))
@@ -77,10 +83,10 @@ class TurnCount:
         """Begin to follow a motion; what was noted of later times belonged to another one."""
         self.take([*(one for one in self.noted if one.t < here.t), here], here)
 
-    def keep(self, here: Turning, times: Array, angles: Array) -> None:
-        """Go on to the end of a step, in which the angles were these at some times."""
+    def keep(self, here: Turning, left: float) -> None:
+        """Go on to the end of a step, in which the angle left what was noted by so much."""
         assert self.now is not None
-        if np.abs(angles - self.noted[-1].at(times)).max() > NEAR:
+        if left > NEAR:
             self.noted.append(self.now)
         self.take(self.noted, here)
 

@@ -517,7 +517,7 @@ def watch(self, t, q, v):
     if t > 0.05:
         os.kill(os.getpid(), signal.SIGTERM)
 
-hfsim.marching.runaway.EnergyWatch.__call__ = watch
+hfsim.marching.runaway.RateWatch.__call__ = watch
 from hfsim.cli import main
 main()
 """

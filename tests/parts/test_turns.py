@@ -231,7 +231,7 @@ def test_counts_look_back_to_any_earlier_time():
         times = np.linspace(a, b, 17)[1:]
         seen = count.counted(times, np.angle(np.exp(1j * angle(times))))
         assert seen == pytest.approx(angle(times), abs=1e-9)
-        count.keep(Turning(b, angle(b), 20.0 * np.cos(b)), times, seen)
+        count.keep(Turning(b, angle(b), 20.0 * np.cos(b)), count.left(times, seen)[1])
     every = np.linspace(0.0, 10.0, 999)
     for _ in range(2):
         assert count.counted(every, np.angle(np.exp(1j * angle(every)))) == pytest.approx(
