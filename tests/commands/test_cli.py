@@ -21,7 +21,7 @@ import hfsim.studies.compare.choice
 import hfsim.studies.compare.measurements
 import hfsim.studies.compare.study
 import hfsim.trust.validity
-from hfsim.cli import COMMANDS, app
+from hfsim.cli import COMMANDS, _end, app
 from hfsim.commands.decks import usual_models
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.marching.solution import Channel, Run
@@ -570,3 +570,30 @@ def test_parts_of_the_time_add_up_and_nothing_empty_is_told(tmp_path, monkeypatc
     assert "start up" in " ".join(told[1].split())
     assert "constraint drift" not in done.stdout, "it has no multipliers"
     assert "model           exact; method gauss" in done.stdout
+
+
+class Broken:
+    def flush(self):
+        raise BrokenPipeError
+
+
+@pytest.mark.parametrize(
+    ("name", "found", "ended"),
+    [
+        ("threading.active_count", lambda: 1, [0]),
+        ("threading.active_count", lambda: 2, []),
+        ("sys.getprofile", lambda: print, []),
+        ("sys.gettrace", lambda: print, []),
+        ("sys.stdout", Broken(), []),
+    ],
+)
+def test_a_process_ends_at_once_unless_watched_at_work_or_not_heard(monkeypatch, name, found, ended):
+    calls = []
+    with monkeypatch.context() as change:
+        change.setattr("threading.active_count", lambda: 1)
+        for one in ("sys.getprofile", "sys.gettrace", "atexit._run_exitfuncs"):
+            change.setattr(one, lambda: None)
+        change.setattr("os._exit", calls.append)
+        change.setattr(name, found)
+        _end()
+    assert calls == ended
