@@ -8,11 +8,11 @@
 #include <math.h>
 #include <string.h>
 
-#define W 4         /* numbers in a vector */
+#define W 8         /* numbers in a vector */
 #define SIDE 4      /* columns that are solved for side by side */
 #define TINY 1e-280 /* squares of numbers that are nothing beside 1 */
 #define SWEEPS 30   /* for an eigenvalue at most, as in LAPACK */
-typedef double vec __attribute__((vector_size(32), aligned(8)));
+typedef double vec __attribute__((vector_size(64), aligned(8)));
 #define ALWAYS static inline __attribute__((always_inline))
 
 static inline i64 vectors(i64 n) { return (n + W - 1) / W; }
@@ -164,7 +164,7 @@ WIDE static int solve(const Op *o, char *out, const char *a, const char *b, doub
 ALWAYS double dot(const vec *x, const vec *y, i64 first, i64 m) {
     vec sum = {0};
     for (i64 j = first; j < m; j++) sum += x[j] * y[j];
-    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
+    return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
 }
 
 /* Make of x the vector v of a reflection 1 - weight v v^T that leaves of x from an entry on only this entry, and zero
@@ -269,7 +269,7 @@ ALWAYS int diagonal(i64 n, i64 m, double *d, double *e, vec *rows) {
             /* the next g does not wait for the square root */
             const double inverse = 1.0 / square, size = sqrt(square);
             const double before = d[i + 1] - p, r = f * (d[i] - before) + 2.0 * g * b;
-            s = f / size; c = g / size;
+            s = f * (size * inverse); c = g * (size * inverse);
             p = f * r * inverse;
             g = g * r * inverse - b;
             d[i + 1] = before + p; e[i + 1] = size;
