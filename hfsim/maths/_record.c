@@ -611,6 +611,33 @@ static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
     return out;
 }
 
+/* row_products(a, rows, b, rows, groups) -> products of rows, or sums of so many groups of them */
+static PyObject *row_products(Tape *t, PyObject *const *args, Py_ssize_t count) {
+    View v[4];
+    const i64 groups = count == 5 ? PyLong_AsLongLong(args[4]) : 0;
+    if (groups < 1) { PyErr_SetString(PyExc_TypeError, "row_products"); return NULL; }
+    for (int k = 0; k < 4; k++) if (k % 2 ? viewed(t, args[k], &v[k]) : operand(t, args[k], &v[k])) return NULL;
+    for (int k = 0; k < 4; k += 2) {
+        if (v[k].nd != 2 || v[k].item != 8 || v[k + 1].nd != 1 || v[k + 1].step[0] != 8 || v[k].shape[1] != v[0].shape[1] ||
+            v[k + 1].shape[0] != v[1].shape[0]) { refuse(t, "products of such rows"); return NULL; }
+        if (v[k].step[1] != 8 && copied(t, &v[k], copy_d_code, 8)) return NULL;
+    }
+    const i64 products = v[1].shape[0], rows = products / groups, n = v[0].shape[1];
+    View o = {NULL, 8, 2, {rows, n}, {0}}, p = {NULL, 8, 1, {4 * products}, {0}};
+    if (place(t, &o, 0) || place(t, &p, FIXED)) return NULL;
+    i64 (*places)[4] = (void *)p.at;
+    for (i64 k = 0; k < products; k++) {
+        const i64 row = k / groups, from = k % groups * rows + row;
+        places[k][0] = 8 * n * row; places[k][3] = k % groups == 0;
+        for (int one = 0; one < 2; one++)
+            places[k][1 + one] = v[2 * one].step[0] * ((i64 *)v[2 * one + 1].at)[from];
+    }
+    Op op = {PRODUCTS, 2, {products, n}, {o.at, v[0].at, v[2].at, p.at}, {{0}}, 0};
+    PyObject *out = array_of(t, &o);
+    if (out && append(t, &op)) Py_CLEAR(out);
+    return out;
+}
+
 /* resolve(code, out, a, b or nothing): matrices batch by batch; see _resolve.c */
 static PyObject *resolved(Tape *t, PyObject *const *args, Py_ssize_t count) {
     View v[3];
@@ -673,7 +700,7 @@ static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
             const Op *o = &t->ops[i];
             const int32_t *of = t->touched[i].of;
             Piece *piece = of[0] < 0 ? NULL : &t->pieces[of[0]];
-            int n = o->code < MATMUL ? (int)strlen(KINDS[o->code].kinds) : o->code == SPARSE ? 4 : o->code < CALL ? 3 : 0;
+            int n = o->code < MATMUL ? (int)strlen(KINDS[o->code].kinds) : o->code == SPARSE || o->code == PRODUCTS ? 4 : o->code < CALL ? 3 : 0;
             if (o->code == CALL) kept[i] = 1;
             else if (o->code == USES) { if (piece) piece->read |= 1; }
             else if (piece->flags & (ALIVE | INPUT)) kept[i] = 1;
@@ -908,6 +935,7 @@ static PyMethodDef METHODS[] = {
     {"reduce", FAST(reduced), "Write down a reduction; return its result."},
     {"join", FAST(joined), "Write down how arrays are joined; return the result."},
     {"matmul", FAST(matmul), "Write down a product of matrices; return its result."},
+    {"row_products", FAST(row_products), "Write down products of rows; return them, or sums of them."},
     {"resolve", FAST(resolved), "Write down an operation on matrices; return what it writes."},
     {"call", FAST(call), "Write down a call of Python."},
     {"live", FAST(live), "Return which operations lead to outputs."},

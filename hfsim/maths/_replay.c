@@ -372,7 +372,7 @@ static int matmul(const Op *o) {
     const i64 m = o->shape[0], kk = o->shape[1], n = o->shape[2], packs = o->step[2][2] != 8;
     const int wide = n >= 8 && HAS_WIDER;
     double *scratch;
-    if (n < 4 || (m * n < 16 && kk < 16) || (packs && m < 4)) { small(o); return 0; }
+    if (n < 4 || (m * n < 16 && kk < 16) || (packs && m == 1)) { small(o); return 0; }
     scratch = packs ? workspace(kk * n) : NULL;
     if (packs && !scratch) return -1;
     for (i64 p = 0; p < o->shape[3]; p++)
@@ -414,6 +414,17 @@ WIDE static void sparse(const Op *o) {
     }
 }
 
+/* out, a, b, places; shape: products, columns; places: of out, of a, of b, and whether out is set: products of rows */
+WIDE static void products(const Op *o) {
+    const i64 n = o->shape[1], *places = (const i64 *)o->at[3];
+    for (i64 k = 0; k < o->shape[0]; k++, places += 4) {
+        double *to = (double *)(o->at[0] + places[0]);
+        const double *a = (const double *)(o->at[1] + places[1]), *b = (const double *)(o->at[2] + places[2]);
+        if (places[3]) { IVDEP for (i64 j = 0; j < n; j++) to[j] = a[j] * b[j]; }
+        else IVDEP for (i64 j = 0; j < n; j++) to[j] += a[j] * b[j];
+    }
+}
+
 /* ---------------------------------------------------------------- Python */
 
 static void tell_failure(const char *why) {
@@ -430,6 +441,7 @@ int operate(const Op *o) {
         turned(o->at[0], o->step[0][0], o->at[1], o->step[1][1], o->shape[0], o->shape[1]);
     else if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
     else if (o->code == SPARSE) sparse(o);
+    else if (o->code == PRODUCTS) products(o);
     else failed = o->code == MATMUL ? matmul(o) : resolve(o);
     if (failed > 0) tell_failure(o->code == MODES ? "Eigenvalues did not converge" : "Singular matrix");
     else if (failed) PyErr_NoMemory();

@@ -51,7 +51,7 @@ typedef struct {
     X(sadd_d, "ddi")
 
 #define NAMED(f, k) f##_code,
-enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, FACTOR, SOLVE, BASIS, MODES, CALL, USES, CODES };
+enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, PRODUCTS, FACTOR, SOLVE, BASIS, MODES, CALL, USES, CODES };
 typedef struct { const char *name, *kinds; } Kind;
 extern const Kind KINDS[];
 

@@ -143,14 +143,70 @@ ALWAYS void substitute(Factor f, char *out, const i64 *so, const char *b, const 
         }
 }
 
+/* A real one of at most FEW rows, in numbers by themselves: its factors, inverses of pivots and their order. */
+#define FEW 4
+#define UNROLL _Pragma("GCC unroll 4")
+ALWAYS int factor_few(double *out, const char *a, const i64 *step, const int n) {
+    double x[FEW][FEW + 1]; /* and which row it was */
+    UNROLL for (int i = 0; i < n; i++) {
+        UNROLL for (int j = 0; j < n; j++) x[i][j] = *(const double *)(a + i * step[0] + j * step[1]);
+        x[i][n] = i;
+    }
+    UNROLL for (int c = 0; c < n; c++) {
+        UNROLL for (int r = c + 1; r < n; r++) {
+            const int larger = !(fabs(x[r][c]) <= fabs(x[c][c]));
+            UNROLL for (int j = 0; j <= n; j++) {
+                const double u = x[c][j], v = x[r][j];
+                x[c][j] = larger ? v : u; x[r][j] = larger ? u : v;
+            }
+        }
+        if (x[c][c] == 0.0) return 1;
+        x[c][c] = 1.0 / x[c][c];
+        UNROLL for (int r = c + 1; r < n; r++) {
+            x[r][c] *= x[c][c];
+            UNROLL for (int j = c + 1; j < n; j++) x[r][j] -= x[r][c] * x[c][j];
+        }
+    }
+    UNROLL for (int i = 0; i < n; i++) UNROLL for (int j = 0; j <= n; j++) out[i * (n + 1) + j] = x[i][j];
+    return 0;
+}
+
+ALWAYS int solve_few(const double *f, char *out, const i64 *so, const char *b, const i64 *sb, i64 count, const int n) {
+    for (; count; count--, out += so[1], b += sb[1]) {
+        double x[FEW];
+        UNROLL for (int i = 0; i < n; i++) {
+            x[i] = *(const double *)(b + (i64)f[i * (n + 1) + n] * sb[0]);
+            UNROLL for (int j = 0; j < i; j++) x[i] -= f[i * (n + 1) + j] * x[j];
+        }
+        UNROLL for (int i = n - 1; i >= 0; i--) {
+            UNROLL for (int j = i + 1; j < n; j++) x[i] -= f[i * (n + 1) + j] * x[j];
+            x[i] *= f[i * (n + 1) + i];
+            *(double *)(out + i * so[0]) = x[i];
+        }
+    }
+    return 0;
+}
+
 WIDE static int factor(const Op *o, char *out, const char *a, const char *none, double *spare) {
     const Factor f = factor_at(out, o->shape[0], (int)o->more);
+    switch (o->more == 1 ? f.n : 0) {
+        case 1: return factor_few((double *)out, a, o->step[1], 1);
+        case 2: return factor_few((double *)out, a, o->step[1], 2);
+        case 3: return factor_few((double *)out, a, o->step[1], 3);
+        case FEW: return factor_few((double *)out, a, o->step[1], FEW);
+    }
     return o->more == 2 ? factorise(f, a, o->step[1], spare, 2) : factorise(f, a, o->step[1], spare, 1);
 }
 
 WIDE static int solve(const Op *o, char *out, const char *a, const char *b, double *spare) {
     const Factor f = factor_at((char *)a, o->shape[0], (int)o->more);
     const i64 k = o->shape[1], *so = o->step[0], *sb = o->step[2];
+    switch (o->more == 1 ? f.n : 0) {
+        case 1: return solve_few((const double *)a, out, so, b, sb, k, 1);
+        case 2: return solve_few((const double *)a, out, so, b, sb, k, 2);
+        case 3: return solve_few((const double *)a, out, so, b, sb, k, 3);
+        case FEW: return solve_few((const double *)a, out, so, b, sb, k, FEW);
+    }
     for (i64 j = 0; j < k; j += SIDE, out += SIDE * so[1], b += SIDE * sb[1]) {
         const i64 count = k - j < SIDE ? k - j : SIDE;
         if (o->more == 2) substitute(f, out, so, b, sb, count, spare, 2);

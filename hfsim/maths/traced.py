@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.kernel import replay
 
 Written: Any = type("Written", (), {}) if replay is None else replay.Written
@@ -151,6 +151,21 @@ def outside(function: Callable[..., Array], *args: Any) -> Array:
     if tape is None or not any(isinstance(a, np.ndarray) and tape.knows(a) for a in args):
         return function(*args)
     return np.asarray(tape.called(function, args, {}))
+
+
+def row_products(a: Array, some: IntArray, b: Array, others: IntArray) -> Array:
+    """Return products of rows (n,) of two matrices, or sums of groups of them (m, n).
+
+    Rows that occur in several products are copied first: the products are then long and plain.
+    """
+    tape = Recording.tape
+    if tape is not None and tape.knows(a):
+        groups = len(some) if some.ndim == 2 else 1
+        written: Array = tape.core.row_products(a, some.ravel(), b, others.ravel(), groups)
+        return written
+    found = a.take(some, axis=0)
+    found *= b.take(others, axis=0)
+    return found if some.ndim == 1 else np.add.reduce(found, axis=0)
 
 
 def live(a: Array) -> Array:

@@ -10,7 +10,7 @@ import pytest
 from hfsim.maths import kernel
 from hfsim.maths.recording import Recorder, recording
 from hfsim.maths.replayed import Replayed
-from hfsim.maths.traced import Refused, apart, outside, plain, sometimes
+from hfsim.maths.traced import Refused, apart, outside, plain, row_products, sometimes
 
 pytestmark = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
 
@@ -74,6 +74,10 @@ FUNCTIONS = {
     "few columns": lambda x, y: (x[:, :2] * 2.0 - y[:, 1:3]).T @ np.maximum(x[:, 3:], y[:, None, 0])[:, ::2],
     "dot": lambda x, y: np.dot(C, x.reshape(7, -1)),
     "selections": lambda x, y: x.take(SOME, axis=0) * 2.0 + y[:3] + x[[1, 1, 4]],
+    "products of rows": lambda x, y: (
+        row_products(x, np.array([[0, 6], [6, 2]]), y[:, ::-1], np.array([[1, 1], [0, 5]])).sum(axis=0)
+        + row_products(x.T.copy(), SOME, y.reshape(6, 7), SOME[::-1])[1:, :6].sum(axis=0)
+    ),
     "columns": lambda x, y: x[:, SOME] + y[:, [1, 1, 2]],
     "writing": lambda x, y: filled(x) * y,
     "overlapping": lambda x, y: overlapping(x) + y,
@@ -350,6 +354,21 @@ def test_complex_equations_are_solved_as_by_lapack(n, rng):
         expected = z.real @ b + (z @ (b + 1j)).imag
         scale = np.linalg.cond(x + 1j * y) * np.abs(expected).max()
         np.testing.assert_allclose(replayed(x, y, b) / scale, expected / scale, atol=1e-14, rtol=0.0)
+    assert replayed.refused is None
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5])
+def test_few_equations_are_solved_as_by_lapack(n, rng):
+    """Whatever pivots they need; what is singular is told, and what is not finite stays so."""
+    replayed = Replayed(np.linalg.solve)
+    for part in (1.0, 1.0 - np.eye(n) if n > 1 else 1.0, np.tri(n), 10.0 ** rng.uniform(-9.0, 9.0, (n, 1))):
+        a, b = rng.standard_normal((30, n, n)) * part, rng.standard_normal((30, n, 2))
+        expected = np.linalg.solve(a, b)
+        scale = np.linalg.cond(a)[:, None, None] * np.abs(expected).max(axis=(1, 2), keepdims=True)
+        np.testing.assert_allclose(replayed(a, b) / scale, expected / scale, atol=1e-14, rtol=0.0)
+    assert np.isnan(replayed(np.where(np.eye(n) == 1.0, np.nan, a), b)).any()
+    with pytest.raises(np.linalg.LinAlgError):
+        replayed(0.0 * a, b)
     assert replayed.refused is None
 
 

@@ -18,6 +18,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, component_rows, from_component_rows
 from hfsim.maths.frozen import frozen
+from hfsim.maths.traced import row_products
 
 if TYPE_CHECKING:
     from hfsim.deck.materials import BeamProperties
@@ -257,17 +258,17 @@ class GramLaw(RowLaw):
         return where.ravel()
 
     @cached_property
-    def _factors(self) -> tuple[IntArray, int, IntArray]:
-        """Rows of components that are multiplied, how many make the G_ab, and the pair of each H_ab.
+    def _factors(self) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]:
+        """What is multiplied, by `row_products`.
 
-        The rows: first, then second factors of G_ab, pairs of vectors one after another for each component;
-        then V_b of each product in the sums H_ab V_b.
+        Rows of components, first and second factors of G_ab, pairs of vectors one after another for each
+        component; then those of V_b and the pairs of H_ab in the sums H_ab V_b, for each b.
         """
         n, d = self._n_vectors, self.dimension
         component = np.arange(d)[:, None]
         first, second = ((d * vectors + component).ravel() for vectors in self.pairs)
-        pulled = np.broadcast_to(np.arange(n * d).reshape(n, 1, d), (n, n, d)).ravel()
-        return np.concatenate([first, second, pulled]), len(first), np.repeat(self.packed, d)
+        pulled = np.broadcast_to(np.arange(n * d).reshape(n, 1, d), (n, n, d)).reshape(n, -1)
+        return (first, second), (pulled, np.repeat(self.packed, d).reshape(n, -1))
 
     @cached_property
     def coefficients(self) -> tuple[Array, Array, Array | None]:
@@ -319,30 +320,19 @@ class GramLaw(RowLaw):
 
     def pull(self, v: Array) -> Array:
         """Return dU/dV [J] for `component_rows`, same shape."""
-        return np.asarray(np.add.reduce(self.shares(v).reshape(len(v), *v.shape), axis=0))
+        _, (some, pairs) = self._factors
+        return row_products(v.reshape(-1, v.shape[-1]), some, self.weights(v), pairs).reshape(v.shape)
 
     def shares(self, v: Array) -> Array:
-        """Return what `pull` sums over b, 2 scale h_ab V_b, in rows (b, a, component).
-
-        Rows that occur in several products are copied first: the products are then long and plain.
-        """
-        rows, size, pairs = self._factors
-        factors = v.reshape(-1, v.shape[-1]).take(rows, axis=0)
-        shares = factors[2 * size :]
-        shares *= self._weigh(factors[:size], factors[size : 2 * size]).take(pairs, axis=0)
-        return shares
+        """Return what `pull` sums over b, 2 scale h_ab V_b, in rows (b, a, component)."""
+        _, (some, pairs) = self._factors
+        return row_products(v.reshape(-1, v.shape[-1]), some.ravel(), self.weights(v), pairs.ravel())
 
     def weights(self, v: Array) -> Array:
         """Return 2 dU/dG by pairs, shape (n_pairs, n_elements * n_states)."""
-        rows, size, _ = self._factors
-        x = v.reshape(-1, v.shape[-1])
-        return self._weigh(x.take(rows[:size], axis=0), x.take(rows[size : 2 * size], axis=0))
-
-    def _weigh(self, products: Array, others: Array) -> Array:
-        """Return 2 dU/dG from both factors of each product; overwrites the first."""
+        (first, second), x = self._factors[0], v.reshape(-1, v.shape[-1])
         matrix, constant, factor = self.coefficients
-        products *= others
-        H = np.dot(matrix, products)
+        H = np.dot(matrix, row_products(x, first, x, second))
         by_element = H.reshape(len(H), len(self.scale), -1)
         by_element += constant
         if factor is not None:

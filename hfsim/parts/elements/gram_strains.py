@@ -10,6 +10,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.maths.traced import row_products
 from hfsim.parts.elements._base import GramLaw
 
 _NOTHING = 1e-15
@@ -77,16 +78,15 @@ class GramStrainLaw(GramLaw):
 
     def pull_of(self, v: Array, e: Array) -> Array:
         """Return `pull` with given strains, (n_kinds, n_elements, n_batch or 1)."""
-        rows, size, pairs = self._factors
         halves, linear = self._pushing
         stresses = (self.stiffness[..., None] * e).reshape(len(e), -1)
         h = np.dot(halves, stresses).reshape(len(halves), *e.shape[1:])
         h += linear
         if h.size != len(h) * v.shape[-1]:
             h = np.repeat(h, v.shape[-1] // h.shape[1], axis=2)
-        shares = v.reshape(-1, v.shape[-1]).take(rows[2 * size :], axis=0)
-        shares *= h.reshape(len(h), -1).take(pairs, axis=0)
-        return np.asarray(np.add.reduce(shares.reshape(len(v), *v.shape), axis=0))
+        x = v.reshape(-1, v.shape[-1])
+        _, (some, pairs) = self._factors
+        return row_products(x, some, h.reshape(len(h), -1), pairs).reshape(v.shape)
 
     @cached_property
     def _pushing(self) -> tuple[Array, Array]:
