@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from hfsim.integrators._problem import Increments, PlainIncrements, Problem
+from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix

@@ -116,7 +116,8 @@ def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:
         if modes is not None:
             return modes
     by_v = others[0] if others else np.zeros_like(by_q)
-    return DenseDerivative(natural, by_q, by_v, None if at.solved or plain else _of_imbalance(natural, geometry, at))
+    of_imbalance = None if at.solved or plain else _of_imbalance(natural, geometry, at)
+    return DenseDerivative(natural, by_q, by_v, of_imbalance)
 
 
 def _of_imbalance(natural: Increments, geometry: Any, at: Linearized) -> tuple[Array, Array]:
