@@ -88,7 +88,7 @@ class Often(Remembering):
 
     def take(self, *kinds: str) -> None:
         """Replay from now on what is sure to be called often."""
-        if self._wanted and not all(kind in self.chosen for kind in kinds):
+        if self._wanted:
             self.chosen = tuple(sorted({*self.chosen, *kinds}))
 
     def expect(self, t: float, h: float, following: float) -> None:
@@ -102,7 +102,7 @@ class Often(Remembering):
             Length of the next one.
         """
         self._steps += 1
-        if not self._wanted or (self._steps < EARLY and following > GROWING * h):
+        if not self._asked or (self._steps < EARLY and following > GROWING * h):
             return
         # at the pace of the whole run, or at that of its last step if that is longer
         share = (self._end - t) / max(t - self._start, h * self._steps)

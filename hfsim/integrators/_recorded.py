@@ -217,8 +217,7 @@ class Recorded:
         end = self._ended()
         if self._closing is None or not isfinite(end.error):
             return end
-        q, v = self._closing(end.q, end.v)
-        return end._replace(q=q, v=v, closed=True)
+        return End(*self._closing(end.q, end.v), end.series, end.error, end.rate_error, True)
 
     def start(self) -> Array:
         """Compute the accelerations at the start."""

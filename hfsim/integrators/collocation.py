@@ -161,7 +161,7 @@ class CollocationStepper(Stepper):
     def _prepare(self, place: Place) -> None:
         """Choose how steps are made from now on."""
         often, stiff = self._problem.often, self._is_stiff(place.h)
-        if self.replays and often.rest(place.t) > LASTING * place.h:
+        if self.replays and NAMES[stiff] not in often.chosen and often.rest(place.t) > LASTING * place.h:
             often.take(NAMES[stiff])
         if stiff != self._stiff:
             self._renew(*self._guess(place).middle(), place.h)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Protocol
+from functools import partial
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -35,6 +36,13 @@ class Step(Protocol):
     @property
     def v(self) -> Array:
         """Its rate."""
+
+    @property
+    def series(self) -> Array:
+        """What is inside, with a row for each term."""
+
+    def __iter__(self) -> Iterator[Any]:
+        """Go through all of these."""
 
     def inside(self, shares: Array) -> tuple[Array, Array]:
         """Return (q, v) at shares of its length, shape (n_shares, n) each."""
@@ -73,9 +81,8 @@ class Turns:
         """
         if not self._parts:
             return ""
-        times, inside = step.t + step.h * PLACES, step.positions(PLACES)
-        inside[-1] = q
-        self._seen = self._through("angles in a step", self._along, (times, inside, v)).tolist()
+        name, look = f"angles in a step of {len(step.series)} terms", partial(self._along, type(step))
+        self._seen = self._through(name, look, (*step, q, v)).tolist()
         far = (part.item for (part, _), row in zip(self._parts, self._seen, strict=True) if row[0] > NEAR)
         return next(far, "")
 
@@ -142,11 +149,14 @@ class Turns:
         x = self._system.absolute(q)
         return np.stack([count.counted(t, part.angle(x)) for part, count in self._parts])
 
-    def _along(self, t: Array, q: Array, v: Array) -> Array:
-        """Return how far each leaves what is known of it, and `_turning` in the last state, (n_angles, 4)."""
-        pairs = zip(self._parts, self.counted(t, q), strict=True)
-        left = np.stack([count.left(t, angles) for (_, count), angles in pairs])
-        return np.concatenate([left, self._turning(t[-1:], q[-1:], v[None])], axis=1)
+    def _along(self, kind: Callable[..., Step], t: Array, h: Array, *given: Array) -> Array:
+        """Return how far each leaves what is known of it, and `_turning` at the end, (n_angles, 4)."""
+        *start, q, v = given
+        times, inside = t + h * PLACES, kind(t, h, *start).positions(PLACES)
+        inside[-1] = q
+        pairs = zip(self._parts, self.counted(times, inside), strict=True)
+        left = np.stack([count.left(times, angles) for (_, count), angles in pairs])
+        return np.concatenate([left, self._turning(times[-1:], q[None], v[None])], axis=1)
 
     def _turning(self, t: Array, q: Array, v: Array) -> Array:
         """Return angles and their rates in a state, shape (n_angles, 2)."""

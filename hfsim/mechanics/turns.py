@@ -87,8 +87,9 @@ class TurnCount:
         """Go on to the end of a step, in which the angle left what was noted by so much."""
         assert self.now is not None
         if left > NEAR:
-            self.noted.append(self.now)
-        self.take(self.noted, here)
+            self.take([*self.noted, self.now], here)
+        else:
+            self.now, self._last[:] = here, here
 
     def end(self) -> None:
         """End the motion."""
