@@ -147,8 +147,7 @@ static int viewed(Tape *t, PyObject *a, View *v) {
     if (own->nd > MOST) return refuse(t, "too many dimensions");
     *v = (View){own->at, 0, own->nd, {0}, {0}};
     for (int k = 0; k < 3; k++) if (own->dtype == PyTuple_GetItem(t->dtypes, k)) v->item = k == 0 ? 8 : k == 1 ? 16 : 1;
-    memcpy(v->shape, own->shape, own->nd * sizeof(i64));
-    memcpy(v->step, own->step, own->nd * sizeof(i64));
+    for (int d = 0; d < own->nd; d++) { v->shape[d] = own->shape[d]; v->step[d] = own->step[d]; }
     return 0;
 }
 
