@@ -204,7 +204,7 @@ def _array(a: Any, dtype: Any = None, **how: Any) -> Any:
 def _contiguous(a: Any, dtype: Any = None) -> Any:
     if not _inside(a):
         return ORIGINAL["ascontiguousarray"](a, dtype)
-    found = _asarray(a, dtype)
+    found = a if type(a) is Traced and (dtype is None or dtype == a.dtype) else _asarray(a, dtype)
     return found if found.flags.c_contiguous else found.copy()
 
 

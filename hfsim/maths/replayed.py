@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, Sequence
+from math import isfinite
 from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
@@ -69,7 +70,7 @@ class Replayed(Generic[_Result]):
             # NumPy goes first: what is kept when it is first asked for must not be made on the tape
             some = (later(given[0]), *map(shaken, given[1:]))
             expected = _arrays(self._function(*some))
-            scale = max(float(np.abs(one).max(initial=0.0)) for one in expected)
+            scale = max(map(_largest, expected))
             tape = Recorder()
             inputs = [tape.input(np.asarray(one, dtype=float)) for one in given]
             with np.errstate(all="ignore"), recording(tape):
@@ -92,6 +93,10 @@ def _arrays(found: Any) -> list[Array]:
     return list(map(np.asarray, found if isinstance(found, tuple) else (found,)))
 
 
+def _largest(a: Array) -> float:
+    return float(np.maximum.reduce(np.abs(a), None, initial=0.0))
+
+
 def agree(
     own: Sequence[Array],
     found: Sequence[Array],
@@ -112,12 +117,12 @@ def agree(
     """
     reach = 0.0 if near is None else None
     for one, other in zip(own, found, strict=True):
-        size, error = float(np.abs(one).max(initial=0.0)), float(np.abs(one - other).max(initial=0.0))
-        if not np.isfinite(size) or error <= max(AGREEING * size, ROUNDING * scale):
+        size, error = _largest(one), _largest(one - other)
+        if not isfinite(size) or error <= max(AGREEING * size, ROUNDING * scale):
             continue
         if reach is None and near is not None:
             pairs = zip(own, near(), strict=True)
-            reach = max(float(np.abs(a - b).max(initial=0.0)) for a, b in pairs)
+            reach = max(_largest(a - b) for a, b in pairs)
         if not error <= REACH * (reach or 0.0):
             raise Refused(f"{error:.3g} of {size:.3g} differ")
 

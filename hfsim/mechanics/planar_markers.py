@@ -103,10 +103,9 @@ class RigidMarker(Marker):
 
     def position_jacobian(self, x: Array) -> Array:
         """Return (1, A c turned by a quarter)."""
-        shift = np.eye(self.n_dim, self.n_dim + self.n_spin)[None]
         if self.linear:
-            return shift
-        J = np.repeat(shift, len(x), axis=0)
+            return self._units[:, : self.n_dim]
+        J = np.repeat(self._units[:, : self.n_dim], len(x), axis=0)
         J[:, :, -1] = as_vectors(1j * self._arm(x))
         return J
 
@@ -126,4 +125,9 @@ class RigidMarker(Marker):
 
     def spin_jacobian(self, x: Array) -> Array:
         """Return (0, 0, 1)."""
-        return np.eye(self.n_spin, self.n_dim + self.n_spin, self.n_dim)[None]
+        return self._units[:, self.n_dim :]
+
+    @cached_property
+    def _units(self) -> Array:
+        """Unit changes of its place and turn by those of the coordinates, (1, 3, 3)."""
+        return np.eye(self.n_dim + self.n_spin)[None]
