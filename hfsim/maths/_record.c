@@ -543,12 +543,13 @@ static int sparse_product(Tape *t, View o, View a, View b) {
             weights[k][found % 2] = entry(&a, i, j); places[k][1 + found % 2] = j * b.step[0];
             found++;
         }
+        if (weights[last][0] == 0.0) places[last][3] = 2;
         pairs += (found + 1) / 2;
         int goes_on = i > 0 && pairs - last == last - before;
         for (k = before; k < last && goes_on; k++) {
             const i64 *one = places[k], *other = places[k + last - before], ahead = one[4] * b.step[0];
-            goes_on = !memcmp(weights[k], weights[k + last - before], sizeof *weights) && other[1] == one[1] + ahead &&
-                      other[2] == one[2] + ahead;
+            goes_on = one[3] == other[3] && (one[3] == 2 || (other[1] == one[1] + ahead && other[2] == one[2] + ahead &&
+                                                             !memcmp(weights[k], weights[k + last - before], sizeof *weights)));
         }
         if (!goes_on) { before = last; continue; }
         for (k = before; k < last; k++) places[k][4]++;

@@ -396,7 +396,7 @@ static inline __attribute__((always_inline)) void combine(
 }
 
 /* out, weights, b, places; shape: pairs of entries, columns; steps: rows and columns of out and of b; places: of out,
- * of b, of b, whether out is set, and in how many rows: out[i, j] = w b[i, j] + w' b'[i, j], or out[i, j] += that */
+ * of b, of b, whether out is set (2: to zero), and in how many rows: out[i, j] = w b[i, j] + w' b'[i, j], or out[i, j] += that */
 WIDE static void sparse(const Op *o) {
     const i64 pairs = o->shape[0], *to = o->step[0], *from = o->step[2];
     const double *weights = (const double *)o->at[1];
@@ -407,7 +407,8 @@ WIDE static void sparse(const Op *o) {
         i64 n[2] = {places[4], o->shape[1]};
         const int in = n[0] < (to[0] == 8 && from[0] == 8 ? 4 : n[1]), out = !in; /* what is gone through inside */
         for (i64 i = 0; i < n[out]; i++, c += to[out], a += from[out], b += from[out]) {
-            if (to[in] == 8 && from[in] == 8) combine(c, a, b, 8, 8, n[in], weights[0], weights[1], places[3]);
+            if (places[3] == 2) for (i64 j = 0; j < n[in]; j++) *(double *)(c + j * to[in]) = 0.0;
+            else if (to[in] == 8 && from[in] == 8) combine(c, a, b, 8, 8, n[in], weights[0], weights[1], places[3]);
             else if (to[in] == 8) combine(c, a, b, 8, from[in], n[in], weights[0], weights[1], places[3]);
             else combine(c, a, b, to[in], from[in], n[in], weights[0], weights[1], places[3]);
         }

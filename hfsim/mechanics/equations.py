@@ -229,10 +229,10 @@ class Equations:
             free = self.reduction.free_force(f)
             missing, gaps = self.by_nodes.missing(x, free, self.phi.curvature(t, x, u), az)
             return missing @ self.free_mass, gaps
-        reading, mobility, _ = self._at_joints
+        reading, mobility, spreading = self._at_joints
         J = self.phi.at_joints(x)
         gaps = self.phi.curvature(t, x, u) - (J @ (az @ reading)[..., None])[..., 0]
-        free = (J @ (forces @ self._inverse_mass @ reading)[..., None])[..., 0]
+        free = (J @ (forces @ spreading.T)[..., None])[..., 0]
         multipliers = np.linalg.solve(J @ mobility @ J.swapaxes(1, 2), (free - gaps)[..., None])
         return forces - (multipliers.swapaxes(1, 2) @ J)[:, 0] @ reading.T, gaps
 

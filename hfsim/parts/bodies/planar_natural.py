@@ -186,9 +186,9 @@ class NaturalBeams(BeamIncrements):
         gd, gs, ge = at.gradient
         square = (gd.conj() * d0 + gs.conj() * s0 + ge.conj() * e0).real
         chord = c[..., self.stride :: self.stride]
-        direction = np.exp(1j * chord.imag) * (at.d / np.abs(at.d))
+        direction = np.exp(1j * chord.imag) * ((1.0 / np.abs(at.d)) * at.d)
         g00, g01, g11, g12 = self._metric
-        slopes = g11 * (np.abs(s) ** 2 + np.abs(e) ** 2) + 2.0 * g12 * (s.conj() * e).real
+        slopes = g11 * (s * s.conj() + e * e.conj()).real + 2.0 * g12 * (s.conj() * e).real
         half = (g01 / g00) * (direction.conj() * (s + e)).real
         length = np.sqrt((square + 2.0 * chord.real - slopes) / g00 + half * half) - half
         self._join(z - at.z, length * direction - at.d, c, out)
