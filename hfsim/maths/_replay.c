@@ -215,8 +215,8 @@ ROWS_OF(scatter_d, 3, for (i = 0; i < n; i++) INTO(double) = AT(double, 1, i);)
 ROWS_OF(scatter_D, 3, for (i = 0; i < n; i++) INTO(cplx) = AT(cplx, 1, i);)
 ROWS_OF(sadd_d, 3, for (i = 0; i < n; i++) INTO(double) += AT(double, 1, i);)
 
-#define LISTED(f, k) {f, sizeof(k) - 1},
-static const struct { Inner inner; int operands; } TABLE[] = {ELEMENTWISE(LISTED)};
+#define LISTED(f, k) f,
+static const Inner TABLE[] = {ELEMENTWISE(LISTED)};
 #define TOLD(f, k) {#f, k},
 const Kind KINDS[] = {ELEMENTWISE(TOLD)};
 
@@ -244,24 +244,25 @@ WIDE static void turned(char *to, i64 row, const char *from, i64 column, i64 m, 
     for (; i < m; i++) for (j = 0; j < n; j++) *(double *)(to + i * row + j * 8) = *(const double *)(from + i * 8 + j * column);
 }
 
-static inline void elementwise(const Op *o, Inner inner, int operands) {
+static inline void elementwise(const Op *o, Inner inner) {
+    const int last = (int)o->ndim - 1, rows = last - 1;
     char *at[OPERANDS];
-    i64 step[OPERANDS], row[OPERANDS], count[DIMS] = {0};
-    int d, k, last = (int)o->ndim - 1, rows = last - 1;
-    for (k = 0; k < operands; k++) {
-        at[k] = o->at[k]; step[k] = o->step[k][last]; row[k] = rows < 0 ? 0 : o->step[k][rows];
+    i64 step[OPERANDS], row[OPERANDS], count[DIMS];
+    UNROLL for (int k = 0; k < OPERANDS; k++) {
+        at[k] = o->at[k]; step[k] = o->step[k][last]; row[k] = o->step[k][rows < 0 ? 0 : rows];
     }
-    for (;;) {
+    if (rows <= 0) { inner(at, step, row, o->shape[last], rows < 0 ? 1 : o->shape[0]); return; }
+    memset(count, 0, sizeof count);
+    for (int d = 0; d >= 0;) {
         char *here[OPERANDS];
-        for (k = 0; k < operands; k++) here[k] = at[k];
-        inner(here, step, row, o->shape[last], rows < 0 ? 1 : o->shape[rows]);
+        memcpy(here, at, sizeof here);
+        inner(here, step, row, o->shape[last], o->shape[rows]);
         for (d = rows - 1; d >= 0; d--) {
-            for (k = 0; k < operands; k++) at[k] += o->step[k][d];
+            for (int k = 0; k < OPERANDS; k++) at[k] += o->step[k][d];
             if (++count[d] < o->shape[d]) break;
-            for (k = 0; k < operands; k++) at[k] -= o->step[k][d] * o->shape[d];
+            for (int k = 0; k < OPERANDS; k++) at[k] -= o->step[k][d] * o->shape[d];
             count[d] = 0;
         }
-        if (d < 0) return;
     }
 }
 
@@ -440,7 +441,7 @@ int operate(const Op *o) {
     int failed = 0;
     if (o->code == copy_d_code && o->ndim == 2 && o->step[0][1] == 8 && o->step[1][0] == 8)
         turned(o->at[0], o->step[0][0], o->at[1], o->step[1][1], o->shape[0], o->shape[1]);
-    else if (o->code < MATMUL) elementwise(o, TABLE[o->code].inner, TABLE[o->code].operands);
+    else if (o->code < MATMUL) elementwise(o, TABLE[o->code]);
     else if (o->code == SPARSE) sparse(o);
     else if (o->code == PRODUCTS) products(o);
     else failed = o->code == MATMUL ? matmul(o) : resolve(o);
