@@ -15,6 +15,8 @@ from hfsim.mechanics.projection import CLOSER, SEEN, STEADIER, Projection
 
 FUNCTIONS = (SEEN, CLOSER, STEADIER)
 """Programs, in the order in which they are recorded."""
+NOTHING = np.zeros(0)
+"""Given for times: they are in the recording."""
 
 
 class Closing:
@@ -66,16 +68,16 @@ class Closing:
         except Refused:
             return None
 
-    def __call__(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return the end of a step (n,) moved there, when `SEEN` was run."""
-        moved, rate = self._project(np.zeros(0), q[None], v[None])
-        return moved[0].copy(), rate[0].copy()
+    def __call__(self) -> tuple[Array, Array]:
+        """Return the end of a step (n,) moved there, when `SEEN` was run: until the next step."""
+        q, v = self._project(NOTHING, self._q, self._v)
+        return q[0], v[0]
 
     def tried(self, q: Array, v: Array) -> list[Array]:
         """Do as the function below does."""
         self._q[...], self._v[...] = q, v
         self.programs[SEEN]()
-        return tried(self._project, np.zeros(0), q, v)
+        return tried(self._project, NOTHING, q, v)
 
     def _called(self, name: str, function: Callable[..., Any], given: tuple[Any, ...]) -> Sequence[Array]:
         if name != SEEN:

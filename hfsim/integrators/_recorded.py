@@ -177,7 +177,7 @@ class Recorded:
         self.expected = None if own.expected is None else plain(own.expected)
         last = self.program("end", SEEN) if closing else self.program("end")
         self.corrections = [*map(self.program, ("correct", "small", "finite")), last]
-        self._closing, self._end = closing, tuple(map(plain, end[:5]))
+        self._closing, self._end = closing, rebuilt(end, plain)
 
     def program(self, *names: str) -> Program:
         """Return programs, one after another, as one."""
@@ -214,10 +214,9 @@ class Recorded:
 
     def result(self) -> End:
         """Return what the last step leads to, moved onto the constraints if that is recorded."""
-        end = self._ended()
-        if self._closing is None or not isfinite(end.error):
-            return end
-        return End(*self._closing(end.q, end.v), end.series, end.error, end.rate_error, True)
+        closing = self._closing if isfinite(self._end.error) else None
+        q, v = closing() if closing else self._end[:2]
+        return self._ended(q, v, closing is not None)
 
     def start(self) -> Array:
         """Compute the accelerations at the start."""
@@ -258,11 +257,11 @@ class Recorded:
     def end(self) -> End:
         """Return what the step leads to."""
         self.run("end")
-        return self._ended()
+        return self._ended(self._end.q, self._end.v, False)
 
-    def _ended(self) -> End:
-        q, v, series, error, rate_error = self._end
-        return End(q.copy(), v.copy(), series.copy(), float(error), float(rate_error))
+    def _ended(self, q: Array, v: Array, closed: bool) -> End:
+        end = self._end
+        return End(q.copy(), v.copy(), end.series.copy(), float(end.error), float(end.rate_error), closed)
 
     def closed(self, q: Array, v: Array) -> list[Array]:
         """Return what the functions of the projection return at an end; nothing if they are not recorded."""
