@@ -16,19 +16,26 @@ LAST_DIGIT = 4e-16
 """Corrections, relative to the largest coordinate, that are rounding."""
 
 
-class Ending:
-    """Tells when an iteration ends; ``iterate`` in ``_replay.c`` does as it does.
+def limits(tolerance: float) -> tuple[float, float, float]:
+    """Return what limits iterations, all over the size of the coordinates.
 
-    Attributes
-    ----------
-    limits : tuple of float
-        Consequence of a correction that need not be followed by another one; sizes of corrections that may
-        be, or are, rounding.
+    That is the consequence of a correction that need not be followed by another one, and the sizes of
+    corrections that may be, or are, rounding.
     """
+    return GOAL * tolerance, ROUNDING, LAST_DIGIT
+
+
+def size_of(q: Array) -> Array:
+    """Return the size of coordinates (n,), shape ()."""
+    return np.asarray(1.0 + np.abs(q).max())
+
+
+class Ending:
+    """Tells when an iteration ends; ``iterate`` in ``_replay.c`` does as it does."""
 
     def __init__(self, q: Array, tolerance: float) -> None:
-        scale = 1.0 + float(np.maximum.reduce(np.abs(q)))
-        self.limits = GOAL * tolerance * scale, ROUNDING * scale, LAST_DIGIT * scale
+        size = float(size_of(q))
+        self._limits = tuple(limit * size for limit in limits(tolerance))
         self._before = self._last = self._rate = np.inf
 
     def after(self, k: int, change: float, size: float) -> bool | None:
@@ -42,7 +49,7 @@ class Ending:
         size : float
             Size of the correction.
         """
-        (goal, near, last_digit), ratio = self.limits, change / self._last
+        (goal, near, last_digit), ratio = self._limits, change / self._last
         self._rate = rate = ratio if k <= 1 else max(ratio, 0.5 * self._rate)
         settled = k > 0 and rate < 1.0 and change * max(rate, 0.05) < goal * (1.0 - rate)
         rounding = size < near and k > 2 and ratio > 0.9

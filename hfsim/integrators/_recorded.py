@@ -13,6 +13,7 @@ import numpy as np
 
 from hfsim.integrators._closing import FUNCTIONS, Closing, tried
 from hfsim.integrators._derivative import Derivative
+from hfsim.integrators._ending import size_of
 from hfsim.integrators._iteration import End, Iteration, Place
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
@@ -75,7 +76,7 @@ class Recorded:
     expected : ndarray, shape (s, n_strains), or None
     correction_found : ndarray, shape (s, n)
     sizes : tuple of ndarray, shape ()
-        Of a correction's consequence, and of the correction.
+        Of a correction's consequence, of the correction, and of the coordinates.
     corrections : list of Program
         What finds a correction, what adds a small one, what adds another one, and what ends the step.
     calls : list of str
@@ -140,6 +141,7 @@ class Recorded:
             own = _OnTape(problem, known, kind.table, step, kind.strained)
             own.a = tape.input(np.zeros((kind.table.stages, n)))
             own.guess(a0)
+            size = size_of(step.q)
             tape.cut()
             for part, value in zip(_parted(where, n), own.middle(), strict=True):
                 if part is not None:
@@ -161,7 +163,7 @@ class Recorded:
         arrays = {name: one for name, one in arrays_in(known) if tape.knows(one)}
         strains = [] if own.expected is None else [own.expected]
         outputs = [*sizes, own.correction_found, *end[:5], *strains, frequency, *arrays.values()]
-        outputs += [taken, *(closing.outputs if closing else [])]
+        outputs += [taken, size, *(closing.outputs if closing else [])]
         programs = tape.programs(*outputs)
         names = (*PROGRAMS, *FUNCTIONS) if closing else PROGRAMS
         self._programs: dict[tuple[str, ...], Program] = {}
@@ -170,7 +172,7 @@ class Recorded:
             closing.programs = {name: self._programs[name,] for name in FUNCTIONS}
         self.template: Derivative = rebuilt(known, plain)
         self._arrays = {name: plain(one) for name, one in arrays.items()}
-        self.frequency, self.sizes = plain(frequency), (plain(sizes[0]), plain(sizes[1]))
+        self.frequency, self.sizes = plain(frequency), (plain(sizes[0]), plain(sizes[1]), plain(size))
         self.taken_at = plain(taken)
         self._place, self.a0, self.where = list(map(plain, memory)), plain(a0), plain(where)
         self.a, self.correction_found = plain(own.a), plain(own.correction_found)

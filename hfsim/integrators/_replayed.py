@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators._derivative import Derivative
-from hfsim.integrators._ending import MAX_ITERATIONS, Ending
+from hfsim.integrators._ending import MAX_ITERATIONS, limits
 from hfsim.integrators._iteration import LINEAR, End, Middle, Place
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Kind, Recorded
@@ -135,7 +135,7 @@ class Replay:
         return self.recorded.template
 
     def attempt(
-        self, problem: Problem, place: Place, known: Array | None, renew: bool, ending: Ending,
+        self, problem: Problem, place: Place, known: Array | None, renew: bool, tolerance: float,
         guess: Array | None = None,
     ) -> tuple[bool, int]:  # fmt: skip
         """Make a step with the derivative that is held.
@@ -149,7 +149,7 @@ class Replay:
             Accelerations at the start, if they are.
         renew : bool
             Whether the derivative is taken anew in the middle of the step, if that is recorded.
-        ending : Ending
+        tolerance : float
         guess : ndarray, shape (s, n), optional
             Accelerations at the stages to begin with.
 
@@ -171,7 +171,7 @@ class Replay:
         if place.h != self._prepared:
             names.append("prepare")
         programs = step.program(*names), *step.corrections
-        converged, count = iterated(programs, step.sizes, (*ending.limits, LINEAR), MAX_ITERATIONS)
+        converged, count = iterated(programs, step.sizes, (*limits(tolerance), LINEAR), MAX_ITERATIONS)
         self._prepared = place.h
         if renew:
             self._take(problem)

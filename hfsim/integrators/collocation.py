@@ -205,7 +205,7 @@ class CollocationStepper(Stepper):
 
     def _solve(self, place: Place) -> Iteration | Replay | None:
         """Iterate; return a step that has converged."""
-        replay, ending, guess = self._replay(place), Ending(place.q, self._tolerance), None
+        replay, guess = self._replay(place), None
         if replay is not None and self._old and not replay.derives:
             middle = replay.middle(self._problem, place, self._known_at_start(place))
             guess, self._known_at, self._known = replay.a.copy(), place.t, replay.started()
@@ -214,10 +214,11 @@ class CollocationStepper(Stepper):
         if replay is None:
             step = self._begun(place)
             step.a = step.a if guess is None else guess
-            converged, self._iterations = step.solve(ending)
+            converged, self._iterations = step.solve(Ending(place.q, self._tolerance))
             return step if converged else None
         known = self._known_at_start(place)
-        converged, self._iterations = replay.attempt(self._problem, place, known, self._old, ending, guess)
+        tried = replay.attempt(self._problem, place, known, self._old, self._tolerance, guess)
+        converged, self._iterations = tried
         assert replay.held is not None
         self._derivative = replay.held
         if known is None:

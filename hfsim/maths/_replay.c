@@ -488,14 +488,15 @@ static int ended(Ending *e, int k, double change, double size) {
 }
 
 static PyObject *iterate(PyObject *self, PyObject *args) {
-    Py_buffer before, correct, small, finite, after, change, size;
+    Py_buffer before, correct, small, finite, after, change, size, scale;
     PyObject *calls;
     Ending e = {0, 0, 0, HUGE_VAL, HUGE_VAL, HUGE_VAL};
     double linear;
     int most, k = 0, outcome = 0, failed;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*O!y*y*ddddi", &before, &correct, &small, &finite, &after, &PyList_Type, &calls,
-                          &change, &size, &e.goal, &e.near, &e.last_digit, &linear, &most)) return NULL;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*O!y*y*y*ddddi", &before, &correct, &small, &finite, &after, &PyList_Type, &calls,
+                          &change, &size, &scale, &e.goal, &e.near, &e.last_digit, &linear, &most)) return NULL;
     failed = replay(&before, calls);
+    e.goal *= *(double *)scale.buf; e.near *= *(double *)scale.buf; e.last_digit *= *(double *)scale.buf;
     while (!outcome && k < most && !failed) {
         failed = PyErr_CheckSignals() || replay(&correct, calls);
         if (failed) break;
@@ -505,7 +506,7 @@ static PyObject *iterate(PyObject *self, PyObject *args) {
     }
     failed = failed || (outcome > 0 && replay(&after, calls));
     PyBuffer_Release(&before); PyBuffer_Release(&correct); PyBuffer_Release(&small); PyBuffer_Release(&finite);
-    PyBuffer_Release(&after); PyBuffer_Release(&change); PyBuffer_Release(&size);
+    PyBuffer_Release(&after); PyBuffer_Release(&change); PyBuffer_Release(&size); PyBuffer_Release(&scale);
     return failed ? NULL : PyLong_FromLong(outcome > 0 ? k : -k);
 }
 

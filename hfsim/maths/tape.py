@@ -52,7 +52,7 @@ class Program:
 
 def iterated(
     programs: Sequence[Program],
-    sizes: tuple[Array, Array],
+    sizes: tuple[Array, Array, Array],
     limits: tuple[float, float, float, float],
     most: int,
 ) -> tuple[bool, int]:
@@ -64,9 +64,10 @@ def iterated(
         What comes first; what finds a correction; what adds it if it is small, and if it is not; what follows
         if the iteration converges.
     sizes : tuple of ndarray, shape ()
-        Where a correction writes the size of the correction's consequence, and of the correction.
+        Where a correction writes the size of the correction's consequence, and of the correction, and what
+        comes first that of the coordinates.
     limits : tuple of float
-        Those of `hfsim.integrators._ending.Ending`, and below what size a correction is small.
+        Those of `hfsim.integrators._ending`, and below what size a correction is small.
     most : int
         Corrections at most.
 

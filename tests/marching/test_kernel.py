@@ -7,7 +7,7 @@ import pytest
 from natively import at_once, evaluates_alike, native, states
 
 from hfsim.integrators._closing import Closing
-from hfsim.integrators._ending import Ending
+from hfsim.integrators._ending import Ending, limits
 from hfsim.marching.integration import run_integration
 from hfsim.maths import kernel
 from hfsim.maths.recording import Recorder
@@ -111,10 +111,11 @@ def test_iterations_end_as_in_numpy(seed):
     changes = 10.0 ** rng.uniform(-9.0, 1.0) * np.cumprod(shrink * np.exp(noise * rng.standard_normal(20)))
     changes = np.where(rng.random(20) < 0.03, np.nan, changes)
     given = np.stack([changes, changes * 10.0 ** rng.uniform(-6.0, 1.0)], axis=1)
-    ending = Ending(np.ones(3), 10.0 ** rng.uniform(-12.0, -3.0))
+    tolerance = 10.0 ** rng.uniform(-12.0, -3.0)
+    ending = Ending(np.ones(3), tolerance)
     outcomes = (ending.after(k, change, size) for k, (change, size) in enumerate(given))
     expected = next(((found, k + 1) for k, found in enumerate(outcomes) if found is not None), (False, 20))
-    again, tape, sizes = iter(given), Recorder(), (np.zeros(()), np.zeros(()))
+    again, tape, sizes = iter(given), Recorder(), (np.zeros(()), np.zeros(()), np.full((), 2.0))
 
     def correct():
         sizes[0][...], sizes[1][...] = next(again)
@@ -124,7 +125,7 @@ def test_iterations_end_as_in_numpy(seed):
     tape.cut()
     first, nothing = tape.programs()
     programs = (nothing, first, nothing, nothing, nothing)
-    assert iterated(programs, sizes, (*ending.limits, 1e-3), 20) == expected
+    assert iterated(programs, sizes, (*limits(tolerance), 1e-3), 20) == expected
 
 
 @pytest.mark.parametrize("name", ["hub_beams", "hub_beams_soft"])

@@ -48,7 +48,7 @@ def interrupted(after):
 
 def test_a_signal_ends_corrections_that_would_go_on():
     """With limits of 0 and corrections of 0 none is ever the last one."""
-    tape, sizes = Recorder(), (np.zeros(()), np.zeros(()))
+    tape, sizes = Recorder(), (np.zeros(()), np.zeros(()), np.ones(()))
     tape.cut()
     (nothing,) = tape.programs()
     begun = time.perf_counter()
