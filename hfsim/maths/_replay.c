@@ -193,16 +193,16 @@ ROWS_OF(exp_D, 2,
         o[2 * i] = size * wave(a, 1); o[2 * i + 1] = size * wave(a, 0);
     })
 
-#define WHERE(NAME, T)                                                                                       \
-    ROWS_OF(NAME, 4,                                                                                         \
-        T *o = (T *)at[0]; const char *c = at[1]; const T *p = (const T *)at[2]; const T *q = (const T *)at[3]; \
-        const int plain = step[0] == sizeof(T) && step[1] == 1;                                              \
-        if (plain && step[2] == sizeof(T) && step[3] == sizeof(T)) IVDEP for (i = 0; i < n; i++) o[i] = c[i] ? p[i] : q[i]; \
-        else if (plain && step[2] == sizeof(T) && step[3] == 0) IVDEP for (i = 0; i < n; i++) o[i] = c[i] ? p[i] : *q; \
-        else if (plain && step[2] == 0 && step[3] == sizeof(T)) IVDEP for (i = 0; i < n; i++) o[i] = c[i] ? *p : q[i]; \
-        else for (i = 0; i < n; i++) AT(T, 0, i) = AT(char, 1, i) ? AT(T, 2, i) : AT(T, 3, i);)
-WHERE(where_d, double)
-WHERE(where_D, cplx)
+/* numbers are chosen by their bits: that needs no branches */
+typedef i64 bits __attribute__((may_alias));
+#define CHOSEN(X, Y) for (i = 0; i < n; i++) { const i64 mask = -(i64)c[i], x = X, y = Y; o[i] = (x & mask) | (y & ~mask); }
+ROWS_OF(where_d, 4,
+    bits *o = (bits *)at[0]; const char *c = at[1]; const bits *p = (const bits *)at[2]; const bits *q = (const bits *)at[3];
+    const int plain = step[0] == 8 && step[1] == 1;
+    if (plain && step[2] == 8 && step[3] == 8) IVDEP CHOSEN(p[i], q[i])
+    else if (plain && step[2] == 8 && step[3] == 0) { const i64 all = *q; IVDEP CHOSEN(p[i], all) }
+    else for (i = 0; i < n; i++) AT(double, 0, i) = AT(char, 1, i) ? AT(double, 2, i) : AT(double, 3, i);)
+ROWS_OF(where_D, 4, for (i = 0; i < n; i++) AT(cplx, 0, i) = AT(char, 1, i) ? AT(cplx, 2, i) : AT(cplx, 3, i);)
 
 /* out, a, places: out[i] = a[i + places[i]], places in bytes; and the other way round */
 #define FROM(T) *(T *)(at[1] + i * step[1] + AT(i64, 2, i))

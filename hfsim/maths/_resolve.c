@@ -8,11 +8,11 @@
 #include <math.h>
 #include <string.h>
 
-#define W 8         /* numbers in a vector */
+#define W 4         /* numbers in a vector */
 #define SIDE 4      /* columns that are solved for side by side */
 #define TINY 1e-280 /* squares of numbers that are nothing beside 1 */
 #define SWEEPS 30   /* for an eigenvalue at most, as in LAPACK */
-typedef double vec __attribute__((vector_size(64), aligned(8)));
+typedef double vec __attribute__((vector_size(32), aligned(8)));
 #define ALWAYS static inline __attribute__((always_inline))
 
 static inline i64 vectors(i64 n) { return (n + W - 1) / W; }
@@ -187,26 +187,18 @@ ALWAYS int solve_few(const double *f, char *out, const i64 *so, const char *b, c
     return 0;
 }
 
+#define SOME(DO, N) case N: { const int n = N; return DO; }
+#define IF_FEW(DO) switch (o->more == 1 ? f.n : 0) { SOME(DO, 1) SOME(DO, 2) SOME(DO, 3) SOME(DO, FEW) }
 WIDE static int factor(const Op *o, char *out, const char *a, const char *none, double *spare) {
     const Factor f = factor_at(out, o->shape[0], (int)o->more);
-    switch (o->more == 1 ? f.n : 0) {
-        case 1: return factor_few((double *)out, a, o->step[1], 1);
-        case 2: return factor_few((double *)out, a, o->step[1], 2);
-        case 3: return factor_few((double *)out, a, o->step[1], 3);
-        case FEW: return factor_few((double *)out, a, o->step[1], FEW);
-    }
+    IF_FEW(factor_few((double *)out, a, o->step[1], n))
     return o->more == 2 ? factorise(f, a, o->step[1], spare, 2) : factorise(f, a, o->step[1], spare, 1);
 }
 
 WIDE static int solve(const Op *o, char *out, const char *a, const char *b, double *spare) {
     const Factor f = factor_at((char *)a, o->shape[0], (int)o->more);
     const i64 k = o->shape[1], *so = o->step[0], *sb = o->step[2];
-    switch (o->more == 1 ? f.n : 0) {
-        case 1: return solve_few((const double *)a, out, so, b, sb, k, 1);
-        case 2: return solve_few((const double *)a, out, so, b, sb, k, 2);
-        case 3: return solve_few((const double *)a, out, so, b, sb, k, 3);
-        case FEW: return solve_few((const double *)a, out, so, b, sb, k, FEW);
-    }
+    IF_FEW(solve_few((const double *)a, out, so, b, sb, k, n))
     for (i64 j = 0; j < k; j += SIDE, out += SIDE * so[1], b += SIDE * sb[1]) {
         const i64 count = k - j < SIDE ? k - j : SIDE;
         if (o->more == 2) substitute(f, out, so, b, sb, count, spare, 2);
@@ -220,7 +212,7 @@ WIDE static int solve(const Op *o, char *out, const char *a, const char *b, doub
 ALWAYS double dot(const vec *x, const vec *y, i64 first, i64 m) {
     vec sum = {0};
     for (i64 j = first; j < m; j++) sum += x[j] * y[j];
-    return ((sum[0] + sum[1]) + (sum[2] + sum[3])) + ((sum[4] + sum[5]) + (sum[6] + sum[7]));
+    return (sum[0] + sum[1]) + (sum[2] + sum[3]);
 }
 
 /* Make of x the vector v of a reflection 1 - weight v v^T that leaves of x from an entry on only this entry, and zero

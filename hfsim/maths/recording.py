@@ -85,7 +85,7 @@ def _round(tape: Recorder, a: Any, decimals: int = 0) -> Any:
 def _factors(tape: Recorder, a: Any) -> Any:
     """Write down the factors of matrices, which `_solution` reads; see ``_resolve.c``."""
     *batch, n, _ = a.shape
-    return tape.core.resolve(CODES["factor"], tape.core.new((*batch, 2 * n + 2, -n % 8 + n), a.itemsize), a)
+    return tape.core.resolve(CODES["factor"], tape.core.new((*batch, 2 * n + 2, -n % 4 + n), a.itemsize), a)
 
 
 def _solution(tape: Recorder, factors: Any, b: Any) -> Any:
