@@ -29,7 +29,7 @@ CODES: dict[str, int] = {} if replay is None else replay.CODES
 WORDS = 32
 """Numbers of 8 bytes that an operation takes, as in ``_replay.h``; the first one is its code."""
 REAL, COMPLEX, TRUTH = np.dtype(float), np.dtype(complex), np.dtype(bool)
-KINDS = {REAL, COMPLEX, TRUTH}
+KINDS = {one: one for one in (REAL, COMPLEX, TRUTH)}
 """Types of numbers that are written down."""
 
 
@@ -187,7 +187,8 @@ class Tape:
 def fixed(a: Any) -> np.ndarray:
     """Return a copy of what is no memory of a tape: it is what it is now at every replay."""
     value = array(a)
-    return value if value.dtype in KINDS else value.astype(float)
+    kind = KINDS.get(value.dtype, REAL)  # the kernel knows types by identity: what was pickled has its own
+    return value.astype(kind, copy=value.dtype is not kind)
 
 
 @lru_cache(maxsize=64)

@@ -1,6 +1,7 @@
 """Tapes do what NumPy does, and refuse what they cannot."""
 
 import gc
+import pickle
 import threading
 import weakref
 
@@ -242,6 +243,15 @@ def test_what_is_written_behind_the_back_of_a_tape_is_noticed(rng):
     x = rng.standard_normal((3, 5))
     assert replayed(x).shape == (4,)
     assert "differ" in str(replayed.refused)
+
+
+def test_constants_from_another_process_are_as_good(rng):
+    """Their types are not the same objects."""
+    there = pickle.loads(pickle.dumps(C))
+    replayed = Replayed(lambda x: there @ x)
+    for x in rng.standard_normal((3, 7, 2)):
+        assert np.allclose(replayed(x), C @ x)
+    assert replayed.refused is None
 
 
 def test_what_remains_constant_by_mistake_is_noticed(rng):
