@@ -37,7 +37,7 @@ typedef struct { PyObject_HEAD Tape *tape; int32_t piece; } Memory;
 /* NumPy's arrays, as its binary interface has them: how they begin, and what it offers */
 typedef struct { PyObject_HEAD char *at; int nd; i64 *shape, *step; PyObject *base, *dtype; } Array;
 typedef PyObject *NewArray(PyTypeObject *, PyObject *dtype, int nd, const i64 *shape, const i64 *step, char *at, int, PyObject *);
-enum { TYPE = 2, NEW = 94, SET_BASE = 282, WRITEABLE = 0x500 };
+enum { VERSION = 0, TYPE = 2, NEW = 94, SET_BASE = 282, WRITEABLE = 0x500 };
 static void **numpy;
 static PyTypeObject *array;
 
@@ -843,6 +843,11 @@ PyObject *written_type(PyObject *module) {
     numpy = offer ? PyCapsule_GetPointer(offer, NULL) : NULL;
     Py_XDECREF(of); Py_XDECREF(offer);
     if (!numpy) return NULL;
+    const unsigned version = ((unsigned (*)(void))numpy[VERSION])();
+    if (version != 0x1000009 && version != 0x2000000) { /* of NumPy 1 and 2, which begin alike */
+        PyErr_SetString(PyExc_ImportError, "NumPy has another binary interface");
+        return NULL;
+    }
     array = numpy[TYPE];
     return PyType_FromModuleAndSpec(module, &WRITTEN, NULL);
 }

@@ -161,13 +161,13 @@ class Tape:
 
     @contextmanager
     def attempt(self) -> Iterator[None]:
-        """Take back what was written down since, if it is refused."""
-        rows, calls = len(self.core), len(self.calls)
+        """Take back what was written down since, and the programs that ended, if it is refused."""
+        rows, calls, cuts = len(self.core), len(self.calls), len(self._cuts)
         try:
             yield
         except Refused:
             self.core.keep(rows)
-            del self.calls[calls:]
+            del self.calls[calls:], self._cuts[cuts:]
             raise
 
     # ------------------------------------------------------------------ programs

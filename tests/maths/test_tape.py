@@ -245,6 +245,19 @@ def test_what_is_written_behind_the_back_of_a_tape_is_noticed(rng):
     assert "differ" in str(replayed.refused)
 
 
+def test_a_refused_part_leaves_no_program():
+    tape = Recorder()
+    x = tape.input(np.ones(3))
+    with recording(tape):
+        y = x + 1.0
+        tape.cut()
+        with pytest.raises(Refused), tape.attempt():
+            y *= 2.0
+            tape.cut()
+            bool(x[0])
+    assert len(tape.programs(y)) == 1
+
+
 def test_constants_from_another_process_are_as_good(rng):
     """Their types are not the same objects."""
     there = pickle.loads(pickle.dumps(C))
