@@ -122,7 +122,8 @@ def test_a_run_that_ends_while_its_folder_is_made_says_so(tmp_path, monkeypatch)
     ],
 )
 def test_a_run_that_was_killed_goes_on_as_if_nothing_had_been(tmp_path, number, whole):
-    own = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # else as of who calls
+    ends = (signal.SIGINT, signal.SIGHUP)
+    own = {"preexec_fn": lambda: [signal.signal(one, signal.SIG_DFL) for one in ends]}  # else as of who calls
     killed = tmp_path / "killed"
     process = hfsim("-o", str(killed), *LONG, **own)
     until = time.monotonic() + 60.0

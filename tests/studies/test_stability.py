@@ -135,7 +135,8 @@ if __name__ == "__main__":
 def test_no_worker_outlives_its_study(tmp_path, number):
     script = tmp_path / "study.py"
     script.write_text(STUDY)
-    own = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}  # else as of who calls
+    ends = (signal.SIGINT, signal.SIGHUP)
+    own = {"preexec_fn": lambda: [signal.signal(one, signal.SIG_DFL) for one in ends]}  # else as of who calls
     study = subprocess.Popen([sys.executable, script], stdout=subprocess.PIPE, text=True, **own)
     workers = [int(study.stdout.readline()) for _ in range(2)]
     study.send_signal(number)
