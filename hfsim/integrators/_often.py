@@ -29,9 +29,9 @@ _Found = TypeVar("_Found")
 class Often(Remembering):
     """Which functions are replayed in a run.
 
-    That is decided between two steps, from what was counted before and the pace of the run, or at once for what
-    is sure to be called often, and remembered: both ways differ in rounding, and a run that is put down goes on
-    to the last bit.
+    That is decided between two steps, from what was counted before and the pace of the run, or at once for
+    what is sure to be called often, and remembered: both ways differ in rounding, and a run that is put down
+    goes on to the last bit.
 
     Parameters
     ----------

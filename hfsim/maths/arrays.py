@@ -62,7 +62,7 @@ def are_finite(a: Array, b: Array) -> bool:
 
     Examples
     --------
-    >>> [are_finite(np.array([0.0, 1e300]), np.array([0.0, last])) for last in (1e300, np.nan, np.inf)]
+    >>> [are_finite(np.array([0.0, 1.0]), np.array([0.0, last])) for last in (1.0, np.nan, np.inf)]
     [True, False, False]
     """
     return math.isfinite(a.dot(b)) or bool(np.isfinite(a).all() and np.isfinite(b).all())

@@ -237,7 +237,8 @@ def test_races_end_with_their_time(held):
     assert contest.open["gear"].needs > 0.4 and sum(probe.cpu for probe in contest.probes) < 0.42
 
 
-def test_what_the_scene_refuses_is_told():
+def test_what_the_scene_refuses_is_told(monkeypatch):
+    monkeypatch.setattr("hfsim.studies.refine.races.PROBING", 0.99)  # time enough for all methods
     run, _ = refine(pendulum("solve.coordinates=frame"))
     for probe in run.statistics["refinement"]["probes"]:
         if probe["method"] == "energy":
