@@ -350,4 +350,4 @@ def _together(at: State) -> Array:
 def _parted(where: Array, n: int) -> State:
     """Return the parts of a state (n,) that is one array."""
     expected = where[2 * n + 1 :] if len(where) > 2 * n + 1 else None
-    return where[0], where[1 : n + 1], where[n + 1 : 2 * n + 1], expected
+    return where[0, ...], where[1 : n + 1], where[n + 1 : 2 * n + 1], expected

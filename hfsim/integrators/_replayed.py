@@ -50,7 +50,6 @@ class Replays:
 
     def __init__(self, problem: Problem) -> None:
         self._problem = problem
-        self._kept = problem.recordings.setdefault(get_ident(), {})
 
     def of(self, kind: Kind, place: Place, derivative: Derivative | Held) -> Replay | None:
         """Return the recording of a kind of steps, in which there is a derivative; None if there is none.
@@ -59,7 +58,7 @@ class Replays:
         """
         if isinstance(derivative, Held):
             replay = derivative.replay
-            if replay.kind == kind and replay.held is derivative:
+            if replay.kind == kind and replay.held is derivative and replay.thread == get_ident():
                 return replay
         found = self._deriving(kind, place, derivative)
         if found is None and isinstance(derivative, Derivative):
@@ -94,14 +93,15 @@ class Replays:
     def _recorded(
         self, key: tuple[Kind, Any], place: Place, given: Derivative | None, known: Any = None
     ) -> Replay | None:
-        if key not in self._kept:
+        kept = self._problem.recordings.setdefault(get_ident(), {})
+        if key not in kept:
             try:
                 known = known if isinstance(known, Derivative) else None
                 recorded = Recorded(self._problem.apart(), key[0], place, given, known)
-                self._kept[key] = Replay(key[0], recorded, given)
+                kept[key] = Replay(key[0], recorded, given)
             except UNREADABLE as why:
-                self._kept[key] = why
-        found = self._kept[key]
+                kept[key] = why
+        found = kept[key]
         return found if isinstance(found, Replay) else None
 
 
@@ -112,6 +112,8 @@ class Replay:
     ----------
     kind : Kind
     recorded : Recorded
+    thread : int
+        Whose memory it works on.
     derives : bool
         Whether the derivative is among what is recorded.
     held : Derivative, Held or None
@@ -120,6 +122,7 @@ class Replay:
 
     def __init__(self, kind: Kind, recorded: Recorded, given: Derivative | None) -> None:
         self.kind, self.recorded, self.derives = kind, recorded, given is None
+        self.thread = get_ident()
         self.held: Derivative | Held | None = given
         self._prepared = np.nan
         """Length of the step that corrections are ready for."""
@@ -208,7 +211,7 @@ class Replay:
             if _form(derivative) != _form(self.template):
                 return False
             self.recorded.put(derivative)
-        elif derivative.replay is self:
+        elif derivative.replay.kind == self.kind:
             at, angles = place_of(problem, derivative.taken)
             with problem.turns.supposed(at[0], angles):
                 self.recorded.derive(at)

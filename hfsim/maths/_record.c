@@ -15,7 +15,7 @@
 #define NARROW 4        /* columns below which a product of matrices is done as that of their transposes */
 #define SHORT 16        /* entries in a row below which the longest dimension is gone through instead */
 #define SPARSE_PART 0.1 /* of a constant matrix that is not zero, up to which a product is done entry by entry */
-enum { FIXED = 1, INPUT = 2, ALIVE = 4 };
+enum { FIXED = 1, INPUT = 2, ALIVE = 4, USED = 8 };
 
 typedef struct { char *at; i64 item; int nd; i64 shape[MOST], step[MOST]; } View;
 /* read: bits for reading as a whole, and for real and imaginary parts by themselves */
@@ -35,7 +35,7 @@ typedef struct {
 typedef struct { PyObject_HEAD Tape *tape; int32_t piece; } Memory;
 
 /* NumPy's arrays, as its binary interface has them: how they begin, and what it offers */
-typedef struct { PyObject_HEAD char *at; int nd; i64 *shape, *step; PyObject *base, *dtype; } Array;
+typedef struct { PyObject_HEAD char *at; int nd; i64 *shape, *step; PyObject *base, *dtype; int flags; } Array;
 typedef PyObject *NewArray(PyTypeObject *, PyObject *dtype, int nd, const i64 *shape, const i64 *step, char *at, int, PyObject *);
 enum { VERSION = 0, TYPE = 2, NEW = 94, SET_BASE = 282, WRITEABLE = 0x500 };
 static void **numpy;
@@ -151,17 +151,30 @@ static int viewed(Tape *t, PyObject *a, View *v) {
     return 0;
 }
 
-/* Return a copy of an array that is no memory of the tape: one for all its uses. */
+static int same_shape(const View *a, const View *b) {
+    return a->nd == b->nd && !memcmp(a->shape, b->shape, a->nd * sizeof(i64));
+}
+
+/* Tell whether arrays hold the same numbers in the same places. */
+static int alike(Tape *t, PyObject *a, PyObject *b) {
+    View v, w;
+    return PyObject_TypeCheck(a, array) && !viewed(t, a, &v) && !viewed(t, b, &w) && v.item && v.item == w.item && same_shape(&v, &w) &&
+           !memcmp(v.step, w.step, v.nd * sizeof(i64)) && !memcmp(v.at, w.at, v.item * entries(&v));
+}
+
+/* Return a copy of an array that is no memory of the tape: one for all its uses, until it is changed. */
 static PyObject *constant(Tape *t, PyObject *a) {
-    PyObject *key = PyLong_FromVoidPtr(a), *found = key ? PyDict_GetItemWithError(t->constants, key) : NULL;
-    if (key && !found && !PyErr_Occurred()) {
-        PyObject *value = PyObject_CallFunctionObjArgs(t->copy, a, NULL);
-        PyObject *both = value ? Py_BuildValue("(ON)", a, value) : NULL; /* itself too, so that nothing else gets its address */
-        if (both && !PyDict_SetItem(t->constants, key, both)) found = both;
-        Py_XDECREF(both);
-    }
+    PyObject *key = PyLong_FromVoidPtr(a), *kept = key ? PyDict_GetItemWithError(t->constants, key) : NULL, *value = NULL;
+    if (key && !PyErr_Occurred() && !(kept && alike(t, a, PyTuple_GetItem(kept, 1))))
+        if ((value = PyObject_CallFunctionObjArgs(t->copy, a, NULL)) && !(kept && alike(t, value, PyTuple_GetItem(kept, 1)))) {
+            /* itself too, so that nothing else gets its address; and what it was */
+            PyObject *all = Py_BuildValue("(OOO)", a, value, kept ? kept : Py_None);
+            kept = all && !PyDict_SetItem(t->constants, key, all) ? all : NULL;
+            Py_XDECREF(all);
+        }
+    Py_XDECREF(value);
     Py_XDECREF(key);
-    return found ? PyTuple_GetItem(found, 1) : NULL;
+    return kept && !PyErr_Occurred() ? PyTuple_GetItem(kept, 1) : NULL;
 }
 
 /* See an operand: memory of the tape, or a constant, which may be a number. */
@@ -176,7 +189,7 @@ static int operand(Tape *t, PyObject *a, View *v) {
     int ours = PyObject_TypeCheck(a, (PyTypeObject *)t->type);
     if (PyObject_TypeCheck(a, array)) {
         if (viewed(t, a, v)) return -1;
-        if (known(t, v->at)) return 0;
+        if (known(t, v->at)) return v->item ? 0 : refuse(t, "numbers of another type");
         if (ours) return entries(v) ? refuse(t, "memory of unknown origin") : 0;
     }
     PyObject *found = constant(t, a);
@@ -204,17 +217,16 @@ static int broadcast(Tape *t, View *s, const View *v) {
     return 0;
 }
 
-static int same_shape(const View *a, const View *b) {
-    return a->nd == b->nd && !memcmp(a->shape, b->shape, a->nd * sizeof(i64));
-}
-
 static void swap(i64 *a, i64 *b) { i64 c = *a; *a = *b; *b = c; }
 
 static int append(Tape *t, const Op *o) {
     if (t->ended) return refuse(t, "a tape that has ended");
     if (grown((void **)&t->ops, t->count, &t->room, sizeof(Op))) return -1;
     if (grown((void **)&t->touched, t->count, &t->room_touched, sizeof(Pieces))) return -1;
-    for (int k = 0; k < OPERANDS; k++) t->touched[t->count].of[k] = o->at[k] ? piece_at(t, o->at[k]) : -1;
+    for (int k = 0; k < OPERANDS; k++) {
+        const i64 piece = t->touched[t->count].of[k] = o->at[k] ? piece_at(t, o->at[k]) : -1;
+        if (piece >= 0 && (k || o->code == USES)) t->pieces[piece].flags |= USED;
+    }
     t->ops[t->count++] = *o;
     return o->code < CALL ? operate(o) : 0;
 }
@@ -256,7 +268,7 @@ static int elementwise(Tape *t, int code, const View *v, int n, const View *s) {
 /* Copy an operand into memory of its own: a constant once and for all. */
 static int copied(Tape *t, View *v, int code, i64 item) {
     View w[2] = {*v, *v};
-    i64 count = t->count, piece = piece_at(t, v->at), constant = piece < 0 || t->pieces[piece].flags == FIXED;
+    i64 count = t->count, piece = piece_at(t, v->at), constant = piece < 0 || (t->pieces[piece].flags & (FIXED | INPUT)) == FIXED;
     w[0].item = item;
     if (place(t, &w[0], constant ? FIXED : 0) || elementwise(t, code, w, 2, &w[0])) return -1;
     if (constant) t->count = count;
@@ -364,6 +376,7 @@ static PyObject *applied(Tape *t, int code, int complex_code, PyObject *const *a
         v[0].nd = s.nd;
         if (place(t, &v[0], 0)) return NULL;
     } else {
+        if (!(((const Array *)args[0])->flags & 0x400)) { refuse(t, "a result that is only read"); return NULL; }
         if (!known(t, v[0].at) && entries(&v[0])) { refuse(t, "a result outside of the memory"); return NULL; }
         if (code < radd_d_code) {
             View w = v[0];
@@ -695,8 +708,9 @@ static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
         if (viewed(t, args[k], &v)) { Py_DECREF(found); return NULL; }
         if (known(t, v.at)) t->pieces[piece_at(t, v.at)].flags |= ALIVE;
     }
-    for (int pass = 0; pass < 2; pass++) /* what an earlier operation reads, a later one of the round before writes */
-        for (i64 i = t->count - 1; i >= 0; i--) {
+    for (int more = 1; more;) /* what an earlier operation reads, a later one of the round before writes */
+        for (i64 i = t->count - 1, before = more = 0; i >= 0; i--) {
+            before = kept[i];
             const Op *o = &t->ops[i];
             const int32_t *of = t->touched[i].of;
             Piece *piece = of[0] < 0 ? NULL : &t->pieces[of[0]];
@@ -710,7 +724,12 @@ static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
             }
             for (int k = 1; k < n && kept[i]; k++)
                 if (of[k] >= 0) t->pieces[of[k]].read |= covered(o, k, &t->pieces[of[k]]);
+            more |= kept[i] != before;
         }
+    for (i64 i = 0; i < t->count; i++) { /* NumPy itself asks nobody before it reads a condition, as in b[c > 0] */
+        const Piece *piece = t->touched[i].of[0] < 0 ? NULL : &t->pieces[t->touched[i].of[0]];
+        if (piece && piece->item == 1 && !(piece->flags & (ALIVE | USED))) { refuse(t, "a condition that only others read"); Py_CLEAR(found); break; }
+    }
     return found;
 }
 
@@ -774,9 +793,12 @@ static PyObject *places(PyObject *a, PyObject *key) {
 /* a[key] */
 static PyObject *taken(PyObject *a, PyObject *key) {
     PyObject *found = places(a, key);
-    if (found != Py_None) return found;
+    if (found == Py_None) { Py_DECREF(found); return PyObject_CallMethod(a, "_rare_take", "(O)", key); }
+    const Py_ssize_t n = PyTuple_Check(key) ? PyTuple_Size(key) : 0;
+    if (!found || ((const Array *)found)->nd || key == Py_Ellipsis || (n && PyTuple_GetItem(key, n - 1) == Py_Ellipsis)) return found;
+    PyObject *given[] = {Py_None, found}, *value = applied(recording, copy_d_code, copy_D_code, given, 2); /* an entry is a value */
     Py_DECREF(found);
-    return PyObject_CallMethod(a, "_rare_take", "(O)", key);
+    return value;
 }
 
 /* a[key] = value */
@@ -908,8 +930,10 @@ static PyObject *keep(Tape *t, PyObject *count) {
 static Py_ssize_t length(Tape *t) { return t->count; }
 
 static int begin(Tape *t, PyObject *args, PyObject *how) {
-    if (!PyArg_ParseTuple(args, "OOOO!O!", &t->type, &t->refused, &t->copy, &PyTuple_Type, &t->dtypes, &PyDict_Type, &t->codes)) return -1;
-    Py_INCREF(t->codes); Py_INCREF(t->type); Py_INCREF(t->refused); Py_INCREF(t->copy); Py_INCREF(t->dtypes);
+    PyObject *given[5];
+    if (t->type || !PyArg_ParseTuple(args, "OOOO!O!", given, given + 1, given + 2, &PyTuple_Type, given + 3, &PyDict_Type, given + 4)) return -1;
+    t->type = Py_NewRef(given[0]); t->refused = Py_NewRef(given[1]); t->copy = Py_NewRef(given[2]);
+    t->dtypes = Py_NewRef(given[3]); t->codes = Py_NewRef(given[4]);
     t->memory = (PyTypeObject *)PyType_FromSpec(&MEMORY);
     t->constants = PyDict_New();
     return t->memory && t->constants ? 0 : -1;

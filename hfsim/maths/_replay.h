@@ -35,6 +35,7 @@ typedef struct {
     i64 step[OPERANDS][DIMS];
     i64 more;
 } Op;
+_Static_assert(sizeof(Op) == 256 && sizeof(void *) == 8, "a machine with addresses of 8 bytes");
 
 /* elementwise operations: what they write and read, d real, D complex, b truth, i places in bytes; those from
  * radd_d on go through what they read and write where they are told */

@@ -61,7 +61,9 @@ def _raw(tape: Tape, a: Traced) -> np.ndarray:
     """Return the memory of an operand."""
     if not tape.knows(a):
         raise Refused("memory of unknown origin")
-    return a.view(np.ndarray)
+    found = a.view(np.ndarray)
+    found.flags.writeable = False
+    return found
 
 
 def _filled(tape: Tape, shape: tuple[int, ...], itemsize: int, value: Any) -> Any:
@@ -95,7 +97,7 @@ def _reduce(
     if dtype is not None or out is not None or where is not True:
         raise Refused("a reduction")
     some = range(a.ndim) if axis is None else axis if isinstance(axis, tuple) else (axis,)
-    axes = sum({1 << x % a.ndim for x in some})
+    axes = sum({1 << x % max(a.ndim, 1) for x in some})
     begin = None if initial is np._NoValue else initial
     if begin is None and ufunc is np.add:
         begin = 0.0
@@ -110,7 +112,11 @@ def _put(tape: Tape, a: Traced, key: Any, value: Any) -> None:
     given = value if isinstance(value, np.ndarray) else np.asarray(value, dtype=a.dtype)
     if isinstance(given, Traced) and np.may_share_memory(plain(given), plain(a)):
         given = given.copy()
-    tape.core.apply(*SCATTER, a, _cast(tape, given, a.dtype), _places(tape, a, key))
+    places = _places(tape, a, key)
+    ordered = np.sort(places, axis=None)
+    if places.ndim > 1 and (ordered[1:] == ordered[:-1]).any():
+        raise Refused("places that repeat")
+    tape.core.apply(*SCATTER, a, _cast(tape, given, a.dtype), places)
 
 
 def _places(tape: Tape, a: Traced, key: Any) -> IntArray:
@@ -135,6 +141,8 @@ def called(tape: Any, func: Any, args: Any, kwargs: Any) -> Any:
     with tape.paused():
         value = func(*args, **kwargs)
     if isinstance(value, np.ndarray) and tape.knows(value):
+        if not value.size and any(one.size for one in memory):
+            raise Refused(f"{func} finds nothing")  # in another state it may find something
         return value.view(Traced)
     several = isinstance(value, list | tuple)
     values = [np.asarray(one) for one in (value if several else [value])]
@@ -148,7 +156,7 @@ def called(tape: Any, func: Any, args: Any, kwargs: Any) -> Any:
     def again() -> None:
         found = func(*args, **kwargs)
         for target, one in zip(targets, found if several else [found], strict=True):
-            target[...] = one
+            target[...] = np.reshape(one, target.shape)
 
     tape.call(again, *memory)
     if not several:

@@ -29,7 +29,9 @@ def _concatenate(tape: Recorder, arrays: Any, axis: int = 0, out: Any = None, **
     return tape.core.join(axis % arrays[0].ndim, arrays)
 
 
-def _stack(tape: Recorder, arrays: Any, axis: int = 0, **how: Any) -> Any:
+def _stack(tape: Recorder, arrays: Any, axis: int = 0, out: Any = None, **how: Any) -> Any:
+    if out is not None:
+        raise Refused("joined into an array")
     arrays = list(map(np.asarray, arrays))
     axis %= arrays[0].ndim + 1
     place = (*(slice(None),) * axis, None)
@@ -50,7 +52,7 @@ def _cumsum(tape: Recorder, a: Any, axis: int | None = None) -> Any:
     if axis is None or a.shape[axis] > LONGEST_SUM:
         return tape.called(np.cumsum, (a, axis), {})
     out, ahead = a.copy(), (slice(None),) * (axis % a.ndim)
-    for last, own in pairwise([out[(*ahead, k)] for k in range(a.shape[axis])]):
+    for last, own in pairwise([out[(*ahead, slice(k, k + 1))] for k in range(a.shape[axis])]):
         own += last
     return out
 
@@ -121,6 +123,7 @@ def _inv(tape: Recorder, a: Any) -> Any:
     factors = _factors(tape, a)
     found = _solution(tape, factors, np.eye(a.shape[-1], dtype=a.dtype)).view(Inverse)
     found.factors = factors
+    found.flags.writeable = False  # its factors are not those of another matrix
     return found
 
 
@@ -140,7 +143,7 @@ def _qr(tape: Recorder, a: Any, mode: str = "reduced") -> Any:
 
 
 def _like(name: str) -> Callable[..., Any]:
-    return lambda tape, a, dtype=None, **how: getattr(np, name)(a.shape, dtype or a.dtype)
+    return lambda tape, a, dtype=None: getattr(np, name)(a.shape, dtype or a.dtype)
 
 
 FUNCTIONS: dict[Any, Callable[..., Any]] = {
@@ -194,16 +197,18 @@ def _asarray(a: Any, dtype: Any = None, *args: Any, **how: Any) -> Any:
     return found if dtype is None else recorder().cast(found, np.dtype(dtype))
 
 
-def _array(a: Any, dtype: Any = None, **how: Any) -> Any:
-    if not _inside(a):
-        return ORIGINAL["array"](a, dtype, **how)
-    found = _asarray(a, dtype)
-    return found.copy() if found is a else found
+def _array(object: Any, dtype: Any = None, **how: Any) -> Any:
+    if not _inside(object):
+        return ORIGINAL["array"](object, dtype, **how)
+    if how.get("ndmin"):
+        raise Refused("dimensions")
+    found = _asarray(object, dtype)
+    return found.copy() if found is object else found
 
 
-def _contiguous(a: Any, dtype: Any = None) -> Any:
+def _contiguous(a: Any, dtype: Any = None, **how: Any) -> Any:
     if not _inside(a):
-        return ORIGINAL["ascontiguousarray"](a, dtype)
+        return ORIGINAL["ascontiguousarray"](a, dtype, **how)
     found = a if type(a) is Traced and (dtype is None or dtype == a.dtype) else _asarray(a, dtype)
     return found if found.flags.c_contiguous else found.copy()
 
@@ -213,6 +218,8 @@ def _made(name: str) -> Callable[..., Any]:
     number = {"zeros": 0.0, "ones": 1.0}.get(name.split("_")[0])
 
     def make(*args: Any, **how: Any) -> Any:
+        if name == "full" and Recording.tape is not None and any(map(_inside, (*args, *how.values()))):
+            raise Refused("full of a value of the state")
         found = ORIGINAL[name](*args, **how)
         if Recording.tape is None or isinstance(found, Traced) or found.dtype not in (REAL, COMPLEX):
             return found

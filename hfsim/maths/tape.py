@@ -184,10 +184,18 @@ class Tape:
         return [Program(rows[first:last], self.calls, memory) for first, last in pairwise(cuts)]
 
 
+def traced_in(a: Any) -> bool:
+    """Tell whether something is traced, or a list with something traced in it."""
+    return isinstance(a, Traced) or (isinstance(a, list | tuple) and any(map(traced_in, a)))
+
+
 def fixed(a: Any) -> np.ndarray:
     """Return a copy of what is no memory of a tape: it is what it is now at every replay."""
+    if isinstance(a, list | tuple) and traced_in(a):
+        raise Refused("values of the state in a list")
     value = array(a)
-    kind = KINDS.get(value.dtype, REAL)  # the kernel knows types by identity: what was pickled has its own
+    # the kernel knows types by identity: what was pickled has its own
+    kind = COMPLEX if value.dtype.kind == "c" else KINDS.get(value.dtype, REAL)
     return value.astype(kind, copy=value.dtype is not kind)
 
 

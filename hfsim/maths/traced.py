@@ -64,7 +64,11 @@ class Traced(Written, np.ndarray):  # type: ignore[misc]
     def reshape(self, *shape: Any, **how: Any) -> Any:
         """Return a view, or one of a copy."""
         found = super().reshape(*shape, **how)
-        return found if recorder().knows(found) else self.copy().reshape(*shape, **how)
+        if recorder().knows(found):
+            return found
+        if how.get("order", "C") != "C":
+            raise Refused("an order of entries")
+        return self.copy().reshape(*shape)
 
     def ravel(self, order: Any = "C") -> Any:
         """Return a view, or one of a copy."""
@@ -109,6 +113,7 @@ class Traced(Written, np.ndarray):  # type: ignore[misc]
         """Write down a selection."""
         if axis is None:
             return self.reshape(-1).repeat(repeats, 0)
+        axis %= self.ndim
         if isinstance(repeats, int) and self.shape[axis] == 1:
             shape = (*self.shape[:axis], repeats, *self.shape[axis + 1 :])
             return recorder().filled(shape, self.itemsize, self)
@@ -123,6 +128,10 @@ class Traced(Written, np.ndarray):  # type: ignore[misc]
 
     __bool__ = __float__ = __int__ = __complex__ = __index__ = __contains__ = _refuse
     item = tolist = tobytes = nonzero = sort = argsort = argmax = argmin = resize = put = _refuse
+    trace = setfield = tofile = getfield = _refuse
+    flat = property(_refuse)
+    real = property(np.ndarray.real.__get__, lambda self, value: self.real.__setitem__(..., value))
+    imag = property(np.ndarray.imag.__get__, lambda self, value: self.imag.__setitem__(..., value))
     cumsum = cumprod = choose = compress = partition = searchsorted = prod = byteswap = dump = _refuse
 
 

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from natively import at_once, native
 
-from hfsim.marching.integration import run_integration
+from hfsim.integrators.collocation import automatic
+from hfsim.marching.integration import problem_of, run_integration
 from hfsim.maths import kernel
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck
@@ -46,6 +47,29 @@ def test_threads_find_what_they_find_alone(taking_turns, monkeypatch):
         together = list(threads.map(end_of, scenes))
     for one, other in zip(alone, together, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+@native
+def test_a_stepper_goes_on_in_another_thread(monkeypatch):
+    """On memory of that thread's own: another stepper may be at work on that of the first one."""
+    at_once(monkeypatch)
+    scene = scene_of("pendulum")
+
+    def begun():
+        problem = problem_of(scene)
+        problem.count_on(len(scene.q), 0.0, 1.0)
+        stepper = automatic(scene.deck.solve, dissipates=False).start(problem, 0.0, scene.q, scene.v)
+        return stepper, step(stepper)
+
+    def step(stepper):
+        return stepper.attempt(0.0, scene.q, scene.v, 0.01).q
+
+    (here, first), (there, second) = begun(), begun()
+    np.testing.assert_array_equal(first, second)
+    with ThreadPoolExecutor(1) as other:
+        np.testing.assert_array_equal(other.submit(step, there).result(), step(here))
+        threads = threading.get_ident(), other.submit(threading.get_ident).result()
+    assert set(there._problem.recordings) == set(threads)
 
 
 @native

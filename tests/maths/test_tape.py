@@ -2,8 +2,10 @@
 
 import gc
 import pickle
+import sys
 import threading
 import weakref
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -51,6 +53,15 @@ def shifted(x):
     return np.ascontiguousarray(out).view(float)
 
 
+def swapped(x):
+    out, first = x.copy(), x[0, 1]
+    out[0, 1], out[1, 1] = out[1, 1], out[0, 1]
+    for one in x[:2, 0]:
+        one *= 2.0  # a number: nothing of `x` changes
+        out[2, 0] += one + first
+    return out
+
+
 def decided(condition, x, y):
     return np.where(condition, x + y, x - y) if sometimes(condition) else x - y
 
@@ -81,6 +92,7 @@ FUNCTIONS = {
     ),
     "columns": lambda x, y: x[:, SOME] + y[:, [1, 1, 2]],
     "writing": lambda x, y: filled(x) * y,
+    "entries": lambda x, y: swapped(x) + x * y,
     "overlapping": lambda x, y: overlapping(x) + y,
     "totals of many": lambda x, y: (x * y).sum() + x[:, ::2].sum() + np.add.reduce(1j * x, axis=None),
     "totals": lambda x, y: x.sum(axis=0) + np.sum(x * y, axis=-1)[:6] + np.add.reduce(x).sum(),
@@ -229,6 +241,97 @@ def test_what_values_decide_or_cannot_be_followed_is_refused(function, rng):
     with pytest.raises(Refused), recording(tape):
         function(x)
     assert type(np.zeros(2)) is np.ndarray
+
+
+def masked(x):
+    mask = np.zeros(3, bool)
+    mask[:] = x < 0
+    return np.where(mask, -x, 0.0) + x
+
+
+def clipped(x):
+    out = np.zeros(3)
+    np.clip(x, -9.0, 0.0, out=out)
+    return x + out
+
+
+def inverted(x):
+    inverse = np.linalg.inv(np.diag([2.0, 3.0, 4.0]) + 0.0 * x)
+    inverse += np.minimum(x, 0.0)
+    return (inverse @ x[:, None])[:, 0]
+
+
+def changing(x):
+    constant = np.arange(3.0)
+    first = np.minimum(x, 0.0) * constant
+    constant[:] = 7.0
+    return x + first + np.minimum(x, 0.0) * constant
+
+
+def listed(x):
+    return x.reshape(3, 1) + [np.minimum(x[k : k + 1], 0.0) for k in range(3)]
+
+
+def spread(x):
+    out = np.zeros(3)
+    out[np.array([[0, 1], [1, 2]])] = (np.minimum(x[0], 0.0) * np.arange(4.0).reshape(2, 2)).T
+    return x + out
+
+
+@pytest.mark.parametrize(
+    "function",
+    [
+        masked,
+        clipped,
+        inverted,
+        changing,
+        listed,
+        spread,
+        lambda x: x + np.arange(1.0, 4.0)[x < 0].sum(),
+        lambda x: x + np.sum(np.extract(x < 0, x)),
+        lambda x: x + (np.ones((3, 3)) * np.minimum(x, 0.0)).trace(),
+        lambda x: x + sum(1.0 for one in x.flat if one < 0),
+        lambda x: x + np.full(3, np.minimum(x[0], 0.0)),
+        lambda x: x + ((1.0 + 2.0j) * np.minimum(x, 0.0) * np.array([1j, 2.0, 3.0], dtype=np.complex64)).real,
+    ],
+)
+def test_what_is_idle_where_it_is_compared_with_numpy_is_right_later(function):
+    """Or refused: a value that is not followed would stay what it was."""
+    replayed = Replayed(function)
+    for x in np.array([0.5, 0.6, 0.7]), np.array([-0.5, 0.6, -0.7]):
+        np.testing.assert_allclose(replayed(x), function(x), rtol=1e-14)
+
+
+def test_values_go_through_any_number_of_rounds():
+    tape, rounds = Recorder(), 5
+    x = tape.input(np.zeros(1))
+    with recording(tape):
+        chain = [np.zeros(1) for _ in range(rounds)]
+        tape.cut()
+        for one, following in pairwise([*chain, x]):
+            one[...] = following
+        tape.cut()
+    program = tape.programs(chain[0])[1]
+    for k in range(2 * rounds):
+        plain(x)[...] = k
+        program()
+        assert plain(chain[0])[0] == max(k - rounds + 1, 0)
+
+
+def test_numbers_of_other_types_are_refused_before_they_are_written():
+    tape = Recorder()
+    numbers = tape.input(np.arange(1000.0)).view(np.int64)
+    with pytest.raises(Refused), recording(tape):
+        np.concatenate([numbers, numbers])
+
+
+def test_a_tape_that_cannot_begin_keeps_nothing():
+    given = object()
+    before = sys.getrefcount(given)
+    for _ in range(100):
+        with pytest.raises(TypeError):
+            kernel.replay.Tape(given, given, given, 1, {})
+    assert sys.getrefcount(given) == before
 
 
 def test_what_is_written_behind_the_back_of_a_tape_is_noticed(rng):
