@@ -814,48 +814,19 @@ static int put(PyObject *a, PyObject *key, PyObject *value) {
     return done ? 0 : -1;
 }
 
-/* Do what the operators of arrays do without the detour by ufuncs. */
-static PyObject *operated(PyObject *out, PyObject *a, PyObject *b, int slot, int code, int complex_code) {
-    PyObject *given[] = {out, a, b};
-    int known = recording && PyObject_TypeCheck(a, array) && (PyFloat_Check(b) || PyObject_TypeCheck(b, array));
-    PyObject *found = !known ? Py_NewRef(Py_NotImplemented) : code == MATMUL ? matmul(recording, given, 3) :
-                      applied(recording, code, complex_code, given, 3);
-    if (found != Py_NotImplemented) return found;
-    Py_DECREF(found);
-    return ((binaryfunc)PyType_GetSlot(array, slot))(a, b);
-}
-
-#define OPERATORS(X) \
-    X(nb_add, Py_None, add_d_code, add_D_code) X(nb_inplace_add, a, add_d_code, add_D_code) \
-    X(nb_subtract, Py_None, sub_d_code, sub_D_code) X(nb_inplace_subtract, a, sub_d_code, sub_D_code) \
-    X(nb_multiply, Py_None, mul_d_code, mul_D_code) X(nb_true_divide, Py_None, div_d_code, div_D_code) \
-    X(nb_matrix_multiply, Py_None, MATMUL, MATMUL)
-#define OPERATOR(slot, out, code, complex) \
-    static PyObject *on_##slot(PyObject *a, PyObject *b) { return operated(out, a, b, Py_##slot, code, complex); }
-OPERATORS(OPERATOR)
-#define ITS_SLOT(slot, out, code, complex) {Py_##slot, on_##slot},
-
-/* a.conj() and a.copy(...) */
-static PyObject *conjugated(PyObject *a, PyObject *none) {
-    PyObject *given[] = {Py_None, a}, *found = recording ? applied(recording, -1, conj_D_code, given, 2) : Py_NewRef(a);
-    if (found != Py_NotImplemented) return found;
-    Py_DECREF(found);
-    return Py_NewRef(a);
-}
-
+/* a.copy(...) */
 static PyObject *copy(PyObject *a, PyObject *args, PyObject *how) {
     PyObject *given[] = {Py_None, a};
     return recording ? applied(recording, copy_d_code, copy_D_code, given, 2) : call_method(a, "_refuse", args, how);
 }
 
 static PyMethodDef WRITTEN_METHODS[] = {
-    {"conj", conjugated, METH_NOARGS, "Write down complex conjugates."},
     {"copy", (PyCFunction)(void (*)(void))copy, METH_VARARGS | METH_KEYWORDS, "Write down a copy."},
     {"__array_ufunc__", (PyCFunction)(void (*)(void))ufunc, METH_VARARGS | METH_KEYWORDS, "Write down an operation."},
     {NULL, NULL, 0, NULL},
 };
 static PyType_Slot WRITTEN_SLOTS[] = {
-    OPERATORS(ITS_SLOT) {Py_mp_subscript, taken}, {Py_mp_ass_subscript, put}, {Py_tp_methods, WRITTEN_METHODS},
+    {Py_mp_subscript, taken}, {Py_mp_ass_subscript, put}, {Py_tp_methods, WRITTEN_METHODS},
     {Py_tp_doc, "What arrays write down by themselves."}, {0, NULL},
 };
 static PyType_Spec WRITTEN = {"hfsim.maths._replay.Written", 0, 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE, WRITTEN_SLOTS};
@@ -939,16 +910,8 @@ static int begin(Tape *t, PyObject *args, PyObject *how) {
     return t->memory && t->constants ? 0 : -1;
 }
 
-static int visit(Tape *t, visitproc visit, void *arg) {
-    Py_VISIT((PyObject *)Py_TYPE((PyObject *)t)); Py_VISIT(t->constants);
-    return 0;
-}
-
-static int clear(Tape *t) { Py_CLEAR(t->constants); return 0; }
-
 static void end(Tape *t) {
     PyTypeObject *type = Py_TYPE((PyObject *)t);
-    PyObject_GC_UnTrack(t);
     Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->copy); Py_XDECREF(t->constants); Py_XDECREF(t->dtypes); Py_XDECREF(t->codes);
     Py_XDECREF((PyObject *)t->memory);
     for (int k = 0; k < t->n_blocks; k++) { free(t->blocks[k].base); free(t->blocks[k].piece); }
@@ -977,9 +940,9 @@ static PyMethodDef METHODS[] = {
     {NULL, NULL, 0, NULL},
 };
 static PyType_Slot SLOTS[] = {
-    {Py_tp_init, begin}, {Py_tp_dealloc, end}, {Py_tp_traverse, visit}, {Py_tp_clear, clear},
+    {Py_tp_init, begin}, {Py_tp_dealloc, end},
     {Py_tp_methods, METHODS}, {Py_mp_length, length}, {Py_tp_doc, "Memory, and the operations on it."}, {0, NULL},
 };
-static PyType_Spec SPEC = {"hfsim.maths._replay.Tape", sizeof(Tape), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE | Py_TPFLAGS_HAVE_GC, SLOTS};
+static PyType_Spec SPEC = {"hfsim.maths._replay.Tape", sizeof(Tape), 0, Py_TPFLAGS_DEFAULT | Py_TPFLAGS_BASETYPE, SLOTS};
 
 PyObject *tape_type(PyObject *module) { return PyType_FromModuleAndSpec(module, &SPEC, NULL); }

@@ -2,9 +2,6 @@
 #include "_replay.h"
 #include <complex.h>
 #include <math.h>
-#ifdef PROFILE
-#include <time.h>
-#endif
 #include <stdlib.h>
 #include <string.h>
 
@@ -488,75 +485,42 @@ static int ended(Ending *e, int k, double change, double size) {
 }
 
 static PyObject *iterate(PyObject *self, PyObject *args) {
-    Py_buffer before, correct, small, finite, after, change, size, scale;
+    Py_buffer b[8]; /* before, correct, small, finite, after; change, size, scale */
     PyObject *calls;
     Ending e = {0, 0, 0, HUGE_VAL, HUGE_VAL, HUGE_VAL};
     double linear;
     int most, k = 0, outcome = 0, failed;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*O!y*y*y*ddddi", &before, &correct, &small, &finite, &after, &PyList_Type, &calls,
-                          &change, &size, &scale, &e.goal, &e.near, &e.last_digit, &linear, &most)) return NULL;
-    failed = replay(&before, calls);
-    e.goal *= *(double *)scale.buf; e.near *= *(double *)scale.buf; e.last_digit *= *(double *)scale.buf;
+    if (!PyArg_ParseTuple(args, "y*y*y*y*y*O!y*y*y*ddddi", b, b + 1, b + 2, b + 3, b + 4, &PyList_Type, &calls,
+                          b + 5, b + 6, b + 7, &e.goal, &e.near, &e.last_digit, &linear, &most)) return NULL;
+    const double *change = b[5].buf, *size = b[6].buf, *scale = b[7].buf;
+    failed = replay(b, calls);
+    e.goal *= *scale; e.near *= *scale; e.last_digit *= *scale;
     while (!outcome && k < most && !failed) {
-        failed = PyErr_CheckSignals() || replay(&correct, calls);
-        if (failed) break;
-        double found = *(double *)size.buf;
-        failed = replay(found < linear ? &small : &finite, calls);
-        outcome = ended(&e, k++, *(double *)change.buf, found);
+        if ((failed = PyErr_CheckSignals() || replay(b + 1, calls))) break;
+        const double found = *size;
+        failed = replay(b + (found < linear ? 2 : 3), calls);
+        outcome = ended(&e, k++, *change, found);
     }
-    failed = failed || (outcome > 0 && replay(&after, calls));
-    PyBuffer_Release(&before); PyBuffer_Release(&correct); PyBuffer_Release(&small); PyBuffer_Release(&finite);
-    PyBuffer_Release(&after); PyBuffer_Release(&change); PyBuffer_Release(&size); PyBuffer_Release(&scale);
+    failed = failed || (outcome > 0 && replay(b + 4, calls));
+    for (int i = 0; i < 8; i++) PyBuffer_Release(b + i);
     return failed ? NULL : PyLong_FromLong(outcome > 0 ? k : -k);
 }
 
-#ifdef PROFILE
-static PyObject *profile(PyObject *self, PyObject *args) { /* least ns per op over replays of the whole tape */
-    Py_buffer ops; int reps;
-    if (!PyArg_ParseTuple(args, "y*i", &ops, &reps)) return NULL;
-    const Op *o = ops.buf; i64 n = ops.len / sizeof(Op);
-    double *best = malloc(n * 8);
-    for (i64 i = 0; i < n; i++) best[i] = 1e9;
-    double idle = 1e9;
-    for (int r = 0; r < reps; r++) for (i64 i = 0; i < n; i++) {
-        struct timespec a, b, e; clock_gettime(CLOCK_MONOTONIC, &a); clock_gettime(CLOCK_MONOTONIC, &b);
-        if ((b.tv_sec - a.tv_sec) * 1e9 + (b.tv_nsec - a.tv_nsec) < idle) idle = (b.tv_sec - a.tv_sec) * 1e9 + (b.tv_nsec - a.tv_nsec);
-        if (o[i].code < CALL) operate(o + i);
-        clock_gettime(CLOCK_MONOTONIC, &e);
-        double t = (e.tv_sec - b.tv_sec) * 1e9 + (e.tv_nsec - b.tv_nsec);
-        if (t < best[i]) best[i] = t;
-    }
-    PyObject *out = PyList_New(n);
-    for (i64 i = 0; i < n; i++) PyList_SetItem(out, i, PyFloat_FromDouble(best[i] - idle));
-    free(best);
-    PyBuffer_Release(&ops);
-    return out;
-}
-
-#endif
 static PyMethodDef METHODS[] = {
     {"run", run, METH_VARARGS, "Do operations (n, WORDS) on their memory, and calls of Python from a list."},
     {"iterate", iterate, METH_VARARGS, "Correct until that ends; return how often, negative where it fails."},
     {"record", record, METH_O, "Have a tape, or none, write down what this thread does with arrays."},
-#ifdef PROFILE
-    {"profile", profile, METH_VARARGS, "Return the least time of each operation [ns]."},
-#endif
     {NULL, NULL, 0, NULL},
 };
 
-static int set_code(PyObject *codes, const char *name, long code) {
-    PyObject *value = PyLong_FromLong(code);
-    int failed = !value || PyDict_SetItemString(codes, name, value);
-    Py_XDECREF(value);
-    return failed;
-}
-
 static int fill(PyObject *module) {
-    PyObject *codes = PyDict_New();
-    int failed = !codes || set_code(codes, "matmul", MATMUL) || set_code(codes, "sparse", SPARSE) || set_code(codes, "factor", FACTOR) ||
-                  set_code(codes, "solve", SOLVE) || set_code(codes, "basis", BASIS) || set_code(codes, "modes", MODES) ||
-                  set_code(codes, "call", CALL);
-    for (int k = 0; k < MATMUL && !failed; k++) failed = set_code(codes, KINDS[k].name, k);
+    PyObject *codes = Py_BuildValue("{sisisisisi}", "matmul", MATMUL, "factor", FACTOR, "solve", SOLVE, "basis", BASIS, "modes", MODES);
+    int failed = !codes;
+    for (int k = 0; k < MATMUL && !failed; k++) {
+        PyObject *code = PyLong_FromLong(k);
+        failed = !code || PyDict_SetItemString(codes, KINDS[k].name, code);
+        Py_XDECREF(code);
+    }
     failed = failed || PyModule_AddObjectRef(module, "CODES", codes);
     PyObject *tape = failed ? NULL : tape_type(module), *written = tape ? written_type(module) : NULL;
     failed = !written || PyModule_AddObjectRef(module, "Tape", tape) || PyModule_AddObjectRef(module, "Written", written) ||
