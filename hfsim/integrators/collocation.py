@@ -53,6 +53,8 @@ STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
 LASTING = 6
 """Steps to come, at the length of now, from which they are replayed."""
+LARGE = 100
+"""Coordinates from which more must be to come: a recording takes ever more of them."""
 FAR = 1000
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
 NAMES = {stiff: f"steps, stiff: {stiff}" for stiff in (False, True)}
@@ -161,8 +163,10 @@ class CollocationStepper(Stepper):
     def _prepare(self, place: Place) -> None:
         """Choose how steps are made from now on."""
         often, stiff = self._problem.often, self._is_stiff(place.h)
-        if self.replays and NAMES[stiff] not in often.chosen and often.rest(place.t) > LASTING * place.h:
-            often.take(NAMES[stiff])
+        if self.replays and NAMES[stiff] not in often.chosen:
+            lasting = LASTING * max(1.0, (len(place.q) / LARGE) ** 3)
+            if often.rest(place.t) > lasting * place.h:
+                often.take(NAMES[stiff])
         if stiff != self._stiff:
             self._renew(*self._guess(place).middle(), place.h)
 
