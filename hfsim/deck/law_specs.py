@@ -166,7 +166,8 @@ class TableSpec(LawSpec):
         if beyond[worst] > _FAR * np.ptp(values) > 0.0:
             at = inside.ravel()[worst]
             message = f"the spline through the points reaches {found[worst]:.3g} at {at:.4g} s"
-            yield Complaint(("values",), message, "add points in long stretches, or take smooth_step")
+            hint = "add points in long stretches, take smooth_step, or interpolation: linear for a load"
+            yield Complaint(("values",), message, hint)
 
     def unshifted(self) -> Law:
         """Return the law as if it began at 0."""

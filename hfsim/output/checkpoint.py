@@ -77,6 +77,8 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
     then = {name: one for name, one in facts["versions"].items() if name in now}
     different = [*_differences(then, {name: now[name] for name in then})]
     different += _deck(facts["resolved"], provenance.resolved)
+    if "kernel" in then and then["kernel"] != now["kernel"]:
+        different.append(f"HFSIM_KERNEL={then['kernel']} goes on with that kernel")
     if different:
         raise CheckpointError("\n".join([f"{path} belongs to another run:", *different]))
     return Checkpoint({**memory, "table": table}, facts["size"])

@@ -59,7 +59,7 @@ class Recording:
         self._memory: Callable[[], Memory] | None = None
         self._size = checkpoint.size if checkpoint else 0
         self._next = time.monotonic() + EVERY
-        self._ended = False
+        self._full = self._ended = False
         self.path = folder.path
 
     # --- while it runs ---------------------------------------------------------------------------
@@ -77,18 +77,19 @@ class Recording:
         """Write the next rows."""
         old = min(self._there, len(table))
         self._there -= old
-        if self._history is None or old == len(table):
+        if self._history is None or self._full or old == len(table):
             return
         with self._watch.phase("write"):
             try:
                 self._history.add(table[old:])
             except OSError as error:
-                self._history = None
-                raise LimitReached(f"cannot write {self.path / 'history.csv'}: {error.strerror}") from error
+                self._full = True
+                why = f"cannot write {self.path / 'history.csv'}: {error.strerror}"
+                raise LimitReached(f"{why}; its last rows are missing") from error
 
     def block(self, memory: Callable[[], Memory]) -> None:
         """Keep in mind from where the run can go on; put it down now and then."""
-        if self._history is None:
+        if self._history is None or self._full:
             return
         self._memory, self._size = memory, self._history.size
         if time.monotonic() >= self._next:

@@ -76,7 +76,7 @@ SLIPS = [
         "type: table, times: [0, 1, 1.001, 1.002, 2], values: [0, 0, 1, 0, 0]",
         "loads.push.law.values",
         "the spline through the points reaches",
-        "or take smooth_step",
+        "or interpolation: linear for a load",
     ),
     ("-9.81", "9.81", "gravity.1", "points up", "-9.81?"),
     ("-9.81", "-9810", "gravity.1", "a thousand times the Earth's", "'-9810 mm/s2'?"),

@@ -142,6 +142,27 @@ def test_a_run_that_was_killed_goes_on_as_if_nothing_had_been(tmp_path, number, 
     assert "left as it is, done" in here("-o", str(killed), *LONG, "--resume")[1]
 
 
+def test_a_run_that_a_full_disk_ends_goes_on_from_the_rows_that_fitted(tmp_path, monkeypatch, whole):
+    add, added = History.add, []
+
+    def full(self, table):
+        added.append(len(table))
+        if len(added) == 3:
+            raise OSError(28, "No space left on device")
+        add(self, table)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(record, "BLOCK", 0.01)
+        patch.setattr(History, "add", full)
+        done = CliRunner().invoke(app, [*RUN, "-o", str(tmp_path / "out"), *LONG])
+    assert (done.exit_code, len(added)) == (5, 3) and "its last rows are missing" in done.stderr
+    rows = (tmp_path / "out/history.csv").read_text().splitlines()[1:]
+    assert len(rows) == sum(added[:2])
+    code, told = here("-o", str(tmp_path / "out"), *LONG, "--resume")
+    assert code == 0 and "begun anew" not in told
+    assert (tmp_path / "out/history.csv").read_bytes() == whole
+
+
 def test_a_second_process_is_kept_out_of_a_running_folder(tmp_path):
     first = hfsim("-o", str(tmp_path / "out"), "--set", "solve.duration=60")
     until = time.monotonic() + 60.0
