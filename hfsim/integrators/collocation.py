@@ -28,6 +28,7 @@ from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending
 from hfsim.integrators._iteration import End, Iteration, Place
 from hfsim.integrators._memory import Remembering
+from hfsim.integrators._often import MOST
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Kind
 from hfsim.integrators._replayed import Held, Replay, Replays
@@ -137,7 +138,8 @@ class CollocationStepper(Stepper):
         self._choose(False)
         self._replays = Replays(problem)
         self._derivative = self._replays.derivative(self._kind, Place(t, q, v, 0.0))
-        self._old, self._served, self._iterations = True, 0, 0
+        # where matrices are large, the derivative of the start serves first: another one costs much
+        self._old, self._served, self._iterations = len(q) <= MOST, 0, 0
         self._cap = np.inf
         self._known_at, self._known = np.nan, q
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
