@@ -870,6 +870,13 @@ static PyObject *reads(Tape *t, PyObject *a) {
     return PyBool_FromLong(known(t, v.at) && t->pieces[piece_at(t, v.at)].read);
 }
 
+static PyObject *waive(Tape *t, PyObject *a) {
+    View v;
+    if (viewed(t, a, &v)) return NULL;
+    if (known(t, v.at)) t->pieces[piece_at(t, v.at)].flags |= USED;
+    Py_RETURN_NONE;
+}
+
 static PyObject *poison(Tape *t, PyObject *none) {
     for (const Piece *p = t->pieces; p < t->pieces + t->n_pieces; p++) if (!(p->flags & FIXED)) memset(p->at, 0xff, p->size);
     Py_RETURN_NONE;
@@ -933,6 +940,7 @@ static PyMethodDef METHODS[] = {
     {"live", FAST(live), "Return which operations lead to outputs."},
     {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},
     {"reads", (PyCFunction)reads, METH_O, "Return whether a live operation reads an array."},
+    {"waive", (PyCFunction)waive, METH_O, "Take note that no operation need read a condition."},
     {"poison", (PyCFunction)poison, METH_NOARGS, "Fill memory with what is no number."},
     {"rows", (PyCFunction)rows, METH_O, "Return the operations that are kept; the last thing to be asked for."},
     {"cut", (PyCFunction)cut, METH_NOARGS, "End a program; return the number of operations."},

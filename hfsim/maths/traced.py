@@ -185,7 +185,10 @@ def live(a: Array) -> Array:
 
 def sometimes(condition: Any) -> bool:
     """Tell whether a condition holds anywhere; as far as a tape knows that records, it may."""
-    return isinstance(condition, Traced) or bool(np.any(condition))
+    if isinstance(condition, Traced):
+        recorder().core.waive(condition)
+        return True
+    return bool(np.any(condition))
 
 
 def plain(a: Any) -> np.ndarray:

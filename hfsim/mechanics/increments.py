@@ -204,7 +204,8 @@ class NaturalIncrements:
     def to_natural(self, at: tuple[Array, list[Any]], dq: Array) -> Array:
         """Return natural increments of small changes of the states."""
         dx = self.reduction.expand_rates(dq)
-        y = dx.copy()
+        y = np.empty(dx.shape)  # on a tape, also where changes are constant
+        y[...] = dx
         for part, geometry in zip(self.beams, at[1], strict=True):
             part.to_natural(geometry, dx, y)
         for mount in self._mounts:

@@ -142,7 +142,8 @@ class NaturalBeams(BeamIncrements):
         dd, ds, de = self._parts(dz)
         gd, gs, ge = at.gradient
         strain = (gd.conj() * dd + gs.conj() * ds + ge.conj() * de).real
-        y = dz.copy()
+        y = np.empty(dz.shape, dtype=complex)  # on a tape, also where changes are constant
+        y[...] = dz
         for k in range(1, self.stride):
             y[..., k :: self.stride] /= at.z[..., k :: self.stride]
         y.real[..., self.stride :: self.stride] = strain

@@ -82,9 +82,8 @@ class LowOrderSectionForce(LinearSectionForce):
     def changing(self, p: Array) -> Array:
         """Return their derivative by changes of relative vectors."""
         slopes, _ = self.stretched(p)
-        B = self.small.copy()
-        B[: len(self.damped)] += np.sum(slopes.swapaxes(1, 2) * self.across, axis=0)
-        return B
+        foreshortened = self.along + np.sum(slopes.swapaxes(1, 2) * self.across, axis=0)
+        return np.concatenate([foreshortened, self.small[len(self.damped) :]])
 
     def stretched(self, p: Array) -> tuple[Array, Array]:
         """Return slopes (n_dim - 1, n_batch, n_points) and stretch (n_batch, n_points) at Gauss points."""
