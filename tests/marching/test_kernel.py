@@ -157,3 +157,11 @@ def test_runs_tell_whether_the_kernel_was_used(method, way, monkeypatch):
     summary = summary_of(simulate(loaded), Provenance("pendulum.yaml", "0" * 64, (), {}), [])
     assert summary["kernel"] == way
     assert (summary["native_steps"] > 0) == ((method, way) == ("auto", "native"))
+
+
+@pytest.mark.parametrize("duration, replayed", [(0.05, False), (5.0, True)])
+def test_recordings_of_large_matrices_wait_for_many_steps(duration, replayed):
+    settings = ("bodies.b1.elements=40", "solve.max_steps=2", f"solve.duration={duration}")
+    scene = scene_of("pendulum", *settings)
+    done = run_integration(scene, scene.deck.solve)
+    assert (done.problem.counts.native > 0) == replayed
