@@ -180,6 +180,7 @@ def test_a_large_scene_in_body_frames_is_refused():
         linearise(scene, 0.0, scene.q, scene.v)
 
 
+@pytest.mark.timed
 def test_every_method_gets_its_share_of_the_budget():
     """With time for a few trial runs in all, each method still tells how far it came."""
     methods = ("gauss", "explicit", "gear", "generalized_alpha")

@@ -126,6 +126,7 @@ def test_the_choice_is_told_and_repeated_by_resolved_yaml(tmp_path):
     assert first == second
 
 
+@pytest.mark.timed
 def test_the_default_is_kept_where_nothing_is_much_sooner():
     run, chosen = refine(pendulum())
     found = run.statistics["refinement"]
