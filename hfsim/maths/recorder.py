@@ -113,9 +113,10 @@ def _put(tape: Tape, a: Traced, key: Any, value: Any) -> None:
     if isinstance(given, Traced) and np.may_share_memory(plain(given), plain(a)):
         given = given.copy()
     places = _places(tape, a, key)
-    ordered = np.sort(places, axis=None)
-    if places.ndim > 1 and (ordered[1:] == ordered[:-1]).any():
-        raise Refused("places that repeat")
+    if places.ndim > 1:
+        ordered = np.sort(places, axis=None)
+        if (ordered[1:] == ordered[:-1]).any():
+            raise Refused("places that repeat")
     tape.core.apply(*SCATTER, a, _cast(tape, given, a.dtype), places)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from hfsim.maths.kernel import replay
 from hfsim.maths.recorder import WHERE, Recorder, codes
 from hfsim.maths.tape import CODES, COMPLEX, REAL
-from hfsim.maths.traced import Recording, Refused, Traced, plain, recorder
+from hfsim.maths.traced import Recording, Refused, Traced, is_traced, plain, recorder
 
 LONGEST_SUM = 32
 """Terms of a cumulative sum that are written down one by one."""
@@ -184,21 +184,17 @@ TRANSPARENT = {
 # ---------------------------------------------------------------------- recording
 
 
-def _inside(a: Any) -> bool:
-    return isinstance(a, Traced) or (isinstance(a, list | tuple) and any(map(_inside, a)))
-
-
 def _asarray(a: Any, dtype: Any = None, *args: Any, **how: Any) -> Any:
     if type(a) is Traced and dtype is None:
         return a
-    if not _inside(a):
+    if not is_traced(a):
         return ORIGINAL["asarray"](a, dtype, *args, **how)
     found = a if isinstance(a, Traced) else np.stack([_asarray(one) for one in a])
     return found if dtype is None else recorder().cast(found, np.dtype(dtype))
 
 
 def _array(object: Any, dtype: Any = None, **how: Any) -> Any:
-    if not _inside(object):
+    if not is_traced(object):
         return ORIGINAL["array"](object, dtype, **how)
     if how.get("ndmin"):
         raise Refused("dimensions")
@@ -207,7 +203,7 @@ def _array(object: Any, dtype: Any = None, **how: Any) -> Any:
 
 
 def _contiguous(a: Any, dtype: Any = None, **how: Any) -> Any:
-    if not _inside(a):
+    if not is_traced(a):
         return ORIGINAL["ascontiguousarray"](a, dtype, **how)
     found = a if type(a) is Traced and (dtype is None or dtype == a.dtype) else _asarray(a, dtype)
     return found if found.flags.c_contiguous else found.copy()
@@ -218,7 +214,7 @@ def _made(name: str) -> Callable[..., Any]:
     number = {"zeros": 0.0, "ones": 1.0}.get(name.split("_")[0])
 
     def make(*args: Any, **how: Any) -> Any:
-        if name == "full" and Recording.tape is not None and any(map(_inside, (*args, *how.values()))):
+        if name == "full" and Recording.tape is not None and any(map(is_traced, (*args, *how.values()))):
             raise Refused("full of a value of the state")
         found = ORIGINAL[name](*args, **how)
         if Recording.tape is None or isinstance(found, Traced) or found.dtype not in (REAL, COMPLEX):

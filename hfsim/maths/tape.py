@@ -22,7 +22,7 @@ from numpy import array  # itself, also while something stands in for it
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.kernel import replay
-from hfsim.maths.traced import Refused, Traced, plain
+from hfsim.maths.traced import Refused, Traced, is_traced, plain
 
 CODES: dict[str, int] = {} if replay is None else replay.CODES
 """Codes of operations."""
@@ -184,14 +184,9 @@ class Tape:
         return [Program(rows[first:last], self.calls, memory) for first, last in pairwise(cuts)]
 
 
-def traced_in(a: Any) -> bool:
-    """Tell whether something is traced, or a list with something traced in it."""
-    return isinstance(a, Traced) or (isinstance(a, list | tuple) and any(map(traced_in, a)))
-
-
 def fixed(a: Any) -> np.ndarray:
     """Return a copy of what is no memory of a tape: it is what it is now at every replay."""
-    if isinstance(a, list | tuple) and traced_in(a):
+    if is_traced(a):
         raise Refused("values of the state in a list")
     value = array(a)
     # the kernel knows types by identity: what was pickled has its own

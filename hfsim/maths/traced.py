@@ -191,6 +191,11 @@ def sometimes(condition: Any) -> bool:
     return bool(np.any(condition))
 
 
+def is_traced(a: Any) -> bool:
+    """Tell whether something is traced, or a list with something traced in it."""
+    return isinstance(a, Traced) or (isinstance(a, list | tuple) and any(map(is_traced, a)))
+
+
 def plain(a: Any) -> np.ndarray:
     """Return an array as NumPy's own type, on the same memory."""
     return a.view(np.ndarray) if isinstance(a, np.ndarray) else np.array(a)
