@@ -20,8 +20,8 @@ GROWING = 1.5
 """Growth of a step from which they do."""
 SEEN = 2
 """Calls of a function after which it may be recorded."""
-MANY = 15
-"""Calls to come from which recording a function, which takes as long as a dozen of them, pays."""
+MANY = 10
+"""Calls to come from which recording a function, which takes as long as three to eight of them, pays."""
 
 _Found = TypeVar("_Found")
 

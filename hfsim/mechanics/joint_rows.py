@@ -218,10 +218,13 @@ class JointRows:
             parts.append(self._products.stiffness(multipliers[0, self._products.rows]))
         return parts
 
-    def bend(self) -> Array | None:
-        """Return the derivative of Phi_x, (n_rows, n_x, n_x), the same in all states; None if it is not."""
-        if self._changing:
-            return None
+    @property
+    def are_products(self) -> bool:
+        """Whether the derivative of Phi_x is the same in all states."""
+        return not self._changing
+
+    def bend(self) -> Array:
+        """Return that derivative, (n_rows, n_x, n_x), where it is."""
         bend = np.zeros((self.n_rows, self.n_x, self.n_x))
         if self._products:
             bend[self._products.rows] = self._products.bend()

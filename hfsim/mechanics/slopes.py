@@ -41,17 +41,11 @@ class Slopes:
     Attributes
     ----------
     system : System
-    rows : ndarray, shape (n_rows, n)
-        Phi_z where the free coordinates are zero.
-    bend : ndarray, shape (n_rows, n, n)
-        The derivative of Phi_z, the same in every state.
     start : (q, v)
         The state (n,) that tells whether bodies spin.
     """
 
     system: System
-    rows: Array
-    bend: Array
     start: tuple[Array, Array]
 
     @classmethod
@@ -60,20 +54,29 @@ class Slopes:
         equations = system.equations
         if system.charts or system.variable_mass or is_sparse(equations.constant_mass) or system.n > MOST:
             return None
-        found = None if equations.phi.constant else equations.phi.bend()
-        if found is None:
+        if equations.phi.constant or not equations.phi.are_products:
             return None
-        B = system.reduction.basis
-        rows = equations.phi.jacobians(system.reduction.offset[None])[0] @ B
-        return cls(system, rows, B.T @ found @ B, start)
+        return cls(system, start)
+
+    @cached_property
+    def rows(self) -> Array:
+        """Return Phi_z where the free coordinates are zero, shape (n_rows, n)."""
+        reduction = self.system.reduction
+        return np.asarray(self.system.equations.phi.jacobians(reduction.offset[None])[0] @ reduction.basis)
+
+    @cached_property
+    def bend(self) -> Array:
+        """Return the derivative of Phi_z, the same in every state, shape (n_rows, n, n)."""
+        B = self.system.reduction.basis
+        return np.asarray(B.T @ self.system.equations.phi.bend() @ B)
 
     @cached_property
     def pays(self) -> bool:
         """Whether they pay: few coordinates, forces that do not change, and bodies that spin at the start."""
-        n = self.bend.shape[1]
+        if self.system.n > FEW:
+            return False
         state = np.zeros(1), np.zeros((1, self.system.n_x)), np.zeros((1, self.system.n_x))
-        constant = not any(part.uses_rates or part.tangent(*state).values.size for part in self.system.forces)
-        if n > FEW or not constant:
+        if any(part.uses_rates or part.tangent(*state).values.size for part in self.system.forces):
             return False
         _, by_q, by_v = self(np.zeros(1), *(one[None] for one in self.start))
         # a spin w makes them w^2 and 2 w, what swings by its weight less of the second
