@@ -10,6 +10,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.kernel import replay
+from hfsim.maths.matrices import Matrix, dense, is_sparse
 
 Written: Any = type("Written", (), {}) if replay is None else replay.Written
 
@@ -160,6 +161,16 @@ def outside(function: Callable[..., Array], *args: Any) -> Array:
     if tape is None or not any(isinstance(a, np.ndarray) and tape.knows(a) for a in args):
         return function(*args)
     return np.asarray(tape.called(function, args, {}))
+
+
+def product(matrix: Matrix, a: Array) -> Array:
+    """Return a product with a matrix; a tape knows itself which of its entries are zero."""
+    if is_sparse(matrix):
+        if Recording.tape is None:
+            return np.asarray(matrix @ a)
+        with Recording.tape.paused():
+            matrix = dense(matrix)
+    return np.asarray(np.dot(matrix, a))
 
 
 def row_products(a: Array, some: IntArray, b: Array, others: IntArray) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray, component_rows
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, is_sparse
-from hfsim.maths.traced import outside
+from hfsim.maths.traced import product
 
 
 @frozen
@@ -54,19 +54,11 @@ class Connectivity:
 
     def rows(self, x: Array) -> Array:
         """Return difference vectors as rows of equal components, (n_vectors, n_dim, n_elements * n_batch)."""
-        if self._sparse:
-            return outside(self.gather.__matmul__, x.T).reshape(self._kinds)
-        return np.asarray(np.dot(self.gather, x.T)).reshape(self._kinds)
+        return product(self.gather, x.T).reshape(self._kinds)
 
     def push(self, rows: Array, n_batch: int) -> Array:
         """Return derivatives by the coordinates, shape (n_batch, n), from those by rows of vectors."""
-        if self._sparse:
-            return outside(self.scatter.__matmul__, rows.reshape(-1, n_batch)).T
-        return np.asarray(np.dot(self.scatter, rows.reshape(-1, n_batch))).T
-
-    @cached_property
-    def _sparse(self) -> bool:
-        return is_sparse(self.gather)
+        return product(self.scatter, rows.reshape(-1, n_batch)).T
 
     @cached_property
     def _kinds(self) -> tuple[int, int, int]:

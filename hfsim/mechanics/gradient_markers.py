@@ -135,7 +135,7 @@ class GradientMarker(VectorMarker):
         by_slope = tilt[:, :, None] * t3[:, None] + (t3 / length)[:, :, None] * t2[:, None]
         by_side = (t1 / beside)[:, :, None] * t3[:, None]
         blocks = np.stack([by_slope, by_side], axis=1)
-        J = np.einsum("baki,an->bkni", blocks, self.axis_rows)
+        J = self.axis_rows.T @ blocks.swapaxes(1, 2)
         return np.asarray(J.reshape(len(x), 3, -1))
 
     def spin_bias(self, x: Array, u: Array) -> Array:

@@ -66,7 +66,7 @@ class SectionMarker(VectorMarker):
 
     def _by_vectors(self, blocks: Array) -> Array:
         """Return derivatives by the coordinates from those by d2 and d3, (n_batch, 2, 3, 3)."""
-        J = np.einsum("baki,an->bkni", blocks, self.axis_rows)
+        J = self.axis_rows.T @ blocks.swapaxes(1, 2)
         return np.asarray(J.reshape(len(J), 3, -1))
 
     def axis_jacobian(self, x: Array, a: Array) -> Array:

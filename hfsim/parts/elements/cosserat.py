@@ -129,7 +129,7 @@ class CosseratLaw(RowLaw):
     def hessian_of(self, V: Array, e: Array) -> Array:
         """Return the same with given strains (n_strains, ..., n_points)."""
         C, B = _spread(self.stiffness, V), strain_slopes(self.strains, V)
-        material = np.einsum("...ia,i...,...ib->...ab", B, C, B, optimize=True)
+        material = (np.moveaxis(C, 0, -1)[..., None] * B).swapaxes(-1, -2) @ B
         return np.asarray(material + self.strains.bent_by(V, C * e))
 
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.rotations import skew
+from hfsim.maths.rotations import cross, skew
 from hfsim.parts.elements.section_strains import SectionStrains
 
 
@@ -55,7 +55,7 @@ def bent_by(V: Array, S: Array) -> Array:
     """Return the derivative of `pulled` by the vectors at constant S (6, ...), shape (..., 15, 15)."""
     slope, y, z, bent_y, bent_z = np.moveaxis(V, -2, 0)
     S = S[..., None]
-    on_x = S[0] * (slope - np.cross(y, z)) + S[4] * bent_z - S[5] * bent_y
+    on_x = S[0] * (slope - cross(y, z)) + S[4] * bent_z - S[5] * bent_y
     S, one, Y, Z = S[..., None], np.eye(3), skew(y), skew(z)
     K = np.zeros((*V.shape[:-2], 5, 3, 5, 3))
     blocks = {
