@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, ComplexArray, IntArray
 from hfsim.maths.kernel import replay
 from hfsim.maths.matrices import Matrix, dense, is_sparse
 
+_Kind = TypeVar("_Kind", Array, ComplexArray)
 Written: Any = type("Written", (), {}) if replay is None else replay.Written
 
 
@@ -161,6 +162,13 @@ def outside(function: Callable[..., Array], *args: Any) -> Array:
     if tape is None or not any(isinstance(a, np.ndarray) and tape.knows(a) for a in args):
         return function(*args)
     return np.asarray(tape.called(function, args, {}))
+
+
+def changeable(a: _Kind) -> _Kind:
+    """Return a copy of which parts are to be changed; a tape holds it, also where it is constant."""
+    tape = Recording.tape
+    copy: _Kind = a.copy() if tape is None or isinstance(a, Traced) else tape.filled(a.shape, a.itemsize, a)
+    return copy
 
 
 def product(matrix: Matrix, a: Array) -> Array:

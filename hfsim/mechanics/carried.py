@@ -15,6 +15,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray, Places, run_of
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import cross, normal
+from hfsim.maths.traced import changeable
 from hfsim.mechanics.reduction import Reduction
 
 
@@ -94,7 +95,7 @@ class CarriedIncrements:
         return self.to_natural(at, v), self.to_natural(at, a), np.zeros_like(a)
 
     def _turned(self, at: Array, changes: Array) -> Array:
-        out = changes.copy()
+        out = changeable(changes)
         own = changes[:, self._columns].reshape(len(changes), *at.shape[1:3], 1)
         out[:, self._columns] = (at @ own).reshape(len(changes), -1)
         return out

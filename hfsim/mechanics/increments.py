@@ -10,6 +10,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, ComplexArray, IntArray, Places, run_of
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import as_complex, as_vectors
+from hfsim.maths.traced import changeable
 from hfsim.mechanics.chart import AlikeBodies
 from hfsim.mechanics.reduction import Reduction
 
@@ -204,8 +205,7 @@ class NaturalIncrements:
     def to_natural(self, at: tuple[Array, list[Any]], dq: Array) -> Array:
         """Return natural increments of small changes of the states."""
         dx = self.reduction.expand_rates(dq)
-        y = np.empty(dx.shape)  # on a tape, also where changes are constant
-        y[...] = dx
+        y = changeable(dx)
         for part, geometry in zip(self.beams, at[1], strict=True):
             part.to_natural(geometry, dx, y)
         for mount in self._mounts:
@@ -224,7 +224,7 @@ class NaturalIncrements:
         whole = self._whole(y)
         for mount in self._mounts:
             mount.make_absolute(whole)
-        dx = whole.copy()
+        dx = changeable(whole)
         for part, geometry in zip(self.beams, at[1], strict=True):
             (part.advance if finite else part.from_natural)(geometry, whole, dx)
         for tie in self.ties:
@@ -235,7 +235,7 @@ class NaturalIncrements:
         """Return the forces on natural increments: the transpose of `from_natural`."""
         fx = f.copy() if self.reduction.identity else self.reduction.read_force(f)
         places = [(tie, tie.take_forces(at[0], fx)) for tie in reversed(self.ties)]
-        out = fx.copy()
+        out = changeable(fx)
         for part, geometry in zip(self.beams, at[1], strict=True):
             part.to_natural_forces(geometry, fx, out)
         for tie, force in places:

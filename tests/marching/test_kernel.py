@@ -64,6 +64,37 @@ def test_runs_are_those_of_numpy(name, settings, monkeypatch):
     assert one.trajectory.q == pytest.approx(other.trajectory.q, abs=1e-9)
 
 
+DAMPED = """
+hfsim: 1
+gravity: [%s]
+materials: {m: {density: 1200.0, youngs_modulus: 1.0e6, bending_damping: 0.02, axial_damping: 0.001}}
+sections: {bar: {shape: rectangle, width: 0.03, height: 0.03}}
+bodies: {arm: {type: beam, material: m, section: bar, length: 1.0, %s}}
+joints: {axle: {type: %s, between: [ground, arm.root]}}
+solve: {duration: 0.5}
+"""
+
+
+@pytest.mark.parametrize(
+    "where",
+    [
+        ("0.0, 0.0, -9.81", "elements: 3, element: continuum, section_degree: 2", "spherical"),
+        ("0.0, -9.81", "elements: 3, degree: 5", "revolute"),
+    ],
+)
+def test_damped_runs_take_the_iterations_of_numpy(where, monkeypatch):
+    """So the derivative follows the state: maps of the identity are no constants of a recording."""
+    at_once(monkeypatch)
+    found = []
+    for way in ("native", "numpy"):
+        monkeypatch.setattr(kernel, "KERNEL", way)
+        scene = build(parse_deck(DAMPED % where))
+        counts = run_integration(scene, scene.deck.solve).problem.counts
+        assert bool(counts.native) == (way == "native")
+        found.append((counts.steps, counts.rejected, counts.iterations))
+    assert found[0] == pytest.approx(found[1], rel=0.03)
+
+
 WINDING = """
 hfsim: 1
 gravity: [0.0, -9.81]

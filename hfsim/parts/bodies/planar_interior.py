@@ -14,7 +14,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.traced import sometimes
+from hfsim.maths.traced import changeable, sometimes
 from hfsim.parts.bodies.planar_frame import ROOT
 from hfsim.parts.bodies.planar_natural import BeamIncrements
 from hfsim.parts.elements.polynomial import strain_moments
@@ -95,7 +95,7 @@ class InteriorBeams(BeamIncrements):
         self, at: InteriorGeometry, c: ComplexArray, strains: Array, turn: Array, normal: Array, out: Array
     ) -> None:
         """Write natural increments, of which ``c`` gives root position, frame angle and gradient vectors."""
-        y = c.copy()
+        y = changeable(c)
         slopes = slice(1, None, self.stride)
         y[..., slopes] = self._vectors(c)[..., slopes] / at.z[..., slopes]
         if self.framed:

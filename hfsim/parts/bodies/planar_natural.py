@@ -20,6 +20,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.frozen import frozen
+from hfsim.maths.traced import changeable
 from hfsim.mechanics.increments import BodyIncrements
 from hfsim.parts.bodies.planar_frame import ROOT, relative, with_root
 from hfsim.parts.elements.polynomial import mean_square_slope
@@ -142,8 +143,7 @@ class NaturalBeams(BeamIncrements):
         dd, ds, de = self._parts(dz)
         gd, gs, ge = at.gradient
         strain = (gd.conj() * dd + gs.conj() * ds + ge.conj() * de).real
-        y = np.empty(dz.shape, dtype=complex)  # on a tape, also where changes are constant
-        y[...] = dz
+        y = changeable(dz)
         for k in range(1, self.stride):
             y[..., k :: self.stride] /= at.z[..., k :: self.stride]
         y.real[..., self.stride :: self.stride] = strain
