@@ -33,7 +33,7 @@ from hfsim.scene.freedom import FreeMotion, free_motions, slips
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.memory import refuse_too_large
 from hfsim.scene.redundancy import Redundancy, redundancy
-from hfsim.scene.rules import LeftOut, apply_rules, connected, still_bodies, welds
+from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, still_bodies, welds
 from hfsim.scene.schema import Deck
 from hfsim.scene.start import Start, assembled
 
@@ -384,7 +384,7 @@ def _system(
     own = (part for body in every for part in body.forces(n))
     needed = (part for part in own if not (part.idle and left_out.fires(part.rule)))
     moving = {name: body for name, body in bodies.items() if not body.still}
-    free = eliminate(moving, constraints if left_out.fires("tree_joints") else (), sparse)
+    free = eliminate(moving, () if keeps(deck, "tree_joints") else constraints, sparse)
     charts = side_by_side(body.chart() for body in every)
     at = partial(find_marker, bodies=bodies, deck=deck, held=True)
     lacking = [body.ballast() for body in every]

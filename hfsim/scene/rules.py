@@ -130,8 +130,12 @@ def apply_rules(deck: Deck, models: Models) -> LeftOut:
 
 def apply_rule(name: str, deck: Deck, models: Models) -> Items:
     """Ask one rule; it finds nothing if the deck switches it off."""
-    kept = deck.solve.keep_all or name in deck.solve.keep
-    return () if kept else RULES[name].find(deck, models)
+    return () if keeps(deck, name) else RULES[name].find(deck, models)
+
+
+def keeps(deck: Deck, name: str) -> bool:
+    """Tell whether a deck switches a rule off."""
+    return deck.solve.keep_all or name in deck.solve.keep
 
 
 RULES: dict[str, Rule] = {}

@@ -765,3 +765,28 @@ def test_linear_above_the_critical_speed_ends_with_the_body_and_the_reason():
     assert fast.failure["class"] == "model" and fast.failure["item"] == "bodies.blade"
     assert "times its length" in fast.reason
     assert simulate(scene(BLADE), "exact", error_estimate=False).status == "done"
+
+
+UNCONNECTED = """
+gravity: [0, -9.81]
+materials: {rubber: {density: 1100, youngs_modulus: 5.0e6}}
+sections: {bar: {shape: rectangle, width: 0.02, height: 0.02}}
+ground: {points: {rail: [3, 0]}}
+bodies:
+  hung: &arm {type: beam, material: rubber, section: bar, length: 1, elements: 10}
+  slid: {<<: *arm, model: MODEL}
+joints:
+  pin: {type: revolute, between: [ground, hung.root]}
+  rail: {type: JOINT, between: [ground.rail, slid.root]}
+solve: {duration: 0.02}
+"""
+
+
+@pytest.mark.parametrize("joint", ["prismatic", "revolute", "fixed"])
+@pytest.mark.parametrize("model", ["exact", "linear"])
+def test_parts_that_nothing_connects_have_the_coordinates_of_the_whole(joint, model):
+    loaded = scene(UNCONNECTED.replace("JOINT", joint).replace("MODEL", model))
+    whole = build(loaded)
+    columns = np.concatenate([part.columns for part in whole.parts])
+    assert len(whole.parts) == 2 and sorted(columns) == list(range(whole.system.n))
+    assert simulate(loaded, error_estimate=False).status == "done"
