@@ -130,7 +130,7 @@ class CollocationStepper(Stepper):
     growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
     replays: ClassVar[bool] = True
     """Whether steps are replayed natively where they can be."""
-    remembers: ClassVar[tuple[str, ...]] = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known")
+    remembers: ClassVar[tuple[str, ...]] = ("_stiff", "_old", "_served", "_cap", "_known_at", "_known", "_h")
 
     def __init__(self, method: CollocationMethod, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._tolerance = method, problem, method.tolerance
@@ -141,14 +141,14 @@ class CollocationStepper(Stepper):
         # where matrices are large, the derivative of the start serves first: another one costs much
         self._old, self._served, self._iterations = len(q) <= MOST, 0, 0
         self._cap = np.inf
-        self._known_at, self._known = np.nan, q
+        self._known_at, self._known, self._h = np.nan, q, 0.0
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
         if self.replays and problem.often.rest(t) > FAR * self.first:
             self.first *= 2.0 * STIFF
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
-        place = Place(t, q, v, h)
+        self._h, place = h, Place(t, q, v, h)
         if self._old:
             self._prepare(place)
         step = self._solve(place)
@@ -195,7 +195,7 @@ class CollocationStepper(Stepper):
         self._choose(self._stiff)
         with self._problem.often.supposed(memory["ways"]):
             again = self._replays.taken_again
-            self._derivative = again(self._kind, memory["taken"], self.first, self._native)
+            self._derivative = again(self._kind, memory["taken"], self._h, self._native)
 
     def _error(self, place: Place, end: End) -> float:
         """Return the error over the tolerance; that of velocities counts where it reaches farther."""

@@ -132,6 +132,31 @@ def test_a_run_that_was_put_down_goes_on_to_the_last_bit(method, scene, fixed):
         assert written(again.memory()) == memories[-1], k
 
 
+DRIVEN = """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+bodies: {b: {type: rigid, mass: 1.0, inertia: [0.01, 0.02, 0.015], points: {root: [-0.2, 0.0, 0.0]}}}
+joints:
+  pin: {type: revolute, between: [ground, b.root], axis: [0.3, 0.5, 0.8]}
+  drive:
+    {type: driver, between: [ground, b.root], axis: [0.3, 0.5, 0.8],
+     angle: {type: sine, amplitude: 0.1, frequency: 20.0}}
+solve: {duration: 1.0}
+"""
+
+
+def test_steps_of_what_is_driven_go_on_to_the_last_bit(monkeypatch):
+    """Nothing in it swings, so that a first step of its own would be far longer than those that are made."""
+    monkeypatch.setitem(SCENES, "driven", DRIVEN)
+    whole, _ = stepping("driven", "gauss", 1.67e-4, 40)
+    memories = [written(whole.memory()) for _ in whole]
+    for k in (4, 34, 35):
+        again, counts = stepping("driven", "gauss", 1.67e-4, 40)
+        again.recall(read(memories[k]))
+        assert all(same(*pair) for pair in zip(again, whole.path.segments[k + 1 :], strict=True)), k
+        assert counts.native == (40 if kernel.KERNEL == "native" else 0)
+
+
 @pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
 @pytest.mark.parametrize("method", ["gauss", "gear"])
 def test_what_is_replayed_from_some_step_on_is_so_in_a_run_that_goes_on(method, monkeypatch):
