@@ -101,7 +101,6 @@ class Recorded:
         other = Place(float(later(place.t)), shaken(place.q), shaken(place.v), 0.9 * place.h)
         self._record(tape, problem, kind, other, given)
         self._restore, self.calls = tape.renew, tape.told
-        tape.poison()
 
         def near() -> list[Array]:
             other = place._replace(q=jittered(place.q), v=jittered(place.v))

@@ -102,6 +102,7 @@ static int place(Tape *t, View *v, int flags) {
         v->at = t->next;
         t->next += size;
     }
+    if ((flags & (FIXED | INPUT)) != FIXED) memset(v->at, 0xff, size); /* no numbers */
     Block *b = t->blocks;
     while (v->at < b->low || v->at >= b->high) b++;
     for (k = 0; k < size / GRAIN; k++) b->piece[(v->at - b->low) / GRAIN + k] = (int32_t)t->n_pieces;
@@ -228,7 +229,9 @@ static int append(Tape *t, const Op *o) {
         if (piece >= 0 && (k || o->code == USES)) t->pieces[piece].flags |= USED;
     }
     t->ops[t->count++] = *o;
-    return o->code < CALL ? operate(o) : 0;
+    /* nothing is computed yet but what never changes: what takes numbers out of memory meanwhile finds none */
+    const i64 piece = t->touched[t->count - 1].of[0];
+    return o->code < CALL && piece >= 0 && (t->pieces[piece].flags & (FIXED | INPUT)) == FIXED ? operate(o) : 0;
 }
 
 /* Write down an operation on n operands, the first of which is written, broadcast to the shape of s. */
@@ -877,11 +880,6 @@ static PyObject *waive(Tape *t, PyObject *a) {
     Py_RETURN_NONE;
 }
 
-static PyObject *poison(Tape *t, PyObject *none) {
-    for (const Piece *p = t->pieces; p < t->pieces + t->n_pieces; p++) if (!(p->flags & FIXED)) memset(p->at, 0xff, p->size);
-    Py_RETURN_NONE;
-}
-
 /* End the tape: keep some operations, by a byte for each, and return their memory. */
 static PyObject *rows(Tape *t, PyObject *kept) {
     i64 n = 0;
@@ -941,7 +939,6 @@ static PyMethodDef METHODS[] = {
     {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},
     {"reads", (PyCFunction)reads, METH_O, "Return whether a live operation reads an array."},
     {"waive", (PyCFunction)waive, METH_O, "Take note that no operation need read a condition."},
-    {"poison", (PyCFunction)poison, METH_NOARGS, "Fill memory with what is no number."},
     {"rows", (PyCFunction)rows, METH_O, "Return the operations that are kept; the last thing to be asked for."},
     {"cut", (PyCFunction)cut, METH_NOARGS, "End a program; return the number of operations."},
     {"keep", (PyCFunction)keep, METH_O, "Forget operations but for the first."},

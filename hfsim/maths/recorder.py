@@ -128,18 +128,31 @@ def _places(tape: Tape, a: Traced, key: Any) -> IntArray:
     return found
 
 
+@contextmanager
+def _tried_on(memory: list[np.ndarray]) -> Iterator[None]:
+    """For the time being, have numbers in memory with which functions work: identities, or ones."""
+    try:
+        for one in memory:
+            square = one.ndim > 1 and one.shape[-1] == one.shape[-2]
+            one[...] = np.eye(one.shape[-1]) if square else 1.0
+        yield
+    finally:
+        for one in memory:
+            one[...] = np.nan
+
+
 def called(tape: Any, func: Any, args: Any, kwargs: Any) -> Any:
     """Do a function and write it down as a call of Python on the same memory."""
     memory: list[np.ndarray] = []
 
     def bare(a: Any) -> Any:
         if isinstance(a, Traced):
-            memory.append(_raw(tape, a))
-            return memory[-1]
+            memory.append(plain(a))
+            return _raw(tape, a)
         return type(a)(map(bare, a)) if type(a) in (list, tuple) else a
 
     args, kwargs = bare(tuple(args)), {name: bare(value) for name, value in kwargs.items()}
-    with tape.paused():
+    with tape.paused(), _tried_on(memory):
         value = func(*args, **kwargs)
     if isinstance(value, np.ndarray) and tape.knows(value):
         if not value.size and any(one.size for one in memory):

@@ -77,7 +77,6 @@ class Replayed(Generic[_Result]):
             (self._program,) = tape.programs(*filter(tape.knows, outputs))
             self._renew = tape.renew
             self._inputs, self._outputs = list(map(plain, inputs)), list(map(plain, outputs))
-            tape.poison()
             agree(expected, _arrays(self._again(some)), scale if len(expected) > 1 else 0.0)
         except UNREADABLE as why:
             self.refused = why

@@ -3,7 +3,8 @@
 The NumPy code is the only description of what is computed.  It runs once on `Traced` arrays, which write down
 each operation with the memory of its operands (`hfsim.maths.recorder`); all memory made meanwhile is kept, so
 that the operations can be repeated on it by `hfsim.maths._replay`, without a call of Python each.  What comes
-from outside is a constant, but for inputs.
+from outside is a constant, but for inputs.  Nothing is computed meanwhile: no number is in that memory until
+the operations are done, so that one that NumPy takes out of it unnoticed shows later.
 
 What cannot be written down as such an operation is a call back to Python on the same memory; where values of
 the state decide what is done next, `Refused` is raised, and the caller goes on in NumPy.
@@ -93,7 +94,7 @@ class Tape:
     Attributes
     ----------
     core : hfsim.maths._replay.Tape
-        What writes operations down, and does them.
+        What writes operations down.
     calls : list of callable
         Operations that are done by Python.
     told : list of str
@@ -116,16 +117,12 @@ class Tape:
         """Whether an array lies in the memory of the tape."""
         self.reads: Callable[[Any], bool] = self.core.reads
         """Whether any program reads an input."""
-        self.poison: Callable[[], None] = self.core.poison
-        """Fill all memory that is no input with what is no number: what nothing writes is then seen."""
 
     # ------------------------------------------------------------------ memory
 
     def input(self, a: Array) -> Any:
-        """Return a traced copy of an array that is to be another one at every replay."""
-        own = self.core.new(a.shape, a.itemsize, "input")
-        plain(own)[...] = a
-        return own
+        """Return traced memory for an array like this that is to be set before every replay."""
+        return self.core.new(a.shape, a.itemsize, "input")
 
     def live(self, a: Array) -> Any:
         """Return a traced copy of an array that others change, to be renewed before every replay."""
@@ -139,13 +136,10 @@ class Tape:
             own[...] = a
 
     def own(self, a: Any) -> Any:
-        """Return a copy of an array as traced memory."""
-        a = plain(a)
+        """Return traced memory for an array like this."""
         if a.dtype not in KINDS:
             raise Refused(f"numbers of type {a.dtype}")
-        own = self.core.new(a.shape, a.itemsize)
-        plain(own)[...] = a
-        return own
+        return self.core.new(a.shape, a.itemsize)
 
     def keep(self, a: Any) -> Any:
         """Return an array that nobody else has; it is kept."""
