@@ -38,7 +38,7 @@ class DirectStiffness(StiffnessForm):
         """Return the factor of each A_r in K from p^T A_r p, shape (n_strains * n_points, n_columns)."""
         table = self.table
         strain = 0.5 * (squares - np.repeat(table.unit, len(table.weights))[:, None])
-        stress = table.elasticity.dot(strain.reshape(len(table.unit), -1))
+        stress = table.elasticity @ strain.reshape(len(table.unit), -1)
         stress = stress.reshape(len(table.unit), len(table.weights), -1)
         stress *= table.weights[:, None]
         return np.asarray(stress.reshape(squares.shape))
@@ -58,8 +58,8 @@ class DirectStiffness(StiffnessForm):
     def force(self, p: Array) -> Array:
         """Return K p, shape (n, n_columns)."""
         A, n = self._matrices(), len(p)
-        Ap = A.reshape(-1, n).dot(p).reshape(len(A), *p.shape)
-        K = A.reshape(len(A), n * n).T.dot(self._weighted(np.einsum("ran,an->rn", Ap, p)))
+        Ap = (A.reshape(-1, n) @ p).reshape(len(A), *p.shape)
+        K = A.reshape(len(A), n * n).T @ self._weighted(np.einsum("ran,an->rn", Ap, p))
         K += self.table.constant.reshape(-1, 1)
         return np.asarray(np.einsum("abn,bn->an", K.reshape(n, *p.shape), p))
 
