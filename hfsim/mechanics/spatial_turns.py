@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 
 ACROSS = 1e-9
 """Cosine of the angle between an axis and a tangent up to which they are at right angles."""
+LOST = 1e-8
+"""Size of z, two where axes agree, below which slopes of its angle fall to zero: at zero it has none."""
 
 
 class About(NamedTuple):
@@ -113,10 +115,16 @@ class TurnAbout(OfAxes):
         parts = (factor * of(self.ends[end], np.array(own)) for factor, own in self._axes[end])
         return np.asarray(sum(parts))
 
-    def _both(self, x: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """Return n and o, shape (n_batch, 3), and z (n_batch, 1)."""
+    def _both(self, x: Array) -> tuple[ComplexArray, ComplexArray]:
+        """Return n and o, shape (n_batch, 3)."""
         n, o = (self._sum(end, lambda marker, own: marker.axis(x, own)) for end in (0, 1))
-        return n, o, _dot(n, o)
+        return n, o
+
+    def _over(self, x: Array) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """Return n and o, shape (n_batch, 3), and 1 / z (n_batch, 1), kept finite."""
+        n, o = self._both(x)
+        z = _dot(n, o)
+        return n, o, np.asarray(np.conj(z) / np.maximum(z.real**2 + z.imag**2, LOST**2))
 
     def _slope(self, end: int, x: Array) -> ComplexArray:
         """Return the derivative of n or o by the coordinates of its body, shape (n_batch, 3, k)."""
@@ -124,7 +132,7 @@ class TurnAbout(OfAxes):
 
     def gap(self, x: Array) -> Array:
         """Return the angle [rad], within half a turn."""
-        return np.angle(self._both(x)[2])
+        return np.angle(_dot(*self._both(x)))
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return the angle error [rad], within half a turn."""
@@ -132,41 +140,41 @@ class TurnAbout(OfAxes):
 
     def jacobian(self, end: int, x: Array) -> Array:
         """Return Im dz / z."""
-        *both, z = self._both(x)
-        return np.imag((both[1 - end] / z)[:, None] @ self._slope(end, x))
+        *both, over = self._over(x)
+        return np.imag((both[1 - end] * over)[:, None] @ self._slope(end, x))
 
     def bias(self, x: Array, u: Array) -> Array:
         """Return the angle's second derivative without accelerations, Im (z'' / z - (z' / z)^2)."""
-        n, o, z = self._both(x)
+        n, o, over = self._over(x)
         n1, o1 = ((self._slope(end, x) @ u[:, m.columns, None])[..., 0] for end, m in enumerate(self.ends))
         n2, o2 = (self._sum(end, lambda marker, own: marker.axis_bias(x, u, own)) for end in (0, 1))
         once, twice = _dot(n1, o) + _dot(n, o1), _dot(n2, o) + 2.0 * _dot(n1, o1) + _dot(n, o2)
-        return np.imag(twice / z - (once / z) ** 2)
+        return np.imag(twice * over - (once * over) ** 2)
 
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
         """Return the multiplier times the second derivative, Im (ddz / z - dz dz / z^2)."""
         moment = multipliers[0, 0]
-        n, o, z = (part[0] for part in self._both(x))
+        n, o, over = (part[0] for part in self._over(x))
         by_n, by_o = (
             self._slope(end, x)[0][:, marker.support - marker.columns.start]
             for end, marker in enumerate(self.ends)
         )
-        slope = np.concatenate([o @ by_n, n @ by_o]) / z
+        slope = np.concatenate([o @ by_n, n @ by_o]) * over
         second, k = -np.outer(slope, slope), by_n.shape[1]
-        mixed = by_n.T @ by_o / z
+        mixed = by_n.T @ by_o * over
         second[:k, k:] += mixed
         second[k:, :k] += mixed.T
         columns = np.concatenate([marker.support for marker in self.ends])
         parts = [Entries.of_block(columns, columns, moment * second.imag)]
-        for marker, axes, pull in zip(self.ends, self._axes, (o / z, n / z), strict=True):
+        for marker, axes, pull in zip(self.ends, self._axes, (o * over, n * over), strict=True):
             for factor, own in axes:
                 parts.append(marker.axis_stiffness(x, np.array(own), moment * np.imag(factor * pull)))
         return Entries(*(np.concatenate(kinds) for kinds in zip(*parts, strict=True)))
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return minus the multiplier times what the angle changes by with small turns of B."""
-        n, o, z = self._both(x)
-        return np.zeros((len(x), 3)), -multipliers * np.imag(np.cross(o, n) / z)
+        n, o, over = self._over(x)
+        return np.zeros((len(x), 3)), -multipliers * np.imag(np.cross(o, n) * over)
 
 
 def _dot(a: ComplexArray, b: ComplexArray) -> ComplexArray:

@@ -74,6 +74,9 @@ class JointSpec(Spec):
     turns: ClassVar[bool] = False
     """Whether, in space, it leaves a turn about one axis that both bodies share, and no other."""
 
+    swings: ClassVar[bool] = False
+    """Whether, in space, it leaves turns from an orientation that it states."""
+
     holds: ClassVar[bool] = True
     """Whether it holds anything; else it only exerts a force on what it leaves free."""
 

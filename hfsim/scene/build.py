@@ -35,7 +35,8 @@ from hfsim.scene.memory import refuse_too_large
 from hfsim.scene.redundancy import Redundancy, redundancy
 from hfsim.scene.rules import LeftOut, apply_rules, connected, keeps, still_bodies, welds
 from hfsim.scene.schema import Deck
-from hfsim.scene.start import Start, assembled
+from hfsim.scene.start import assembled
+from hfsim.scene.stated import Start
 
 
 @frozen
@@ -264,9 +265,8 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
 
 
 def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
-    deck = loaded.deck
-    linkage = _linkage(deck, bodies, Facings(deck))
-    return assembled(Start(tuple(bodies), deck.motions, linkage, loaded.problem))
+    linkage = _linkage(loaded.deck, bodies, Facings(loaded.deck))
+    return assembled(Start(tuple(bodies), loaded.deck.motions, linkage, loaded.problem))
 
 
 def _linkage(

@@ -25,6 +25,8 @@ from hfsim.mechanics.pose import Pose
 
 CLOSED = 1e-9
 """Gap of a joint, relative to the size of the linkage or in radians, that counts as none."""
+BESIDE = 1e-6
+"""Part of the largest gap up to which another one beside it counts as none."""
 SWEEPS = 80
 """Steps of the damped iteration."""
 STARTS = 48
@@ -199,10 +201,11 @@ class Linkage:
     def largest_of(self, gaps: Array) -> tuple[Constraint, float]:
         """Return the last constraint with the largest of gaps (n_rows,), or nearly so, and its size [m, rad].
 
-        A distance is named before an angle.
+        A distance is named before an angle, but for one that closing leaves by rounding.
         """
         sizes = np.array([np.linalg.norm(gaps[rows]) for rows in self.rows])
-        apart = np.array([c.unit == "m" for c in self.constraints]) & (sizes > CLOSED)
+        apart = sizes > max(CLOSED, BESIDE * sizes.max())
+        apart &= np.array([c.unit == "m" for c in self.constraints])
         ranked = np.where(apart, sizes, 0.0) if apart.any() else sizes
         k = int(np.flatnonzero(ranked >= 0.999 * ranked.max())[-1])
         return self.constraints[k], float(sizes[k]) * self._unit_of(self.constraints[k])

@@ -29,14 +29,15 @@ class Facings:
     def known(self) -> dict[str, Array]:
         """Orientations (3, 3) of the ground and of bodies, stated or handed on by joints.
 
-        First by joints that fix them, then by drivers of hinges, last by hinges alone: about the axis the
-        other body is turned as little as can be against the ground.  Of bodies that are joined to none of
-        these, the first one stands level.
+        First by joints that fix them, then by drivers of hinges and by universal joints that state theirs,
+        then by hinges alone: about the axis the other body is turned as little as can be against the ground.
+        Last by other universal joints: handed on through these before, the axis of a hinge would not be
+        where it is stated.  Of bodies that are joined to none of these, the first one stands level.
         """
         deck = self._deck
         stated = {name: entry.turn(3) for name, entry in deck.motions.items()}
         known = {"ground": LEVEL} | {name: R for name, R in stated.items() if R is not None}
-        steps = (_by_orientation, self._by_driver, _by_hinge)
+        steps = (_by_holding, self._by_driver, _by_statement, _by_hinge, _by_orientation)
         for name in ("ground", *self._floating(known)):
             known.setdefault(name, LEVEL)
             while any(self._handed_on(known, step) for step in steps):
@@ -105,8 +106,22 @@ def _connected(names: set[str], pairs: list[set[str]]) -> set[str]:
     return names
 
 
+def _by_holding(joint: JointSpec, known: Array, back: bool) -> Array | None:
+    """Return where a joint that leaves no turn holds the other body."""
+    return None if joint.swings else _by_orientation(joint, known, back)
+
+
+def _by_statement(joint: JointSpec, known: Array, back: bool) -> Array | None:
+    """Return where a joint that leaves turns states that the other body is."""
+    if not joint.swings:
+        return None
+    from hfsim.deck.orientation import matrix_of
+
+    return None if matrix_of(joint) is None else _by_orientation(joint, known, back)
+
+
 def _by_orientation(joint: JointSpec, known: Array, back: bool) -> Array | None:
-    """Return where a joint that holds orientations holds the other body."""
+    """Return where the other body is before a joint with an orientation turns."""
     if joint.follows_start or not hasattr(joint, "orientation"):
         return None
     return known @ (_held(joint).T if back else _held(joint))

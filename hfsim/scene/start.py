@@ -8,24 +8,22 @@ start that fulfils the joints is taken, and what that changes is told.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from functools import cached_property, partial
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
-from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray
-from hfsim.maths.frozen import frozen, mutable
 from hfsim.maths.matrices import smallest_step
-from hfsim.maths.rotations import freedoms, rotation, rotation_vector, wrap
+from hfsim.maths.rotations import freedoms, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.pose import Twist
-from hfsim.scene.assembly import UNITS, Assembly, Branches, Change, Turn, listed
+from hfsim.scene.assembly import Assembly, Branches, Change, Turn
 from hfsim.scene.closing import CLOSED, Linkage, largest
-from hfsim.scene.initial import InitialSpec
+from hfsim.scene.contradicted import cannot_close, contradicted
+from hfsim.scene.stated import AT_START, Start, Stated
 
 GROUND = None
-AT_START = np.zeros(1)
 MOST_STATED = 50
 """Bodies in scenes of which it is looked for what other stated angles would do."""
 APART = 1e-3
@@ -40,97 +38,6 @@ MOST_ROWS = 1500
 """Joint equations up to which spins are told from velocities that follow from them."""
 ROUGH_RATE = 0.05
 """The same of stated velocities, relative to the largest of their kind."""
-
-
-@frozen
-class Start:
-    """What the starting state is found from.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the bodies.
-    initial : mapping of str to InitialSpec
-    linkage : Linkage
-        Of the frames of the bodies, in this order.
-    refuse : callable
-        (deck path, message, hint) -> DeckError.
-    """
-
-    names: tuple[str, ...]
-    initial: Mapping[str, InitialSpec]
-    linkage: Linkage
-    refuse: Callable[[str, str, str], DeckError]
-
-    @cached_property
-    def n_dim(self) -> int:
-        """Number of space dimensions."""
-        return self.linkage.n_dim
-
-    @cached_property
-    def ties(self) -> tuple[Constraint, ...]:
-        """The constraints that hold whole turns."""
-        return tuple(c for c in self.linkage.constraints if c.holds_turn)
-
-    def stated(self, origin: str, turn: str) -> _Stated:
-        """Return the stated values of two quantities of each body, zero for the rest."""
-        values = np.zeros((len(self.names), freedoms(self.n_dim)))
-        stated, exact = np.zeros(values.shape, dtype=bool), np.zeros(values.shape, dtype=bool)
-        parts = {origin: slice(self.n_dim), turn: slice(self.n_dim, None)}
-        for k, name in enumerate(self.names):
-            for quantity, part in parts.items():
-                value = self._value(name, quantity)
-                if value is not None:
-                    values[k, part], stated[k, part], exact[k, part] = value, True, self.initial[name].exact
-        return _Stated(parts, values.ravel(), stated.ravel(), exact.ravel())
-
-    def _value(self, name: str, quantity: str) -> Array | tuple[float, ...] | None:
-        initial = self.initial.get(name)
-        if initial is None:
-            return None
-        if quantity == "angular_velocity":
-            return initial.spin(self.n_dim)
-        if quantity == "angle" and (turn := initial.turn(self.n_dim)) is not None:
-            # in space it counts from the centre, which is the orientation stated
-            return turn if self.n_dim == 2 else np.zeros(3)
-        return None if quantity == "angle" else getattr(initial, quantity)
-
-    def told(self, quantity: str, where: IntArray, values: Array) -> tuple[float, ...]:
-        """Return places or rates of a frame as messages have them: in space its turn against the ground."""
-        own, body = values[where], int(where[0]) // freedoms(self.n_dim)
-        if quantity == "angle" and self.linkage.centres is not None:
-            own = rotation_vector(rotation(own) @ self.linkage.centres[body])
-            own = np.where(np.abs(own) < CLOSED, 0.0, own)
-        return tuple(map(float, own))
-
-    def frames(self, given: _Stated) -> Iterator[tuple[str, tuple[Array, Array]]]:
-        """Yield names of bodies with the values of both quantities."""
-        for name, row in zip(self.names, given.values.reshape(len(self.names), -1), strict=True):
-            yield name, (row[: self.n_dim], row[self.n_dim :])
-
-
-@mutable
-class _Stated:
-    """Places or rates of all frames, (n,), what of them the deck states, and what of that is exact.
-
-    Attributes
-    ----------
-    parts : dict of str to slice
-        Where each quantity stands among the values of a frame.
-    values : ndarray, shape (n,)
-    stated, exact : ndarray of bool, shape (n,)
-    open : ndarray of bool, shape (n,)
-        What neither the deck states nor joints hand on.
-    """
-
-    parts: dict[str, slice]
-    values: Array
-    stated: BoolArray
-    exact: BoolArray
-
-    def __post_init__(self) -> None:
-        self.given = self.values.copy()
-        self.open = ~self.stated
 
 
 def assembled(start: Start) -> Assembly:
@@ -160,7 +67,7 @@ def assembled(start: Start) -> Assembly:
     )
 
 
-def _hand_on(start: Start, given: _Stated, step: Callable[[Constraint], Array]) -> None:
+def _hand_on(start: Start, given: Stated, step: Callable[[Constraint], Array]) -> None:
     """Take turns that are not stated from other bodies, along the constraints that fix them."""
     turns, stated, unknown = (
         kind.reshape(len(start.names), -1)[:, start.n_dim :]
@@ -183,16 +90,16 @@ def _hand_on(start: Start, given: _Stated, step: Callable[[Constraint], Array]) 
             turns[k], unknown[k] = turn, False
 
 
-def _refuse_twists(start: Start, place: _Stated) -> None:
+def _refuse_twists(start: Start, place: Stated) -> None:
     """Refuse angles that a joint fixes outright and that miss it by far: no loop makes such guesses."""
     for tie in start.ties:
         off = largest(tie.residual(AT_START, place.values[None]))
         known = not any((place.open & start.linkage.turns)[marker.columns].any() for marker in tie.ends)
         if known and off > ROUGH_TURN:
-            raise _contradicted(start, place, tie, off)
+            raise contradicted(start, place, tie, off)
 
 
-def _settle(start: Start, place: _Stated) -> tuple[dict[str, Turn], Branches]:
+def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:
     """Move what is not stated until the joints hold: origins first, then unstated turns, then guesses.
 
     Returns
@@ -222,9 +129,12 @@ def _turned(start: Start, x: Array, follow: IntArray) -> dict[str, Turn]:
 
 
 def _branches(
-    start: Start, place: _Stated, free: BoolArray, begin: Array, starts: Array, moved: IntArray, guessed: bool
+    start: Start, place: Stated, free: BoolArray, begin: Array, starts: Array, moved: IntArray, guessed: bool
 ) -> list[dict[str, Turn]]:
-    """Return the other ways to close the loops, from where that which was taken was looked for."""
+    """Return the other ways to close the loops, from where that which was taken was looked for.
+
+    Where no open turn has moved, all others are of what the deck states otherwise.
+    """
     link, ways = start.linkage, [place.values]
     if link.moves(place.values, free):
         return []
@@ -232,11 +142,13 @@ def _branches(
         if all(link.apart(one, way) > APART for way in ways):
             ways.append(_near(link, one, begin))
     others = _told_ways(start, place, ~place.stated, moved)
-    return others if guessed and others else [*(_turned(start, way, moved) for way in ways[1:]), *others]
+    if not len(moved) or (guessed and others):
+        return others
+    return [*(_turned(start, way, moved) for way in ways[1:]), *others]
 
 
 def _told_ways(
-    start: Start, place: _Stated, free: BoolArray, follow: Sequence[int] | IntArray = ()
+    start: Start, place: Stated, free: BoolArray, follow: Sequence[int] | IntArray = ()
 ) -> list[dict[str, Turn]]:
     """Return the angle of the body that would be stated otherwise, then those that follow, in each way."""
     found: list[dict[str, Turn]] = []
@@ -247,7 +159,7 @@ def _told_ways(
     return found
 
 
-def _otherwise(start: Start, place: _Stated, free: BoolArray) -> Iterator[tuple[int, Array]]:
+def _otherwise(start: Start, place: Stated, free: BoolArray) -> Iterator[tuple[int, Array]]:
     """Yield the other ways in which planar loops close with one angle stated otherwise, and of which body."""
     link, x = start.linkage, place.values
     if start.n_dim != 2 or len(start.names) > MOST_STATED:
@@ -277,7 +189,7 @@ def _following(start: Start, free: BoolArray, moved: BoolArray) -> IntArray:
     return np.flatnonzero(reached)
 
 
-def _guesses(start: Start, place: _Stated, starts: Array) -> list[Array]:
+def _guesses(start: Start, place: Stated, starts: Array) -> list[Array]:
     """Return the places nearest to stated guesses in which the joints hold.
 
     Raises
@@ -290,14 +202,14 @@ def _guesses(start: Start, place: _Stated, starts: Array) -> list[Array]:
     best = link.nearest(ends)
     found = link.search(best[None], ~place.exact) or link.search(ends, ~place.exact)
     if not found:
-        raise _open(start, place, *link.cut(ends, ~place.exact))
+        raise cannot_close(start, place, *link.cut(ends, ~place.exact))
     near = min(
         (_near(link, one, x) for one in found),
         key=lambda one: largest(((one - x) / link.units)[place.stated]),
     )
     allowed = _changes(start, place, near)
     if any(change.rough > 1.0 for change in allowed):
-        raise _contradicted(start, place, *link.worst(best), allowed)
+        raise contradicted(start, place, *link.worst(best), allowed)
     return [near]
 
 
@@ -308,7 +220,7 @@ def _near(link: Linkage, x: Array, begin: Array) -> Array:
     return np.where(link.turns, begin + wrap(x - begin), x)
 
 
-def _settle_rates(start: Start, J: Array, rates: _Stated) -> None:
+def _settle_rates(start: Start, J: Array, rates: Stated) -> None:
     """Change what is not stated until the joints hold, then guesses, as `_settle`."""
     link, values = start.linkage, rates.values
     none = CLOSED * max(1.0, largest(values / link.units))
@@ -321,7 +233,7 @@ def _settle_rates(start: Start, J: Array, rates: _Stated) -> None:
             break
     allowed = _changes(start, rates, values)
     if largest(gap / link.scales) >= none or any(change.rough > 1.0 for change in allowed):
-        raise _contradicted(start, rates, *link.largest_of(before / link.scales), allowed)
+        raise contradicted(start, rates, *link.largest_of(before / link.scales), allowed)
 
 
 def _least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Array:
@@ -337,7 +249,7 @@ def _least_turning(link: Linkage, J: Array, free: BoolArray, gap: Array) -> Arra
     return step
 
 
-def _changes(start: Start, given: _Stated, values: Array) -> tuple[Change, ...]:
+def _changes(start: Start, given: Stated, values: Array) -> tuple[Change, ...]:
     """Return which stated values are changed by more than round-off."""
     found = []
     for name, own in zip(start.names, np.arange(len(values)).reshape(len(start.names), -1), strict=True):
@@ -361,35 +273,3 @@ def _guess(start: Start, quantity: str, values: Array) -> float:
     of_spins, of_speeds = largest(values[link.turns]), largest(values[~link.turns])
     # where nothing else moves, no stated rate is a guess
     return ROUGH_RATE * max(of_spins if quantity == "angular_velocity" else of_speeds, 1e-300)
-
-
-def _contradicted(
-    start: Start, given: _Stated, joint: Constraint, size: float, allowed: Sequence[Change] = ()
-) -> DeckError:
-    """Return the refusal of what is stated, or of joints that contradict each other whatever is stated."""
-    rates = "velocity" in given.parts
-    unit = f"{joint.unit}/s" if rates else joint.unit
-    if not given.stated.any():
-        hint = "the start or the rate of a driver, or an angle of a joint, must be another"
-        return start.refuse(
-            joint.item, f"other joints and drivers contradict this one by {size:.6g} {unit}", hint
-        )
-    what = "velocities" if rates else "positions and angles"
-    nearest = [f"{c.body}.{c.quantity} {listed(c.taken)} {UNITS[c.quantity]}" for c in allowed]
-    hint = f"nearest that the joints allow: {', '.join(nearest)}; " if nearest else ""
-    hint += "correct what is stated under 'initial', or leave it out to let it follow from the joints"
-    return start.refuse(joint.item, f"the initial {what} contradict this joint by {size:.6g} {unit}", hint)
-
-
-def _open(start: Start, place: _Stated, joint: Constraint, size: float) -> DeckError:
-    """Return the refusal of joints that close at no angles."""
-    held = {start.names[k // freedoms(start.n_dim)] for k in np.flatnonzero(place.exact)}
-    if held:
-        message = f"cannot be closed with what is exact: at least {size:.6g} {joint.unit} are left"
-        hint = f"leave out 'exact' of {', '.join(sorted(held))}, or correct what is stated there"
-    else:
-        message = f"cannot be closed: at least {size:.6g} {joint.unit} are left, whatever the angles"
-        hint = "make a link longer, move a point, or let a driver start elsewhere"
-        if start.n_dim == 3 and (place.open & start.linkage.turns).any():
-            hint += "; or state orientations: they say where in the second body the axis of a hinge is"
-    return start.refuse(joint.item, message, hint)

@@ -405,6 +405,19 @@ def test_an_angle_about_an_axis_is_that_of_twist_whatever_the_swing(swing):
             assert (c.jacobian(1, x)[0] @ rates)[0] == pytest.approx(moment @ spin, abs=1e-11)
 
 
+@pytest.mark.parametrize("tilt", [np.pi, np.pi - 1e-9, np.pi - 1e-5])
+def test_an_angle_about_an_axis_that_points_the_other_way_has_finite_slopes(tilt):
+    """It is not known there, but iterations go on from such places."""
+    (c,) = About.of((0.0, 0.0, 1.0), np.eye(3)).between(GroundMarker(Pose.level((0.0,) * 3)), MARKERS["body"])
+    x, u = np.zeros((1, N)), np.ones((1, N))
+    R = rotation(np.array([tilt, 0.0, 0.0])) if tilt < np.pi else np.diag([1.0, -1.0, -1.0])
+    x[0, BODY] = np.r_[np.zeros(3), R.T.ravel()]
+    with np.errstate(all="raise"):
+        found = c.gap(x), c.jacobian(1, x), c.bias(x, u), c.stiffness(x, np.ones((1, 1))).values
+    for values in found:
+        assert np.isfinite(values).all() and np.abs(values).max() < 1e17
+
+
 @pytest.mark.parametrize("sparse", [False, True])
 def test_products_of_a_whole_scene_are_those_of_each_joint(sparse, rng):
     found = [

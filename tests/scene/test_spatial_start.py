@@ -175,6 +175,69 @@ def test_a_loop_that_cannot_close_says_so():
         build(parse_deck(LOOP.replace("0.8, 0.3, 0.0", "1.8, 0.3, 0.0").format(angle=0.5, more="")))
 
 
+CARDAN = """hfsim: 1
+gravity: [0, 0, 0]
+ground: {points: {p: [1.0, 0, 0]}}
+bodies:
+  a: {type: rigid, mass: 1, inertia: [0.1, 0.2, 0.2], points: {l: [-0.5, 0, 0], r: [0.5, 0, 0]}}
+  b: {type: rigid, mass: 1, inertia: [0.3, 0.2, 0.2], points: {l: [-0.5, 0, 0]}}
+joints:
+  ra: {type: revolute, between: [ground, a.l], axis: [1, 0, 0]}
+  u: {type: universal, between: [a.r, b.l], axes: [[0, 1, 0], [0, 0, 1]]}
+  rb: {type: cylindrical, between: [ground.p, b], axis: ["${cos(0.5)}", "${sin(0.5)}", 0]}
+"""
+CARDAN_CRANK = "  d: {type: driver, between: [ground, a.l], axis: [1, 0, 0], angle: {type: constant_rate, rate: 4}}\n"
+BENT = "orientation: {axis: [0, 0, 1], angle: 0.5}"
+
+
+def cardan(crank, initial):
+    more = f"initial: {{{initial}}}\n" if initial else ""
+    return build(parse_deck(f"{CARDAN}{crank}{more}solve: {{duration: 1.0}}\n", "cardan.yaml"))
+
+
+@pytest.mark.parametrize("crank", [CARDAN_CRANK, ""])
+@pytest.mark.parametrize(
+    "initial",
+    [
+        f"b: {{{BENT}}}",
+        f"b: {{{BENT}, position: [1.43879128, 0.23971277, 0]}}",
+        f"a: {{angle: 0}}, b: {{{BENT}, position: [1.43879128, 0.23971277, 0]}}",
+    ],
+)
+def test_a_cardan_shaft_closes_with_the_axes_of_its_hinges_where_they_are_stated(crank, initial):
+    """The universal joint does not hand on its bend to the shaft that a hinge holds level."""
+    speed = 4.0 if crank else 0.0
+    built = cardan(crank, initial)
+    axis = np.array([np.cos(0.5), np.sin(0.5), 0.0])
+    R, w = turns(built), spins(built)
+    assert R["a"] @ [1.0, 0.0, 0.0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-9)
+    assert R["b"] == pytest.approx(rotation(np.array([0.0, 0.0, 0.5])), abs=1e-9)
+    assert built.assembly.poses["b"].origin == pytest.approx([1.0, 0.0, 0.0] + 0.5 * axis, abs=1e-8)
+    assert w["b"] == pytest.approx(speed / np.cos(0.5) * axis, abs=1e-8)
+    assert all(built.assembly.branches())
+
+
+def test_a_universal_joint_that_states_an_orientation_hands_it_on_before_hinges_do():
+    text = CARDAN.replace("axes: [[0,", f"{BENT}, axes: [[0,")
+    built = build(parse_deck(f"{text}{CARDAN_CRANK}solve: {{duration: 1.0}}\n", "cardan.yaml"))
+    assert turns(built)["b"] == pytest.approx(rotation(np.array([0.0, 0.0, 0.5])), abs=1e-9)
+
+
+@pytest.mark.parametrize("crank", [CARDAN_CRANK, ""])
+def test_a_loop_that_does_not_close_says_which_orientations_it_does_not_know(crank):
+    with pytest.raises(DeckError, match=r"cannot be closed.* hinges in a, b as they are") as refusal:
+        cardan(crank, "")
+    assert "state orientations" in refusal.value.problems[0].hint
+
+
+def test_rounding_of_a_closed_joint_hides_no_contradicted_angle():
+    axis = "axis: [0.2, 0.5, 1.0]"
+    joints = AXLE.replace("hub}", f"hub.rim, {axis}}}") + MOTOR.replace("hub,", f"hub.rim, {axis},").replace("0.4", "0.0")
+    with pytest.raises(DeckError, match=r"contradict this joint by 1\.0\d+ rad") as refusal:
+        scene(joints, "hub: {orientation: {rotation_vector: [0.3, 0.2, 1.0]}}")
+    assert refusal.value.problems[0].path == "joints.motor"
+
+
 def test_free_motions_are_told_by_joint_and_axis():
     told = [str(motion) for motion in scene(AXLE + ELBOW + "  ball: {type: spherical, between: [arm.tip, bob.hook]}\n").free_motions]
     assert told == ["hub: turns about axle, axis [0, 0, 1]", "arm: turns about elbow, axis [0, 1, 0]", "bob: turns about ball, 3 axes"]

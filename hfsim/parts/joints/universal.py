@@ -21,7 +21,7 @@ class UniversalSpec(JointSpec):
     """Two points stay together; the bodies turn about two axes at right angles, one fixed in each."""
 
     spatial = True
-    meets = True
+    meets = swings = True
 
     type: Literal["universal"]
     """Kind of joint."""

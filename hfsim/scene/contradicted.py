@@ -1,0 +1,56 @@
+"""Refusals of starts that the joints do not allow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hfsim.errors import DeckError
+from hfsim.maths.rotations import freedoms
+from hfsim.mechanics.constraints import Constraint
+from hfsim.scene.assembly import UNITS, Change, listed
+from hfsim.scene.stated import Start, Stated
+
+MOST_NAMED = 5
+"""Bodies that a message names one by one."""
+
+
+def contradicted(
+    start: Start, given: Stated, joint: Constraint, size: float, allowed: Sequence[Change] = ()
+) -> DeckError:
+    """Return the refusal of what is stated, or of joints that contradict each other whatever is stated."""
+    rates = "velocity" in given.parts
+    unit = f"{joint.unit}/s" if rates else joint.unit
+    if not given.stated.any():
+        hint = "the start or the rate of a driver, or an angle of a joint, must be another"
+        return start.refuse(
+            joint.item, f"other joints and drivers contradict this one by {size:.6g} {unit}", hint
+        )
+    what = "velocities" if rates else "positions and angles"
+    nearest = [f"{c.body}.{c.quantity} {listed(c.taken)} {UNITS[c.quantity]}" for c in allowed]
+    hint = f"nearest that the joints allow: {', '.join(nearest)}; " if nearest else ""
+    hint += "correct what is stated under 'initial', or leave it out to let it follow from the joints"
+    return start.refuse(joint.item, f"the initial {what} contradict this joint by {size:.6g} {unit}", hint)
+
+
+def cannot_close(start: Start, place: Stated, joint: Constraint, size: float) -> DeckError:
+    """Return the refusal of joints that close at no angles."""
+    held = {start.names[k // freedoms(start.n_dim)] for k in np.flatnonzero(place.exact)}
+    if held:
+        message = f"cannot be closed with what is exact: at least {size:.6g} {joint.unit} are left"
+        hint = f"leave out 'exact' of {', '.join(sorted(held))}, or correct what is stated there"
+    else:
+        message = f"cannot be closed: at least {size:.6g} {joint.unit} are left, whatever the angles"
+        hint = "make a link longer, move a point, or let a driver start elsewhere"
+        if unknown := _unfaced(start, place):
+            message += f", with hinges in {unknown} as they are without a stated orientation"
+            hint = f"state orientations: they say where in a body the axis of a hinge is; or {hint}"
+    return start.refuse(joint.item, message, hint)
+
+
+def _unfaced(start: Start, place: Stated) -> str:
+    """Return in words which bodies have no stated orientation, in space; nothing if there are none."""
+    turns = (place.open & start.linkage.turns).reshape(len(start.names), -1)
+    names = [start.names[k] for k in np.flatnonzero(turns.any(axis=1))] if start.n_dim == 3 else []
+    return ", ".join(names) if len(names) <= MOST_NAMED else f"{len(names)} bodies"

@@ -1,0 +1,109 @@
+"""What the starting state is found from: what the deck states of bodies, and the linkage of their joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+
+import numpy as np
+
+from hfsim.errors import DeckError
+from hfsim.maths.arrays import Array, BoolArray, IntArray
+from hfsim.maths.frozen import frozen, mutable
+from hfsim.maths.rotations import freedoms, rotation, rotation_vector
+from hfsim.mechanics.constraints import Constraint
+from hfsim.scene.closing import CLOSED, Linkage
+from hfsim.scene.initial import InitialSpec
+
+AT_START = np.zeros(1)
+
+
+@frozen
+class Start:
+    """What the starting state is found from.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the bodies.
+    initial : mapping of str to InitialSpec
+    linkage : Linkage
+        Of the frames of the bodies, in this order.
+    refuse : callable
+        (deck path, message, hint) -> DeckError.
+    """
+
+    names: tuple[str, ...]
+    initial: Mapping[str, InitialSpec]
+    linkage: Linkage
+    refuse: Callable[[str, str, str], DeckError]
+
+    @cached_property
+    def n_dim(self) -> int:
+        """Number of space dimensions."""
+        return self.linkage.n_dim
+
+    @cached_property
+    def ties(self) -> tuple[Constraint, ...]:
+        """The constraints that hold whole turns."""
+        return tuple(c for c in self.linkage.constraints if c.holds_turn)
+
+    def stated(self, origin: str, turn: str) -> Stated:
+        """Return the stated values of two quantities of each body, zero for the rest."""
+        values = np.zeros((len(self.names), freedoms(self.n_dim)))
+        stated, exact = np.zeros(values.shape, dtype=bool), np.zeros(values.shape, dtype=bool)
+        parts = {origin: slice(self.n_dim), turn: slice(self.n_dim, None)}
+        for k, name in enumerate(self.names):
+            for quantity, part in parts.items():
+                value = self._value(name, quantity)
+                if value is not None:
+                    values[k, part], stated[k, part], exact[k, part] = value, True, self.initial[name].exact
+        return Stated(parts, values.ravel(), stated.ravel(), exact.ravel())
+
+    def _value(self, name: str, quantity: str) -> Array | tuple[float, ...] | None:
+        initial = self.initial.get(name)
+        if initial is None:
+            return None
+        if quantity == "angular_velocity":
+            return initial.spin(self.n_dim)
+        if quantity == "angle" and (turn := initial.turn(self.n_dim)) is not None:
+            # in space it counts from the centre, which is the orientation stated
+            return turn if self.n_dim == 2 else np.zeros(3)
+        return None if quantity == "angle" else getattr(initial, quantity)
+
+    def told(self, quantity: str, where: IntArray, values: Array) -> tuple[float, ...]:
+        """Return places or rates of a frame as messages have them: in space its turn against the ground."""
+        own, body = values[where], int(where[0]) // freedoms(self.n_dim)
+        if quantity == "angle" and self.linkage.centres is not None:
+            own = rotation_vector(rotation(own) @ self.linkage.centres[body])
+            own = np.where(np.abs(own) < CLOSED, 0.0, own)
+        return tuple(map(float, own))
+
+    def frames(self, given: Stated) -> Iterator[tuple[str, tuple[Array, Array]]]:
+        """Yield names of bodies with the values of both quantities."""
+        for name, row in zip(self.names, given.values.reshape(len(self.names), -1), strict=True):
+            yield name, (row[: self.n_dim], row[self.n_dim :])
+
+
+@mutable
+class Stated:
+    """Places or rates of all frames, (n,), what of them the deck states, and what of that is exact.
+
+    Attributes
+    ----------
+    parts : dict of str to slice
+        Where each quantity stands among the values of a frame.
+    values : ndarray, shape (n,)
+    stated, exact : ndarray of bool, shape (n,)
+    open : ndarray of bool, shape (n,)
+        What neither the deck states nor joints hand on.
+    """
+
+    parts: dict[str, slice]
+    values: Array
+    stated: BoolArray
+    exact: BoolArray
+
+    def __post_init__(self) -> None:
+        self.given = self.values.copy()
+        self.open = ~self.stated
