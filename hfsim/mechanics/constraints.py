@@ -108,6 +108,8 @@ class Constraint:
         Deck path of its joint, such as ``joints.elbow``.
     holds_place, holds_turn : bool
         Whether both points are one; whether the whole turn of the second against the first is the target.
+    counts_turns : bool
+        Whether the gap, if an angle, goes on beyond half a turn.
     unit, why_kept : str
         Unit of the gap; why equations of this kind need multipliers where `elimination` leaves them.
     """
@@ -119,6 +121,7 @@ class Constraint:
     item: str = field(default="", kw_only=True)
     holds_place: ClassVar[bool] = False
     holds_turn: ClassVar[bool] = False
+    counts_turns: ClassVar[bool] = True
     unit: ClassVar[str] = "m"
     why_kept: ClassVar[str] = "its equations are not linear: they change as bodies move"
 

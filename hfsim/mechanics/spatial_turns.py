@@ -1,4 +1,4 @@
-"""Angles about an axis in space: what drivers hold and rotational springs resist.
+"""Angles about an axis in space: what drivers hold and rotational springs resist; and torques about one.
 
 The axis is one of the first body, and no joint need keep it in the second.  The angle is that of the turn
 about it from which a smallest rotation leads to the second body's frame (swing and twist): it is known until
@@ -10,7 +10,7 @@ of the plane.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -84,6 +84,58 @@ class About(NamedTuple):
 def about(axis: Direction | None, facing: Array) -> About:
     """Return the angle about the axis of a joint, as a driver has it."""
     return About.of(axis or THIRD, facing)
+
+
+class TorqueAbout(NamedTuple):
+    """What a motor turns: B about an axis that A carries, whatever the angle.
+
+    Of a line, whose tangent bears no torque about itself, it is the angle about the axis.
+
+    Attributes
+    ----------
+    angle : About
+    """
+
+    angle: About
+
+    def between(self, first: Marker, second: Marker) -> tuple[Constraint, ...]:
+        """Return what is measured for two markers; nothing where the angle has no meaning."""
+        if second.n_axes == 1 or not self.angle.fits(first.n_axes == 1, False):
+            return self.angle.between(first, second)
+        return (SpinAbout(first, second, self.angle.axis),)
+
+    def fits(self, first: bool, second: bool) -> bool:
+        """Tell whether A has the axis, and B a tangent across it."""
+        return self.angle.fits(first, second)
+
+
+@frozen
+class SpinAbout(OfAxes):
+    """The spin of the second body against the first about an axis of that: of no angle it is the rate.
+
+    What acts on it is a torque about the axis, and its opposite.
+
+    Attributes
+    ----------
+    axis : tuple of float
+        Unit vector in A's frame.
+    """
+
+    axis: Direction
+    counts_turns: ClassVar[bool] = False
+
+    def gap(self, x: Array) -> Array:
+        """Return zero: there is no angle."""
+        return np.zeros((len(x), 1))
+
+    def jacobian(self, end: int, x: Array) -> Array:
+        """Return the derivative of that spin by the rates of one end."""
+        row = self.first.turned(x, np.array(self.axis))[:, None] @ self.ends[end].spin_jacobian(x)
+        return np.asarray(row if end else -row)
+
+    def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
+        """Return minus the multiplier as a moment about the axis."""
+        return np.zeros((len(x), 3)), -multipliers * self.first.turned(x, np.array(self.axis))
 
 
 @frozen

@@ -215,7 +215,8 @@ class GapTie(Tie):
     def on(cls, measure: Constraint, resistances: tuple[Resistance, ...]) -> GapTie:
         """Return it between the markers of a constraint."""
         first, second = measure.ends
-        known = measure.unit != "rad" or (first.keeps_turns and second.keeps_turns)
+        turns = measure.unit == "rad" and measure.counts_turns
+        known = not turns or (first.keeps_turns and second.keeps_turns)
         return cls(first, second, resistances, measure, None if known else TurnCount())
 
     @property

@@ -23,9 +23,11 @@ from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.markers import GroundMarker
 from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.pose import Pose
+from hfsim.mechanics.resistances import Push
 from hfsim.mechanics.section_markers import SectionMarker
 from hfsim.mechanics.spatial_markers import FrameMarker, VectorMarker
-from hfsim.mechanics.spatial_turns import About
+from hfsim.mechanics.spatial_turns import About, TorqueAbout
+from hfsim.mechanics.ties import tie_on
 from hfsim.parts.joints.cylindrical import CylindricalSpec
 from hfsim.parts.joints.driver import DriverSpec
 from hfsim.parts.joints.fixed import FixedSpec
@@ -416,6 +418,44 @@ def test_an_angle_about_an_axis_that_points_the_other_way_has_finite_slopes(tilt
         found = c.gap(x), c.jacobian(1, x), c.bias(x, u), c.stiffness(x, np.ones((1, 1))).values
     for values in found:
         assert np.isfinite(values).all() and np.abs(values).max() < 1e17
+
+
+@pytest.mark.parametrize(("first", "second"), PAIRS)
+def test_a_torque_about_an_axis_does_the_work_of_the_spin_about_it(first, second, rng):
+    """On points of rigid and flexible bodies; the tangent is the slope of the force."""
+    a, b, axis, t = MARKERS[first], MARKERS[second], np.array([0.6, 0.0, 0.8]), np.zeros(1)
+    held = TorqueAbout(About.of(tuple(axis), FACING))
+    part = tie_on(held, a, b, (Push(2.5),))
+    x, u = state(rng)[None], rng.normal(size=(1, N))
+    carried = a.turned(x, axis)[0]
+    power = 2.5 * carried @ (b.spin(x, u) - a.spin(x, u))[0]
+    force = np.zeros((1, N))
+    part.add_force(t, x, u, force)
+    assert (force @ u[0])[0] == pytest.approx(power, rel=1e-12)
+    assert part.power(t, x, u)[0] == pytest.approx(power, rel=1e-12)
+    assert part.reaction(t, x, u)[1][0] == pytest.approx(2.5 * carried, rel=1e-12)
+    assert part.counter is None and not part.potential_energy(t, x).any()
+
+    def forces(steps):
+        out = np.zeros((len(steps), N))
+        part.add_force(np.zeros(len(steps)), x + np.outer(steps, u[0]), np.zeros((len(steps), N)), out)
+        return out
+
+    tangent = assemble([part.tangent(t, x, u)], (N, N), False)
+    expected = slope(forces)
+    assert -tangent @ u[0] == pytest.approx(expected, abs=1e-5 * max(1.0, np.abs(expected).max()))
+
+
+def test_a_torque_about_the_axis_of_a_line_is_that_of_its_tangent(rng):
+    held = TorqueAbout(About.of((0.0, 0.0, 1.0), np.eye(3)))
+    of_angle = tie_on(held.angle, MARKERS["body"], MARKERS["line"], (Push(2.5),))
+    part = tie_on(held, MARKERS["body"], MARKERS["line"], (Push(2.5),))
+    assert held.fits(False, True) and not held.fits(True, False)
+    assert held.between(MARKERS["line"], MARKERS["body"]) == ()
+    x, t, one, other = state(rng)[None], np.zeros(1), np.zeros((1, N)), np.zeros((1, N))
+    of_angle.add_force(t, x, x, one)
+    part.add_force(t, x, x, other)
+    assert np.array_equal(one, other) and one.any()
 
 
 @pytest.mark.parametrize("sparse", [False, True])

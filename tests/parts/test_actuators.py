@@ -8,6 +8,7 @@ from test_joint_resistances import AXIS, MASS, run, scene, speeds
 
 from hfsim.deck.laws import LinearLaw
 from hfsim.errors import DeckError
+from hfsim.maths.rotations import rotation_of_quaternion
 from hfsim.mechanics.resistances import Control, Push
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -93,6 +94,57 @@ def test_the_pair_acts_on_both_bodies():
     assert one == pytest.approx(-0.3 / 0.5 * result.t, abs=1e-8)
     assert moment == pytest.approx(0.3)
     assert hinge == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_torque_in_space_is_about_the_axis_however_far_b_tilts():
+    """A ball whose spin tilts it through more than half a turn: about the axis it gains T t / J, across it nothing."""
+    channels = [f"{name}_{axis}" for name in ("ball.angular_velocity", "act.moment") for axis in "xyz"]
+    deck = {
+        "hfsim": 1,
+        "gravity": [0.0, 0.0, 0.0],
+        "bodies": {"ball": {"type": "rigid", "mass": 1.0, "inertia": [1.0, 1.0, 1.0]}},
+        "joints": {
+            "pivot": {"type": "spherical", "between": ["ground", "ball"]},
+            "act": {"type": "motor", "between": ["ground", "ball"], "torque": 2.0, "axis": [0.0, 0.0, 1.0]},
+        },
+        "initial": {"ball": {"angular_velocity": [3.0, 0.0, 0.0]}},
+        "solve": {"duration": 1.2, "tolerance": 1e-9},
+        "output": {"plots": False, "channels": channels},
+    }
+    result = run(deck)
+    still = np.zeros_like(result.t)
+    for channel, expected in zip(result.channels, (3.0 + still, still, 2.0 * result.t, still, still, 2.0 + still), strict=True):
+        assert channel.values == pytest.approx(expected, abs=1e-8), channel.name
+    assert result.statistics["energy_drift"] < 1e-9
+
+
+def test_a_torque_in_space_keeps_the_momentum_of_two_free_bodies():
+    """The axis is one of the first body, which tumbles; the work is what kinetic energy gains."""
+    of = ("x", "y", "z", "vx", "vy", "vz", "angular_velocity_x", "angular_velocity_y", "angular_velocity_z")
+    axis = np.array([1.0, 2.0, 2.0]) / 3.0
+    body = {"type": "rigid", "inertia": [0.3, 0.3, 0.3]}
+    deck = {
+        "hfsim": 1,
+        "gravity": [0.0, 0.0, 0.0],
+        "bodies": {"one": body | {"mass": 1.0, "points": {"p": [0.3, 0.1, 0.0]}}, "two": body | {"mass": 2.0, "points": {"p": [-0.2, 0.0, 0.1]}}},
+        "joints": {
+            "pivot": {"type": "spherical", "between": ["one.p", "two.p"]},
+            "act": {"type": "motor", "between": ["one", "two"], "torque": 0.7, "axis": axis.tolist()},
+        },
+        "initial": {"one": {"position": [0.0, 0.0, 0.0], "velocity": [0.0, 0.0, 0.0], "angular_velocity": [1.0, -2.0, 0.5]}, "two": {"angular_velocity": [-2.0, 1.0, 1.5]}},
+        "solve": {"duration": 1.5, "tolerance": 1e-10},
+        "output": {"plots": False, "channels": [*(f"{name}.{one}" for name in ("one", "two") for one in of), *(f"one.quaternion_{one}" for one in "wxyz"), *(f"act.moment_{one}" for one in "xyz")]},
+    }
+    result = run(deck)
+    values = np.array([channel.values for channel in result.channels]).T
+    states, turns, moment = values[:, :18].reshape(-1, 2, 3, 3), values[:, 18:22], values[:, 22:]
+    mass = np.array([1.0, 2.0])[:, None]
+    momentum = (mass * states[:, :, 1]).sum(axis=1)
+    spin = (mass * np.cross(states[:, :, 0], states[:, :, 1]) + 0.3 * states[:, :, 2]).sum(axis=1)
+    for kept in (momentum, spin):
+        assert kept == pytest.approx(np.broadcast_to(kept[0], kept.shape), abs=1e-8)
+    assert moment == pytest.approx(0.7 * np.array([rotation_of_quaternion(turn) @ axis for turn in turns]), abs=1e-8)
+    assert result.statistics["energy_drift"] < 1e-9
 
 
 def test_the_moment_of_a_hinge_is_what_it_resists_with():

@@ -22,7 +22,8 @@ class MotorSpec(ActuatorSpec):
     """The two points, [A, B]."""
 
     torque: Moment | None = None
-    """Torque on B about the axis, its opposite on A [N m]; or give the force."""
+    """Torque on B about the axis, its opposite on A [N m]; or give the force. In space the axis turns with A
+    alone."""
 
     force: Force | None = None
     """Force on B along the axis, its opposite on A [N]; or give the torque."""
@@ -48,4 +49,11 @@ class MotorSpec(ActuatorSpec):
         """Yield what it acts on."""
         law = self.law.build() if self.law else None
         push = Push((self.torque or 0.0) if self.force is None else self.force, law)
-        yield "", coordinate(self.axis, self.force is None, facing), (push,)
+        yield "", self._acted_on(facing), (push,)
+
+    def _acted_on(self, facing: Array | None) -> Held:
+        if facing is None or self.force is not None:
+            return coordinate(self.axis, self.force is None, facing)
+        from hfsim.mechanics.spatial_turns import TorqueAbout, about
+
+        return TorqueAbout(about(self.axis, facing))
