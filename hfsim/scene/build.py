@@ -140,10 +140,10 @@ class Scene:
     def _not_borne(self) -> Iterator[tuple[str, str]]:
         """Yield, with the deck path, what lines without sections would need them for."""
         if self._lines:
-            from hfsim.scene.spatial_lines import twisting, untwisted
+            from hfsim.scene.spatial_lines import rolled, twisting, untwisted
 
             yield from untwisted(self.assembly, self._held, self._lines)
-            yield from twisting(self.deck, self.assembly, self._lines)
+            yield from (one for of in (twisting, rolled) for one in of(self.deck, self.assembly, self._lines))
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

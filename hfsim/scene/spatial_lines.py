@@ -9,6 +9,7 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.deck.spec import Complaint
 from hfsim.maths.rank import null_space
+from hfsim.maths.rotations import smallest_rotation
 from hfsim.parts.specs import JointSpec, LoadSpec
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
@@ -20,6 +21,11 @@ SECTIONS = "take element: cosserat, which has sections"
 """What helps in every case."""
 NOT_HELD = 1e-5
 """Gap of a joint, in its units, over a motion that opens it, from which it would resist the motion."""
+
+NOT_ROLLED = 1e-6
+"""Angle about the tangent that is rounding [rad]."""
+_ACROSS = ("deflection_", "shear_force_", "bending_moment_")
+"""How channels along an axis across a beam begin."""
 
 
 # --- what has no meaning ---------------------------------------------------------------------------
@@ -127,3 +133,42 @@ def twisting(deck: Deck, assembly: Assembly, lines: Collection[str]) -> Iterator
         if abs(part) > NONE * np.linalg.norm(moment):
             message = f"{abs(part):.4g} N m would twist '{line}', a line without sections: these do nothing"
             yield f"loads.{name}", f"{message}; {SECTIONS}"
+
+
+# --- what is not known of them ---------------------------------------------------------------------
+
+
+def rolled(deck: Deck, assembly: Assembly, lines: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Yield the stated orientations that would roll a line of which channels across it are asked for."""
+    for line in lines:
+        asked = [name for name in deck.output.channels or () if _is_across(name, line)]
+        path = _stating(deck, line) if asked else ""
+        if path and (roll := _roll(assembly, line)) > NOT_ROLLED:
+            message = (
+                f"rolls '{line}', a line without sections, by {np.degrees(roll):.4g} deg, which is ignored: "
+                f"y and z of '{asked[0]}' are the ground's, turned with the tangent by the smallest rotation"
+            )
+            yield path, f"{message}; {SECTIONS}"
+
+
+def _is_across(channel: str, line: str) -> bool:
+    """Tell whether a channel is of a line, and along an axis across it."""
+    return channel.startswith(f"{line}.") and channel.rpartition(".")[2].startswith(_ACROSS)
+
+
+def _stating(deck: Deck, line: str) -> str:
+    """Return where a deck states the orientation of a line; empty if it does not."""
+    entry = deck.motions.get(line)
+    if entry is not None:
+        return f"initial.{line}.orientation" if entry.orientation is not None else ""
+    for name, joint in deck.joints.items():
+        on = line in {split_point(end)[0] for end in joint.between}
+        if on and joint.welds and getattr(joint, "orientation", None) is not None:
+            return f"joints.{name}.orientation"
+    return ""
+
+
+def _roll(assembly: Assembly, line: str) -> float:
+    """Return by what angle the frame of a line is turned about its tangent at the start [rad]."""
+    y = smallest_rotation(np.eye(3)[0], assembly.tangent(line))[:, 1]
+    return float(np.arccos(np.clip(y @ assembly.poses[line].turned(np.eye(3)[1]), -1.0, 1.0)))

@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """Beams without sections in space: what they cannot hold or bear is told, what has no meaning is refused."""
 
 import numpy as np
@@ -6,6 +7,7 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.errors import DeckError
+from hfsim.maths.rotations import rotation, smallest_rotation
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -121,3 +123,39 @@ def test_two_lines_welded_in_line_bend_as_one():
     assert mz == pytest.approx(0.0 * mz, abs=1e-9)
     assert np.abs(gap).max() < 1e-12
     assert run.statistics["energy_drift"] < 1e-9
+
+
+ROLLED = "orientation: {rotation_vector: [0.4, 0.5, 0.6]}"
+
+
+@pytest.mark.parametrize(("clamp", "more", "path"), [
+    (f"{CLAMP}, {ROLLED}", "", "joints.clamp.orientation"),
+    (BALL.replace("rod.tip, bob.top", "ground, rod.root"), f"initial: {{rod: {{{ROLLED}}}}}", "initial.rod.orientation"),
+])  # fmt: skip
+def test_a_stated_roll_of_a_line_is_told_where_a_channel_would_show_it(clamp, more, path):
+    """Channels have the ground's y and z, as the smallest rotation to the tangent takes them along."""
+    text = DECK.format(clamp=clamp, mount=WELD, more=more)
+    asked = text.replace("channels: [bob.x]", "channels: [rod.tip.deflection_y, rod.root.shear_force_z]")
+    (told,) = (one for one in build(parse_deck(asked, "rod.yaml")).warnings if "rolls" in one)
+    assert told.startswith(path) and "'rod.tip.deflection_y'" in told
+    axes = rotation(np.array([0.4, 0.5, 0.6]))
+    own = smallest_rotation(np.eye(3)[0], axes[:, 0])
+    degrees = float(told.split(" by ")[1].split(" deg")[0])
+    assert degrees == pytest.approx(np.degrees(np.arccos(own[:, 1] @ axes[:, 1])), abs=1e-2)
+    for silent in (text, asked.replace(ROLLED, "orientation: {axis: [0, 1, 1], angle: 0.7}")):
+        assert not any("rolls" in one for one in build(parse_deck(silent, "rod.yaml")).warnings)
+
+
+@pytest.mark.parametrize("model", ["exact", "ancf", "lowOrder", "linear"])
+def test_channels_across_a_line_have_the_axes_that_the_manual_states(model):
+    axes = rotation(np.array([0.4, 0.5, 0.6]))
+    own = smallest_rotation(np.eye(3)[0], axes[:, 0])
+    force = 1e-3 * axes[:, 1]
+    load = f"loads: {{push: {{type: force, at: rod.tip, force: {force.tolist()}}}}}\ninitial: {{equilibrium: true}}"
+    channels = [f"rod.root.{kind}_{axis}" for kind in ("shear_force", "bending_moment") for axis in "yz"]
+    text = DECK.format(clamp=f"{CLAMP}, {ROLLED}", mount=WELD, more=load).replace("-9.81", "0.0").replace("elements: 1", f"elements: 2, model: {model}")
+    lines = [line for line in text.splitlines() if not line.startswith(("  bob", "  mount"))]
+    deck = "\n".join(lines).replace("[bob.x]", f"[{', '.join(channels)}]")
+    found = [channel.values[0] for channel in simulate(parse_deck(deck, "rod.yaml")).channels]
+    across = force @ own
+    assert found == pytest.approx([across[1], across[2], -across[2], across[1]], abs=1e-8)
