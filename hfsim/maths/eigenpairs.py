@@ -13,25 +13,13 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.inertia import count_below
 from hfsim.maths.pencils import EPS, Pencil
+from hfsim.maths.squares import MORE, arnoldi, no_more, noise_of, squares_of
 
-_FIRST_SHIFT = 1e-8
-"""First shift over the square of the fastest frequency."""
-_LOWEST_SHIFT = 1e-20
-_FITTING = (1e-6, 1e2)
-"""Sizes of a shift, over the square of the slowest frequency, that are left as they are."""
-_DOUBTFUL = 30.0
-"""Factor on what rounding does to a square of a frequency below which that counts as zero."""
 _CERTAIN = 3.0
-"""The same for what is told of the others."""
+"""Factor on what rounding does to a square of a frequency that is told."""
 _TOGETHER = 1e-5
 """Distance of eigenvalues, over their size, at which they may be one with several shapes that are alike."""
-_MORE = 8
-"""Motions that are looked for beyond those asked for."""
-_TRIES = 4
-_TIGHT, _ROUNDS = 1e-12, 30
-"""Error of eigenvalues that an iteration may leave, and how often it begins anew."""
 _SLIGHT = 1e-4
 """Real part, over the size of an eigenvalue, below which it is asked whether it is rounding."""
 
@@ -91,9 +79,9 @@ def eigenpairs(pencil: Pencil, count: int) -> Eigenpairs:
 
 
 def _of_squares(pencil: Pencil, count: int) -> Eigenpairs:
-    squares, vectors, complete, shift = _squares(pencil, count)
-    noise = _noise(pencil, squares, vectors, shift)
-    zero = _no_more(np.abs(squares), noise)
+    squares, vectors, complete, shift = squares_of(pencil, count)
+    noise = noise_of(pencil, squares, vectors, shift)
+    zero = no_more(np.abs(squares), noise)
     roots = np.sqrt(-np.where(zero, 0.0, squares).astype(complex))
     roots = np.where(roots.imag < 0.0, -roots, roots)
     swinging = zero | ((squares.imag == 0.0) & (squares.real > 0.0))
@@ -111,152 +99,9 @@ def _of_squares(pencil: Pencil, count: int) -> Eigenpairs:
     return Eigenpairs(values, pairs, uncertainty, zero[which], complete).part(kept)
 
 
-def _noise(pencil: Pencil, squares: ComplexArray, vectors: ComplexArray, shift: float) -> Array:
-    """Return what rounding does to squares found by the inverse at a shift."""
-    own = pencil.rounding(np.sqrt(-squares.astype(complex)), vectors)
-    return np.asarray(own + EPS * np.abs(squares - shift) ** 2 / abs(shift))
-
-
-def _no_more(sizes: Array, noise: Array) -> BoolArray:
-    """Tell which sizes of squares are no more than noise; where some are, their vectors are mixed."""
-    clearly = sizes <= _DOUBTFUL * noise
-    return np.asarray(sizes <= _DOUBTFUL * np.maximum(noise, noise[clearly].max(initial=0.0)))
-
-
 def _of_roots(noise: Array, values: ComplexArray) -> Array:
     """Return the errors of eigenvalues from those of their squares."""
     return np.asarray(noise / np.maximum(2.0 * np.abs(values), np.sqrt(noise) + 1e-300))
-
-
-def _squares(pencil: Pencil, count: int) -> tuple[ComplexArray, ComplexArray, bool | None, float]:
-    """Return minus the squares of eigenvalues without velocities, with vectors; then the shift (negative)."""
-    shift = -_FIRST_SHIFT * pencil.fastest
-    for _ in range(2 * _TRIES):
-        squares, vectors = _next_to(pencil, shift, count)
-        noise = _noise(pencil, squares, vectors, shift)
-        stiff = np.abs(squares)[~_no_more(np.abs(squares), noise)]
-        slowest = float(stiff.min(initial=np.inf))
-        low, high = _FITTING
-        if slowest < np.inf and low * slowest <= -shift <= high * slowest:
-            break
-        if slowest == np.inf:
-            if -shift <= _LOWEST_SHIFT * pencil.fastest or not pencil.large:
-                break
-            shift *= 1e-4
-        else:
-            nearest = -max(slowest, EPS * pencil.fastest)
-            if nearest == shift:
-                break
-            shift = nearest
-    squares, vectors, complete = _completed(pencil, shift, count, squares, vectors)
-    return squares, vectors, complete, shift
-
-
-def _completed(
-    pencil: Pencil, shift: float, count: int, squares: ComplexArray, vectors: ComplexArray
-) -> tuple[ComplexArray, ComplexArray, bool | None]:
-    """Return the slowest squares, and whether none is missing."""
-    if not pencil.large or len(squares) >= pencil.free:
-        return squares, vectors, True
-    if not pencil.symmetric:
-        again, _ = _next_to(pencil, shift, count, seed=2)
-        size = np.sort(np.abs(again - shift))[:count], np.sort(np.abs(squares - shift))[:count]
-        return squares, vectors, bool(np.allclose(*size, rtol=1e-5)) or None
-    wanted = count
-    for _ in range(_TRIES):
-        order = np.argsort(squares.real)
-        squares, vectors = squares[order], vectors[:, order]
-        last = _gap(squares.real, min(wanted, len(squares)))
-        bound = 0.5 * (squares.real[last - 1] + squares.real[last])
-        below = count_below(pencil, float(bound))
-        if below is None:
-            return squares, vectors, None
-        if below == last:
-            return squares[:last], vectors[:, :last], True
-        count += max(2 * abs(below - last), _MORE)
-        squares, vectors = _next_to(pencil, shift, count, seed=3)
-    return squares, vectors, False
-
-
-def _gap(values: Array, count: int) -> int:
-    """Return a number of the smallest values, about the one asked for, after which there is a gap."""
-    sizes = np.diff(values) / (np.abs(values[1:]) + np.abs(values[:-1]) + 1e-300)
-    wide = np.flatnonzero(sizes > 1e-6) + 1
-    beyond = wide[wide >= min(count, len(values) - 1)]
-    return int(beyond[0] if len(beyond) else wide[-1] if len(wide) else len(values) - 1)
-
-
-def _next_to(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[ComplexArray, ComplexArray]:
-    """Return the squares next to a shift and their vectors."""
-    M, _, K, _ = pencil.matrices
-    solve = pencil.inverse(K - shift * M)
-    if pencil.large:
-        theta, vectors = _large(pencil, solve, count + _MORE, seed)
-    else:
-        theta, vectors = _whole(pencil, solve)
-    kept = np.argsort(-np.abs(theta))[: pencil.free]
-    theta, vectors = theta[kept], vectors[:, kept]
-    squares = shift + 1.0 / theta
-    if pencil.symmetric:
-        return squares.real.astype(complex), vectors
-    # rounding makes no pair of two that are one
-    real = np.abs(squares.imag) <= 1e-9 * np.abs(squares)
-    return np.where(real, squares.real, squares), vectors
-
-
-def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
-    """Return all eigenvalues 1 / (square - shift) and their vectors."""
-    from scipy.linalg import eig, eigh
-
-    M = pencil.matrices[0]
-    if pencil.symmetric:
-        sizes = np.sqrt(np.where(M.diagonal() > 0.0, M.diagonal(), 1.0))
-        own, axes = eigh(M / np.outer(sizes, sizes))
-        if own.min() > -1e-12:
-            root = (sizes[:, None] * axes) * np.sqrt(np.maximum(own, 0.0))
-            spread = solve(root)
-            inverse = root.T @ spread
-            theta, weights = eigh(0.5 * (inverse + inverse.T))
-            return theta.astype(complex), (spread @ weights).astype(complex)
-    theta, vectors = eig(solve(np.asarray(M)))
-    return theta, vectors.astype(complex)
-
-
-def _large(pencil: Pencil, solve: Any, count: int, seed: int) -> tuple[ComplexArray, ComplexArray]:
-    """Return the largest of the same by Lanczos' or Arnoldi's iteration."""
-    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
-
-    M, n = pencil.matrices[0], pencil.n
-    count = min(count, pencil.free - 2, n - 2)
-    start = solve(M @ np.random.default_rng(seed).standard_normal(n))
-    operator: Any = LinearOperator((n, n), matvec=lambda y: solve(M @ y), dtype=float)
-    try:
-        if pencil.symmetric:
-            inverse: Any = LinearOperator((n, n), matvec=solve, dtype=float)
-            values, vectors = eigsh(M, count, M=M, sigma=0.0, OPinv=inverse, v0=start, tol=1e-12)
-            # the inverse is that at the shift, whatever it is called
-            return 1.0 / values.astype(complex), vectors.astype(complex)
-    except ArpackError as error:
-        raise np.linalg.LinAlgError(str(error)) from None
-    return _arnoldi(operator, count, start)
-
-
-def _arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, ComplexArray]:
-    """Return the largest eigenvalues of an operator and their vectors, as far as they converge.
-
-    Where damping grows with stiffness, eigenvalues without number crowd at one place.
-    """
-    from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, eigs
-
-    size = min(len(start), max(2 * count + 1, 3 * count))
-    try:
-        return tuple(eigs(operator, count, which="LM", v0=start, tol=_TIGHT, ncv=size, maxiter=_ROUNDS))
-    except ArpackNoConvergence as some:
-        if not len(some.eigenvalues):
-            raise np.linalg.LinAlgError(str(some)) from None
-        return some.eigenvalues, some.eigenvectors
-    except ArpackError as error:
-        raise np.linalg.LinAlgError(str(error)) from None
 
 
 # --- rates: dampers, gyroscopic terms ------------------------------------------------------------------
@@ -264,9 +109,9 @@ def _arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, Com
 
 def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     standing = replace(pencil, velocity=0.0 * pencil.velocity)
-    squares, motions, _, lowest = _squares(standing, min(count, _MORE))
+    squares, motions, _, lowest = squares_of(standing, min(count, MORE))
     sizes = np.sort(np.abs(squares))
-    sizes = sizes[~_no_more(sizes, _noise(standing, squares, motions, lowest)[np.argsort(np.abs(squares))])]
+    sizes = sizes[~no_more(sizes, noise_of(standing, squares, motions, lowest)[np.argsort(np.abs(squares))])]
     # without any stiffness gyroscopic terms alone say how fast motions are
     shift = float(np.sqrt(sizes[min(2, len(sizes) - 1)])) if len(sizes) else pencil.whirling
     values, vectors = _roots(pencil, shift, count)
@@ -277,7 +122,7 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
         nearest = [np.sort(np.abs(one - shift))[:count] for one in (values, again)]
         complete = bool(np.allclose(nearest[0], nearest[1], rtol=1e-5)) or None
     noise = pencil.rounding(values, vectors) + EPS * shift**2
-    zero = _no_more(np.abs(values) ** 2, noise)
+    zero = no_more(np.abs(values) ** 2, noise)
     uncertainty = _of_roots(_CERTAIN * noise, values) + 10.0 * EPS * np.abs(values - shift) ** 2 / shift
     still, doubled = _standing(pencil, vectors[:, zero])
     swinging = np.flatnonzero(~zero & (values.imag >= 0.0))
@@ -337,8 +182,8 @@ def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[Com
     rng = np.random.default_rng(seed)
     y, w = (solve(M @ rng.standard_normal(n)) for _ in range(2))
     operator: Any = LinearOperator((2 * n, 2 * n), matvec=apply, dtype=float)
-    size = min(2 * (count + _MORE), 2 * pencil.free - 2)
-    theta, both = _arnoldi(operator, size, np.concatenate([y, w]))
+    size = min(2 * (count + MORE), 2 * pencil.free - 2)
+    theta, both = arnoldi(operator, size, np.concatenate([y, w]))
     return shift + 1.0 / theta, both[:n]
 
 

@@ -33,7 +33,7 @@ AT_ONCE = 2_000_000
 
 
 _EXACT = float(np.finfo(float).eps)
-_BY_DIFFERENCES = 1e-11
+BY_DIFFERENCES = 1e-11
 """Relative errors of the matrices."""
 
 
@@ -118,7 +118,7 @@ def small_motions(
         K, D = K + D @ W + MW @ W, D + 2.0 * MW
     J = equations.phi.jacobian_at(x) @ reduction.basis
     M, D, K = (reduction.reduced(one) for one in (M, D, K))
-    precision = _BY_DIFFERENCES if system.variable_mass else _EXACT
+    precision = BY_DIFFERENCES if system.variable_mass else _EXACT
     return SmallMotions(M, D, K, J, x[0], u[0], a[0], reduction.basis, turning, precision, rounding)
 
 

@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import Matrix, dense, factorised, is_sparse, saddle_point
+from hfsim.maths.arrays import Array, random_signs
+from hfsim.maths.matrices import Matrix, dense
+from hfsim.maths.pencils import EPS, Pencil
 from hfsim.maths.rank import null_space
-from hfsim.mechanics.statics.problem import Problem, State, Tangent
+from hfsim.maths.squares import slowest_squares
+from hfsim.mechanics.small_motions import BY_DIFFERENCES
+from hfsim.mechanics.statics.problem import Problem, State
 
 NONE = 1e-12
 """Stiffness along a motion, relative to all that adds up to it, that is rounding."""
 ASKEW = 1e-9
 """Part of a matrix that may be skew by rounding."""
-ROUNDING = 1e-14
-"""Eigenvalue, relative to the stiffest coordinate's, that is rounding."""
 NEAREST = 6
-"""Eigenvalues of a large scene that are looked at: those nearest to zero."""
+"""Eigenvalues of a large scene that are looked at, at least: the smallest."""
 
 
 def mass_at(problem: Problem, state: State) -> Matrix:
@@ -74,46 +75,33 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
     values : ndarray, shape (k,)
     motions : ndarray, shape (k, n)
     """
-    tangent, M = problem.tangent(problem.at(state), load), mass_at(problem, state)
-    try:
-        values, motions = _sparse(tangent, M) if is_sparse(tangent.stiffness) else _dense(tangent, M)
-    except np.linalg.LinAlgError:  # far from straight there are models without a mass matrix
-        values, motions = _dense(tangent, problem.system.reduction.reduced(problem.gauge.metric))
-    order = np.argsort(values)
-    rounding = ROUNDING * float((np.abs(tangent.stiffness.diagonal()) / M.diagonal()).max())
-    return np.where(np.abs(values) <= rounding, 0.0, values)[order], motions[order]
-
-
-def _dense(tangent: Tangent, M: Matrix) -> tuple[Array, Array]:
-    K, J = dense(tangent.stiffness), dense(tangent.jacobian)
-    Z = np.linalg.qr(J.T, mode="complete")[0][:, len(J) :] if len(J) else np.eye(len(K))
-    root = np.linalg.inv(np.linalg.cholesky(Z.T @ dense(M) @ Z))
-    A = root @ (Z.T @ K @ Z) @ root.T
-    if np.abs(A - A.T).max(initial=0.0) <= ASKEW * np.abs(A).max(initial=0.0):
-        values, vectors = np.linalg.eigh(0.5 * (A + A.T))
+    here, system = problem.at(state), problem.system
+    K, J = problem.tangent(here, load)
+    K = _symmetric(K)
+    J = J[np.flatnonzero(np.asarray(abs(J).sum(axis=1)).ravel())]  # of the others nothing can move
+    M, precision, blur = mass_at(problem, state), EPS, None
+    if system.variable_mass:
+        precision = BY_DIFFERENCES
+        if not _positive(M, J):  # far from straight there are models without a mass matrix
+            M = system.reduction.reduced(problem.gauge.metric)
     else:
-        found, vectors = np.linalg.eig(A)
-        values, vectors = found.real, vectors.real
-    return values, np.asarray((Z @ root.T @ vectors).T)
+        beside = here._replace(z=here.z * (1.0 + EPS * random_signs(here.z.shape)))
+        blur = abs(_symmetric(problem.tangent(beside, load).stiffness) - K)
+    values, motions = slowest_squares(Pencil(M, 0.0 * M, K, J, precision, 0.0, blur), NEAREST)
+    return values, motions.T
 
 
-def _sparse(tangent: Tangent, M: Matrix) -> tuple[Array, Array]:
-    from scipy.sparse.linalg import LinearOperator, eigs, eigsh
+def _symmetric(K: Matrix) -> Matrix:
+    """Return a stiffness without what is skew by rounding."""
+    return 0.5 * (K + K.T) if abs(K - K.T).max() <= ASKEW * abs(K).max() else K
 
-    K, J = tangent
-    n, m = K.shape[0], J.shape[0]
-    shift = -ROUNDING * float((np.abs(K.diagonal()) / M.diagonal()).max())
-    shifted = (K - shift * M).tocsc()
-    size = float(np.abs(K.diagonal()).max())
-    solve = factorised(saddle_point(shifted, size * J) if m else shifted)
 
-    def answer(force: Array) -> Array:
-        return solve(np.concatenate([force, np.zeros(m)]))[:n]
-
-    inverse = LinearOperator((n, n), matvec=answer, dtype=float)
-    begin = answer(np.asarray(M @ np.sin(np.arange(1.0, n + 1.0))))
-    askew = float(abs(K - K.T).max()) > ASKEW * size
-    count = min(NEAREST, n - m - 1)
-    find = eigs if askew else eigsh
-    values, motions = find(K, count, M, sigma=shift, OPinv=inverse, v0=begin, tol=1e-10)
-    return np.asarray(values.real), np.asarray(motions.real.T)
+def _positive(M: Matrix, J: Matrix) -> bool:
+    """Tell whether all motions that rows allow have mass."""
+    rows = dense(J)
+    allowed = np.linalg.qr(rows.T, mode="complete")[0][:, len(rows) :]
+    try:
+        np.linalg.cholesky(allowed.T @ dense(M) @ allowed)
+    except np.linalg.LinAlgError:
+        return False
+    return True

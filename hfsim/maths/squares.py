@@ -1,0 +1,200 @@
+"""Squares of the eigenvalues of pencils without velocities: the slowest, found next to a shift below them.
+
+Rounding of the inverse at a shift does to squares what their distance to it, squared, over the shift does: it
+is to be near to the slowest, yet not so near that nothing is known of the fastest that are looked for.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, BoolArray, ComplexArray
+from hfsim.maths.inertia import count_below
+from hfsim.maths.pencils import EPS, Pencil
+
+_FIRST_SHIFT = 1e-8
+"""First shift over the square of the fastest frequency."""
+_NEAREST_SHIFT = 1e-10
+"""The same of one next to the slowest, over the fastest that is found: nearer, that would be rounding."""
+_BESIDE = 0.7
+"""Size of that shift over the slowest square, which may be negative: at the shift itself nothing is found."""
+_LOWEST_SHIFT = 1e-20
+_FITTING = (1e-6, 1e2)
+"""Sizes of a shift, over the square of the slowest frequency, that are left as they are."""
+_DOUBTFUL = 30.0
+"""Factor on what rounding does to a square of a frequency below which that counts as zero."""
+MORE = 8
+"""Motions that are looked for beyond those asked for."""
+_TRIES = 4
+_TIGHT, _ROUNDS = 1e-12, 30
+"""Error of eigenvalues that an iteration may leave, and how often it begins anew."""
+
+
+def slowest_squares(pencil: Pencil, count: int) -> tuple[Array, Array]:
+    """Return minus the squares of the slowest eigenvalues without velocities, and motions (n, k) as columns.
+
+    They ascend; those that are no more than rounding are zero.  Of a small pencil they are all.
+
+    Parameters
+    ----------
+    pencil : Pencil
+    count : int
+        How many of a large one.
+
+    Raises
+    ------
+    numpy.linalg.LinAlgError
+        If the pencil is singular.
+    """
+    if not pencil.free:
+        return np.zeros(0), np.zeros((pencil.n, 0))
+    squares, vectors, _, shift = squares_of(pencil, count)
+    zero = no_more(np.abs(squares), noise_of(pencil, squares, vectors, shift))
+    values = np.where(zero, 0.0, squares.real)
+    order = np.argsort(values)
+    return values[order], vectors.real[:, order]
+
+
+def noise_of(pencil: Pencil, squares: ComplexArray, vectors: ComplexArray, shift: float) -> Array:
+    """Return what rounding does to squares found by the inverse at a shift."""
+    own = pencil.rounding(np.sqrt(-squares.astype(complex)), vectors)
+    return np.asarray(own + EPS * np.abs(squares - shift) ** 2 / abs(shift))
+
+
+def no_more(sizes: Array, noise: Array) -> BoolArray:
+    """Tell which sizes of squares are no more than noise; where some are, their vectors are mixed."""
+    clearly = sizes <= _DOUBTFUL * noise
+    return np.asarray(sizes <= _DOUBTFUL * np.maximum(noise, noise[clearly].max(initial=0.0)))
+
+
+def squares_of(pencil: Pencil, count: int) -> tuple[ComplexArray, ComplexArray, bool | None, float]:
+    """Return minus the squares of eigenvalues without velocities, with vectors; then the shift (negative)."""
+    shift = -_FIRST_SHIFT * pencil.fastest
+    for _ in range(2 * _TRIES):
+        squares, vectors = _next_to(pencil, shift, count)
+        noise = noise_of(pencil, squares, vectors, shift)
+        stiff = np.abs(squares)[~no_more(np.abs(squares), noise)]
+        slowest = float(stiff.min(initial=np.inf))
+        low, high = _FITTING
+        if slowest < np.inf and low * slowest <= -shift <= high * slowest:
+            break
+        if slowest == np.inf:
+            if -shift <= _LOWEST_SHIFT * pencil.fastest or not pencil.large:
+                break
+            shift *= 1e-4
+        else:
+            nearest = -max(_BESIDE * slowest, _NEAREST_SHIFT * float(np.abs(squares).max()))
+            if np.isclose(nearest, shift, rtol=0.1):
+                break
+            shift = nearest
+    squares, vectors, complete = _completed(pencil, shift, count, squares, vectors)
+    return squares, vectors, complete, shift
+
+
+def _completed(
+    pencil: Pencil, shift: float, count: int, squares: ComplexArray, vectors: ComplexArray
+) -> tuple[ComplexArray, ComplexArray, bool | None]:
+    """Return the slowest squares, and whether none is missing."""
+    if not pencil.large or len(squares) >= pencil.free:
+        return squares, vectors, True
+    if not pencil.symmetric:
+        again, _ = _next_to(pencil, shift, count, seed=2)
+        size = np.sort(np.abs(again - shift))[:count], np.sort(np.abs(squares - shift))[:count]
+        return squares, vectors, bool(np.allclose(*size, rtol=1e-5)) or None
+    wanted = count
+    for _ in range(_TRIES):
+        order = np.argsort(squares.real)
+        squares, vectors = squares[order], vectors[:, order]
+        last = _gap(squares.real, min(wanted, len(squares)))
+        bound = 0.5 * (squares.real[last - 1] + squares.real[last])
+        below = count_below(pencil, float(bound))
+        if below is None:
+            return squares, vectors, None
+        if below == last:
+            return squares[:last], vectors[:, :last], True
+        count += max(2 * abs(below - last), MORE)
+        squares, vectors = _next_to(pencil, shift, count, seed=3)
+    return squares, vectors, False
+
+
+def _gap(values: Array, count: int) -> int:
+    """Return a number of the smallest values, about the one asked for, after which there is a gap."""
+    sizes = np.diff(values) / (np.abs(values[1:]) + np.abs(values[:-1]) + 1e-300)
+    wide = np.flatnonzero(sizes > 1e-6) + 1
+    beyond = wide[wide >= min(count, len(values) - 1)]
+    return int(beyond[0] if len(beyond) else wide[-1] if len(wide) else len(values) - 1)
+
+
+def _next_to(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[ComplexArray, ComplexArray]:
+    """Return the squares next to a shift and their vectors."""
+    M, _, K, _ = pencil.matrices
+    solve = pencil.inverse(K - shift * M)
+    if pencil.large:
+        theta, vectors = _large(pencil, solve, count + MORE, seed)
+    else:
+        theta, vectors = _whole(pencil, solve)
+    kept = np.argsort(-np.abs(theta))[: pencil.free]
+    theta, vectors = theta[kept], vectors[:, kept]
+    squares = shift + 1.0 / theta
+    if pencil.symmetric:
+        return squares.real.astype(complex), vectors
+    # rounding makes no pair of two that are one
+    real = np.abs(squares.imag) <= 1e-9 * np.abs(squares)
+    return np.where(real, squares.real, squares), vectors
+
+
+def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
+    """Return all eigenvalues 1 / (square - shift) and their vectors."""
+    from scipy.linalg import eig, eigh
+
+    M = pencil.matrices[0]
+    if pencil.symmetric:
+        sizes = np.sqrt(np.where(M.diagonal() > 0.0, M.diagonal(), 1.0))
+        own, axes = eigh(M / np.outer(sizes, sizes))
+        if own.min() > -1e-12:
+            root = (sizes[:, None] * axes) * np.sqrt(np.maximum(own, 0.0))
+            spread = solve(root)
+            inverse = root.T @ spread
+            theta, weights = eigh(0.5 * (inverse + inverse.T))
+            return theta.astype(complex), (spread @ weights).astype(complex)
+    theta, vectors = eig(solve(np.asarray(M)))
+    return theta, vectors.astype(complex)
+
+
+def _large(pencil: Pencil, solve: Any, count: int, seed: int) -> tuple[ComplexArray, ComplexArray]:
+    """Return the largest of the same by Lanczos' or Arnoldi's iteration."""
+    from scipy.sparse.linalg import ArpackError, LinearOperator, eigsh
+
+    M, n = pencil.matrices[0], pencil.n
+    count = min(count, max(pencil.free - 2, 1), n - 2)
+    start = solve(M @ np.random.default_rng(seed).standard_normal(n))
+    operator: Any = LinearOperator((n, n), matvec=lambda y: solve(M @ y), dtype=float)
+    try:
+        if pencil.symmetric:
+            inverse: Any = LinearOperator((n, n), matvec=solve, dtype=float)
+            values, vectors = eigsh(M, count, M=M, sigma=0.0, OPinv=inverse, v0=start, tol=1e-12)
+            # the inverse is that at the shift, whatever it is called
+            return 1.0 / values.astype(complex), vectors.astype(complex)
+    except ArpackError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
+    return arnoldi(operator, count, start)
+
+
+def arnoldi(operator: Any, count: int, start: Array) -> tuple[ComplexArray, ComplexArray]:
+    """Return the largest eigenvalues of an operator and their vectors, as far as they converge.
+
+    Where damping grows with stiffness, eigenvalues without number crowd at one place.
+    """
+    from scipy.sparse.linalg import ArpackError, ArpackNoConvergence, eigs
+
+    size = min(len(start), max(2 * count + 1, 3 * count))
+    try:
+        return tuple(eigs(operator, count, which="LM", v0=start, tol=_TIGHT, ncv=size, maxiter=_ROUNDS))
+    except ArpackNoConvergence as some:
+        if not len(some.eigenvalues):
+            raise np.linalg.LinAlgError(str(some)) from None
+        return some.eigenvalues, some.eigenvectors
+    except ArpackError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
