@@ -28,6 +28,10 @@ APART = 1e-2
 """Part of the energy of rates that may be other than that of a rigid motion which stands for them."""
 SINGULAR = 1e-9
 """Part of its energy in others from which down a rigid motion is one by itself."""
+_NOISE = 10.0
+"""Factor on the relative error of a fit below which a share of it is none."""
+_ROUNDING = 1e-12
+"""The least relative error."""
 
 
 @frozen
@@ -195,32 +199,31 @@ class Turning:
     ) -> Turning | None:
         """Return a steady motion in which round bodies turn by themselves; None if that is not what it is.
 
-        Rates alone do not tell a turn of everything from that of a body: accelerations do.
+        Rates alone do not tell a turn of everything from that of a body: where they leave it open,
+        accelerations do.
         """
         n, sparse, count = len(x), is_sparse(equations.constant_mass), len(spins)
         entries = {body.name: body.spun_by_itself() for body in bodies}
         own = {name: assemble([one], (n, n), sparse) for name, one in entries.items() if one.values.size}
         if not own or not u.any():
             return None
-        every = np.concatenate([columns, [matrix @ x for matrix in own.values()]])
         ways = [
             *(one.matrix for one in spins),
             *(0.0 * spins[0].matrix for _ in columns[count:]),
             *own.values(),
         ]
-        factors, left = _nearest(equations, x, every, u)
+        every = np.concatenate([columns, [matrix @ x for matrix in own.values()]])
         whirls = np.array([matrix @ u for matrix in ways])
+        # a shaft next to nothing beside its disc in mass is no less at rest
+        even = _evening(columns, count)
+        together, apart, _ = _least(even * columns, even * u)
+        split = _split(equations, x, u, a, every, whirls, even, len(columns))
+        if split is None:
+            return None
+        factors, missed = split
         size = float(equations.momentum(x[None], a[None])[0] @ a)
-        before = _nearest(
-            equations, x, whirls[:0], a - _nearest(equations, x, columns, u)[0][:count] @ whirls[:count]
-        )[1]
-        # what changes no rates may change accelerations
-        sizes, axes = np.linalg.eigh(every @ equations.momentum(x[None], every).T)
-        idle = axes[:, sizes <= SINGULAR * sizes[-1]].T
-        more, rest = _nearest(equations, x, idle @ whirls, a - factors @ whirls)
-        factors = factors + more @ idle
-        energy = float(equations.momentum(x[None], u[None])[0] @ u)
-        if left > SINGULAR * energy or rest > SINGULAR * size or before <= SINGULAR * size:
+        before = _nearest(equations, x, whirls[:0], a - together[:count] @ whirls[:count])[1]
+        if apart <= max(_NOISE * missed, SINGULAR**0.5) and before <= SINGULAR * size:
             return None
         spin, velocity, rates = np.split(factors, [count, len(columns)])
         square = float(spin @ spin)
@@ -287,6 +290,74 @@ def _nearest(equations: Equations, x: Array, columns: Array, wanted: Array) -> t
     factors = scale * (np.linalg.pinv(gram, rcond=SINGULAR, hermitian=True) @ (scale * (momenta @ wanted)))
     left = wanted - factors @ columns
     return factors, float(equations.momentum(x[None], left[None])[0] @ left)
+
+
+def _evening(columns: Array, count: int) -> Array:
+    """Return factors (n_x,) that make coordinates alike: lengths, those that shifts change, over the size.
+
+    Of rates (k, n_x), the first are rotations and the others shifts.
+    """
+    lengths = columns[count:].any(axis=0)
+    size = float(np.abs(columns[:count, lengths]).max(initial=0.0))
+    return np.where(lengths, 1.0 / size if size > 0.0 else 1.0, 1.0)
+
+
+def _split(
+    equations: Equations, x: Array, u: Array, a: Array, every: Array, whirls: Array, even: Array, shared: int
+) -> tuple[Array, float] | None:
+    """Return factors (k,) of rates (k, n_x) that make rates and accelerations, and the relative error.
+
+    Parameters
+    ----------
+    equations : Equations
+    x, u, a : ndarray, shape (n_x,)
+    every, whirls : ndarray, shape (k, n_x)
+        Rates, and accelerations that go with them.
+    even : ndarray, shape (n_x,)
+        What makes coordinates alike.
+    shared : int
+        Those of everything, before those of single bodies; none of them is wanted where the others do.
+
+    Returns
+    -------
+    tuple or None
+        None where they do not make both.
+    """
+    energy, size = (float(equations.momentum(x[None], one[None])[0] @ one) for one in (u, a))
+    factors, missed, idle = _least(even * every, even * u)
+    factors = factors + _nearest(equations, x, idle @ whirls, a - factors @ whirls)[0] @ idle
+    alone, error, _ = _least(even * every[shared:], even * u)
+    for one in (np.concatenate([np.zeros(shared), alone]), factors):
+        parts = u - one @ every, a - one @ whirls
+        left, rest = (float(equations.momentum(x[None], part[None])[0] @ part) for part in parts)
+        made = energy > 0.0 and left <= SINGULAR * energy and rest <= SINGULAR * size
+        if made and (one is factors or error <= _NOISE * (missed + _ROUNDING)):
+            blur = float(np.sqrt(rest / size)) if len(idle) and size else 0.0
+            return _without_noise(even * every, even * u, one, missed + blur), missed
+    return None
+
+
+def _least(columns: Array, wanted: Array) -> tuple[Array, float, Array]:
+    """Return factors (k,) of rates (k, n) by least squares, the relative error, and what changes nothing.
+
+    The latter are combinations of factors, (n_idle, k).
+    """
+    sizes = np.linalg.norm(columns, axis=1)
+    sizes = np.where(sizes > 0.0, sizes, 1.0)
+    left, values, ways = np.linalg.svd((columns / sizes[:, None]).T, full_matrices=False)
+    told = values > SINGULAR**0.5 * values[0]
+    factors = ((left.T[told] @ wanted) / values[told]) @ ways[told] / sizes
+    missed = float(np.linalg.norm(wanted - factors @ columns))
+    return factors, missed / (float(np.linalg.norm(wanted)) or 1.0), ways[~told] / sizes
+
+
+def _without_noise(columns: Array, wanted: Array, factors: Array, error: float) -> Array:
+    """Return factors (k,) with those at zero that are no more than a relative error of the whole makes."""
+    sizes = np.abs(factors) * np.linalg.norm(columns, axis=1)
+    kept = sizes > _NOISE * (error + _ROUNDING) * sizes.max()
+    found = np.where(kept, factors, 0.0)
+    found[kept] += _least(columns[kept], wanted - found @ columns)[0]
+    return found
 
 
 def _bordered(matrix: Matrix, shift: Array) -> Matrix:

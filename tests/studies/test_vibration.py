@@ -638,3 +638,73 @@ def test_a_motion_that_goes_away_slowly_is_found_beside_fast_ones():
     squares = np.array([-1e-9, 1.0, 20.0])
     found = eigenpairs(Pencil(np.eye(3), np.zeros((3, 3)), np.diag(squares), np.zeros((0, 3))), 4)
     assert np.sort(found.values.real)[[0, -1]] == pytest.approx([-(1e-9**0.5), 1e-9**0.5], rel=1e-9)
+
+
+DISC = """hfsim: 1
+gravity: [0, 0, 0]
+materials: {{steel: {{density: {density}, youngs_modulus: 2.0e11, poisson_ratio: 0.3}}}}
+sections: {{c: {{shape: circle, diameter: 1 cm}}}}
+bodies:
+  sh: {{type: beam, material: steel, section: c, length: 0.5, elements: {elements}, degree: {degree}}}
+  di: {{type: rigid, mass: 5, inertia: [0.1, 0.05, 0.05]}}
+joints:
+  b: {{type: {held}, between: [ground, sh.root]}}
+  f: {{type: revolute, between: [sh.tip, di], axis: [1, 0, 0]}}
+initial: {{sh: {{angular_velocity: [{shaft}, 0, 0]}}, di: {{angular_velocity: [{spin}, 0, 0]}}}}
+solve: {{duration: 1}}
+"""
+
+
+def disc(spin, density=7800.0, elements=2, degree=3, shaft=0.0):
+    """Modes of a disc that spins on the free end of a shaft, which is clamped unless it turns, too."""
+    held = "revolute, axis: [1, 0, 0]" if shaft else "fixed"
+    own = {"density": density, "elements": elements, "degree": degree, "held": held}
+    return found_in(DISC.format(spin=spin, shaft=shaft, **own), 7)
+
+
+def whirls(spin):
+    """Circular frequencies of the same disc on a shaft without mass, both ways round.
+
+    Sideways and in turns, r e^iwt and p e^iwt: (12 EI/L^3 - m w^2) r = 6 EI/L^2 p and
+    (4 EI/L - I w^2 + C spin w) p = 6 EI/L^2 r.  Shear gives way by 3e-4 of that.
+    """
+    bending, length, mass = 2.0e11 * np.pi * 0.01**4 / 64.0, 0.5, 5.0
+    straight, mixed, turning = 12.0 * bending / length**3, 6.0 * bending / length**2, 4.0 * bending / length
+    powers = [
+        [-mass * -0.05, -mass * 0.1 * spin, -mass * turning - 0.05 * straight],
+        [0.1 * spin * straight, straight * turning - mixed**2],
+    ]
+    return np.sort(np.abs(np.roots(powers[0] + powers[1])))
+
+
+@pytest.mark.parametrize("spin", [30.0, 100.0, 300.0, 1000.0])
+@pytest.mark.parametrize(("elements", "degree"), [(1, 3), (2, 3), (2, 4), (3, 3)])
+def test_a_disc_that_spins_on_a_clamped_shaft_goes_on_and_on(spin, elements, degree):
+    found = disc(spin, elements=elements, degree=degree)
+    assert not found.unstable and found.about.turning.own == {"di": pytest.approx(spin, rel=1e-13)}
+    assert not found.about.turning.spin.any()
+    assert [mode.kind for mode in found.modes] == ["rigid", *["vibration"] * 6]
+    assert found.modes[0].value == 0.0
+
+
+@pytest.mark.parametrize("density", [1e-3, 0.1])
+def test_a_shaft_next_to_without_mass_is_clamped_all_the_same(density):
+    found = disc(300.0, density)
+    assert not found.about.turning.spin.any()
+    assert [mode.kind for mode in found.modes[:6]] == ["rigid", *["vibration"] * 5]
+    assert circular(found)[:4] == pytest.approx(whirls(300.0), rel=1e-3)
+    assert circular(found)[4] == pytest.approx((2.0e11 * np.pi * 0.01**2 / 4.0 / 0.5 / 5.0) ** 0.5, rel=1e-4)
+
+
+@pytest.mark.parametrize("spin", [0.0, 100.0, 300.0, -100.0])
+def test_discs_on_shafts_that_turn_whirl_as_on_those_that_do_not(spin):
+    """Seen from axes at 100 rad/s, what goes round at w does so at w - 100, but for the spin of the shaft."""
+    found, still = disc(spin, shaft=100.0), disc(spin or 1e-9)
+    turning = found.about.turning
+    assert turning.spin == pytest.approx([100.0, 0.0, 0.0], rel=1e-13)
+    assert turning.own.get("di", 0.0) == pytest.approx(spin - 100.0, rel=1e-13, abs=1e-13)
+    assert not found.unstable and [mode.kind for mode in found.modes[:3]] == ["rigid", "rigid", "vibration"]
+    seen, expected = circular(found)[:4], circular(still)[:4]
+    ways = np.abs(np.add.outer(seen, [-100.0, 100.0])).ravel(), np.abs(100.0 - seen)
+    every = np.concatenate(ways)
+    assert all(np.abs(every - one).min() <= 5e-5 * one for one in expected)

@@ -30,6 +30,8 @@ _TURNS_ONLY = 1e-4
 """Largest displacement of outlines, where the largest change of a coordinate is one, that is none."""
 _RIGID = 1e-6
 """Part of the energy of a motion that may be other than a shift of everything."""
+_AT_RATE = 1e-6
+"""Part of the rate of axes by which a shift of everything may seem to turn at another."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -215,24 +217,29 @@ def modes_of(state: About, count: int) -> Modes:
 def _mode(state: About, found: Eigenpairs, k: int) -> Mode:
     value = complex(found.values[k])
     change = np.asarray(state.motions.basis @ found.vectors[:, k])
-    kind = _kind(state, value, bool(found.doubled[k]), change)
-    return Mode(k + 1, kind, value, float(found.uncertainty[k]), change, state)
+    uncertainty = float(found.uncertainty[k])
+    kind = _kind(state, value, uncertainty, bool(found.doubled[k]), change)
+    return Mode(k + 1, kind, value, uncertainty, change, state)
 
 
-def _kind(state: About, value: complex, doubled: bool, change: ComplexArray) -> str:
+def _kind(state: About, value: complex, uncertainty: float, doubled: bool, change: ComplexArray) -> str:
     if not value:
         return "rigid" if doubled else "drift"
     if value.real > 0.0:
         return "flutter" if value.imag else "divergence"
     if not value.imag:
         return "decay"
-    return "rigid" if not value.real and _shifts_all(state, change) else "vibration"
+    if state.turning is None or value.real:
+        return "vibration"
+    # seen from axes that turn, what is shifted goes round at their rate
+    spin = float(np.linalg.norm(state.turning.spin))
+    around = abs(value.imag - spin) <= _AT_RATE * spin + uncertainty
+    return "rigid" if around and _shifts_all(state, change) else "vibration"
 
 
 def _shifts_all(state: About, change: ComplexArray) -> bool:
-    """Tell whether everything is shifted as one: seen from axes that turn, at their rate."""
-    if state.turning is None:
-        return False
+    """Tell whether everything is shifted as one."""
+    assert state.turning is not None
     scene, x = state.scene, state.motions.x[None]
     bodies, n_dim = list(scene.bodies.values()), scene.deck.dimension
     nothing, momentum = 0.0 * state.turning.spin, scene.system.equations.momentum
