@@ -226,32 +226,39 @@ def gap(values: Array, truth: Array) -> Gap:
 def channel_errors(
     channels: Sequence[Channel], reference: Sequence[Channel]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Return the largest distance of each channel from that of a reference, which may end earlier.
+    """Return the largest distance of each channel from that of a reference, as long as both last.
 
     Parameters
     ----------
     channels, reference : sequence of Channel
-        The same ones, at the same times.
+        The same ones, at the same times; one of them may end earlier.
 
     Returns
     -------
     absolute : dict of str to float
         In the unit of the channel; without residuals of the joints.
     relative : dict of str to float
-        Over its `channel_scales` in the reference [-]; without ``energy.total``, which has no range to be
+        Over its `channel_scales` in the reference for that long [-]; without ``energy.total``, which has no range to be
         measured by where it is conserved, and without units in which nothing is but round-off.
     """
     absolute: dict[str, float] = {}
     relative: dict[str, float] = {}
+    channels, reference = _shared(channels, reference), _shared(reference, channels)
     scales = channel_scales(reference, conserved=True)
     for channel, better, scale in zip(alike(channels, reference), reference, scales, strict=True):
-        n, name = len(better.values), channel.name
-        if not n or not is_judged(name, conserved=False):
+        name = channel.name
+        if not len(better.values) or not is_judged(name, conserved=False):
             continue
-        absolute[name] = gap(channel.values[:n], better.values).largest
+        absolute[name] = gap(channel.values, better.values).largest
         if scale.judged and scale.scale > _TINY:
             relative[name] = absolute[name] / scale.scale
     return absolute, relative
+
+
+def _shared(channels: Sequence[Channel], others: Sequence[Channel]) -> tuple[Channel, ...]:
+    """Return channels up to where others end."""
+    pairs = zip(channels, others, strict=True)
+    return tuple(one._replace(values=one.values[: len(other.values)]) for one, other in pairs)
 
 
 def farthest(errors: Mapping[str, float]) -> tuple[str, float | None]:

@@ -81,6 +81,16 @@ def test_errors_last_as_long_as_the_reference():
     assert relative == {"tip.x": pytest.approx(1e-3 / np.ptp(truth[0].values))}
 
 
+def test_errors_last_as_long_as_what_is_judged():
+    """The second run of one that failed may come further."""
+    truth = [channel("tip.x"), channel("energy.total", "J")]
+    mine = [one._replace(values=one.values[T < 0.8]) for one in truth]
+    absolute, relative = channel_errors(mine, truth)
+    assert absolute == {"tip.x": 0.0, "energy.total": 0.0} and relative == {"tip.x": 0.0}
+    late = truth[0]._replace(values=truth[0].values + np.where(T < 0.8, 1e-3, 1.0))
+    assert channel_errors(mine[:1], [late])[0]["tip.x"] == pytest.approx(1e-3)
+
+
 def test_what_moves_by_round_off_has_no_error_to_speak_of():
     still = channel("tip.x", size=1e-16, offset=1.0)
     noise = still._replace(values=still.values + 1e-15)

@@ -114,6 +114,13 @@ def test_a_second_run_that_stops_early_gives_no_estimate(monkeypatch):
     assert "stopped at 0.25 s: it breaks; until 0.25 s the error is" in found["error_estimate_reason"]
 
 
+def test_a_second_run_that_comes_further_than_one_that_failed_is_compared_as_long_as_both_last():
+    settings = ("solve.step=0.05", "solve.method=explicit", "solve.duration=0.1")
+    run = simulate(pendulum(*settings), "linear", diagnosis=True, after=60.0)
+    assert (run.status, run.exit_code, run.failure["class"]) == ("failed", 3, "numerical")
+    assert "error_estimate" in run.statistics
+
+
 def test_a_second_run_that_is_cut_gives_no_estimate():
     found = simulate(pendulum(), mesh_estimate=True, after=1e-9).statistics
     assert (found["error_estimate"], found["mesh_error_estimate"], found["limiting_channel"]) == (None,) * 3
