@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hfsim.errors import SolverFailure
+from hfsim.marching.runaway import FASTEST
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.scene.build import Scene
 
@@ -20,10 +21,11 @@ def non_finite(scene: Scene, t: float, q: Array, v: Array) -> SolverFailure | No
     scene : Scene
     t : float
     q, v : ndarray, shape (n,)
-        A state that is not finite itself blames nobody: it is a trial that went too far.
+        A state beyond all scale, or not finite itself, is what steps have made of the motion, not the deck:
+        the one at the start is looked at in its place, which laws of time alone can spoil.
     """
-    if not (np.isfinite(q).all() and np.isfinite(v).all()):
-        return None
+    if not (_in_scale(q, scene.q) and _in_scale(v, scene.v)):
+        q, v = scene.q, scene.v
     with np.errstate(all="ignore"):
         item, what = _offender(scene, t, q, v)
     if not item:
@@ -55,6 +57,10 @@ def _offender(scene: Scene, t: float, q: Array, v: Array) -> tuple[str, str]:
     except np.linalg.LinAlgError:
         return "", ""
     return ("", "") if _usable(a) else (body_of(scene, ~_usable_each(a)), "the acceleration")
+
+
+def _in_scale(state: Array, start: Array) -> bool:
+    return bool((np.abs(state) < FASTEST * max(1.0, float(np.abs(start).max(initial=0.0)))).all())
 
 
 def _usable_each(values: Array) -> BoolArray:

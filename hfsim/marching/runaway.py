@@ -24,7 +24,7 @@ for a mass matrix that turns singular to be seen first."""
 ROUNDING = 1e-12
 """Share of the energies at the start below which energy out of nothing is round-off."""
 FASTEST = 1e12
-"""Rate in SI units, over the largest at the start (or 1), from which a motion is none."""
+"""Rate or coordinate in SI units, over the largest at the start (or 1), from which a motion is none."""
 
 
 @mutable

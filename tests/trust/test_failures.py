@@ -16,6 +16,7 @@ from hfsim.deck import units
 from hfsim.errors import DeckError, SolverFailure
 from hfsim.integrators import Limits, Problem, _pace, integrate
 from hfsim.integrators.explicit import Explicit
+from hfsim.marching.culprit import non_finite
 from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -198,6 +199,28 @@ def test_a_step_too_long_goes_away_with_a_shorter_one():
     assert again[:2] == ["hfsim", "run"] and again[-2:] == ["--set", "solve.step=0.01875"]
     sets = [word for word in again if "=" in word]
     assert simulate(load_deck(CASES / "hub_beams.yaml", sets), error_estimate=False).status == "done"
+
+
+@pytest.mark.parametrize(
+    ("case", "settings"),
+    [
+        ("two_beams", ("solve.step=0.007", "solve.method=generalized_alpha")),
+        ("door", ("solve.step=0.007", "solve.method=explicit", "solve.duration=0.05")),
+    ],
+)
+def test_a_deck_is_not_blamed_for_a_state_that_steps_have_blown_up(case, settings):
+    """Forces of 1e100 follow from displacements of 1e40, whatever the numbers of the deck are."""
+    run = diagnosed(f"{case}.yaml", *settings, model="exact")
+    assert (run.failure["class"], run.failure["item"]) == ("numerical", "solve.step")
+    assert run.failure["evidence"]["steps by tolerance"].startswith("passes")
+
+
+@pytest.mark.parametrize("size", [1e40, np.inf])
+def test_a_law_is_blamed_however_far_the_steps_have_gone(unbounded, size):
+    scene = build(parse_deck(LATE))
+    huge = np.full_like(scene.v, size)
+    assert non_finite(scene, 0.4, scene.q, huge) is None
+    assert non_finite(scene, 0.7, scene.q, huge).item == "loads.twist"
 
 
 def test_energy_lost_by_the_method_is_a_numerical_suspicion():
