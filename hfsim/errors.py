@@ -26,6 +26,15 @@ class HfsimError(Exception):
 
     exit_code = 1
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # what a class takes and what its text is made of need not be the same
+        return _revived, (type(self), self.args), self.__dict__
+
+
+def _revived(kind: type[HfsimError], args: tuple[Any, ...]) -> HfsimError:
+    """Return an error as it was in another process, but for its attributes."""
+    return kind.__new__(kind, *args)
+
 
 class KernelError(HfsimError):
     """``HFSIM_KERNEL`` asks for what is not there."""

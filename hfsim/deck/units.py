@@ -138,7 +138,7 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\.\d+|\d+\.?\d*)(?:[eE][-+]?\d+)?)\s*(.*?)\
 class UnitError(ValueError):
     """Text that is no quantity of the dimension asked for; ``hint`` says what would be."""
 
-    def __init__(self, message: str, hint: str) -> None:
+    def __init__(self, message: str, hint: str = "") -> None:
         super().__init__(message)
         self.hint = hint
 

@@ -238,8 +238,8 @@ def channel_errors(
     absolute : dict of str to float
         In the unit of the channel; without residuals of the joints.
     relative : dict of str to float
-        Over its `channel_scales` in the reference for that long [-]; without ``energy.total``, which has no range to be
-        measured by where it is conserved, and without units in which nothing is but round-off.
+        Over its `channel_scales` in the reference for that long [-]; without ``energy.total``, which has no
+        range to be measured by where it is conserved, and without units in which nothing is but round-off.
     """
     absolute: dict[str, float] = {}
     relative: dict[str, float] = {}
