@@ -73,6 +73,31 @@ def balance(system: System, steps: StepSamples) -> dict[str, Any]:
     return found.facts()
 
 
+def energies_of(system: System, t: Array, x: Array, u: Array) -> Array:
+    """Return kinetic, strain and potential energy [J], shape (3, n_batch)."""
+    return np.stack([system.kinetic_energy(x, u), system.strain_energy(x), system.potential_energy(t, x)])
+
+
+def rounding_of(system: System, t: Array, x: Array, energies: Array) -> float:
+    """Return by how much stored energies change at most when the last digit of each coordinate does.
+
+    Parameters
+    ----------
+    system : System
+    t : ndarray, shape (n_batch,)
+    x : ndarray, shape (n_batch, n_x)
+    energies : ndarray, shape (3, n_batch)
+        Kinetic, strain and potential energy there [J].
+    """
+    last_digit = np.finfo(float).eps * np.maximum(np.abs(x), np.abs(x).max(axis=1, keepdims=True))
+    largest = 0.0
+    for signs in random_signs((ROUNDINGS, *x.shape)):
+        rounded = x + last_digit * signs
+        stored = np.stack([system.strain_energy(rounded), system.potential_energy(t, rounded)])
+        largest = max(largest, float(np.abs(stored - energies[1:]).max(initial=0.0)))
+    return largest
+
+
 class Balance:
     """Energies and constraint violations at the ends of steps, added up stretch by stretch.
 
@@ -96,7 +121,7 @@ class Balance:
         for part in _parts(len(steps.t)):
             t, q, v = steps.t[part], steps.q[part], steps.v[part]
             x, u = system.absolute(q), system.absolute_velocity(q, v)
-            energies = _energies(system, t, x, u)
+            energies = energies_of(system, t, x, u)
             total = energies.sum(axis=0)
             sizes = np.abs(x).max(axis=1)
             if np.isnan(sums[_Sum.INITIAL]):
@@ -106,7 +131,7 @@ class Balance:
             self._ranges[1] = np.maximum(self._ranges[1], energies.max(axis=1))
             sums[_Sum.FINAL] = total[-1]
             self._raise(_Sum.RESIDUAL, np.abs(total - sums[_Sum.INITIAL] - work[part]).max())
-            self._raise(_Sum.ROUNDING, _rounding(system, t[near], x[near], energies[:, near]))
+            self._raise(_Sum.ROUNDING, rounding_of(system, t[near], x[near], energies[:, near]))
             self._raise(_Sum.POSITION, np.abs(system.residual(t, x)).max(initial=0.0))
             self._raise(_Sum.VELOCITY, np.abs(system.drift(t, x, u)).max(initial=0.0))
         self._raise(_Sum.MOST_WORK, np.abs(work).max())
@@ -161,22 +186,6 @@ def _share(residual: float, scale: float) -> float:
     if not (np.isfinite(residual) and np.isfinite(scale)):
         return 1.0
     return residual / scale if scale > 0.0 else 0.0
-
-
-def _energies(system: System, t: Array, x: Array, u: Array) -> Array:
-    """Return kinetic, strain and potential energy [J], shape (3, n_batch)."""
-    return np.stack([system.kinetic_energy(x, u), system.strain_energy(x), system.potential_energy(t, x)])
-
-
-def _rounding(system: System, t: Array, x: Array, energies: Array) -> float:
-    """Return by how much stored energies change at most when the last digit of each coordinate does."""
-    last_digit = np.finfo(float).eps * np.maximum(np.abs(x), np.abs(x).max(axis=1, keepdims=True))
-    largest = 0.0
-    for signs in random_signs((ROUNDINGS, *x.shape)):
-        rounded = x + last_digit * signs
-        stored = np.stack([system.strain_energy(rounded), system.potential_energy(t, rounded)])
-        largest = max(largest, float(np.abs(stored - energies[1:]).max(initial=0.0)))
-    return largest
 
 
 def _inner_kinetic(system: System, steps: StepSamples) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators import Memory
+from hfsim.marching.balance import ROUND_OFF, energies_of, rounding_of
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import mutable
 from hfsim.mechanics.system import System
@@ -32,7 +33,8 @@ class EnergyWatch:
     """Ends a run whose energy grows without a source, as that of truncated models can.
 
     The work of loads, dampers and drivers is added up by the trapezoidal rule: coarse, but what is
-    looked for is an order of magnitude.
+    looked for is an order of magnitude.  At rest there is no energy to compare with, but that which rounding
+    makes: of the coordinates, and of terms that cancel where there is no strain.
     """
 
     system: System
@@ -54,12 +56,14 @@ class EnergyWatch:
         system, time = self.system, np.array([t])
         x = system.absolute(q[None])
         u = system.absolute_velocity(q[None], v[None])
-        moving = float((system.kinetic_energy(x, u) + system.strain_energy(x))[0])
-        potential = float(system.potential_energy(time, x)[0])
+        energies = energies_of(system, time, x, u)
+        kinetic, strain, potential = map(float, energies[:, 0])
+        moving = kinetic + strain
         power = float(system.power(time, x, u)[0]) if system.exchanges_power else 0.0
         if self._last is None:
             self._start, self._potential = moving + potential, potential
-            self._most = ROUNDING * (moving + abs(potential))
+            rounding = ROUND_OFF * rounding_of(system, time, x, energies) / LIMIT
+            self._most = max(ROUNDING * (moving + abs(potential)), rounding, _cancelled(system, x))
         else:
             self._work += 0.5 * (power + self._last[1]) * (t - self._last[0])
         self._last = (t, power)
@@ -88,6 +92,11 @@ class EnergyWatch:
             kind="model",
             evidence={"energy_gained": gained, "energy_due": self._most},
         )
+
+
+def _cancelled(system: System, x: Array) -> float:
+    """Return the rounding of strain energies whose terms cancel [J], by what twice the length stores."""
+    return float(np.finfo(float).eps * system.strain_energy(2.0 * x).max())
 
 
 @mutable

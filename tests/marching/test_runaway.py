@@ -1,0 +1,48 @@
+"""Watches end runs whose energy comes out of nothing; rounding at rest is no energy."""
+
+import pytest
+
+from hfsim.errors import SolverFailure
+from hfsim.marching.runaway import EnergyWatch
+from hfsim.scene.build import build
+from hfsim.scene.loading import parse_deck
+from hfsim.simulate import simulate
+
+FREE = """hfsim: 1
+materials: {soft: {density: 1000.0, youngs_modulus: 5.0e6}}
+sections: {bar: {shape: rectangle, width: 0.03, height: 0.03}}
+bodies:
+  b1: {type: beam, length: 1.06, model: lowOrder, material: soft, section: bar}
+  b2: {type: beam, length: 0.98, model: MODEL, material: soft, section: bar}
+solve: {duration: 0.1}
+"""
+HINGED = f"""{FREE}
+joints:
+  pin: {{type: revolute, between: [ground, b1.root]}}
+  elbow: {{type: revolute, between: [b1.tip, b2.root]}}
+initial: {{b1: {{angle: -0.16}}, b2: {{angle: -0.48}}}}
+loads:
+  push:
+    type: force
+    at: b2.tip
+    force: [0, 1]
+    law: {{type: smooth_step, from: 0, to: 1, start: 0.05, end: 0.2}}
+"""
+
+
+@pytest.mark.parametrize("model", ["exact", "linear", "lowOrder"])
+@pytest.mark.parametrize("scene", [FREE, HINGED], ids=["free", "hinged"])
+def test_rounding_at_rest_is_no_energy_out_of_nothing(scene, model):
+    run = simulate(parse_deck(scene.replace("MODEL", model)), error_estimate=False)
+    assert run.status == "done", run.reason
+
+
+def test_energy_out_of_nothing_is_told_at_rest_too():
+    """A body of 0.9 kg that begins to move at a millimetre a second: 5e-7 J, and nothing has pushed it."""
+    scene = build(parse_deck(FREE.replace("MODEL", "exact")))
+    watch = EnergyWatch(scene.system)
+    watch(0.0, scene.q, scene.v)
+    rates = scene.v.copy()
+    rates[scene.bodies["b1"].columns.start] = 1e-3
+    with pytest.raises(SolverFailure, match="feeds energy that nothing supplies"):
+        watch(0.1, scene.q, rates)
