@@ -18,9 +18,13 @@ from hfsim.marching.alike import alike
 from hfsim.marching.solution import Channel
 from hfsim.maths.arrays import Array
 from hfsim.parts.channels import Samples, is_judged
+from hfsim.scene.build import Scene
 
 SMALL = 1e-3
 """Range of a channel, relative to the size of its unit, below which it is too small to be judged by."""
+
+STILL = 1e-8
+"""Range of a channel, relative to the size of its unit in the scene, from which it stands still."""
 
 _TINY = 1e-12
 """Smallest scale of any channel, in its unit: nothing is divided by zero."""
@@ -195,6 +199,39 @@ def reference_scales(samples: Samples, channels: Sequence[Channel]) -> tuple[Cha
     return channel_scales(channels, outlines, conserved=not scene.system.exchanges_power)
 
 
+def scene_sizes(scene: Scene) -> dict[str, float]:
+    """Return by unit how large motions in a scene are, by its bodies at the start and its duration."""
+    x = scene.system.absolute(scene.q[None])
+    points = [outline[0] for body in scene.bodies.values() if (outline := body.outline(x)).size]
+    length = max((float(np.ptp(one, axis=0).max()) for one in points), default=0.0)
+    rate = 1.0 / scene.deck.solve.duration
+    return {**_NATURAL, "m": length, "m/s": length * rate, "rad/s": rate}
+
+
+def error_scales(
+    channels: Sequence[Channel], reference: Sequence[Channel], sizes: Mapping[str, float] | None = None
+) -> tuple[ChannelScale, ...]:
+    """Return what errors are divided by: ranges however small, but for what stands still in either run.
+
+    Parameters are those of `channel_errors`.
+
+    Examples
+    --------
+    >>> x = Channel("b1.tip.x", "m", np.array([0.0, 1e-9]))
+    >>> [error_scales((x,), (x,), sizes)[0].scale for sizes in ({}, {"m": 2.0})]
+    [1e-09, 0.002]
+    """
+    mine, truth, known = _shared(channels, reference), _shared(reference, channels), sizes or {}
+
+    def judged(one: ChannelScale, channel: Channel) -> ChannelScale:
+        size = known.get(one.unit, 0.0)
+        if min(one.reference_range, span(channel.values)) >= STILL * size:
+            return one
+        return one._replace(scale=max(one.scale, SMALL * size), small=True)
+
+    return tuple(map(judged, channel_scales(truth, conserved=True), mine))
+
+
 # --- distances -----------------------------------------------------------------------------------
 
 
@@ -224,7 +261,7 @@ def gap(values: Array, truth: Array) -> Gap:
 
 
 def channel_errors(
-    channels: Sequence[Channel], reference: Sequence[Channel]
+    channels: Sequence[Channel], reference: Sequence[Channel], sizes: Mapping[str, float] | None = None
 ) -> tuple[dict[str, float], dict[str, float]]:
     """Return the largest distance of each channel from that of a reference, as long as both last.
 
@@ -232,19 +269,21 @@ def channel_errors(
     ----------
     channels, reference : sequence of Channel
         The same ones, at the same times; one of them may end earlier.
+    sizes : mapping of str to float, optional
+        The `scene_sizes`: what stands still is judged by them.
 
     Returns
     -------
     absolute : dict of str to float
         In the unit of the channel; without residuals of the joints.
     relative : dict of str to float
-        Over its `channel_scales` in the reference for that long [-]; without ``energy.total``, which has no
+        Over its `error_scales` in the reference for that long [-]; without ``energy.total``, which has no
         range to be measured by where it is conserved, and without units in which nothing is but round-off.
     """
     absolute: dict[str, float] = {}
     relative: dict[str, float] = {}
+    scales = error_scales(channels, reference, sizes)
     channels, reference = _shared(channels, reference), _shared(reference, channels)
-    scales = channel_scales(reference, conserved=True)
     for channel, better, scale in zip(alike(channels, reference), reference, scales, strict=True):
         name = channel.name
         if not len(better.values) or not is_judged(name, conserved=False):

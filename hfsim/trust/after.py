@@ -196,7 +196,10 @@ class Aftermath:
     def _warning(self, name: str) -> str:
         stepped = self.run.legs[0].scene.deck.solve.step is not None
         remedy = "shorten the step" if stepped else "lower the tolerance"
-        what = f"about {self.facts[name]:.2g} of the range of {self.facts[f'{name}_channel']}"
+        range_ = f"the range of {self.facts[f'{name}_channel']}"
+        instead = self.facts.get(f"{name}_relative_to")
+        scale = f"{instead}, for {range_} is too small to judge by" if instead else range_
+        what = f"about {self.facts[name]:.2g} of {scale}"
         if name != ESTIMATES[0]:
             return f"the mesh error is {what}; what helps: {self.facts['mesh_advice']}"
         doubt = "if it stays as large, this motion cannot be predicted so far"

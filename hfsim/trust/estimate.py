@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.errors import HfsimError
-from hfsim.marching.distance import channel_errors, farthest
+from hfsim.marching.distance import channel_errors, error_scales, farthest, scene_sizes
 from hfsim.marching.integration import Integration, Leg
 from hfsim.marching.record import Record
 from hfsim.marching.solution import Channel
@@ -33,6 +33,8 @@ class Estimate(NamedTuple):
         Error of each channel, in its unit.
     until : float or None
         Time up to which something was compared, where that is not all [s].
+    instead : str
+        What the error is relative to where the range of the channel is too small to judge by.
     """
 
     error: float | None
@@ -41,6 +43,7 @@ class Estimate(NamedTuple):
     by: str = ""
     each: Mapping[str, float] = {}
     until: float | None = None
+    instead: str = ""
 
     def facts(self, name: str) -> dict[str, Any]:
         """Return what summaries say of it, by keys that begin with a name such as ``error``."""
@@ -48,6 +51,7 @@ class Estimate(NamedTuple):
         facts |= {"estimate_channel": self.channel}
         facts |= {"estimate_by": self.by, "by_channel": dict(self.each)} if self.error is not None else {}
         facts |= {"estimate_until": self.until} if self.until is not None else {}
+        facts |= {"estimate_relative_to": self.instead} if self.instead else {}
         return {f"{name}_{key}": value for key, value in facts.items()}
 
 
@@ -75,7 +79,9 @@ class Compared(NamedTuple):
         if len(times) < 2:
             return Estimate(None, "fewer than two rows of output: nothing to compare")
         with np.errstate(all="ignore"):
-            absolute, relative = channel_errors(self.channels, again.channels())
+            other, sizes = again.channels(), scene_sizes(self.legs[0].scene)
+            absolute, relative = channel_errors(self.channels, other, sizes)
+            scales = {one.channel: one for one in error_scales(self.channels, other, sizes)}
         worst, error = farthest(relative)
         if error is None:
             return Estimate(None, "no channel of the output has a range to be judged by")
@@ -83,7 +89,9 @@ class Compared(NamedTuple):
             return Estimate(None, "the second run is not finite")
         until = float(times[-1]) if len(times) < len(self.channels[0].values) else None
         each = {name: part * value for name, value in absolute.items()}
-        return Estimate(part * error, "", worst, "", each, until)
+        scale = scales[worst]
+        instead = f"{scale.scale:.2g} {scale.unit}" if scale.small else ""
+        return Estimate(part * error, "", worst, "", each, until, instead)
 
 
 def why_not(done: Integration, words: str, seconds: float) -> str:

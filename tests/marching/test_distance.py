@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hfsim.marching.distance import channel_errors, channel_scales, gap
+from hfsim.marching.distance import channel_errors, channel_scales, error_scales, gap
 from hfsim.marching.solution import Channel
 from hfsim.parts.channels import is_judged
 
@@ -68,6 +68,16 @@ def test_a_gap_is_the_largest_distance_and_its_root_mean_square():
     assert found.rms == pytest.approx(0.1 * np.sqrt(51 / 101))
     assert np.isfinite(gap(truth + 1e200, truth)).all()
     assert gap(T[:0], T[:0]) == gap(truth, truth) == (0.0, 0.0, 0)
+
+
+@pytest.mark.parametrize(("size", "scale"), [(1e-6, 2e-6), (1e-9, 1e-3), (0.0, 1e-3)])
+def test_errors_of_what_stands_still_are_judged_by_the_scene_and_all_others_by_their_range(size, scale):
+    """A steady deflection has no range; a vibration of micrometres has one."""
+    still, moving = channel("tip.deflection", size=size), channel("tip.deflection", size=1e-4)
+    for mine, truth in ((still, still), (still, moving), (moving, still)):
+        (found,) = error_scales([mine], [truth], {"m": 1.0})
+        expected = max(scale, 2e-4) if truth is moving else scale
+        assert found.scale == pytest.approx(expected) and found.small is (scale == 1e-3)
 
 
 def test_errors_last_as_long_as_the_reference():

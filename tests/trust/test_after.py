@@ -19,7 +19,7 @@ from hfsim.output.report import errors
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
-from hfsim.trust import diagnosis, error, experiments, mesh
+from hfsim.trust import after, diagnosis, error, experiments, mesh
 from hfsim.trust.after import Stages, Wish
 from hfsim.trust.error import time_error
 from hfsim.trust.estimate import Compared, Estimate
@@ -161,6 +161,30 @@ def test_a_large_mesh_error_warns_as_a_large_time_error_does():
     assert found["error_estimate"] < 1e-3 < 1e-2 < found["mesh_error_estimate"]
     assert "mesh error" in warning and found["mesh_error_estimate_channel"] in warning
     assert "--set bodies.b1.elements=2" in warning
+
+
+def spinning(*channels):
+    text = STRIP.replace("gravity: [0.0, -9.81]", "").replace("1.0e7", "2.1e11").replace("0.1}", "1.0}")
+    shown = f"output: {{channels: [{', '.join(channels)}]}}\n"
+    return parse_deck(f"{text}initial: {{steady: {{body: b1, rate: 30.0}}}}\n{shown}")
+
+
+def test_what_stands_still_has_no_errors_to_speak_of():
+    """A beam that turns steadily is bent by rounding alone, which finer steps or meshes do not share."""
+    found = simulate(spinning("b1.tip.deflection"), mesh_estimate=True, after=60.0).statistics
+    assert found["warnings"] == []
+    assert max(found["error_estimate"], found["mesh_error_estimate"]) < 1e-3
+    assert found["error_estimate_relative_to"] == "0.001 m"
+
+
+def test_the_mesh_error_of_a_beam_at_rest_is_told_by_the_size_of_the_scene(monkeypatch):
+    held = STRIP.replace("pin: {type: revolute", "clamp: {type: fixed").replace("1.0e7", "2.1e11")
+    loaded = parse_deck(f"{held}initial: {{equilibrium: true}}\n")
+    monkeypatch.setattr(after, "LARGE", 0.0)
+    run = simulate(loaded, mesh_estimate=True, after=60.0)
+    warning = run.statistics["warnings"][-1]
+    assert "of 0.001 m, for the range of b1.tip" in warning and "is too small to judge by" in warning
+    assert run.statistics["mesh_error_estimate"] < 1.0
 
 
 # of the mesh -------------------------------------------------------------------------------------

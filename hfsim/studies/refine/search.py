@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from hfsim.errors import DeckError
 from hfsim.integrators import steps_in_absolute_coordinates
-from hfsim.marching.distance import channel_errors, farthest
+from hfsim.marching.distance import channel_errors, farthest, scene_sizes
 from hfsim.marching.integration import run_integration
 from hfsim.marching.stop import Budget, Halted, Progress, TimeUp
 from hfsim.maths.memory import available, in_bytes, resident
@@ -108,7 +108,8 @@ class Search:
 
     def distance(self, level: Level, finer: Level) -> tuple[float, str]:
         """Return how far a level is from a finer one in the worst channel that counts, and that channel."""
-        relative = channel_errors(level.channels, finer.channels)[1]
+        sizes = None if finer.scene is None else scene_sizes(finer.scene)
+        relative = channel_errors(level.channels, finer.channels, sizes)[1]
         mine = {name: relative[name] for name in self.counted if name in relative}
         if any(math.isnan(value) for value in mine.values()):
             return math.inf, ""
