@@ -9,10 +9,13 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from hfsim.integrators import Trajectory
 from hfsim.marching.integration import run_integration
 from hfsim.marching.record import Record
 from hfsim.marching.stop import Budget, Progress
+from hfsim.maths.arrays import Array
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 from hfsim.trust.estimate import Compared, Estimate, advice, why_not
@@ -21,6 +24,12 @@ COARSER = 1.0 / 3.0
 """Part of the distance to a run with coarser steps that is taken as the error."""
 TIGHTEST = 1e-13
 """Tolerance below which steps are no finer."""
+ALIKE = 0.5
+"""Share of the steps of two runs that end together, from which their tolerances have made no other steps."""
+CLOSE = 1e-3
+"""Distance of such ends, over the step."""
+SAME = "took the same steps, which tells nothing"
+"""End of a reason."""
 _STEP = 10.0
 """Factor between the tolerances of two runs."""
 
@@ -70,9 +79,11 @@ def time_error(run: Compared, budget: Budget, seconds: float) -> Estimate:
     if found.error is None and budget.left > 0.0:
         other = _measured(run, coarser, budget.guard(), seconds)
         found = other if other.error is not None or found.until is None else found
-    if found.error == 0.0:
-        # the very same steps, perhaps: a step as long as the run is kept at any tolerance
-        found = _measured(run, _halved(run.end / steps), budget.guard(), seconds)
+    if found.error == 0.0 or found.reason.endswith(SAME):
+        # what bounds the steps is not the tolerance: they may be as long as the run, or as can be solved
+        halved = _measured(run, _halved(run.end / steps), budget.guard(), seconds)
+        why = "; ".join(filter(None, (found.reason, halved.reason)))
+        found = halved._replace(reason="" if halved.error is not None else why)
     return found
 
 
@@ -98,7 +109,9 @@ def _halved(step: float) -> Second:
 
 def _measured(run: Compared, second: Second, guard: Progress, seconds: float) -> Estimate:
     """Make a second run and return the error that follows from its distance."""
-    again, reason = _again(run, second, guard, seconds)
+    again, reason, ends = _again(run, second, guard, seconds)
+    if "tolerance" in second.update and len(ends) > 1 and _alike(_step_ends(run), ends):
+        return Estimate(None, f"a second run with {second.words} {SAME}")
     found = run.distance(again, second.part)
     if found.error is None or not reason:
         return found._replace(reason=reason or found.reason, by=f"distance to a run with {second.words}")
@@ -106,9 +119,35 @@ def _measured(run: Compared, second: Second, guard: Progress, seconds: float) ->
     return Estimate(None, so_far, until=found.until)
 
 
-def _again(run: Compared, second: Second, guard: Progress, seconds: float) -> tuple[Record, str]:
-    """Integrate again; models change where they did in the run: how good they are is not judged here."""
-    record = Record(balanced=False)
+def _step_ends(run: Compared) -> Array:
+    return np.concatenate([leg.done.trajectory.step_ends() for leg in run.legs])
+
+
+def _alike(ends: Array, others: Array) -> bool:
+    """Return whether most steps end where those of another run do, as long as both last.
+
+    Examples
+    --------
+    >>> ends = np.array([0.0, 0.3, 0.6, 0.8, 1.0])
+    >>> _alike(ends, ends + 1e-6), _alike(ends, np.array([0.0, 0.25, 0.5, 0.75, 1.0])), _alike(ends[:1], ends)
+    (True, False, False)
+    """
+    both = min(ends[-1], others[-1])
+    ends, others = ends[ends <= both], others[others <= both]
+    if min(len(ends), len(others)) < 2:
+        return False
+    near = np.clip(np.searchsorted(others, ends), 1, len(others) - 1)
+    apart = np.minimum(np.abs(others[near] - ends), np.abs(others[near - 1] - ends))
+    shared = int(np.sum(apart[1:] <= CLOSE * np.diff(ends)))
+    return shared >= ALIKE * (max(len(ends), len(others)) - 1)
+
+
+def _again(run: Compared, second: Second, guard: Progress, seconds: float) -> tuple[Record, str, Array]:
+    """Integrate again and return where steps ended too.
+
+    Models change where they did in the run: how good they are is not judged here.
+    """
+    record, ends = Record(balanced=False), list[Array]()
     before: tuple[Scene, Trajectory] | None = None
     for leg in run.legs:
         scene, start = leg.scene, None
@@ -121,7 +160,8 @@ def _again(run: Compared, second: Second, guard: Progress, seconds: float) -> tu
         solve = scene.deck.solve.model_copy(update=update)
         again = run_integration(scene, solve, guard, start, record=record)
         reason = why_not(again, second.words, seconds)
+        ends.append(again.trajectory.step_ends())
         if reason:
-            return record, reason
+            return record, reason, np.concatenate(ends)
         before = scene, again.trajectory
-    return record, ""
+    return record, "", np.concatenate(ends)

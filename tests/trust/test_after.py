@@ -144,6 +144,33 @@ def test_steps_as_long_as_the_run_are_compared_to_others():
     assert found["error_estimate"] < 1e-12
 
 
+@pytest.mark.parametrize("seconds", [1e9, 1.0])
+def test_a_second_run_that_takes_the_same_steps_tells_nothing_and_others_are_made(monkeypatch, seconds):
+    """What bounds steps may be what can be solved: the tolerance makes no other ones then."""
+    run = compared(pendulum("solve.method=energy", "solve.tolerance=1e-5", "solve.duration=0.5"))
+
+    def bounded(scene, solve, *others, **named):
+        same = solve if solve.step is not None else solve.model_copy(update={"tolerance": 1.00001e-5})
+        return run_integration(scene, same, *others, **named)
+
+    monkeypatch.setattr(error, "run_integration", bounded)
+    found = time_error(run, plenty(seconds), 1.0)
+    assert found.by.startswith("distance to a run with steps of")
+    assert 0.3 < found.error / true_error(run, exact_motion()) < 10.0
+
+
+def test_an_error_that_no_run_with_other_steps_tells_of_is_not_known(monkeypatch):
+    run = compared(pendulum("solve.method=energy", "solve.tolerance=1e-5", "solve.duration=0.5"))
+
+    def bounded(scene, solve, *others, **named):
+        same = run_integration(scene, solve.model_copy(update={"tolerance": 1e-5}), *others, **named)
+        return same if solve.step is None else same._replace(stop=SolverFailure("it breaks", 0.1))
+
+    monkeypatch.setattr(error, "run_integration", bounded)
+    found = time_error(run, plenty(), 1.0)
+    assert found.error is None and "took the same steps" in found.reason and "it breaks" in found.reason
+
+
 def test_a_large_time_error_warns():
     run = simulate(pendulum("solve.method=generalized_alpha", "solve.step=5e-3", "solve.duration=0.5"))
     assert run.statistics["error_estimate"] > 1e-2
