@@ -102,7 +102,9 @@ def simulate(
         with clock.phase("solve"):
             done = run_integration(scene, scene.deck.solve, stages.solving, record=record)
         legs = [Leg(scene, done, record.legs[-1])]
-    return assess(legs, record, clock, wish, outlines, course, stages.after)
+    run = assess(legs, record, clock, wish, outlines, course, stages.after)
+    stages.end()
+    return run
 
 
 def assess(

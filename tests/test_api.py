@@ -35,6 +35,13 @@ def test_a_run_gives_arrays_by_name_and_prints_nothing(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+@pytest.mark.parametrize("changes", [{}, {"solve.target_error": 0.5, "solve.budget": 30.0}])
+def test_progress_ends_at_one(changes):
+    told = []
+    hfsim.run(DECK, changes, progress=told.append)
+    assert told[-1] == 1.0 and min(told) >= 0.0
+
+
 def test_shapes_and_states_over_time():
     run = hfsim.run(DECK, **QUICK)
     arm = run.outlines["arm"]

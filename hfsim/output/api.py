@@ -204,6 +204,8 @@ def carry_out(
         if recording is not None:
             recording.begin(loaded.deck.channels)
         result, chosen = refine(loaded, progress=progress, diagnosis=diagnosis, after=after)
+        if progress is not None:
+            progress(1.0)
         if recording is not None:
             recording.take(result, recording.provenance._replace(resolved=chosen.deck.resolved()))
         return result

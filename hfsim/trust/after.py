@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import field
 from typing import Any, NamedTuple
 
@@ -80,6 +80,12 @@ class Stages:
     def after(self, share: float) -> None:
         """Take the share of the time allowed after the run that is used."""
         self._progress(self._solved + share * (1.0 - self._solved))
+
+    def end(self) -> None:
+        """Tell that all is done, which may take less than the time allowed."""
+        # a budget that is used up by now ends nothing more
+        with suppress(LimitReached):
+            self._progress(1.0)
 
 
 @mutable
