@@ -47,5 +47,8 @@ def _drift_warnings(leg: Leg, drift: float) -> list[str]:
     if truncated:
         why = f"lowOrder leaves out inertia terms of {', '.join(truncated)}; compare with exact"
     else:
-        why = f"method {done.method} does not resolve the motion; lower the tolerance or take gauss"
+        stepped = scene.deck.solve.step is not None
+        remedy = "shorten the step" if stepped else "lower the tolerance"
+        other = "" if "gauss" in done.method.split(", ") else " or take gauss"
+        why = f"method {done.method} does not resolve the motion; {remedy}{other}"
     return [f"the energy balance is off by {drift:.2g} of the energies that change: {why}"]

@@ -21,6 +21,7 @@ from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.trust import after, diagnosis, error, experiments, mesh
 from hfsim.trust.after import Stages, Wish
+from hfsim.trust.doubt import doubts
 from hfsim.trust.error import time_error
 from hfsim.trust.estimate import Compared, Estimate
 from hfsim.trust.mesh import mesh_error
@@ -342,6 +343,21 @@ def test_an_interrupted_run_is_told_as_done_with_what_is_missing(monkeypatch, tm
     assert (summary["status"], summary["exit_code"]) == ("done", 130)
     assert "what was to be found out after it" in summary["reason"]
     assert not Path("two_beams.out").exists() and not Path("pendulum.out/plots").exists()
+
+
+@pytest.mark.parametrize(
+    ("settings", "remedy"),
+    [
+        (("solve.method=gauss", "solve.step=0.01"), "shorten the step"),
+        (("solve.method=radau", "solve.step=0.01"), "shorten the step or take gauss"),
+        (("solve.method=gauss",), "lower the tolerance"),
+        (("solve.method=gear",), "lower the tolerance or take gauss"),
+    ],
+)
+def test_what_helps_against_a_drift_is_not_there_yet(settings, remedy):
+    leg = compared(pendulum("solve.duration=0.02", *settings)).legs[0]
+    (warning,) = doubts(leg, 0.1)["warnings"]
+    assert warning.endswith(f"does not resolve the motion; {remedy}")
 
 
 # budget ------------------------------------------------------------------------------------------
