@@ -34,6 +34,8 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     name = name.strip()
     if not equals or not name:
         return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE")
+    if not value.strip():
+        return OverrideProblem(name, "has no value", f"{name}=null takes it out")
     reader = parse(value)
     wrong = [reader] if isinstance(reader, DeckProblem) else reader.problems
     if isinstance(reader, DeckProblem) or wrong:

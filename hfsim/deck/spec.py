@@ -354,6 +354,7 @@ _MESSAGES = {
     "list_type": "must be a list",
     "tuple_type": "must be a list",
 }
+_TOO_SHORT = "too_short"
 
 
 def explained(spec: type[Spec], error: ValidationError) -> list[Complaint]:
@@ -367,7 +368,12 @@ def explained(spec: type[Spec], error: ValidationError) -> list[Complaint]:
         What entries inside it refused is in deck words already.
     """
     items = error.errors(include_url=False)[: MOST_PROBLEMS + 1]
-    return [_explained(spec, item) for item in items]
+    return [_explained(spec, item) for item in items if not _counts_good_ones(item)]
+
+
+def _counts_good_ones(item: ErrorDetails) -> bool:
+    """Tell whether a list is refused as too short only because entries of it are."""
+    return item["type"] == _TOO_SHORT and len(item["input"]) >= item["ctx"]["min_length"]
 
 
 def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:
@@ -385,5 +391,9 @@ def _explained(spec: type[Spec], item: ErrorDetails) -> Complaint:
         return Complaint(path, "missing key", field_texts(spec).get(field, "").rstrip("."), True)
     if kind == "literal_error":
         return wrong_choice(path, item["input"], re.findall(r"'([^']*)'", context["expected"]))
+    if kind == _TOO_SHORT:
+        least, given = context["min_length"], len(item["input"])
+        entries = "entry" if least == 1 else "entries"
+        return Complaint(path, f"must have at least {least} {entries}, not {given or 'none'}", "", on_key)
     message = _MESSAGES[kind].format(**context) if kind in _MESSAGES else item["msg"]
     return Complaint(path, f"{message}, not {shown(item['input'])}", "", on_key)

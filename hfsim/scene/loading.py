@@ -33,6 +33,8 @@ DEFAULT_TARGET = 1e-2
 
 _WORKED_OUT = ("parameters", "include")
 """Keys that nothing is left of when a deck has been read."""
+_VALUES = ("name", "gravity")
+"""Top-level keys of values; those of maps may be left empty, as all their entries may be commented out."""
 
 
 @frozen
@@ -196,9 +198,15 @@ def _look_for_more(data: Any, said: set[str]) -> None:
         said.add("expressions")
 
 
+def _left_empty(source: DeckSource, key: str) -> bool:
+    """Tell whether a deck has a key without the value that it must have; overrides take it out that way."""
+    return key in _VALUES and not source.is_overridden((key,))
+
+
 def _load(source: DeckSource, stem: str) -> LoadedDeck:
     stated = ((key, value) for key, value in source.data.items() if key not in _WORKED_OUT)
-    data = {"name": stem, **{key: value for key, value in stated if value is not None}}
+    kept = {key: value for key, value in stated if value is not None or _left_empty(source, key)}
+    data = {"name": stem, **kept}
     auto = _auto_elements(data)
     _put_nodes_at_steps(data, auto)
     solve = data.get("solve")

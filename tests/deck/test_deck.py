@@ -481,3 +481,31 @@ def test_texts_that_are_read_again_come_back_as_they_were():
     first.keys.clear()
     assert second.data == parse("a: {b: [1, 2]}").data == {"a": {"b": [1, 2]}}
     assert second.keys == parse("a: {b: [1, 2]}").keys != {}
+
+
+@pytest.mark.parametrize(
+    ("override", "told"),
+    [
+        ("output.channels=[]", ["must have at least 1 entry, not none"]),
+        ("output.channels=[5, 6]", ["must be text, not 6", "must be text, not 5"]),
+        ("solve.target_channels=[]", ["must have at least 1 entry, not none"]),
+        ("bodies.b1.axis={points: [[0, 0]]}", ["must have at least 2 entries, not 1"]),
+        ("output.channels=", ["has no value"]),
+        ("initial.b1.angle=", ["has no value"]),
+        ("name=", ["has no value"]),
+        ("gravity= ", ["has no value"]),
+    ],
+)
+def test_lists_that_are_too_short_and_values_left_out_are_told_in_deck_words(override, told):
+    with pytest.raises(DeckError) as refusal:
+        load_deck(HERE.parents[1] / "cases/pendulum.yaml", [override])
+    assert sorted(one.message for one in refusal.value.problems) == sorted(told)
+
+
+@pytest.mark.parametrize("key", ["gravity", "name"])
+def test_a_value_left_empty_in_a_deck_is_refused_but_overrides_take_it_out(key):
+    text = (HERE.parents[1] / "cases/pendulum.yaml").read_text()
+    line = next(one for one in text.splitlines() if one.startswith(f"{key}:"))
+    with pytest.raises(DeckError, match=f"{key}: must be .*, not empty"):
+        parse_deck(text.replace(line, f"{key}:"))
+    assert parse_deck(text, overrides=[f"{key}=null"]).deck.dimension == 2
