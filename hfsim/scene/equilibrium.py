@@ -313,9 +313,15 @@ def doubts(scene: Assembled, found: Equilibrium) -> Iterator[str]:
         return
     if not found.stable:
         time = 1.0 / float(np.sqrt(-found.values[0]))
+        since = "" if found.crossed is None else f" from {found.crossed:.4g} of the loads on"
         yield (
-            f"the equilibrium is not stable: a small push grows e-fold in {time:.3g} s; "
+            f"the equilibrium is not stable{since}: a small push grows e-fold in {time:.3g} s; "
             "a smaller load, or a small load across, leads to one that is"
+        )
+    elif found.crossed is not None:
+        yield (
+            f"from {found.crossed:.4g} of the loads on, places of rest on the way are not stable: "
+            "hfsim static --path tells what is crossed"
         )
     if len(found.neutral):
         yield one_of_many(scene, found.neutral)

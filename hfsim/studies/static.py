@@ -212,6 +212,7 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "held_by_nothing": held_by_nothing(scene, found.neutral) if len(found.neutral) else [],
         "relaxed": found.relaxed,
         "limit": found.limit,
+        "unstable_from": found.crossed,
         "steps": found.effort.steps,
         "newton_iterations": found.effort.iterations,
         "unknowns": scene.system.n,

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from cantilevers import cantilever
+from scipy.optimize import brentq
+from scipy.special import ellipk, ellipkinc
 
 import hfsim
 from hfsim.mechanics.statics.buckling import critical_factors
@@ -91,6 +93,65 @@ def test_without_the_path_it_snaps_and_that_is_told():
     assert run.final["top.y"] == pytest.approx(-0.79663404232, abs=1e-9)
     assert run.statistics["limit"] == pytest.approx(0.21457, abs=1e-4)
     assert any("snaps" in one for one in run.statistics["warnings"])
+
+
+@pytest.mark.parametrize("over", [1.01, 1.5, 2.0, 5.0])
+def test_a_flat_truss_snaps_however_far_beyond_its_limit_and_that_is_told(over):
+    rise, length = 0.3, 1.09**0.5
+    height = (length ** (2.0 / 3.0) - 1.0) ** 0.5
+    limit = 10.0 * 2.0 * height * (length / (1.0 + height**2) ** 0.5 - 1.0)
+    springs = {f"springs.{one}.rest_length": length for one in "ab"}
+    changes = {"initial.top.position": [0.0, rise], "loads.push.force": [0.0, -over * limit], **springs}
+    run = hfsim.static(parse_deck(TRUSS), changes)
+    assert run.final["top.y"] < -rise and run.statistics["stable"]
+    assert run.statistics["limit"] == pytest.approx(1.0 / over, abs=1e-3)
+    assert any("snaps" in one for one in run.statistics["warnings"])
+
+
+LEANING = """
+hfsim: 1
+materials: {m: {density: 1.0e-7, youngs_modulus: 1.0}}
+sections: {s: {area: 1.0e+7, second_moment: 1.0}}
+bodies: {b: {type: beam, material: m, section: s, length: 1.0, elements: 8, degree: 5, curvature: exact}}
+joints: {clamp: {type: fixed, between: [ground, b.root]}}
+loads: {p: {type: force, at: b.tip, force: [-1.0, 0.0]}}
+solve: {duration: 1.0}
+output: {channels: [b.tip.y]}
+"""
+
+
+def leaning(load, lean):
+    """Return how far the tip of an inextensible column goes across, of length and EI one: the elastica."""
+
+    def length(k):
+        return ellipk(k * k) - ellipkinc(np.arcsin(np.sin(0.5 * lean) / k), k * k) - load**0.5
+
+    k = brentq(length, np.sin(0.5 * lean) * (1.0 + 1e-12), 1.0 - 1e-12, xtol=1e-15)
+    return (2.0 / load * (np.cos(lean) - np.cos(2.0 * np.arcsin(k)))) ** 0.5
+
+
+@pytest.mark.parametrize(("share", "lean"), [(1.04, 0.0035), (1.16, 0.0035), (1.5, 0.0035), (2.3, 1e-6)])
+def test_a_column_that_leans_bends_to_where_it_leans(share, lean):
+    load = share * EULER
+    run = hfsim.static(
+        parse_deck(LEANING), {"joints.clamp.angle": lean, "loads.p.force": [-load, 0.0]}
+    )
+    assert run.final["b.tip.y"] == pytest.approx(leaning(load, lean), rel=2e-5)
+    assert run.statistics["stable"] and not run.statistics["warnings"]
+
+
+def test_a_column_that_leans_a_little_takes_one_step_of_a_moderate_load():
+    run = hfsim.static(
+        parse_deck(LEANING), {"joints.clamp.angle": 1e-3, "loads.p.force": [-0.3 * EULER, 0.0]}
+    )
+    assert run.statistics["steps"] == 1
+
+
+def test_where_a_straight_column_becomes_unstable_is_told():
+    run = hfsim.static(parse_deck(LEANING), {"loads.p.force": [-1.6 * EULER, 0.0]})
+    assert run.statistics["unstable_from"] == pytest.approx(1.0 / 1.6, abs=1e-4)
+    (told,) = run.statistics["warnings"]
+    assert "not stable from 0.625 of the loads on" in told
 
 
 def test_a_branch_on_the_way_is_told_with_its_load():

@@ -12,7 +12,7 @@ from hfsim.maths.frozen import frozen
 from hfsim.mechanics.statics.newton import Effort, NotFoundError, stepped
 from hfsim.mechanics.statics.problem import Problem, State
 from hfsim.mechanics.statics.relaxation import relaxed
-from hfsim.mechanics.statics.stability import lowest, neutral
+from hfsim.mechanics.statics.stability import Signs, neutral
 
 KICK = 0.02
 """Size of a push out of a place of rest that is not stable [rad]."""
@@ -47,6 +47,8 @@ class Equilibrium:
         Why there is none; empty where there is.
     lost : State or None
         Where the search was then.
+    crossed : float or None
+        Share of the loads from which on there are places of rest on the way that are not stable.
     """
 
     state: State
@@ -59,6 +61,7 @@ class Equilibrium:
     effort: Effort
     reason: str = ""
     lost: State | None = None
+    crossed: float | None = None
 
     @property
     def stable(self) -> bool:
@@ -81,12 +84,15 @@ class Search:
     rigid: Rigid
     effort: Effort = field(default_factory=Effort)
 
+    def __post_init__(self) -> None:
+        self._signs = Signs(self.problem)
+
     def found(self) -> Equilibrium:
         """Return the place of rest, or what was reached."""
         start = self.problem.begin()
         if len(self._neutral(start, 0.0)):
             return self._downhill(start, None)
-        share, state = stepped(self.problem, self.effort)
+        share, state = stepped(self.problem, self.effort, signs=self._signs)
         if share < 1.0:
             return self._downhill(state, share)
         return self._judged(state, False, None)
@@ -118,9 +124,10 @@ class Search:
 
     def _judged(self, state: State, relaxed_: bool, limit: float | None) -> Equilibrium:
         free = self._neutral(state, 1.0)
-        values, motions = lowest(self.problem, state, 1.0)
+        values, motions = self._signs.lowest(state, 1.0)
         if len(free):
             kept = np.sort(np.argsort(np.abs(values))[len(free) :])
             values, motions = values[kept], motions[kept]
-        return Equilibrium(state, 1.0, values, motions, free, relaxed_, limit, self.effort)
+        crossed = None if relaxed_ else self._signs.crossed
+        return Equilibrium(state, 1.0, values, motions, free, relaxed_, limit, self.effort, crossed=crossed)
 

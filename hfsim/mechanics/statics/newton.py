@@ -9,6 +9,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.statics.problem import Level, Problem, State
+from hfsim.mechanics.statics.stability import Signs
 
 ENOUGH = 1e-13
 """Size of a correction after which nothing is left but rounding."""
@@ -22,6 +23,10 @@ FAR = 3.0
 """Size of a correction from which an iteration is given up [rad]."""
 MOVE = 0.4
 """Largest change of a state in a step of the load [rad]."""
+ASIDE = 0.5
+"""How far from where the tangent points a step of the load may end, relative to what that foretells ..."""
+NEXT_TO = 1e-3
+"""... and how far it may in any case [rad]."""
 SHORTEST = 1e-5
 """Step of the load, relative to all of it, below which the path has come to its end."""
 
@@ -87,30 +92,46 @@ def growing(share: float) -> Level:
 
 
 def stepped(
-    problem: Problem, effort: Effort, levels: Callable[[float], Level] = growing
+    problem: Problem,
+    effort: Effort,
+    levels: Callable[[float], Level] = growing,
+    signs: Signs | None = None,
 ) -> tuple[float, State]:
     """Put the loads on in steps; return the share that could be put on, and the equilibrium there.
 
-    Steps are as long as changes stay moderate, and shorter where the iteration does not converge.
+    Steps are as long as changes stay moderate and near to what the tangent foretells, so that it is the
+    equilibrium that is connected with the start, and shorter where the iteration does not converge.  With
+    signs they are shorter too where more motions become unstable, which is so located and noted.
     """
     state, share, step = problem.begin(), 0.0, 1.0
     while share < 1.0 and step > SHORTEST:
         to = share + step if 1.0 - share - step > SHORTEST else 1.0
-        level = levels(to)
+        step, level = to - share, levels(to)
         try:
             first = _correction(problem, state, level)
             move = problem.moved(first[0])
             if move > MOVE:
-                step = (to - share) * max(0.1, 0.9 * MOVE / move)
+                step *= max(0.1, 0.9 * MOVE / move)
                 continue
             found = balanced(problem, state, level, effort, first)
         except (NotFoundError, np.linalg.LinAlgError):
-            step = 0.25 * (to - share)
+            step *= 0.25
             continue
-        if problem.moved(found.z - state.z) > 2.0 * MOVE:
-            step = 0.25 * (to - share)
+        if not _follows(problem, found.z - state.z, first[0]):
+            step *= 0.25
             continue
-        state, share, step = found, to, 2.0 * (to - share)
+        if signs is not None and signs.more(found, to) and step > 4.0 * SHORTEST:
+            step *= 0.25
+            continue
+        if signs is not None:
+            signs.note(share)
+        state, share, step = found, to, 2.0 * step
         effort.steps += 1
         problem.note(share, state)
     return share, state
+
+
+def _follows(problem: Problem, change: Array, foretold: Array) -> bool:
+    """Return whether a step of the load is moderate, and near to what the tangent at its begin foretells."""
+    aside = problem.moved(change - foretold)
+    return problem.moved(change) <= MOVE and aside <= max(NEXT_TO, ASIDE * problem.moved(foretold))

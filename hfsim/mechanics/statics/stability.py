@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+
 import numpy as np
 
 from hfsim.maths.arrays import Array, random_signs
@@ -18,6 +20,52 @@ ASKEW = 1e-9
 """Part of a matrix that may be skew by rounding."""
 NEAREST = 6
 """Eigenvalues of a large scene that are looked at, at least: the smallest."""
+
+
+@dataclass(eq=False)
+class Signs:
+    """How many motions are unstable along a path of the load.
+
+    Attributes
+    ----------
+    problem : Problem
+    crossed : float or None
+        Share of the loads from which on there are more of them than before, the first such.
+    """
+
+    problem: Problem
+    crossed: float | None = field(default=None, init=False)
+
+    def __post_init__(self) -> None:
+        self._before: int | None = None
+        self._seen: tuple[State, float, tuple[Array, Array]] | None = None
+
+    def lowest(self, state: State, load: float) -> tuple[Array, Array]:
+        """Return what `lowest` does, once for each state."""
+        if self._seen is None or self._seen[0] is not state or self._seen[1] != load:
+            self._seen = state, load, lowest(self.problem, state, load)
+        return self._seen[2]
+
+    def more(self, state: State, load: float) -> bool:
+        """Return whether there are more in a state than in the one that was noted last."""
+        now = self._number(state, load)
+        if now and self._before is None:
+            here = self._seen
+            self._before = self._number(self.problem.start, 0.0)
+            self._seen = here
+        return now > (self._before or 0)
+
+    def note(self, share: float) -> None:
+        """Go on to the state that was looked at last, which follows one at a share of the loads."""
+        if self._seen is None:
+            return
+        now = self._number(*self._seen[:2])
+        if self.crossed is None and now > (self._before or 0):
+            self.crossed = share
+        self._before = now
+
+    def _number(self, state: State, load: float) -> int:
+        return int(np.sum(self.lowest(state, load)[0] < 0.0))
 
 
 def mass_at(problem: Problem, state: State) -> Matrix:
