@@ -109,36 +109,66 @@ def _extremes(quantities: Sequence[Quantity], run: Run) -> list[float]:
     """Return largest and smallest values: between the steps' curves ever closer, all of them at once."""
     for one in quantities:
         _values(one, run)
-    t, channels = (run.t, run.channels) if run.fine is None else run.fine.rough
-    seen, signs = {one.name: one.values for one in channels}, [_SIGNS[one.kind] for one in quantities]
-    curves = [sign * seen[one.channel] for sign, one in zip(signs, quantities, strict=True)]
-    tops = [int(np.argmax(curve)) for curve in curves]
-    most = [float(curve[top]) for curve, top in zip(curves, tops, strict=True)]
+    humps = _Humps(quantities, run)
+    if run.fine is not None and len(humps.t) > 2:
+        first = [(k, int(np.argmax(curve))) for k, curve in enumerate(humps.curves)]
+        humps.climb(first)
+        humps.climb([one for one in humps.reaching() if one not in first])
+    return [sign * value for sign, value in zip(humps.signs, humps.most, strict=True)]
 
-    def look(which: Sequence[int], at: Array) -> tuple[Array, Array, list[int]]:
-        """Look between some times; return these, the curves there, and where each is largest."""
+
+class _Humps:
+    """Curves, upside down for smallest values, their tops between the times they are known at, and the most.
+
+    A hump is the number of a curve and that of the time at its top.
+    """
+
+    def __init__(self, quantities: Sequence[Quantity], run: Run) -> None:
+        self.quantities, self.run = quantities, run
+        self.t, channels = (run.t, run.channels) if run.fine is None else run.fine.rough
+        seen = {one.name: one.values for one in channels}
+        self.signs = [_SIGNS[one.kind] for one in quantities]
+        self.curves = [sign * seen[one.channel] for sign, one in zip(self.signs, quantities, strict=True)]
+        self.most = [float(curve.max()) for curve in self.curves]
+
+    def reaching(self) -> list[tuple[int, int]]:
+        """Return the humps that may rise above the most between the times.
+
+        A parabola rises by an eighth of how far it falls to the farther neighbour, and an edge by half of it.
+        """
+        found = list[tuple[int, int]]()
+        for k, curve in enumerate(self.curves):
+            falls = np.diff(curve, prepend=curve[0]), -np.diff(curve, append=curve[-1])
+            top = (falls[0] >= 0.0) & (falls[1] >= 0.0)
+            fall = np.maximum(*falls)
+            high = top & (fall > 0.0) & (curve + 0.5 * fall > self.most[k])
+            found += [(k, one) for one in np.flatnonzero(high).tolist()]
+        return found
+
+    def climb(self, humps: Sequence[tuple[int, int]]) -> None:
+        """Look for the tops of humps ever closer."""
+        t, spans = self.t, [_near(self.t, self.curves[k], top) for k, top in humps]
+        some = [n for n, (low, high) in enumerate(spans) if low < high]
+        times, values, best = self._look([humps[n][0] for n in some], np.array([spans[n] for n in some]))
+        ends = float(t[0]), float(t[-1])
+        last = [n for n, k in enumerate(best) if k in (0, _CLOSER - 1) and times[n, k] not in ends]
+        missed = [humps[some[n]] for n in last if np.ptp(values[n]) > 0.0]  # it climbs where looking ended
+        at = np.array([_around(t, top) for _, top in missed])
+        for _ in range(_ROUNDS if missed else 0):
+            times, _, best = self._look([k for k, _ in missed], at)
+            at = np.array([_around(own, place) for own, place in zip(times, best, strict=True)])
+
+    def _look(self, which: Sequence[int], at: Array) -> tuple[Array, Array, list[int]]:
+        """Look at curves between some times; return these, the curves there, and where each is largest."""
         if not which:
             return at, at, []
         times = np.linspace(at[:, 0], at[:, 1], _CLOSER, axis=1)
-        values = _read_each([quantities[k] for k in which], run, times)
-        values *= np.array([signs[k] for k in which])[:, None]
+        values = _read_each([self.quantities[k] for k in which], self.run, times)
+        values *= np.array([self.signs[k] for k in which])[:, None]
         best: list[int] = values.argmax(axis=1).tolist()
         for k, here, place in zip(which, values, best, strict=True):
-            most[k] = max(most[k], _peak(here, place))
+            self.most[k] = max(self.most[k], _peak(here, place))
         return times, values, best
-
-    if run.fine is not None and len(t) > 2:
-        near = [_near(t, *pair) for pair in zip(curves, tops, strict=True)]
-        which = [k for k, (low, high) in enumerate(near) if low < high]
-        times, values, best = look(which, np.array([near[k] for k in which]).reshape(-1, 2))
-        ends = float(t[0]), float(t[-1])
-        last = [n for n, k in enumerate(best) if k in (0, _CLOSER - 1) and times[n, k] not in ends]
-        if missed := [which[n] for n in last if np.ptp(values[n]) > 0.0]:  # it climbs where looking ended
-            at = np.array([_around(t, tops[k]) for k in missed])
-            for _ in range(_ROUNDS):
-                times, _, best = look(missed, at)
-                at = np.array([_around(own, place) for own, place in zip(times, best, strict=True)])
-    return [sign * value for sign, value in zip(signs, most, strict=True)]
 
 
 def _read_each(quantities: Sequence[Quantity], run: Run, times: Array) -> Array:

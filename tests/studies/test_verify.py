@@ -94,6 +94,19 @@ def test_quantities_of_a_run(swing, quantity, value):
     assert collect(read_quantity(quantity), swing) == pytest.approx(value, abs=1e-10)
 
 
+@pytest.mark.parametrize(("duration", "tolerance"), [(2.0, 1e-10), (4.0, 1e-6)])
+def test_the_highest_of_humps_is_found_whichever_of_them_has_a_row_near_its_top(duration, tolerance):
+    from hfsim.simulate import simulate
+
+    changes = [f"parameters.m={18.0 / 30.0}", f"solve.duration={duration}", f"solve.tolerance={tolerance}",
+               "output.interval=0.1", "output.channels=[mass.x, mass.vx]"]  # fmt: skip
+    run = simulate(parse_deck(MASS, "mass.yaml", changes), error_estimate=False)
+    fastest = 0.5 * 30.0**0.5
+    exact = {"min(mass.x)": -0.5, "max(mass.vx)": fastest, "min(mass.vx)": -fastest}
+    for text, value in exact.items():
+        assert collect(read_quantity(text), run) == pytest.approx(value, rel=tolerance + 1e-9)
+
+
 @pytest.mark.parametrize("quantity", ["at(2.6, mass.x)", "final(mass.y)"])
 def test_what_a_run_does_not_have_is_told(swing, quantity):
     with pytest.raises(CollectError):
