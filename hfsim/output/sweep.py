@@ -264,6 +264,7 @@ SENSITIVITY = (
     Column("derivative", form=".6g"),
     Column("error", form=".1e"),
     Column("elasticity", form=".4g"),
+    Column("side", spare=1),
     Column("sure", lambda one: "yes" if one.sure else "no"),
 )
 """Columns of a table of derivatives."""

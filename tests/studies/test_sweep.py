@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import pickle
 import random
 import re
 import signal
@@ -79,6 +80,15 @@ def test_wrong_values_are_refused(text, why):
 def test_a_grid_has_all_combinations_the_last_path_fastest():
     plan = plans.grid({"a": "1,2", "b": "x,y,z"})
     assert [plan.row(k) for k in range(plan.count)] == [(a, b) for a in (1.0, 2.0) for b in "xyz"]
+
+
+def test_plans_are_pickled(tmp_path):
+    (tmp_path / "runs.csv").write_text("bodies.hub.mass,solve.method\n1,gauss\n2,radau\n")
+    every = (plans.grid({"a": "1,2"}), plans.sample({"a": "normal(1, 0.1)"}, 2),
+             plans.table(tmp_path / "runs.csv"),
+             plans.listed(("a",), [(1.0,), (2.0,)], {"kind": "sensitivity"}))  # fmt: skip
+    for plan in every:
+        assert pickle.loads(pickle.dumps(plan)).row(1) == plan.row(1)
 
 
 @pytest.mark.parametrize("sampler", plans.SAMPLERS)
@@ -381,6 +391,14 @@ def test_derivatives_and_how_sure_they_are(wheel):
     assert (wheel / "s/plots/sensitivity.png").exists()
 
 
+def test_a_derivative_at_a_limit_of_an_entry_is_of_one_side(wheel):
+    damping, rate, c = "springs.coil.damping", 10.0, 1.0
+    (found,) = hfsim.sensitivity("wheel.yaml", [damping], ["final(hub.angle)"])
+    t = 0.5  # of exp(-c t / 2) sin(w t) / w, whose w changes with the square of c
+    assert found.derivative == pytest.approx(-0.5 * c * t * np.sin(rate * t) / rate, rel=1e-4)
+    assert found.side == "up" and found.sure and found.elasticity is None
+
+
 @pytest.mark.parametrize(
     ("options", "why"),
     [
@@ -418,5 +436,7 @@ def test_from_python(wheel):
         found["max(hub.angel)"]
     with pytest.raises(hfsim.HfsimError, match="random"):
         hfsim.sweep("wheel.yaml", {STIFF: "normal(1, 1)"})
+    again = pickle.loads(pickle.dumps(found))
+    assert again[STIFF].tolist() == found[STIFF].tolist() and again.plan.row(1) == found.plan.row(1)
     told = hfsim.sweep("wheel.yaml", {STIFF: "lin(50, 60, 2)"}, output="written", plots=False)
     assert told["cpu_s"].sum() > 0.0 and len(rows_of("written")) == 2

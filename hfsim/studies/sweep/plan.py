@@ -9,6 +9,7 @@ import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -134,12 +135,13 @@ def grid(vary: Mapping[str, str]) -> Plan:
     values = read_all(vary, random=False)
     lengths = [len(one.listed) for one in values.values()]
     listed = [one.listed for one in values.values()]
-
-    def row(number: int) -> tuple[Value, ...]:
-        return tuple(one[int(k)] for one, k in zip(listed, _places(number, lengths), strict=True))
-
     facts = {"kind": "grid", "vary": dict(vary)}
+    row = partial(_combined, listed, lengths)
     return Plan(tuple(values), _few(math.prod(lengths)), "grid", facts, tuple(values.values()), row)
+
+
+def _combined(listed: Sequence[Sequence[Value]], lengths: Sequence[int], number: int) -> tuple[Value, ...]:
+    return tuple(one[int(k)] for one, k in zip(listed, _places(number, lengths), strict=True))
 
 
 def _places(number: int, lengths: Sequence[int]) -> list[int]:
@@ -162,13 +164,14 @@ def sample(vary: Mapping[str, str], count: int, sampler: str = SAMPLERS[0], seed
     values = read_all(vary, random=True)
     shares = _shares(_few(count), len(values), sampler, seed)
     spread = tuple(values.values())
-
-    def row(number: int) -> tuple[Value, ...]:
-        return tuple(one.at(float(share)) for one, share in zip(spread, shares[number], strict=True))
-
     digest = hashlib.sha256(np.round(shares, 9).tobytes()).hexdigest()
     facts = {"kind": "sample", "vary": dict(vary), "count": count, "sampler": sampler, "seed": seed}
+    row = partial(_drawn, spread, shares)
     return Plan(tuple(values), count, "sample", {**facts, "sha256": digest}, spread, row)
+
+
+def _drawn(spread: Sequence[Values], shares: Array, number: int) -> tuple[Value, ...]:
+    return tuple(one.at(float(share)) for one, share in zip(spread, shares[number], strict=True))
 
 
 def _shares(count: int, n_axes: int, sampler: str, seed: int) -> Array:
@@ -196,7 +199,7 @@ def _sobol(count: int, n_axes: int, random: np.random.Generator) -> Array:
 def listed(paths: tuple[str, ...], rows: Sequence[tuple[Value, ...]], facts: dict[str, Any]) -> Plan:
     """Return a plan whose runs are listed; ``facts`` has its kind and what makes it another one."""
     spread = tuple(Values(tuple(dict.fromkeys(one))) for one in zip(*rows, strict=True))
-    return Plan(paths, _few(len(rows)), facts["kind"], facts, spread, lambda number: rows[number])
+    return Plan(paths, _few(len(rows)), facts["kind"], facts, spread, rows.__getitem__)
 
 
 def table(path: Path) -> Plan:
@@ -231,14 +234,14 @@ def table(path: Path) -> Plan:
     if not columns[0]:
         raise refusal(TABLE, f"{path}: there are no rows below the first")
     packed = [np.array(one) if all(isinstance(v, float) for v in one) else one for one in columns]
-
-    def row(number: int) -> tuple[Value, ...]:
-        found = (one[number] for one in packed)
-        return tuple(value if isinstance(value, str) else float(value) for value in found)
-
     facts = {"kind": "table", "table": str(path), "sha256": hashlib.sha256(text.encode()).hexdigest()}
     spread = tuple(Values(tuple(dict.fromkeys(one))) for one in columns)
-    return Plan(paths, _few(len(columns[0])), "table", facts, spread, row)
+    return Plan(paths, _few(len(columns[0])), "table", facts, spread, partial(_tabled, packed))
+
+
+def _tabled(columns: Sequence[Sequence[Value] | Array], number: int) -> tuple[Value, ...]:
+    found = (one[number] for one in columns)
+    return tuple(value if isinstance(value, str) else float(value) for value in found)
 
 
 def _filled(lines: Any) -> Iterator[tuple[int, list[str]]]:

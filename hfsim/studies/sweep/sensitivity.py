@@ -1,4 +1,4 @@
-"""How what is collected changes with entries of a deck: central differences, and how sure they are."""
+"""How what is collected changes with entries of a deck: differences, and how sure they are."""
 
 from __future__ import annotations
 
@@ -60,6 +60,8 @@ class Sensitivity:
         Of the quantity; None where runs gave nothing.
     error : float or None
         How far the derivative may be off: what the shorter step changes, and errors in time over the step.
+    side : str
+        ``up`` or ``down`` where runs gave something there alone, as at a limit of the entry; else ``both``.
     """
 
     quantity: str
@@ -69,6 +71,7 @@ class Sensitivity:
     value: float | None = None
     derivative: float | None = None
     error: float | None = None
+    side: str = "both"
 
     @property
     def elasticity(self) -> float | None:
@@ -176,10 +179,16 @@ def _sensitivity(
     """Return the derivative by the entry number `k`."""
     at, step = made.values[path], made.steps[path]
     mine: Sequence[float] = values[1 + len(_AROUND) * k : 1 + len(_AROUND) * (k + 1)]
-    if np.isnan(mine).any() or np.isnan(values[0]):
+    here, (up, down, half_up, half_down) = float(values[0]), map(float, mine)
+    for side, way, far, near in (("up", 1.0, up, half_up), ("down", -1.0, down, half_down)):
+        if np.isfinite([here, far, near]).all() and np.isnan(mine).any():
+            long, short = way * (far - here) / step, 2.0 * way * (near - here) / step
+            better = 2.0 * short - long  # without the error of first order
+            error = abs(better - short) + 8.0 * noise / step
+            return Sensitivity(name, path, at, step, here, better, error, side)
+    if np.isnan(mine).any() or np.isnan(here):
         return Sensitivity(name, path, at, step)
-    up, down, half_up, half_down = map(float, mine)
     long, short = (up - down) / (2.0 * step), (half_up - half_down) / step
     better = (4.0 * short - long) / 3.0  # without the error of second order
     error = abs(better - short) + 2.0 * noise / step
-    return Sensitivity(name, path, at, step, float(values[0]), better, error)
+    return Sensitivity(name, path, at, step, here, better, error)
