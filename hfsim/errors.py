@@ -42,6 +42,12 @@ class KernelError(HfsimError):
     exit_code = 2
 
 
+class ArgumentError(HfsimError):
+    """An argument of a function that cannot be meant so."""
+
+    exit_code = 2
+
+
 class UnfinishedRunError(HfsimError):
     """A run from Python that failed, missed its target or met a limit; ``run`` has what was computed."""
 

@@ -168,6 +168,31 @@ def test_what_cannot_be_compared_is_refused(models, options, why):
         hfsim.compare(DECK, models, **options)
 
 
+@pytest.mark.parametrize(
+    ("study", "options", "why"),
+    [
+        (hfsim.modes, {"about": "equilibrum"}, "did you mean 'equilibrium'"),
+        (hfsim.modes, {"about": "rest"}, "known: start, equilibrium, steady"),
+        (hfsim.modes, {"about": "steady", "at": 0.1}, "two states"),
+        (hfsim.modes, {"at": -0.5}, "begins at 0 s"),
+        (hfsim.modes, {"at": float("nan")}, "begins at 0 s"),
+        (hfsim.modes, {"count": -1}, "count is -1"),
+        (hfsim.static, {"at": -1.0}, "begins at 0 s"),
+        (hfsim.static, {"buckling": -1}, "buckling is -1"),
+        (hfsim.static, {"plots": "jpg"}, "there are png, svg, pdf"),
+        (hfsim.run, {"plots": "jpg"}, "there are png, svg, pdf"),
+    ],
+)
+def test_arguments_that_cannot_be_meant_are_refused(study, options, why):
+    with pytest.raises(hfsim.HfsimError, match=why):
+        study(DECK, **options)
+
+
+def test_a_campbell_diagram_of_no_modes_is_refused():
+    with pytest.raises(hfsim.HfsimError, match="count is 0"):
+        hfsim.campbell(DECK, [1.0], {"initial": {"arm": {"angular_velocity": 1.0}}}, count=0)
+
+
 def test_check_tells_sizes():
     assert hfsim.check(DECK)["bodies"] == {"beam": 1}
 

@@ -86,6 +86,8 @@ def modes(
     values = read_rates(spin)
     if values and (at is not None or matrices is not None):
         raise click.UsageError("--spin takes neither --at nor --matrices")
+    if at is not None and state != "start":
+        raise click.UsageError("--about and --at are two states; say one of them")
     if spin_body is not None and not values:
         raise click.UsageError("--spin-body goes with --spin")
     loaded = load_numbered(deck, overrides, talk)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @output_options
 @setting_options("model", "keep_all")
 @click.option(
-    "--at", type=float, default=0.0, show_default=True, metavar="T",
+    "--at", type=click.FloatRange(min=0.0), default=0.0, show_default=True, metavar="T",
     help="Time at which loads and drivers are taken [s].",
 )
 @click.option("--path", is_flag=True, help="Follow the load by arc length, through limit points.")

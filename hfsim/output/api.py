@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import yaml
 
 from hfsim import simulate as pipeline
-from hfsim.errors import UnfinishedRunError
+from hfsim.errors import ArgumentError, UnfinishedRunError
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Progress
+from hfsim.output.pictures import FORMATS
 from hfsim.scene.loading import LoadedDeck, load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
 
@@ -118,6 +119,8 @@ def run(
     ------
     DeckError, DeckNotFoundError
         If the deck is bad.
+    ArgumentError
+        If there is no such format of pictures.
     UnfinishedRunError
         If the run fails or a limit stops it; ``error.run`` has what was computed until then.
     KeyboardInterrupt
@@ -125,6 +128,7 @@ def run(
     FolderError, WriteError
         If the folder must not or cannot be written to.
     """
+    check_format(plots)
     loaded = load(deck, {**(changes or {}), **({} if model is None else {"solve.model": model})})
     wish: dict[str, Any] = {"error_estimate": error_estimate, "diagnosis": diagnosis, "after": after}
     wish["outlines"] = True
@@ -159,6 +163,12 @@ def _written(
         recording.abandon(error)
         raise
     return recording.finish(result, wanted)[0]
+
+
+def check_format(plots: bool | str) -> None:
+    """Refuse a format that pictures do not have."""
+    if isinstance(plots, str) and plots not in FORMATS:
+        raise ArgumentError(f"plots have no format '{plots}'; there are {', '.join(FORMATS)}")
 
 
 def folder_for(

@@ -46,6 +46,8 @@ def modes(
     ------
     DeckError, DeckNotFoundError
         If the deck is bad.
+    ArgumentError
+        If there is no such state, there are two, or no mode is wanted.
     HfsimError
         If the scene cannot be linearised there.
     """

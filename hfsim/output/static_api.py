@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import UnfinishedRunError
-from hfsim.output.api import AnyDeck, folder_for, load
+from hfsim.output.api import AnyDeck, check_format, folder_for, load
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
@@ -56,6 +56,8 @@ def static(
     ------
     DeckError, DeckNotFoundError
         If the deck is bad.
+    ArgumentError
+        If there is no such time, number of factors or format of pictures.
     UnfinishedRunError
         If there is no equilibrium; ``error.run`` has what was reached.
     FolderError, WriteError
@@ -63,6 +65,7 @@ def static(
     """
     from hfsim.studies.static import Wish, run_static
 
+    check_format(plots)
     loaded = load(deck, changes).with_numbers()
     to = None if output is None else folder_for(loaded, Path(output), force, plots)
     result = run_static(loaded, Wish(at, path, buckling, None if vary is None else tuple(vary)))

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hfsim.errors import HfsimError, SolverFailure
+from hfsim.errors import ArgumentError, HfsimError, SolverFailure
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.sampling import SceneSamples, compute_channels, outlines_of
 from hfsim.marching.solution import Channel, Run
@@ -82,12 +82,18 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
 
     Raises
     ------
+    ArgumentError
+        If the time or the number of factors is below zero.
     DeckError
         If the scene cannot be assembled.
     UnknownLoadError
         If there is no such load.
     """
     wish = wish if isinstance(wish, Wish) else Wish(wish)
+    if not 0.0 <= wish.t < np.inf:
+        raise ArgumentError(f"at {wish.t:g} s nothing acts: time begins at 0 s")
+    if wish.buckling < 0:
+        raise ArgumentError(f"buckling is {wish.buckling}: as many critical factors cannot be sought")
     clock = PhaseClock()
     with clock.phase("build"):
         scene = build(loaded)

@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.errors import HfsimError
+from hfsim.deck.source import did_you_mean
+from hfsim.errors import ArgumentError, HfsimError
 from hfsim.marching.integration import run_integration
 from hfsim.marching.stop import Progress
 from hfsim.maths.arrays import Array
@@ -187,9 +188,12 @@ def about(
 
     Raises
     ------
+    ArgumentError
+        If there is no such state, or there are two.
     ModesError
         If the run does not come so far, or the equations are singular in the state.
     """
+    _checked(state, at)
     scene = build(loaded.with_solve({"duration": at}) if at else loaded)
     if at is not None:
         q, v = _after(scene, at, progress)
@@ -198,6 +202,16 @@ def about(
         return _resting(linearised(scene, scene.q, 0.0 * scene.v, state))
     found = linearised(scene, scene.q, scene.v, state)
     return found if state != "steady" else turning_at(found, None)
+
+
+def _checked(state: str, at: float | None) -> None:
+    """Refuse what names no one state."""
+    if state not in STATES:
+        raise ArgumentError(f"there is no state '{state}': {did_you_mean(state, STATES)}")
+    if at is not None and state != STATES[0]:
+        raise ArgumentError(f"about {state} and at {at:g} s are two states; one of them can be told")
+    if at is not None and not 0.0 <= at < np.inf:
+        raise ArgumentError(f"at {at:g} s there is no state: a run begins at 0 s")
 
 
 def seen_from(start: About, body: str) -> About:

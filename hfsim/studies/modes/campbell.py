@@ -12,7 +12,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.studies.modes.about import About, turning_about, turning_at
-from hfsim.studies.modes.found import Mode, Modes, matched, modes_of
+from hfsim.studies.modes.found import Mode, Modes, check_count, matched, modes_of
 
 ORDERS = (1, 2, 3)
 """Excitations per revolution whose lines are drawn."""
@@ -134,9 +134,12 @@ def campbell(
 
     Raises
     ------
+    ArgumentError
+        If none is wanted.
     ModesError
         If nothing turns, or at some rate no steady rotation is found.
     """
+    check_count(count)
     founds: list[Modes] = []
     start = state = turning_about(start)
     for k, rate in enumerate(rates):

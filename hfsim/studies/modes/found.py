@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.errors import ArgumentError
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
 from hfsim.mechanics.turning import Turning
@@ -195,14 +196,23 @@ class Modes:
         }
 
 
+def check_count(count: int) -> None:
+    """Refuse to look for no modes."""
+    if count < 1:
+        raise ArgumentError(f"count is {count}: one mode at least has to be wanted")
+
+
 def modes_of(state: About, count: int) -> Modes:
     """Return the slowest modes about a state, and in small scenes all unstable ones.
 
     Raises
     ------
+    ArgumentError
+        If none is wanted.
     ModesError
         If the pencil is singular.
     """
+    check_count(count)
     pencil = state.motions.pencil
     try:
         found = eigenpairs(pencil, count)
