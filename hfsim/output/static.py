@@ -60,7 +60,8 @@ def _critical(summary: Mapping[str, Any]) -> str:
     """Return the critical load factors in words."""
     if "critical" not in summary:
         return ""
-    told = [f"{one:.9g}" for one in summary["critical"]]
+    pairs = zip(summary["critical"], summary.get("critical_reached", ()), strict=True)
+    told = [f"{one:.9g}" if reached else f"about {one:.4g} (not reached)" for one, reached in pairs]
     return f"load factors {', '.join(told)}" if told else f"none: {summary['critical_reason']}"
 
 

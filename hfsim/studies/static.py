@@ -19,6 +19,7 @@ from hfsim.mechanics.statics.equilibrium import Equilibrium
 from hfsim.mechanics.statics.newton import Effort, NotFoundError
 from hfsim.mechanics.statics.path import Path
 from hfsim.mechanics.statics.problem import State
+from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.build import Scene, build
 from hfsim.scene.equilibrium import (
     Turns,
@@ -106,6 +107,8 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
             facts |= _critical(scene, wish)
         samples = [_sampled(scene, wish, row) for row in rows]
         columns = [compute_channels(one) for one in samples]
+    facts = {**facts_of(scene, samples[-1], found), **facts}
+    facts["warnings"] += doubtful_factors(scene, facts)
     channels = [
         one._replace(values=np.concatenate([c.values for c in every]))
         for every, one in zip(zip(*columns, strict=True), columns[0], strict=True)
@@ -124,9 +127,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         method=METHOD,
         t=np.full(len(rows), wish.t),
         channels=tuple(channels),
-        statistics={
-            **facts_of(scene, samples[-1], found), **facts, "cpu_s": clock.cpu, "wall_s": clock.wall
-        },
+        statistics={**facts, "cpu_s": clock.cpu, "wall_s": clock.wall},
         status="done" if failure is None else "failed",
         reason="" if failure is None else str(failure),
         failure=None if failure is None else failure.facts(scene.loaded.line_of),
@@ -136,7 +137,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         outline_forces=seen.forces,
         snapshots=tuple(samples[-1].snapshots()) if failure is None else (),
         states=samples,
-    )  # fmt: skip
+    )
 
 
 class UnknownLoadError(HfsimError):
@@ -198,6 +199,25 @@ def _critical(scene: Scene, wish: Wish) -> dict[str, Any]:
         "critical_reached": [one.found for one in found],
         "critical_reason": reason,
     }
+
+
+def doubtful_factors(scene: Scene, facts: dict[str, Any]) -> list[str]:
+    """Return what a user should know of critical load factors before trusting them."""
+    found = list[str]()
+    pairs = zip(facts.get("critical", ()), facts.get("critical_reached", ()), strict=True)
+    if far := [f"{load:.4g}" for load, reached in pairs if not reached]:
+        found.append(
+            f"the critical load {'factor' if len(far) == 1 else 'factors'} {', '.join(far)}: extrapolated "
+            "from smaller loads, not reached, as where a limit point lies before; what a larger load with "
+            "--path crosses is exact"
+        )
+    stiff = [name for name, model in scene.models.items() if "stiffening" in MODELS[model].leaves_out]
+    if "critical" in facts and stiff:
+        found.append(
+            f"the model {scene.models[stiff[0]]} of {', '.join(stiff)} leaves out that forces along a beam "
+            "change its stiffness, and so how it buckles: --model exact has that"
+        )
+    return found
 
 
 def _sampled(scene: Scene, wish: Wish, row: _Row) -> StaticSamples:

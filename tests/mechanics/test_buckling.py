@@ -10,6 +10,7 @@ import hfsim
 from hfsim.mechanics.statics.buckling import critical_factors
 from hfsim.mechanics.statics.newton import Effort
 from hfsim.mechanics.statics.path import Path
+from hfsim.output.static import as_text
 from hfsim.scene.build import build
 from hfsim.scene.equilibrium import problem_of, scaled
 from hfsim.scene.loading import parse_deck
@@ -57,6 +58,56 @@ def test_factors_can_be_of_some_loads_only():
     assert lifted[0].load > 8.5
     pushed = critical_factors(problem_of(build(parse_deck(HEAVY)), varied=["side"]), Effort(), 1)
     assert not pushed
+
+
+LEANING = """
+hfsim: 1
+materials: {m: {density: 1.0e-7, youngs_modulus: 1.0}}
+sections: {s: {area: 1.0e+7, second_moment: 1.0}}
+bodies: {b: {type: beam, material: m, section: s, length: 1.0, elements: 8, degree: 5, curvature: exact}}
+joints: {clamp: {type: fixed, between: [ground, b.root]}}
+loads: {p: {type: force, at: b.tip, force: [-1.0, 0.0]}}
+solve: {duration: 1.0}
+output: {channels: [b.tip.y]}
+"""
+
+
+PORTAL = """
+hfsim: 1
+ground: {points: {r: [1.0, 0.0]}}
+materials: {m: {density: 7800.0, youngs_modulus: 2.1e+11}}
+sections: {s: {shape: rectangle, width: 0.02, height: 0.005}}
+bodies:
+  c1: {type: beam, material: m, section: s, length: 1.0, elements: 3, degree: 5}
+  bm: {type: beam, material: m, section: s, length: 1.0, elements: 3, degree: 5}
+  c2: {type: beam, material: m, section: s, length: 1.0, elements: 3, degree: 5}
+joints:
+  f1: {type: fixed, between: [ground, c1.root], angle: 90 deg}
+  k1: {type: fixed, between: [c1.tip, bm.root], angle: -90 deg}
+  k2: {type: fixed, between: [bm.tip, c2.root], angle: -90 deg}
+  f2: {type: fixed, between: [c2.tip, ground.r], angle: 90 deg}
+loads:
+  p1: {type: force, at: c1.tip, force: [0.0, -1.0]}
+  p2: {type: force, at: c2.root, force: [0.0, -1.0]}
+solve: {duration: 1.0}
+"""
+
+
+def test_a_clamped_portal_sways_at_its_critical_load():
+    """By slope deflection u cot u = -6 in the columns, whose P L^2 / EI is the square of u."""
+    u = brentq(lambda u: u / np.tan(u) + 6.0, 0.5 * np.pi + 1e-9, np.pi - 1e-9)
+    found = critical_factors(problem_of(build(parse_deck(PORTAL))), Effort(), 3)
+    assert found[0].load == pytest.approx(u**2 * 2.1e11 * 0.02 * 0.005**3 / 12.0, rel=2e-4)
+    assert all(one.found for one in found)
+
+
+def test_a_model_without_stiffening_says_that_it_does_not_buckle():
+    run = hfsim.static(parse_deck(PORTAL, overrides=["solve.model=linear"]), buckling=3)
+    assert min(run.statistics["critical"]) > 0.0
+    assert any("how it buckles: --model exact" in one for one in run.statistics["warnings"])
+    straight = hfsim.static(parse_deck(LEANING, overrides=["solve.model=linear"]), buckling=3)
+    assert straight.statistics["critical"] == [] and "singular" in straight.statistics["critical_reason"]
+    assert any("how it buckles: --model exact" in one for one in straight.statistics["warnings"])
 
 
 TRUSS = """
@@ -108,18 +159,6 @@ def test_a_flat_truss_snaps_however_far_beyond_its_limit_and_that_is_told(over):
     assert any("snaps" in one for one in run.statistics["warnings"])
 
 
-LEANING = """
-hfsim: 1
-materials: {m: {density: 1.0e-7, youngs_modulus: 1.0}}
-sections: {s: {area: 1.0e+7, second_moment: 1.0}}
-bodies: {b: {type: beam, material: m, section: s, length: 1.0, elements: 8, degree: 5, curvature: exact}}
-joints: {clamp: {type: fixed, between: [ground, b.root]}}
-loads: {p: {type: force, at: b.tip, force: [-1.0, 0.0]}}
-solve: {duration: 1.0}
-output: {channels: [b.tip.y]}
-"""
-
-
 def leaning(load, lean):
     """Return how far the tip of an inextensible column goes across, of length and EI one: the elastica."""
 
@@ -152,6 +191,14 @@ def test_where_a_straight_column_becomes_unstable_is_told():
     assert run.statistics["unstable_from"] == pytest.approx(1.0 / 1.6, abs=1e-4)
     (told,) = run.statistics["warnings"]
     assert "not stable from 0.625 of the loads on" in told
+
+
+def test_a_factor_beyond_a_limit_point_is_told_to_be_an_estimate():
+    run = hfsim.static(parse_deck(TRUSS), {"loads.push.force": [0.0, -0.2]}, buckling=1)
+    assert run.statistics["critical_reached"] == [False]
+    (told,) = run.statistics["warnings"]
+    assert "extrapolated" in told and "--path" in told
+    assert "(not reached)" in as_text(run, {**run.statistics, "mesh_error_estimate": None}, None)
 
 
 def test_a_branch_on_the_way_is_told_with_its_load():

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.matrices import dense, is_sparse
+from hfsim.maths.matrices import Matrix, dense, is_sparse
 from hfsim.mechanics.statics.newton import Effort, NotFoundError, balanced, stepped
 from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
 
@@ -22,8 +22,14 @@ SAME = 1e-10
 """Change of a factor, relative to it, after which it is found."""
 MOST = 12
 """Improvements of a factor."""
+REACHED = 1e-4
+"""Last of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
 REAL = 1e-6
 """Imaginary part of an eigenvalue, relative to its size, up to which it is real."""
+ROUNDING = 1e-15
+"""Change of the stiffness along a motion, relative to all that adds up to it, that may be rounding."""
+ALIKE = 0.99
+"""Cosine of the angle between motions from which on they are the same."""
 MOVED = 0.3
 """Change of a state from one load to another within which it is the same path [rad]."""
 
@@ -57,7 +63,27 @@ def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[F
     if share < 1.0:
         raise NotFoundError("there is no equilibrium without the loads", state)
     first = _eigenpairs(problem, state, 0.0, STEP, effort, count)
-    return sorted((_improved(problem, state, *one, effort) for one in first), key=lambda one: one.load)
+    improved = (_improved(problem, state, *one, effort) for one in first)
+    stiffness = problem.tangent(state, 0.0).stiffness
+    kept = list[Factor]()
+    for one in sorted(improved, key=lambda one: (one.load, not one.found)):
+        if (one.found or _felt(stiffness, one)) and not any(_same(one, other) for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _felt(stiffness: Matrix, factor: Factor) -> bool:
+    """Return whether the stiffness of the unloaded scene changes by more than rounding in differences."""
+    motion = np.abs(factor.motion)
+    own = abs(float(factor.motion @ (stiffness @ factor.motion)))
+    return 2.0 * STEP * own / factor.load > ROUNDING * float(motion @ (abs(stiffness) @ motion))
+
+
+def _same(one: Factor, other: Factor) -> bool:
+    """Return whether two factors have been improved to the same."""
+    sizes = float(np.linalg.norm(one.motion) * np.linalg.norm(other.motion))
+    near = abs(one.load - other.load) <= 1e-6 * abs(other.load)
+    return near and abs(float(one.motion @ other.motion)) > ALIKE * sizes
 
 
 def _improved(problem: Problem, state: State, load: float, motion: Array, effort: Effort) -> Factor:
@@ -79,10 +105,12 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         close = [alike[k] / (1.0 + abs(pairs[k][0]) / abs(load)) for k in range(len(pairs))]
         more, motion = pairs[int(np.argmax(close))]
         state, at, load = near, load, load + more
-        found = Factor(load, abs(more) <= SAME * abs(at) or abs(more) <= 1e-14, motion)
-        if found.found or load <= 0.0:
+        if load <= 0.0:
             return found
-    return found._replace(found=abs(load - at) <= 1e-6 * abs(load))
+        found = Factor(load, abs(more) <= SAME * abs(at) or abs(more) <= 1e-14, motion)
+        if found.found:
+            return found
+    return found._replace(found=abs(load - at) <= REACHED * abs(load))
 
 
 def _eigenpairs(
