@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -32,6 +33,7 @@ from hfsim.scene.equilibrium import (
     why_not,
 )
 from hfsim.scene.loading import LoadedDeck
+from hfsim.trust.validity import watch_validity
 
 METHOD = "static"
 """What stands in the place of a method of integration."""
@@ -108,7 +110,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         samples = [_sampled(scene, wish, row) for row in rows]
         columns = [compute_channels(one) for one in samples]
     facts = {**facts_of(scene, samples[-1], found), **facts}
-    facts["warnings"] += doubtful_factors(scene, facts)
+    facts["warnings"] += [*out_of_range(scene, facts["validity"]), *doubtful_factors(scene, facts)]
     channels = [
         one._replace(values=np.concatenate([c.values for c in every]))
         for every, one in zip(zip(*columns, strict=True), columns[0], strict=True)
@@ -249,5 +251,14 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "mesh_error_estimate_reason": NO_MESH,
         "models": scene.models,
         "assembly": scene.assembly.facts(),
+        "validity": watch_validity(scene, samples.t, samples.q, samples.v),
         "warnings": [*scene.warnings, *doubts(scene, found)],
     }
+
+
+def out_of_range(scene: Scene, validity: dict[str, Any]) -> Iterator[str]:
+    """Yield a line for each beam that is deformed beyond the range of its model."""
+    for name, facts in validity.items():
+        if facts["left_at"] is not None:
+            model, reason = scene.models[name], facts["reason"]
+            yield f"body '{name}' is beyond the range of {model}: {reason}; --model exact"

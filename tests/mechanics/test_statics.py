@@ -323,3 +323,32 @@ def test_what_is_slow_beside_the_fastest_is_no_rounding(elements):
     free = search(build(parse_deck(BOOM.format(elements=elements, more=""))))
     assert free.stable and len(free.neutral) == 6
     assert free.values[:2] == pytest.approx(unit * 4.730040744862704**4, rel=1e-3)
+
+
+# --- range of the models --------------------------------------------------------------------------
+
+BENT = """
+hfsim: 1
+materials: {m: {density: 1.0, youngs_modulus: 1.0}}
+sections: {s: {area: 1.0e+6, second_moment: 1.0}}
+bodies: {b: {type: beam, material: m, section: s, length: 1.0, elements: 4, degree: 5}}
+joints: {clamp: {type: fixed, between: [ground, b.root]}}
+loads: {turn: {type: moment, at: b.tip, moment: 0.5}}
+solve: {duration: 1.0}
+output: {channels: [b.tip.y]}
+"""
+
+
+@pytest.mark.parametrize(("model", "moment"), [("linear", 0.05), ("linear", 0.5), ("lowOrder", 0.5)])
+def test_a_model_bent_beyond_its_range_is_told(model, moment):
+    run = run_static(parse_deck(BENT, overrides=[f"solve.model={model}", f"loads.turn.moment={moment}"]))
+    (told,) = run.statistics["warnings"]
+    assert f"body 'b' is beyond the range of {model}" in told and "--model exact" in told
+    assert run.statistics["validity"]["b"]["largest"]["estimated_error"] > 5e-3
+
+
+@pytest.mark.parametrize(("model", "moment"), [("linear", 0.005), ("lowOrder", 0.04), ("exact", 0.5)])
+def test_a_model_within_its_range_is_not_doubted(model, moment):
+    run = run_static(parse_deck(BENT, overrides=[f"solve.model={model}", f"loads.turn.moment={moment}"]))
+    assert not run.statistics["warnings"]
+    assert run.final["b.tip.y"] == pytest.approx((1.0 - np.cos(moment)) / moment, rel=5e-3)
