@@ -325,6 +325,29 @@ def test_what_is_slow_beside_the_fastest_is_no_rounding(elements):
     assert free.values[:2] == pytest.approx(unit * 4.730040744862704**4, rel=1e-3)
 
 
+STRING = """
+hfsim: 1
+gravity: [0.0, -9.81]
+ground: {points: {right: [1.0, 0.0]}}
+materials: {m: {density: 1100.0, youngs_modulus: 5.0e+6}}
+sections: {s: {shape: rectangle, width: 0.02, height: 0.0002}}
+bodies: {b: {type: beam, material: m, section: s, length: 1.0, elements: 12, degree: 3, curvature: exact}}
+joints:
+  left: {type: revolute, between: [ground, b.root]}
+  right: {type: revolute, between: [ground.right, b.tip]}
+solve: {duration: 1.0}
+output: {channels: [b.root.axial_force]}
+"""
+
+
+def test_a_string_that_is_slack_at_first_gets_tight_without_a_snap():
+    run = run_static(parse_deck(STRING))
+    assert not run.statistics["warnings"] and run.statistics["stable"] and not run.statistics["relaxed"]
+    stiffness, weight = 5e6 * 0.02 * 0.0002, 1100.0 * 9.81 * 0.02 * 0.0002
+    across = (stiffness * weight**2 / 24.0) ** (1.0 / 3.0)  # of a shallow parabola
+    assert run.final["b.root.axial_force"] == pytest.approx(np.hypot(across, 0.5 * weight), rel=0.01)
+
+
 # --- range of the models --------------------------------------------------------------------------
 
 BENT = """

@@ -27,6 +27,8 @@ ASIDE = 0.5
 """How far from where the tangent points a step of the load may end, relative to what that foretells ..."""
 NEXT_TO = 1e-3
 """... and how far it may in any case [rad]."""
+LITTLE = 1e-3
+"""Step of the load, relative to all of it, from which on it may fall short of that by any part."""
 SHORTEST = 1e-5
 """Step of the load, relative to all of it, below which the path has come to its end."""
 
@@ -117,7 +119,7 @@ def stepped(
         except (NotFoundError, np.linalg.LinAlgError):
             step *= 0.25
             continue
-        if not _follows(problem, found.z - state.z, first[0]):
+        if not _follows(problem, found.z - state.z, first[0], step <= LITTLE):
             step *= 0.25
             continue
         if signs is not None and signs.more(found, to) and step > 4.0 * SHORTEST:
@@ -131,7 +133,14 @@ def stepped(
     return share, state
 
 
-def _follows(problem: Problem, change: Array, foretold: Array) -> bool:
-    """Return whether a step of the load is moderate, and near to what the tangent at its begin foretells."""
-    aside = problem.moved(change - foretold)
-    return problem.moved(change) <= MOVE and aside <= max(NEXT_TO, ASIDE * problem.moved(foretold))
+def _follows(problem: Problem, change: Array, foretold: Array, little: bool) -> bool:
+    """Return whether a step of the load is moderate, and near to what the tangent at its begin foretells.
+
+    Slack strings and the like have next to no stiffness until they are tight: little steps may fall short.
+    """
+    moved, ahead = problem.moved(change), problem.moved(foretold)
+    if moved > MOVE:
+        return False
+    if little and moved <= ahead and np.sum(change * (foretold @ problem.metric)) > 0.0:
+        return True
+    return problem.moved(change - foretold) <= max(NEXT_TO, ASIDE * ahead)
