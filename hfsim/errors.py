@@ -152,6 +152,10 @@ class Terminated(KeyboardInterrupt):
         self.name = name
 
 
+INTERRUPTIONS = (130, 143)
+"""Exit codes of a program that a signal has ended."""
+
+
 def interruption_code(stop: KeyboardInterrupt) -> int:
     """Return the exit code of a program that an interruption has ended."""
     return 143 if isinstance(stop, Terminated) else 130

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from hfsim.trust.adaptive import Course
 
 
-AFTER_ITS_END = "interrupted after its end: what was to be found out after it is missing"
+AFTER_ITS_END = "interrupted after its end: what was to be done after it is missing"
 """Reason of a run that reached its end before a signal came."""
 
 

@@ -199,6 +199,17 @@ def names(text: str | None) -> tuple[str, ...]:
     return tuple(dict.fromkeys(part.strip() for part in (text or "").split(",") if part.strip()))
 
 
+def not_both(resume: bool, force: bool) -> None:
+    """Refuse to go on with what stands there and to replace it.
+
+    Raises
+    ------
+    click.UsageError
+    """
+    if resume and force:
+        raise click.UsageError("--resume and --force are one or the other")
+
+
 def refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str]) -> None:
     """Refuse names that are not known.
 

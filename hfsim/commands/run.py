@@ -5,9 +5,9 @@ from __future__ import annotations
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -16,12 +16,14 @@ from hfsim.commands.decks import assemble, command_line, load_decks
 from hfsim.commands.options import (
     jobs_option,
     names,
+    not_both,
     output_options,
     parse_budget,
     setting_options,
     talk_options,
     time_option,
 )
+from hfsim.errors import INTERRUPTIONS
 from hfsim.maths.frozen import frozen
 from hfsim.output.talk import Destination, Talk
 from hfsim.output.text import for_a_file, plural
@@ -35,12 +37,13 @@ if TYPE_CHECKING:
 
 @frozen
 class Job:
-    """One deck and the folder its results go to."""
+    """One deck and the folder its results go to, or what a run there has come to that is left as it is."""
 
     argument: str
     loaded: LoadedDeck
     folder: RunFolder
     checkpoint: Checkpoint | None = None
+    ended: Mapping[str, Any] | None = None
 
 
 @frozen
@@ -133,6 +136,7 @@ def run(
     import_libraries()
     from hfsim.output.extras import Extras
 
+    not_both(resume, to.force)
     overrides = (*overrides, *_target(target_error, target_channels, budget))
     wanted = Extras(to.plots and after != 0.0, animate, vtk, after, to.format)
     settings = Settings(overrides, wanted, not no_error_estimate, not no_diagnosis, resume, talk, report)
@@ -154,7 +158,7 @@ def _do_all(jobs: Sequence[Job], settings: Settings, processes: int) -> list[int
     if processes == 1 or len(jobs) < 2 or not hasattr(os, "fork"):
         for number, job in enumerate(jobs):
             codes.append(_do_safely(job, settings, first=number == 0))
-            if codes[-1] in (130, 143):
+            if codes[-1] in INTERRUPTIONS:
                 break
         return codes
     from hfsim.commands.batch import run_batch
@@ -198,35 +202,51 @@ def plan_jobs(decks: Sequence[str], settings: Settings, to: Destination) -> list
     loaded = load_decks(decks, settings.overrides, settings.talk, assemble if len(decks) > 1 else _nothing)
     paths = _folders([deck.deck.name for deck in loaded], decks, to.output)
     every = zip(decks, loaded, paths, strict=True)
-    return [job for one in every if (job := _job(*one, settings, to.force)) is not None]
+    job = _resumed if settings.resume else _begun
+    return [job(argument, deck, path, settings, to.force) for argument, deck, path in every]
 
 
-def _job(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, force: bool) -> Job | None:
-    """Return what is to be done with a deck; None where a finished run is to be left as it is."""
-    from hfsim.output.runfolder import FolderError, claim, status_of
+def _begun(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, force: bool) -> Job:
+    """Return the job of running a deck from its start."""
+    from hfsim.output.runfolder import claim
 
-    status = status_of(path) if settings.resume else ""
-    if status in ("done", "failed"):
-        settings.talk.note(f"{path}: left as it is, {status}")
-        return None
-    checkpoint = None
-    if status:
-        from hfsim.output.checkpoint import CheckpointError, take_up
-        from hfsim.output.writers import Provenance
-
-        try:
-            checkpoint = take_up(path, Provenance.of(loaded, argument, settings.overrides))
-        except CheckpointError as error:
-            raise FolderError(f"{error}\nuse --force without --resume to begin anew") from error
-    folder = claim(path, force or settings.resume)
-    if checkpoint is not None:
-        settings.talk.note(f"{path}: going on at row {len(checkpoint.memory['table'])}")
-    elif status:
-        settings.talk.note(f"{path}: begun anew, it had not come to its first checkpoint")
-    elif folder.replaces:
+    folder = claim(path, force)
+    if folder.replaces:
         hint = "; --resume would go on with it" if (path / "checkpoint.npz").exists() else ""
         settings.talk.note(f"{path}: replacing {folder.replaces}{hint}")
-    return Job(argument, loaded, folder, checkpoint)
+    return Job(argument, loaded, folder)
+
+
+def _resumed(argument: str, loaded: LoadedDeck, path: Path, settings: Settings, force: bool) -> Job:
+    """Return the job of doing what is missing of a deck's run, which may be nothing.
+
+    Raises
+    ------
+    FolderError
+        If what stands there is of another deck or version.
+    """
+    from hfsim.output.checkpoint import CheckpointError, refuse_others, take_up
+    from hfsim.output.runfolder import FolderError, RunFolder, claim, read_summary
+    from hfsim.output.writers import Provenance
+
+    summary = read_summary(path)
+    if not summary.get("status"):
+        return _begun(argument, loaded, path, settings, force)
+    provenance = Provenance.of(loaded, argument, settings.overrides)
+    try:
+        refuse_others(path, summary, provenance)
+        if summary["status"] in ("done", "failed") and summary.get("exit_code") not in INTERRUPTIONS:
+            return Job(argument, loaded, RunFolder(path), ended=summary)
+        checkpoint = take_up(path, provenance)
+    except CheckpointError as error:
+        raise FolderError(f"{error}\nuse --force without --resume to begin anew") from error
+    if checkpoint is not None:
+        settings.talk.note(f"{path}: going on at row {len(checkpoint.memory['table'])}")
+    elif loaded.has_target:
+        settings.talk.note(f"{path}: begun anew, as is every search for a target error")
+    else:
+        settings.talk.note(f"{path}: begun anew, it had not come to its first checkpoint")
+    return Job(argument, loaded, claim(path, force=True), checkpoint)
 
 
 def _nothing(loaded: LoadedDeck) -> None:
@@ -277,6 +297,10 @@ def do_job(
     HfsimError
         If the deck cannot be assembled or the disk refuses.
     """
+    if job.ended is not None:
+        settings.talk.note(f"{job.folder.path}: left as it is, {job.ended['status']}")
+        settings.talk.facts(job.ended)
+        return int(job.ended.get("exit_code") or 0)
     from hfsim.output.api import carry_out
     from hfsim.output.extras import Extras
     from hfsim.output.progress import Progress
@@ -312,7 +336,7 @@ def do_job(
             for line in method_lines(result.statistics.get("refinement")):
                 log.add(line.strip())
         log.add(f"model {result.model}, method {result.method}")
-        result, summary = recording.finish(result, Extras() if result.exit_code in (130, 143) else wanted)
+        result, summary = recording.finish(result, Extras() if result.exit_code in INTERRUPTIONS else wanted)
     if settings.report:
         from hfsim.output.page import add_page
 

@@ -12,6 +12,7 @@ import click
 from hfsim.commands import import_libraries
 from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import (
+    not_both,
     output_options,
     setting_options,
     talk_options,
@@ -109,6 +110,7 @@ def sweep(
     from hfsim.output.sweep import into_folder, wanted_of
     from hfsim.studies.sweep.asked import Asked
 
+    not_both(resume, to.force)
     deck, collect = _deck_of(words, collect)
     loaded = load_numbered(deck, overrides, talk)
     estimates = (not no_error_estimate, mesh_error, diagnosis)

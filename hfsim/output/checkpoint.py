@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,13 +11,15 @@ import numpy as np
 
 from hfsim.integrators import Memory
 from hfsim.output.disk import read_history, write_whole
-from hfsim.output.writers import Provenance, versions
+from hfsim.output.writers import Provenance, read_resolved, versions
 
 CHECKPOINT = "checkpoint.npz"
 _MAY_DIFFER = ("solve.max_steps", "solve.budget", "output.plots", "output.shapes")
 """Entries of a deck that have no part in what its rows are."""
 _LONGEST = 200
 """Characters of two lists that are told whole."""
+_TOLD = 20
+"""Differences that are told."""
 
 
 class Checkpoint(NamedTuple):
@@ -36,7 +38,7 @@ class Checkpoint(NamedTuple):
 
 
 class CheckpointError(Exception):
-    """A checkpoint that belongs to another deck, version or method; says in what they differ."""
+    """A checkpoint or results of another deck, version or command; says in what they differ."""
 
 
 def put_down(folder: Path, memory: Memory, size: int, provenance: Provenance) -> None:
@@ -72,16 +74,48 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
         table = read_history(folder / "history.csv", facts["size"])
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise CheckpointError(f"{path} cannot be read: {error}") from error
+    _refuse(path, facts["versions"], _deck(facts["resolved"], provenance.resolved))
+    return Checkpoint({**memory, "table": table}, facts["size"])
+
+
+def refuse_others(folder: Path, summary: Mapping[str, Any], provenance: Provenance) -> None:
+    """Refuse results in a folder, of which there is a summary, that are not of this deck with these versions.
+
+    Raises
+    ------
+    CheckpointError
+    """
+    different: Iterable[str] = ()
+    if summary.get("kind"):
+        different = [f"  it is a result of hfsim {summary['kind']}"]
+    elif summary.get("deck_sha256") != provenance.deck_sha256:
+        different = _of_deck(folder, summary, provenance)
+    _refuse(folder, summary.get("versions") or {}, different)
+
+
+def _of_deck(folder: Path, summary: Mapping[str, Any], provenance: Provenance) -> Iterator[str]:
+    """Return in what the deck of a folder differs, or its hash where no more is known of it."""
+    try:
+        # where a target error was sought, resolved.yaml has what was chosen for it
+        asked = (summary.get("refinement") or {}).get("deck")
+        return _deck(asked or read_resolved(folder / "resolved.yaml"), provenance.resolved)
+    except (OSError, ValueError):
+        hashes = ({"deck_sha256": one} for one in (summary.get("deck_sha256"), provenance.deck_sha256))
+        return _differences(*hashes)
+
+
+def _refuse(path: Path, then: Mapping[str, str], different: Iterable[str]) -> None:
+    """Refuse what was made with other versions, or differs in other ways."""
     # libraries that this process has not imported yet cannot be compared
     now = versions()
-    then = {name: one for name, one in facts["versions"].items() if name in now}
-    different = [*_differences(then, {name: now[name] for name in then})]
-    different += _deck(facts["resolved"], provenance.resolved)
+    then = {name: one for name, one in then.items() if name in now}
+    found = [*_differences(then, {name: now[name] for name in then}), *different]
+    if len(found) > _TOLD:
+        found[_TOLD:] = [f"  and {len(found) - _TOLD} more"]
     if "kernel" in then and then["kernel"] != now["kernel"]:
-        different.append(f"HFSIM_KERNEL={then['kernel']} goes on with that kernel")
-    if different:
-        raise CheckpointError("\n".join([f"{path} belongs to another run:", *different]))
-    return Checkpoint({**memory, "table": table}, facts["size"])
+        found.append(f"HFSIM_KERNEL={then['kernel']} goes on with that kernel")
+    if found:
+        raise CheckpointError("\n".join([f"{path} belongs to another run:", *found]))
 
 
 def _deck(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:

@@ -15,6 +15,7 @@ from hfsim.marching.stop import Budget
 from hfsim.output.runfolder import Stopwatch, folder_name
 from hfsim.output.text import plural
 from hfsim.output.writers import warnings_of
+from hfsim.simulate import AFTER_ITS_END
 from hfsim.trust.after import AFTER
 
 if TYPE_CHECKING:
@@ -65,7 +66,8 @@ def add_extras(run: Run, wanted: Extras, folder: Path, watch: Stopwatch) -> tupl
             with watch.phase("plots"):
                 names, warning = make()
         except KeyboardInterrupt as stop:
-            return warned(replace(run, exit_code=interruption_code(stop)), lost(stop, words)), files
+            run = replace(run, exit_code=interruption_code(stop), reason=run.reason or AFTER_ITS_END)
+            return warned(run, lost(stop, words)), files
         except Exception as error:  # whatever it is, it must not cost the results
             names, warning = [], lost(error, words)
         files += names

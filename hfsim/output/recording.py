@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any
 
-from hfsim.errors import LimitReached, interruption_code
+from hfsim.errors import INTERRUPTIONS, LimitReached, interruption_code
 from hfsim.integrators import Memory
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import SHIELD
@@ -156,6 +156,8 @@ class Recording:
             If the system refuses.
         """
         run, files = add_extras(run, wanted, self.path, self._watch)
+        if run.status == "done" and run.exit_code in INTERRUPTIONS:
+            self._put_down()
         run = self._watch.added_to(run)
         with disk(self.path):
             summary = self._summarise(run, files)

@@ -7,6 +7,7 @@ from collections.abc import Container, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hfsim.errors import INTERRUPTIONS
 from hfsim.marching.rounding import LEAST, ROUNDING, sizes_of
 from hfsim.maths.kernel import MISSING
 from hfsim.output.talk import Talk, print_error
@@ -22,12 +23,14 @@ def tell(
 ) -> None:
     """Print the results of one run, and what the user should be warned of, save what was told before."""
     tell_doubts(run, summary, talk, told)
+    cut_short = run.status == "limit" or run.exit_code in INTERRUPTIONS
+    hint = "; --resume goes on" if cut_short and folder and not summary.get("refinement") else ""
     if run.status != "done":
-        print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}")
+        print_error(f"{run.name}: {run.status} at t = {run.stop_time:.6g} s: {run.reason}{hint}")
         if run.failure:
             print_error(findings(run.failure))
     elif run.exit_code:
-        print_error(f"{run.name}: {run.reason}")
+        print_error(f"{run.name}: {run.reason}{hint}")
     if run.status == "done" and summary.get("suspicion"):
         doubt = summary["suspicion"]
         talk.note(f"{run.name}: suspicious: {doubt['reason']}\n{findings(doubt)}")

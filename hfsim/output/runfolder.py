@@ -232,7 +232,7 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
         raise FolderError(f"cannot write to {path}: {error.strerror}") from error
     if not present:
         return RunFolder(path)
-    summary = _read_summary(path / marker)
+    summary = read_summary(path, marker)
     status = str(summary.get("status", "unknown"))
     if not force and status not in _UNFINISHED:
         holds = "a finished run" if (path / marker).exists() else present[0]
@@ -243,15 +243,10 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
     return RunFolder(path, replaces=f"a run with status {status}", stale=stale)
 
 
-def status_of(path: Path) -> str:
-    """Return the status of the run in a folder; empty where there is none."""
-    return str(_read_summary(path / SUMMARY).get("status", ""))
-
-
 def _present(path: Path, marker: str) -> list[str]:
     """Return the results of a run or of a study in a folder; those of other studies tell who wrote them."""
     names = (*_OWN_FILES, marker.replace(".json", ".csv"), marker)
-    studies = (file for file in sorted(path.glob("*.json")) if _read_summary(file).get("versions"))
+    studies = (file for file in sorted(path.glob("*.json")) if read_summary(path, file.name).get("versions"))
     return [name for name in names if os.path.lexists(path / name)] or [file.name for file in studies]
 
 
@@ -265,9 +260,10 @@ def _refuse_unwritable(path: Path) -> None:
         raise FolderError(f"{path} cannot be written to: no permission in {nearest}")
 
 
-def _read_summary(path: Path) -> dict[str, Any]:
+def read_summary(path: Path, name: str = SUMMARY) -> dict[str, Any]:
+    """Return what a folder says of its run or study; empty where there is none."""
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        summary = json.loads((path / name).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return summary if isinstance(summary, dict) else {}

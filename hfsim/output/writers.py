@@ -202,7 +202,6 @@ def running_summary(name: str, model: str, provenance: Provenance) -> dict[str, 
     }
 
 
-
 def versions() -> dict[str, str]:
     """Return the versions of hfsim, Python and libraries this process has used, and the kernel at hand."""
     found = {"hfsim": __version__, "kernel": KERNEL, "python": platform.python_version()}
@@ -223,3 +222,22 @@ def write_resolved(path: Path, provenance: Provenance, model: str) -> None:
     head = f"# {source} with every default filled in, as hfsim {__version__} ran it.\n"
     dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     write_text(path, head + yaml.dump(deck, Dumper=dumper, sort_keys=False, allow_unicode=True))
+
+
+def read_resolved(path: Path) -> dict[str, Any]:
+    """Return the deck that `write_resolved` wrote, or another file of YAML.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it cannot be read, or is no deck.
+    """
+    import yaml
+
+    try:
+        deck = yaml.load(path.read_text(encoding="utf-8"), getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from error
+    if not isinstance(deck, dict):
+        raise ValueError(f"{path} is no deck")
+    return deck

@@ -67,6 +67,7 @@ class Refinement:
         search = self.search
         return {
             "target": search.target,
+            "deck": search.loaded.deck.resolved(),
             "status": self.status,
             "reason": self.reason,
             "estimate": self.chosen.estimate,

@@ -1,0 +1,121 @@
+"""`hfsim run --resume`: does what is missing of this deck, of no other, and tells what was there."""
+
+import json
+
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.marching import record
+from hfsim.output.plots import motion
+
+PLAIN = ("--no-plots", "--no-error-estimate", "--set", "solve.duration=0.1")
+TOO_LONG = ("--set", "solve.method=gauss", "--set", "solve.step=0.5", "--set", "solve.duration=2")
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, arguments)
+
+
+def run(*arguments):
+    return call("run", *PLAIN, *arguments, "-o", "out")
+
+
+def summary():
+    return json.loads(open("out/summary.json").read())
+
+
+LONGER = ("--set", "bodies.b1.length=2")
+
+
+@pytest.mark.parametrize("status", ["done", "running"])
+def test_results_of_a_changed_deck_are_refused_with_the_difference(here, status):
+    """Finished, or killed before there was a checkpoint."""
+    assert run("pendulum", *LONGER).exit_code == 0
+    (here / "out/summary.json").write_text(json.dumps({**summary(), "status": status}))
+    before = (here / "out/history.csv").read_bytes()
+    refused = run("pendulum", "--resume")
+    assert refused.exit_code == 2
+    assert "bodies.b1.length: 2.0 then, 1.2 now" in refused.stderr and "--force" in refused.stderr
+    assert (here / "out/history.csv").read_bytes() == before
+    assert run("pendulum", *LONGER, "--resume", "--set", "output.plots=false").exit_code == 0
+    (here / "out/resolved.yaml").unlink()
+    (here / "out/summary.json").write_text(json.dumps({**summary(), "status": status}))
+    assert "deck_sha256: " in run("pendulum", "--resume").stderr
+
+
+def test_results_of_another_scene_or_command_or_version_are_refused(here, monkeypatch):
+    assert run("two_beams").exit_code == 0
+    refused = run("pendulum", "--resume")
+    assert refused.exit_code == 2 and "name: two_beams then, pendulum now" in refused.stderr
+    assert len(refused.stderr.splitlines()) < 30
+    assert call("static", "pendulum", "--no-plots", "-o", "out", "--force").exit_code == 0
+    refused = call("run", "pendulum", "-o", "out", "--resume")
+    assert refused.exit_code == 2 and "it is a result of hfsim static" in refused.stderr
+    assert run("pendulum", "--force").exit_code == 0
+    monkeypatch.setattr("hfsim.output.checkpoint.versions", lambda: {"hfsim": "99"})
+    refused = run("pendulum", "--resume")
+    assert refused.exit_code == 2 and "then, 99 now" in refused.stderr
+
+
+def test_what_was_chosen_for_a_target_is_no_change(here):
+    short = ("--set", "solve.duration=0.3", "--set", "solve.method=gauss", "--target-channels", "b1.tip.x")
+    search = ("run", "pendulum", "--no-plots", *short, "-o", "out", "--target-error")
+    assert call(*search, "0.1").exit_code == 0
+    assert "left as it is, done" in call(*search, "0.1", "--budget", "50s", "--resume").stderr
+    refused = call(*search, "0.2", "--resume")
+    assert refused.exit_code == 2
+    assert [line for line in refused.stderr.splitlines() if " then, " in line] == [
+        "  solve.target_error: 0.1 then, 0.2 now"
+    ]
+
+
+def test_what_is_left_as_it_is_tells_its_exit_code_and_its_facts(here):
+    assert run("pendulum", *TOO_LONG).exit_code == 3
+    again = run("pendulum", *TOO_LONG, "--resume")
+    assert again.exit_code == 3 and "left as it is, failed" in again.stderr
+    two = ("run", "pendulum", "two_beams", *PLAIN, "-o", "both", "--json")
+    first, second = call(*two), call(*two, "--resume")
+    assert second.stdout == first.stdout and len(second.stdout.splitlines()) == 2
+    assert call(*two, "--resume", "--jobs", "2").stdout == first.stdout
+
+
+@pytest.mark.parametrize("command", [("run",), ("sweep", "--vary", "bodies.b1.length=1,2")])
+def test_to_go_on_and_to_replace_are_one_or_the_other(here, command):
+    refused = call(*command, "pendulum", "-o", "out", "--resume", "--force")
+    assert refused.exit_code == 2 and "one or the other" in refused.stderr
+    assert not (here / "out").exists()
+
+
+def struck(*_):
+    raise KeyboardInterrupt
+
+
+def test_what_a_signal_has_cost_after_the_end_is_made_by_going_on(here, monkeypatch):
+    monkeypatch.setattr(record, "BLOCK", 0.01)
+    animated = ("run", "pendulum", "--no-plots", "--set", "solve.duration=1", "--animate", "-o", "out")
+    with monkeypatch.context() as patch:
+        patch.setattr(motion, "animate", struck)
+        cut = call(*animated)
+    assert cut.exit_code == 130
+    assert "pendulum: interrupted after its end" in cut.stderr and "--resume goes on" in cut.stderr
+    history = (here / "out/history.csv").read_bytes()
+    again = call(*animated, "--resume")
+    assert again.exit_code == 0 and "going on at row" in again.stderr
+    assert (here / "out/plots/motion.gif").exists() and not (here / "out/checkpoint.npz").exists()
+    assert (here / "out/history.csv").read_bytes() == history
+
+
+FEW = ("--set", "solve.max_steps=2", "--set", "solve.step=0.01")
+
+
+def test_a_limit_says_how_to_go_on(here):
+    cut = run("pendulum", *FEW)
+    assert cut.exit_code == 5 and "2 steps were made; --resume goes on" in cut.stderr
+    assert "--resume" not in call("run", "pendulum", *PLAIN, *FEW, "-o", "-").stderr
