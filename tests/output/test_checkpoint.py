@@ -108,6 +108,7 @@ def test_a_run_that_ends_while_its_folder_is_made_says_so(tmp_path, monkeypatch)
         SHIELD.interrupt(KeyboardInterrupt())
 
     monkeypatch.setattr(RunFolder, "prepare", struck)
+    monkeypatch.setattr(SHIELD, "taken", None)
     assert here("-o", str(tmp_path / "run"))[0] == 130
     assert json.loads((tmp_path / "run/summary.json").read_text())["status"] == "interrupted"
 

@@ -11,6 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from hfsim.cli import app
+from hfsim.marching.runaway import Watches
 from hfsim.studies.farm import Farm
 
 
@@ -111,3 +112,13 @@ def test_plan_tells_what_it_measured_without_warnings():
     told = CliRunner().invoke(app, ["plan", "two_beams", "--measure", "--repeats", "1"])
     assert told.exit_code == 0
     assert "measured, CPU" in told.stdout
+
+
+def test_the_run_to_the_state_of_modes_ends_them_as_it_would_end_itself(wheel, monkeypatch):
+    modes = ("modes", "pendulum", "--at", 0.5, "--no-plots", "--set", "solve.method=gauss", "--set")
+    failed, short = call(*modes, "solve.step=0.5"), call(*modes, "solve.max_steps=2")
+    assert (failed.exit_code, short.exit_code) == (3, 5)
+    assert "the run ends at 0 s: the equations of a step of 0.5 s could not be solved" in failed.stderr
+    interrupt_at(monkeypatch, Watches, "__call__", 4)
+    assert call(*modes, "solve.step=null").exit_code == 130
+    assert not list(wheel.glob("*.modes"))

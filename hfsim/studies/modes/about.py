@@ -191,7 +191,9 @@ def about(
     ArgumentError
         If there is no such state, or there are two.
     ModesError
-        If the run does not come so far, or the equations are singular in the state.
+        If the run does not come so far, with its exit code, or the equations are singular in the state.
+    KeyboardInterrupt
+        If a signal ends the run.
     """
     _checked(state, at)
     scene = build(loaded.with_solve({"duration": at}) if at else loaded)
@@ -308,7 +310,11 @@ def _after(scene: Scene, at: float, progress: Progress | None) -> tuple[Array, A
     done = run_integration(scene, scene.deck.solve, progress)
     trajectory = done.trajectory
     if trajectory.t_end < at * (1.0 - 1e-9):
-        raise ModesError(f"the run ends at {trajectory.t_end:.4g} s: {done.stop}")
+        if isinstance(done.stop, KeyboardInterrupt):
+            raise done.stop
+        early = ModesError(f"the run ends at {trajectory.t_end:.4g} s: {done.stop}")
+        early.exit_code = getattr(done.stop, "exit_code", early.exit_code)
+        raise early
     q, v = scene.system.project(np.array([at]), trajectory.q[None], trajectory.v[None])
     return q[0], v[0]
 
