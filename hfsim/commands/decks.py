@@ -101,18 +101,27 @@ def loader(argument: str, overrides: Sequence[str], talk: Talk) -> Callable[[Seq
 
     def load(more: Sequence[str]) -> LoadedDeck:
         settings = (*overrides, *more)
-        if path is None:
-            from hfsim.scene.loading import parse_deck
-
-            loaded = parse_deck(_standard_input(sys.stdin), "stdin", settings)
-        else:
+        if path is not None and path.is_file():
             from hfsim.scene.loading import load_deck
 
             loaded = load_deck(path, settings)
+        else:
+            from hfsim.scene.loading import parse_deck
+
+            text, file = (_piped(path), str(path)) if path else (_standard_input(sys.stdin), "stdin")
+            loaded = parse_deck(text, file, settings)
         _warn(loaded, talk)
         return loaded
 
     return load
+
+
+@cache
+def _piped(path: Path) -> bytes:
+    """Return what is in a pipe, which can be read but once."""
+    from hfsim.deck.source import read_bytes
+
+    return read_bytes(path)
 
 
 @cache

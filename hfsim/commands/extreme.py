@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands.options import refuse_unknown, talk_options, time_option, workers_options
+from hfsim.commands.options import PLACE, refuse_unknown, talk_options, time_option, workers_options
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 from hfsim.output.text import Column, brief, plural, table, wrapped
@@ -35,7 +35,7 @@ FOLDER = CASES / "extreme"
 @time_option("budget", "Time all may take.", "5min")
 @time_option("limit", "Time one deck may take with its references.", "100s")
 @workers_options
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Write tables there.")
+@click.option("-o", "--output", type=PLACE, metavar="DIR", help="Write tables there.")
 @click.option("--force", is_flag=True, help="Replace the results of a finished study.")
 @talk_options
 def extreme(

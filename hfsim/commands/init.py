@@ -7,11 +7,13 @@ from pathlib import Path
 
 import click
 
+from hfsim.commands.options import PLACE
+
 
 @click.command()
 @click.argument("name", required=False)
 @click.option("--list", "listing", is_flag=True, help="Tell what there is, and write nothing.")
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="FILE", help="Where it goes.")
+@click.option("-o", "--output", type=PLACE, metavar="FILE", help="Where it goes.")
 @click.option("--force", is_flag=True, help="Replace the file if it is there.")
 def init(name: str | None, listing: bool, output: Path | None, force: bool) -> None:
     """Write a commented deck, NAME.yaml, to start from: a recipe of the manual or a shipped case.

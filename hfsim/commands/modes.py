@@ -12,7 +12,7 @@ import click
 
 from hfsim.commands import import_libraries
 from hfsim.commands.decks import load_numbered
-from hfsim.commands.options import output_options, setting_options, talk_options
+from hfsim.commands.options import Place, output_options, setting_options, talk_options
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk
 
@@ -55,7 +55,7 @@ _COUNT = 12
 @click.option("--csv", "as_csv", is_flag=True, help="Print the table as CSV.")
 @click.option(
     "--matrices",
-    type=click.Path(dir_okay=False, path_type=Path),
+    type=Place(dir_okay=False, path_type=Path),
     metavar="FILE",
     help="Write M, C, G, K, joints and a reduced state space to this .npz file.",
 )

@@ -45,6 +45,20 @@ def _note_verbose(ctx: click.Context, _: click.Parameter, value: bool) -> bool:
     return value
 
 
+class Place(click.Path):
+    """A file or folder; an empty name, as of a variable that is not set, is not the current folder."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the place that a word of the command line names."""
+        if value == "":
+            self.fail("the name is empty", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+PLACE = Place(path_type=Path)
+"""Type of options that name a file or folder."""
+
+
 def setting_options(*also: str) -> Callable[[_Function], _Function]:
     """Return options that change the deck: ``--set`` and those named of ``model`` and ``keep_all``.
 
@@ -78,7 +92,7 @@ output_options = _gathered(
     "to",
     lambda output, force, no_plots, kind: Destination(output, force, not no_plots, kind),
     output=click.option(
-        "-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Where results go."
+        "-o", "--output", type=PLACE, metavar="DIR", help="Where results go."
     ),
     force=click.option("--force", is_flag=True, help="Replace the results of a finished run."),
     no_plots=click.option("--no-plots", is_flag=True, help="Draw no pictures."),
@@ -165,7 +179,7 @@ def _workers_options(jobs: _Option) -> Callable[[_Function], _Function]:
             help="Work on a cluster of dask.distributed: its scheduler, tcp://HOST:8786, or local.",
         ),
         dask_config=click.option(
-            "--dask-config", type=click.Path(path_type=Path), metavar="FILE",
+            "--dask-config", type=PLACE, metavar="FILE",
             help="Start a cluster as a YAML file says: "
             "cluster: dask_jobqueue.SLURMCluster, options, workers.",
         ),

@@ -12,6 +12,7 @@ import click
 from hfsim.commands import import_libraries
 from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import (
+    PLACE,
     not_both,
     output_options,
     setting_options,
@@ -42,7 +43,7 @@ _MANY = 100_000
 @click.option("--seed", type=click.IntRange(min=0), metavar="N", help="Of samples; 1 without it.")
 @click.option(
     "--table",
-    type=click.Path(path_type=Path),
+    type=PLACE,
     metavar="FILE",
     help="Runs from a CSV file: a column for each path, a row for each run.",
 )

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from hfsim.commands.decks import load_decks
-from hfsim.commands.options import setting_options, talk_options, workers_options
+from hfsim.commands.options import PLACE, setting_options, talk_options, workers_options
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @click.option("--list", "listing", is_flag=True, help="Tell what there is, and run nothing.")
 @click.option("--markdown", is_flag=True, help="Print the tables as Markdown.")
 @workers_options
-@click.option("-o", "--output", type=click.Path(path_type=Path), metavar="DIR", help="Write tables there.")
+@click.option("-o", "--output", type=PLACE, metavar="DIR", help="Write tables there.")
 @click.option("--force", is_flag=True, help="Replace the results of a finished study.")
 @setting_options()
 @talk_options

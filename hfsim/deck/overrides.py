@@ -7,7 +7,7 @@ from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from hfsim.deck.reader import Path, dotted, parse
-from hfsim.deck.source import DeckSource, OverrideProblem, did_you_mean, entry_at, path_in
+from hfsim.deck.source import DeckSource, OverrideProblem, did_you_mean, entry_at, is_text, path_in
 from hfsim.deck.spec import OneOf, ReadBy, Spec, at
 from hfsim.errors import DeckProblem
 
@@ -32,6 +32,8 @@ def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideP
     """Set one entry of the data; return why it cannot be set."""
     name, equals, value = override.partition("=")
     name = name.strip()
+    if not is_text(override):
+        return OverrideProblem(name, "is not UTF-8 text")
     if not equals or not name:
         return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE")
     if not value.strip():

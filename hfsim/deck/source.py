@@ -32,6 +32,11 @@ class OverrideProblem(DeckProblem):
         return super().headline("--set", kind)
 
 
+def is_text(word: str) -> bool:
+    """Return whether a word from the command line is text: Python makes surrogates of other bytes."""
+    return not any("\ud800" <= char <= "\udfff" for char in word)
+
+
 def nearest(word: str, known: Iterable[str]) -> str:
     """Return the known name most like a word; none is like a very long one."""
     import difflib
@@ -155,13 +160,22 @@ def read_source(path: str | FilePath) -> DeckSource:
     DeckError
         The file cannot be read, or is no YAML.
     """
-    file = str(path)
+    return parse_source(read_bytes(path), str(path))
+
+
+def read_bytes(path: str | FilePath) -> bytes:
+    """Return what is in a deck file, as far as a deck may go.
+
+    Raises
+    ------
+    DeckError
+        It cannot be read.
+    """
     try:
         with FilePath(path).open("rb") as deck:
-            data = deck.read(MOST_BYTES)
+            return deck.read(MOST_BYTES)
     except OSError as error:
-        raise DeckError(file, [DeckProblem("", f"cannot be read: {error.strerror}")]) from error
-    return parse_source(data, file)
+        raise DeckError(str(path), [DeckProblem("", f"cannot be read: {error.strerror}")]) from error
 
 
 def _decoded(data: bytes, file: str) -> str:

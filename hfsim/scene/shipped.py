@@ -11,6 +11,9 @@ CASES = Path(__file__).resolve().parent / "cases"
 """Decks shipped with hfsim."""
 
 
+_EMPTY = "the name of a deck is empty, as that of a variable that is not set"
+
+
 class DeckNotFoundError(HfsimError):
     """What names a deck is neither a file nor a shipped case."""
 
@@ -30,8 +33,13 @@ def find_deck(name: str) -> Path:
     DeckNotFoundError
         If there is neither; the message names what comes near.
     """
+    from hfsim.deck.source import is_text
+
+    if not name or not is_text(name):
+        raise DeckNotFoundError(f"{name}: the name of this deck is not UTF-8; rename it" if name else _EMPTY)
     path = Path(name)
-    if os.path.isfile(path):  # False too where a name is too long for the system
+    # a pipe does too; False where a name is too long for the system
+    if os.path.exists(path) and not os.path.isdir(path):
         return path
     cases = shipped_cases()
     if name in cases:

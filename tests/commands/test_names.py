@@ -1,0 +1,55 @@
+"""What names on the command line may be: empty, no text, pipes."""
+
+import os
+import threading
+
+import pytest
+from click.testing import CliRunner
+
+from hfsim.cli import app
+from hfsim.scene.shipped import CASES
+
+DECK = (CASES / "pendulum.yaml").read_text()
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def call(*arguments):
+    return CliRunner().invoke(app, arguments)
+
+
+@pytest.mark.parametrize("command", [("run", "pendulum"), ("sweep", "pendulum"), ("init",), ("verify",)])
+def test_an_empty_name_is_not_the_current_folder(here, command):
+    refused = call(*command, "-o", "")
+    assert refused.exit_code == 2 and "the name is empty" in refused.stderr
+    assert not list(here.iterdir())
+
+
+def test_an_empty_name_is_no_deck(here):
+    refused = call("run", "")
+    assert refused.exit_code == 2 and "the name of a deck is empty" in refused.stderr
+
+
+@pytest.mark.parametrize("command", ["run", "check"])
+def test_what_is_not_utf8_is_refused(here, command):
+    name = os.fsdecode(b"\xff.yaml")
+    (here / name).write_text(DECK)
+    refused = call(command, name)
+    assert refused.exit_code == 2 and "the name of this deck is not UTF-8" in refused.stderr
+    refused = call(command, "pendulum", "--set", os.fsdecode(b"name=\xff"))
+    assert refused.exit_code == 2 and "--set: error: name: is not UTF-8 text" in refused.stderr
+
+
+@pytest.mark.parametrize("command", [("check",), ("compare", "rigid", "linear", "--no-plots", "--case")])
+def test_a_deck_is_read_from_a_pipe_once(here, command):
+    os.mkfifo("pipe")
+    writer = threading.Thread(target=(here / "pipe").write_text, args=(DECK,), daemon=True)
+    writer.start()
+    short = ("--set", "solve.duration=0.05") if command[0] == "compare" else ()
+    done = call(*command, "pipe", *((*short, "--reference", "linear") if short else ()))
+    writer.join(2)
+    assert done.exit_code == 0, done.output
