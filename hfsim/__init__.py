@@ -1,4 +1,4 @@
-"""hfsim: flexible multibody dynamics with four models of one scene.
+"""hfsim: flexible multibody dynamics with five models of one scene.
 
 >>> import hfsim
 >>> run = hfsim.run("pendulum", {"solve.duration": 0.1, "output.interval": 0.05})

@@ -114,7 +114,7 @@ def _tell_version(context: click.Context, option: click.Parameter, wanted: bool)
     help="Show the version and the kernel and exit.",
 )
 def app() -> None:
-    """Simulate flexible multibody systems: four models of one scene, with their error and cost.
+    """Simulate flexible multibody systems: five models of one scene, with their error and cost.
 
     Exit codes: 0 done, 1 internal error, 2 bad command line or deck, 3 the solver failed or the model
     broke down, 4 a stated tolerance was missed, 5 a limit was reached, 130 interrupted, 143 terminated.
@@ -146,6 +146,11 @@ def main() -> None:
         if not stop.code:
             _end()
         raise
+    except OSError as error:  # click had something to say itself
+        from hfsim.commands import report_error
+        from hfsim.output.talk import refused
+
+        raise SystemExit(report_error(refused(error))) from None
     finally:
         gc.freeze()  # or Python would look for cycles in all there is once more before it ends
 

@@ -22,11 +22,13 @@ def init(name: str | None, listing: bool, output: Path | None, force: bool) -> N
     """
     from hfsim.deck.source import did_you_mean
     from hfsim.output.disk import disk, write_text
-    from hfsim.output.runfolder import FolderError
+    from hfsim.output.runfolder import FolderError, refuse_unwritable
     from hfsim.output.talk import print_out
     from hfsim.output.text import listed
 
     decks = starters()
+    if listing and (name or output):
+        raise click.UsageError("--list writes nothing: it takes neither NAME nor -o")
     if listing:
         print_out(listed({one: _about(text) for one, text in decks.items()}))
         return
@@ -36,7 +38,9 @@ def init(name: str | None, listing: bool, output: Path | None, force: bool) -> N
     path = output or Path(f"{name}.yaml")
     if path.exists() and not force:
         raise FolderError(f"{path} is there already; use --force to replace it, or -o FILE")
+    refuse_unwritable(path.parent)
     with disk(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
         write_text(path, decks[name])
     print_out(f"{path}: {_about(decks[name])}\nnext: hfsim check {path}; hfsim run {path}")
 

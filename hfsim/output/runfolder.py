@@ -226,7 +226,7 @@ def claim(path: Path, force: bool, marker: str = SUMMARY) -> RunFolder:
     if str(path) == "-":
         raise FolderError("only hfsim run, and that alone, writes to standard output; name a folder with -o")
     try:
-        _refuse_unwritable(path)
+        refuse_unwritable(path)
         present = _present(path, marker)
     except OSError as error:
         raise FolderError(f"cannot write to {path}: {error.strerror}") from error
@@ -250,7 +250,13 @@ def _present(path: Path, marker: str) -> list[str]:
     return [name for name in names if os.path.lexists(path / name)] or [file.name for file in studies]
 
 
-def _refuse_unwritable(path: Path) -> None:
+def refuse_unwritable(path: Path) -> None:
+    """Refuse a folder that cannot be made or written to.
+
+    Raises
+    ------
+    FolderError
+    """
     if path.exists() and not path.is_dir():
         raise FolderError(f"{path} is a file, not a folder")
     nearest = next(place for place in (path, *path.absolute().parents) if place.exists())

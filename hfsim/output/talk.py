@@ -14,6 +14,7 @@ from pathlib import Path
 
 import click
 
+from hfsim.errors import HfsimError
 from hfsim.maths.frozen import frozen
 from hfsim.output.text import printable
 
@@ -112,6 +113,16 @@ def _print(text: str, descriptor: int) -> None:
         click.echo(printable(text).encode(encoding, "backslashreplace").decode(encoding), file=stream)
     except BrokenPipeError:
         _redirect_to_nowhere(descriptor)
+    except OSError as error:
+        why = refused(error, descriptor)
+        if descriptor == 1:  # else nobody can be told
+            raise why from error
+
+
+def refused(error: OSError, descriptor: int = 1) -> HfsimError:
+    """Print nothing more to a stream that refuses it, as on a full disk; return what is to be said of it."""
+    _redirect_to_nowhere(descriptor)
+    return HfsimError(f"standard output takes no more: {error.strerror or error}")
 
 
 def _redirect_to_nowhere(descriptor: int) -> None:

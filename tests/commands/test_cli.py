@@ -439,6 +439,19 @@ def test_help_imports_nothing_heavy():
     assert not imported & {"numpy", "pydantic", "scipy", "matplotlib", "yaml"}
 
 
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="needs a device that is always full")
+@pytest.mark.parametrize("arguments", [["help", "keys"], ["--help"], ["--version"], ["check", "pendulum"]])
+def test_a_full_standard_output_is_told_as_that(arguments):
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "hfsim", *arguments]
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, env=environment)
+        silent = subprocess.run([*command[:3], "check", "nowhere"], stderr=full, env=environment)
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1] == "error: standard output takes no more: No space left on device"
+    assert silent.returncode == 2
+
+
 def test_a_reader_that_went_away_is_no_error():
     script = "from hfsim.output.talk import print_out\nfor _ in range(9999): print_out('x' * 99)"
     command = f'"{sys.executable}" -c "{script}" | head -n 1; echo ${{PIPESTATUS[0]}}'

@@ -53,3 +53,11 @@ def test_a_deck_is_read_from_a_pipe_once(here, command):
     done = call(*command, "pipe", *((*short, "--reference", "linear") if short else ()))
     writer.join(2)
     assert done.exit_code == 0, done.output
+
+
+def test_init_makes_a_folder_or_refuses_it(here, monkeypatch):
+    assert call("init", "-o", "new/swing.yaml").exit_code == 0 and (here / "new/swing.yaml").exists()
+    assert call("init", "--list", "rod").exit_code == 2
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    refused = call("init", "-o", "new/other.yaml")
+    assert refused.exit_code == 2 and "no permission in" in refused.stderr
