@@ -132,11 +132,16 @@ def make_plan(
         If a folder must not be written to.
     """
     from hfsim.output.runfolder import claim, folder_name
+    from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.compare import chosen_models, prepare, usual_models
 
     reference, channels, require = judged
     load = loader(argument, overrides, talk)
     chosen = chosen_models(models or usual_models(load, talk.note), reference)
+    for model in chosen:
+        if model not in MODELS:
+            known = f"there are {', '.join(MODELS)}; a deck goes with --case"
+            raise click.UsageError(f"there is no model '{model}'; {known}")
     for model in require:
         if model not in chosen:
             raise click.UsageError(f"--require {model}: this model is not compared")

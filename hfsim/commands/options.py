@@ -84,7 +84,9 @@ def with_settings(
     overrides: Sequence[str], model: str | None = None, keep_all: bool = False
 ) -> tuple[str, ...]:
     """Return the overrides with ``--model`` and ``--keep-all`` among them; they win over ``--set``."""
-    own = [f"solve.model={model}"] if model else []
+    from hfsim.deck.source import Setting
+
+    own = [Setting.by("--model", f"solve.model={model}")] if model else []
     return (*overrides, *own, *(["solve.keep_all=true"] if keep_all else []))
 
 

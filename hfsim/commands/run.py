@@ -173,10 +173,12 @@ def _do_all(jobs: Sequence[Job], settings: Settings, processes: int) -> list[int
 
 def _target(error: str | None, channels: str | None, budget: float | None) -> Iterator[str]:
     """Yield the overrides of the deck that options on the target error stand for."""
+    from hfsim.deck.source import Setting
+
     if error is not None:
-        yield f"solve.target_error={error}"
+        yield Setting.by("--target-error", f"solve.target_error={error}")
     if channels is not None:
-        yield f"solve.target_channels=[{', '.join(names(channels))}]"
+        yield Setting.by("--target-channels", f"solve.target_channels=[{', '.join(names(channels))}]")
     if budget is not None:
         yield f"solve.budget={budget}"
 

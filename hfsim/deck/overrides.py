@@ -7,7 +7,7 @@ from types import UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
 
 from hfsim.deck.reader import Path, dotted, parse
-from hfsim.deck.source import DeckSource, OverrideProblem, did_you_mean, entry_at, is_text, path_in
+from hfsim.deck.source import DeckSource, OverrideProblem, Setting, did_you_mean, entry_at, is_text, path_in
 from hfsim.deck.spec import OneOf, ReadBy, Spec, at
 from hfsim.errors import DeckProblem
 
@@ -31,28 +31,28 @@ def override(source: DeckSource, overrides: Sequence[str], spec: type[Spec]) -> 
 def _set_entry(source: DeckSource, override: str, spec: type[Spec]) -> OverrideProblem | None:
     """Set one entry of the data; return why it cannot be set."""
     name, equals, value = override.partition("=")
-    name = name.strip()
+    name, option = name.strip(), getattr(override, "option", Setting.option)
     if not is_text(override):
-        return OverrideProblem(name, "is not UTF-8 text")
+        return OverrideProblem(name, "is not UTF-8 text", file=option)
     if not equals or not name:
-        return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE")
+        return OverrideProblem(name, f"'{override}' is no override", "write KEY=VALUE", file=option)
     if not value.strip():
-        return OverrideProblem(name, "has no value", f"{name}=null takes it out")
+        return OverrideProblem(name, "has no value", f"{name}=null takes it out", file=option)
     reader = parse(value)
     wrong = [reader] if isinstance(reader, DeckProblem) else reader.problems
     if isinstance(reader, DeckProblem) or wrong:
-        return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint)
+        return OverrideProblem(name, f"'{value}': {wrong[0].message}", wrong[0].hint, file=option)
     if why := why_unset(source.data, name, spec):
-        return OverrideProblem(name, why[0], why[1])
+        return OverrideProblem(name, why[0], why[1], file=option)
     path = source.path_of(name)
     parent: Any = source.data
     for depth, step in enumerate(path[:-1], 1):
         if entry_at(source.data, path[:depth]) is None:
             parent[step] = {}
-            source.overridden.add(path[:depth])
+            source.overridden[path[:depth]] = option
         parent = parent[step]
     parent[path[-1]] = reader.data
-    source.overridden.add(path)
+    source.overridden[path] = option
     return None
 
 

@@ -24,8 +24,21 @@ MOST_BYTES = 4 * LARGEST + 4
 _INDEX = re.compile(r"[0-9]{1,9}")
 
 
+class Setting(str):
+    """An override, ``KEY=VALUE``, and the option of the command line that it was given by."""
+
+    option = "--set"
+
+    @classmethod
+    def by(cls, option: str, text: str) -> Setting:
+        """Return the override that an option stands for."""
+        one = cls(text)
+        one.option = option
+        return one
+
+
 class OverrideProblem(DeckProblem):
-    """A problem that came in by ``--set`` and so has no place in the file."""
+    """A problem that came in by an option, in `file`, or else ``--set``, and so has no place in the file."""
 
     def headline(self, file: str, kind: str = "error") -> str:
         """Return the same of the command line."""
@@ -78,6 +91,8 @@ class DeckSource:
         The overrides as given, ``KEY=VALUE``.
     problems : list of DeckProblem
         Repeated keys, keys that are no text, overrides that lead nowhere.
+    overridden : dict of tuple to str
+        Options by the paths that they set.
     failed : set of tuple
         Paths of entries that could not be worked out, and of lists of such: nothing else is said of them.
     others : dict of str to str
@@ -91,7 +106,7 @@ class DeckSource:
     problems: list[DeckProblem] = field(default_factory=list)
     key_marks: dict[Path, Mark] = field(default_factory=dict, repr=False)
     value_marks: dict[Path, Mark] = field(default_factory=dict, repr=False)
-    overridden: set[Path] = field(default_factory=set)
+    overridden: dict[Path, str] = field(default_factory=dict)
     failed: set[Path] = field(default_factory=set)
     others: dict[str, str] = field(default_factory=dict, repr=False)
 
@@ -106,7 +121,12 @@ class DeckSource:
 
     def is_overridden(self, path: Path) -> bool:
         """Tell whether an override set the entry or something that contains it."""
-        return any(path[:depth] in self.overridden for depth in range(1, len(path) + 1))
+        return bool(self.option_of(path))
+
+    def option_of(self, path: Path) -> str:
+        """Return the option that set the entry or something that contains it; empty where none did."""
+        there = (self.overridden.get(path[:depth]) for depth in range(1, len(path) + 1))
+        return next(filter(None, there), "")
 
     def mark(self, path: Path, on_key: bool = False) -> Mark | None:
         """Return where an entry stands, or where the nearest entry around it does.
@@ -130,7 +150,7 @@ class DeckSource:
             path = path[:-1]
         mark = self.mark(path, on_key)
         if self.is_overridden(path) or mark is None:
-            return OverrideProblem(dotted(path), message, hint)
+            return OverrideProblem(dotted(path), message, hint, file=self.option_of(path))
         return DeckProblem(dotted(path), message, hint, *mark)
 
     def fail(self, path: Path, problem: DeckProblem | None = None) -> None:

@@ -319,17 +319,17 @@ def sweep_text(sweep: Sweep, path: Path, wall: float, there: int) -> str:
     lines += [f"  varied       {_shown(sweep, name)}" for name in sweep.paths]
     lines += [f"  took         {wall:.3g} s, CPU time of the runs {np.nansum(sweep['cpu_s']):.3g} s"]
     lines += [f"  results      {path}/"]
-    told = sweep.collected[:_TOLD]
-    rows = [["collected", "least", "in run", "most", "in run", "mean"]]
-    for name in told:
+    rows = []
+    for name in sweep.collected:
         facts = _range(sweep, name)
         if facts is not None:
             cells = (facts["min"], facts["min_run"], facts["max"], facts["max_run"], facts["mean"])
             rows.append([name, *(f"{one:.6g}" if isinstance(one, float) else str(one) for one in cells)])
-    if len(rows) > 1:
-        lines.append(as_table(rows))
-    if len(sweep.collected) > _TOLD:
-        lines.append(f"  and {len(sweep.collected) - _TOLD} more (sweep.json has their ranges)")
+    if rows:
+        head = ["collected", "least", "in run", "most", "in run", "mean"]
+        lines.append(as_table([head, *rows[:_TOLD]]))
+    if len(rows) > _TOLD:
+        lines.append(f"  and {len(rows) - _TOLD} more (sweep.json has their ranges)")
     lines += _failures(sweep)
     return "\n".join(lines)
 
@@ -339,8 +339,10 @@ def _shown(sweep: Sweep, name: str) -> str:
     if values.dtype == object:
         words = list(dict.fromkeys(values.tolist()))
         return f"{name}: {', '.join(written(word) for word in words[:_TOLD])}"
-    distinct = len(np.unique(values))
-    return f"{name}: {plural(distinct, 'value')} from {number(values.min())} to {number(values.max())}"
+    low, high, count = values.min(), values.max(), plural(len(np.unique(values)), "value")
+    if low < high and number(low) == number(high):
+        return f"{name}: {count} about {number(low)}, at most {high - low:.2g} apart"
+    return f"{name}: {count} from {number(low)} to {number(high)}"
 
 
 def _failures(sweep: Sweep) -> list[str]:

@@ -61,3 +61,16 @@ def test_init_makes_a_folder_or_refuses_it(here, monkeypatch):
     monkeypatch.setattr(os, "access", lambda *_: False)
     refused = call("init", "-o", "new/other.yaml")
     assert refused.exit_code == 2 and "no permission in" in refused.stderr
+
+
+@pytest.mark.parametrize("option", [("--model", "foo"), ("--target-error", "0"), ("--target-channels", "x")])
+def test_a_bad_value_is_told_by_the_option_it_came_with(here, option):
+    refused = call("run", "pendulum", *option)
+    assert refused.exit_code == 2
+    assert f"{option[0]}: error: solve." in refused.stderr and "--set" not in refused.stderr
+
+
+def test_a_deck_in_the_place_of_a_model_is_told_where_it_goes(here):
+    refused = call("compare", "hub_beams_soft")
+    assert refused.exit_code == 2 and "no model 'hub_beams_soft'" in refused.stderr
+    assert "a deck goes with --case" in refused.stderr

@@ -440,3 +440,13 @@ def test_from_python(wheel):
     assert again[STIFF].tolist() == found[STIFF].tolist() and again.plan.row(1) == found.plan.row(1)
     told = hfsim.sweep("wheel.yaml", {STIFF: "lin(50, 60, 2)"}, output="written", plots=False)
     assert told["cpu_s"].sum() > 0.0 and len(rows_of("written")) == 2
+
+
+def test_ranges_are_told_of_what_has_one(wheel, monkeypatch):
+    monkeypatch.setattr("hfsim.output.sweep._TOLD", 1)
+    more = "more (sweep.json has their ranges)"
+    fails = ("--set", "solve.method=gauss", "--set", "solve.duration=2", "--vary", "solve.step=0.5,0.6")
+    told = call("pendulum", *fails, "--no-plots", "-o", "failed").stdout
+    assert "2 failed" in told and more not in told
+    told = call("wheel.yaml", "--vary", f"{STIFF}=200,200.00001", "--no-plots", "-o", "near").stdout
+    assert more in told and "2 values about 200, at most 1e-05 apart" in told
