@@ -74,12 +74,12 @@ def take_up(folder: Path, provenance: Provenance) -> Checkpoint | None:
         table = read_history(folder / "history.csv", facts["size"])
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise CheckpointError(f"{path} cannot be read: {error}") from error
-    _refuse(path, facts["versions"], _deck(facts["resolved"], provenance.resolved))
+    _refuse(path, [*_of_versions(facts["versions"]), *_deck(facts["resolved"], provenance.resolved)])
     return Checkpoint({**memory, "table": table}, facts["size"])
 
 
 def refuse_others(folder: Path, summary: Mapping[str, Any], provenance: Provenance) -> None:
-    """Refuse results in a folder, of which there is a summary, that are not of this deck with these versions.
+    """Refuse results in a folder, of which there is a summary, that are not of this deck.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def refuse_others(folder: Path, summary: Mapping[str, Any], provenance: Provenan
         different = [f"  it is a result of hfsim {summary['kind']}"]
     elif summary.get("deck_sha256") != provenance.deck_sha256:
         different = _of_deck(folder, summary, provenance)
-    _refuse(folder, summary.get("versions") or {}, different)
+    _refuse(folder, different)
 
 
 def _of_deck(folder: Path, summary: Mapping[str, Any], provenance: Provenance) -> Iterator[str]:
@@ -104,16 +104,19 @@ def _of_deck(folder: Path, summary: Mapping[str, Any], provenance: Provenance) -
         return _differences(*hashes)
 
 
-def _refuse(path: Path, then: Mapping[str, str], different: Iterable[str]) -> None:
-    """Refuse what was made with other versions, or differs in other ways."""
-    # libraries that this process has not imported yet cannot be compared
+def _of_versions(then: Mapping[str, str]) -> Iterator[str]:
+    """Yield in what versions differ, as far as libraries have been imported, and what helps."""
     now = versions()
-    then = {name: one for name, one in then.items() if name in now}
-    found = [*_differences(then, {name: now[name] for name in then}), *different]
+    known = {name: one for name, one in then.items() if name in now}
+    yield from _differences(known, {name: now[name] for name in known})
+    if "kernel" in known and known["kernel"] != now["kernel"]:
+        yield f"HFSIM_KERNEL={known['kernel']} goes on with that kernel"
+
+
+def _refuse(path: Path, different: Iterable[str]) -> None:
+    found = [*different]
     if len(found) > _TOLD:
         found[_TOLD:] = [f"  and {len(found) - _TOLD} more"]
-    if "kernel" in then and then["kernel"] != now["kernel"]:
-        found.append(f"HFSIM_KERNEL={then['kernel']} goes on with that kernel")
     if found:
         raise CheckpointError("\n".join([f"{path} belongs to another run:", *found]))
 
