@@ -341,7 +341,7 @@ def test_an_interrupted_run_is_told_as_done_with_what_is_missing(monkeypatch, tm
     assert result.exit_code == 130 and "done, 1 s simulated" in result.stdout
     summary = json.loads(Path("pendulum.out/summary.json").read_text())
     assert (summary["status"], summary["exit_code"]) == ("done", 130)
-    assert "what was to be found out after it" in summary["reason"]
+    assert "what was to be done after it" in summary["reason"]
     assert not Path("two_beams.out").exists() and not Path("pendulum.out/plots").exists()
 
 
