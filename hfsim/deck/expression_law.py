@@ -24,6 +24,10 @@ MOST_TURNS = 200
 """Turning points at which steps end; a law with more of them oscillates, and steps end at some."""
 _SMALLEST = 1e-12
 """Change between samples, over the range of all, that counts as none."""
+_QUIET = 1e-6
+"""The same that may be missed beside a pulse."""
+_PULSE = 1 / 16
+"""Part of a run within which a law that is quiet before and behind has a pulse: longer ones are seen."""
 _BISECTIONS = 60
 
 Jet: TypeAlias = "list[Any] | float"
@@ -234,13 +238,14 @@ class ExpressionLaw(Law):
         return _function(self.tree)
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
-        """Return kinks and, up to the end, where the derivative of this order turns round."""
+        """Return kinks and, up to the end, where the derivative of this order turns round or has a pulse."""
         if not math.isfinite(t_end):
             return np.zeros(0)
         t = np.linspace(0.0, t_end, SAMPLES + 1)
         with np.errstate(all="ignore"):
-            turns = _turning_points(t, self._derivative(t, order))
-            found = [_zeros(one, t) for one in _switches(self.tree)]
+            y = self._derivative(t, order)
+            turns = _turning_points(t, y)
+            found = [_pulses(t, y), *(_zeros(one, t) for one in _switches(self.tree))]
         every = -(-len(turns) // MOST_TURNS) or 1
         return np.concatenate([turns[::every], *(zeros[:MOST_TURNS] for zeros in found)])
 
@@ -276,6 +281,15 @@ def _turning_points(t: Array, y: Array) -> Array:
     level = behind > before + 1
     inner = np.where(level, 0.0, vertex)
     return np.concatenate([t[before + 1] + inner * (t[1] - t[0]), t[behind[level]]])
+
+
+def _pulses(t: Array, y: Array) -> Array:
+    """Return where samples begin and end to change for less long than they stay: no stage may be there."""
+    active = np.abs(np.diff(y)) > _QUIET * np.ptp(y)
+    flips = np.flatnonzero(np.diff(active, prepend=False, append=False)).reshape(-1, 2)
+    lasts, stays = np.diff(flips, axis=1)[:, 0], np.diff(flips.ravel(), prepend=-len(t), append=2 * len(t))
+    alone = lasts < np.minimum(_PULSE * len(t), np.minimum(stays[:-1:2], stays[2::2]))
+    return t[flips[alone].ravel()]
 
 
 def _switches(node: Node) -> Iterator[Callable[[Array], Array]]:

@@ -413,6 +413,30 @@ def test_kinks_and_turns_of_expressions_are_breaks():
     assert len(law_of("sin(1000 * t)").build().breaks(0, 10.0)) <= 200
 
 
+@pytest.mark.parametrize("width", [0.05, 0.004, 0.0015])
+@pytest.mark.parametrize("at", [2.5013, 5.123, 7.0001])
+def test_a_pulse_that_lasts_a_small_part_of_a_run_is_not_missed(width, at):
+    law = law_of(f"exp(-((t - {at}) / {width})**2)").build()
+    ends = law.breaks(0, 10.0)
+    assert len(ends) == 3 and np.abs(ends - at).max() < 5.0 * width + 0.01
+    deck = parse_deck(PULSE.replace("LAW", f"exp(-((t - {at}) / {width})**2)"))
+    (spin,) = simulate(deck, error_estimate=False).channels
+    assert spin.values[-1] == pytest.approx(width * math.sqrt(math.pi) / 0.3, rel=1e-6)
+
+
+def test_what_fades_away_or_rings_has_no_pulses():
+    for law, most in (("exp(-t)", 0), ("sin(0.1 * t)", 0), ("t**2", 0), ("exp(-t) * sin(8 * t)", 30)):
+        assert len(law_of(law).build().breaks(0, 10.0)) <= most
+
+
+PULSE = """
+hfsim: 1
+bodies: {r: {type: rigid, mass: 2.0, inertia: 0.3}}
+joints: {h: {type: revolute, between: [ground, r]}}
+loads: {m: {type: moment, at: r, moment: 1.0, law: {expression: "LAW"}}}
+solve: {duration: 10.0}
+output: {channels: [r.angular_velocity]}
+"""
 DRIVEN = """
 hfsim: 1
 gravity: [0, -9.81]
