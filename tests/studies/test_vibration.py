@@ -484,6 +484,8 @@ def test_tension_that_is_rounding_makes_no_mode_of_a_thin_strip(elements, degree
     assert [mode.kind for mode in found.modes[:4]] == ["rigid", "vibration", "vibration", "vibration"]
     first = 15.4182057169801 / (2.0 * np.pi)
     assert found.frequencies[1] == pytest.approx(first, rel=0.15 if elements == 1 else 1e-4)
+    assert [mode.number for mode in found] == list(range(1, len(found) + 1))
+    assert max(len(repr(one)) for one in (found, *found)) < 120 and "vibration" in repr(found[2])
 
 
 SPIN = """hfsim: 1

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -60,6 +60,10 @@ class Mode:
     uncertainty: float
     change: ComplexArray
     about: About
+
+    def __repr__(self) -> str:
+        """Return the numbers that tell it from others."""
+        return f"<mode {self.number}: {self.kind}, {self.frequency:.6g} Hz, {self.mostly}>"
 
     @cached_property
     def shapes(self) -> dict[str, ComplexArray]:
@@ -150,6 +154,19 @@ class Modes:
     modes: tuple[Mode, ...]
     complete: bool | None
     whole: bool
+
+    def __repr__(self) -> str:
+        """Return how many there are and the slowest of them."""
+        slowest = ", ".join(f"{frequency:.6g}" for frequency in self.frequencies[:3])
+        return f"<{len(self)} modes about {self.about.state}: {slowest} Hz ...>"
+
+    def __len__(self) -> int:
+        """Return their number."""
+        return len(self.modes)
+
+    def __iter__(self) -> Iterator[Mode]:
+        """Go through them, from slow to fast."""
+        return iter(self.modes)
 
     def __getitem__(self, number: int) -> Mode:
         """Return a mode by its number."""
