@@ -330,13 +330,16 @@ LAWS: dict[str, type[LawSpec]] = {
     get_args(spec.model_fields["type"].annotation)[0]: spec for spec in get_args(AnyLaw)
 }
 
+TOLD_BY = {"expression": "expression", "times": "table"}
+"""Types of laws by the keys that tell them where none is stated."""
+
 
 def _read_law(data: object, value: str, rate: str) -> object:
     """Turn a bare number into a constant, and text with units into SI numbers of what the law drives."""
     if isinstance(data, int | float | str) and not isinstance(data, bool):
         data = {"type": "constant", "value": data}
-    if isinstance(data, dict) and "type" not in data and "expression" in data:
-        data = {"type": "expression", **data}
+    if isinstance(data, dict) and "type" not in data and (told := TOLD_BY.keys() & data.keys()):
+        data = {"type": TOLD_BY[min(told)], **data}
     if not isinstance(data, dict) or str(data.get("type")) not in LAWS:
         return data
     spec = LAWS[str(data["type"])]

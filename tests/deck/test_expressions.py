@@ -424,6 +424,12 @@ def test_a_pulse_that_lasts_a_small_part_of_a_run_is_not_missed(width, at):
     assert spin.values[-1] == pytest.approx(width * math.sqrt(math.pi) / 0.3, rel=1e-6)
 
 
+def test_a_table_of_times_needs_no_type():
+    text = PULSE.replace('{expression: "LAW"}', "{times: [0, 5, 10], values: [0, 1, 0]}")
+    law = parse_deck(text).deck.loads["m"].law
+    assert law.type == "table" and law.build().value(5.0) == 1.0
+
+
 def test_what_fades_away_or_rings_has_no_pulses():
     for law, most in (("exp(-t)", 0), ("sin(0.1 * t)", 0), ("t**2", 0), ("exp(-t) * sin(8 * t)", 30)):
         assert len(law_of(law).build().breaks(0, 10.0)) <= most
