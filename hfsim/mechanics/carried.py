@@ -14,7 +14,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, Places, run_of
 from hfsim.maths.frozen import frozen
-from hfsim.maths.rotations import cross, normal
+from hfsim.maths.rotations import cross
 from hfsim.maths.traced import changeable
 from hfsim.mechanics.reduction import Reduction
 
@@ -24,9 +24,9 @@ class Carried(NamedTuple):
 
     Attributes
     ----------
-    vectors : ndarray of int, shape (n_frames, k, n_dim)
+    vectors : ndarray of int, shape (n_frames, k, 3)
         Columns of x of the vectors seen from each frame.
-    axes : ndarray of int, shape (n_frames, n_dim - 1, n_dim)
+    axes : ndarray of int, shape (n_frames, 2, 3)
         Columns of the last axes of the frame, of unit length and at right angles; the first follows.
     """
 
@@ -36,15 +36,15 @@ class Carried(NamedTuple):
 
 @frozen
 class CarriedIncrements:
-    """Increments of the state, those of some vectors as their frames see them.
+    """Increments of a state in space, those of some vectors as their frames see them.
 
-    A geometry are the frames of all vectors, (n_batch, n_vectors, n_dim, n_dim), with axes as columns.
+    A geometry are the frames of all vectors, (n_batch, n_vectors, 3, 3), with axes as columns.
 
     Attributes
     ----------
-    vectors : ndarray of int, shape (n_vectors, n_dim)
+    vectors : ndarray of int, shape (n_vectors, 3)
         Columns of the state.
-    axes : ndarray of int, shape (n_frames, n_dim - 1, n_dim)
+    axes : ndarray of int, shape (n_frames, 2, 3)
     owners : ndarray of int, shape (n_vectors,)
         The frame of each vector.
     """
@@ -60,8 +60,7 @@ class CarriedIncrements:
         number[reduction.rows] = np.arange(len(reduction.rows))
         axes = number[np.concatenate([part.axes for part in parts])]
         counts = np.concatenate([np.full(len(part.vectors), part.vectors.shape[1]) for part in parts])
-        n_dim = axes.shape[-1]
-        vectors = number[np.concatenate([part.vectors.reshape(-1, n_dim) for part in parts])]
+        vectors = number[np.concatenate([part.vectors.reshape(-1, 3) for part in parts])]
         free = (vectors >= 0).all(axis=1)
         return cls(vectors[free], axes, np.repeat(np.arange(len(axes)), counts)[free])
 
@@ -72,12 +71,8 @@ class CarriedIncrements:
     def geometry(self, q: Array) -> Array:
         """Return the frame of each vector."""
         y = _unit(q[:, self.axes[:, 0]])
-        if y.shape[-1] == 2:
-            frames = np.stack([-normal(y), y], axis=-1)
-        else:
-            x = _unit(cross(y, q[:, self.axes[:, 1]]))
-            frames = np.stack([x, y, cross(x, y)], axis=-1)
-        return frames.take(self.owners, axis=1)
+        x = _unit(cross(y, q[:, self.axes[:, 1]]))
+        return np.stack([x, y, cross(x, y)], axis=-1).take(self.owners, axis=1)
 
     def to_natural(self, at: Array, dq: Array) -> Array:
         """Return changes of the states as the frames see them."""

@@ -21,13 +21,13 @@ HEAD = """
 hfsim: 1
 name: case
 gravity: [0.4, -9.81]
+solve: {model: ancf, duration: 1.0}
 materials: {soft: {density: 900.0, youngs_modulus: 2.0e7}}
 sections: {bar: {shape: rectangle, width: 0.05, height: 0.08}}
 bodies:
   hub: {type: rigid, mass: 3.0, inertia: 0.2, points: {rim: [0.3, 0.1]}}
   b1: {type: beam, material: soft, section: bar, length: 1.5, elements: 3}
   b2: {type: beam, material: soft, section: bar, length: 1.5, elements: 3}
-solve: {model: ancf, duration: 1.0}
 """
 SCENES = {
     "chain": """
@@ -66,8 +66,24 @@ joints:
   c: {type: revolute, between: [b2.tip, ground]}
 initial: {b1: {angle: 1.0}, b2: {angle: -2.141592653589793}}
 """,
+    "led by sections": """
+  b3: {type: beam, element: cosserat, material: soft, section: bar, length: 1.5, elements: 3}
+  b4: {type: beam, element: continuum, degree: 4, section_degree: 3, material: soft, section: bar, length: 2}
+joints:
+  pin: {type: revolute, between: [ground, b1.root]}
+  elbow: {type: revolute, between: [b1.tip, b3.root]}
+  wrist: {type: revolute, between: [b3.tip, b4.tip]}
+""",
 }
-MULTIPLIERS = {"chain": 0, "from the tip": 0, "clamped": 1, "hub": 3, "hinged on the hub": 2, "loop": 2}
+MULTIPLIERS = {
+    "chain": 0,
+    "from the tip": 0,
+    "clamped": 1,
+    "hub": 3,
+    "hinged on the hub": 2,
+    "loop": 2,
+    "led by sections": 10,
+}
 
 
 def scene_of(name, extra=""):

@@ -22,6 +22,7 @@ from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.section_markers import SectionMarker
+from hfsim.parts.bodies.planar_carried import CarriedBeams
 from hfsim.parts.bodies.root_axes import SectionFrameChart
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
@@ -180,12 +181,16 @@ class CosseratBeam(VectorBeam):
         resisting = self.mesh.resisting[1] * self.mesh.points[1]
         yield SectionDamping(elements, resisting, self.mesh.strains, item=self.item)
 
+    def increments(self) -> CarriedBeams | None:
+        """Return its vectors as the sections of a planar beam see them, in the frame of the root none."""
+        return None if self.framed or self.n_dim == 3 else CarriedBeams(self.columns, 1, 2)
+
     def carried(self) -> Carried | None:
-        """Return the vectors of each node with its section vectors, in the frame of the root none."""
-        if self.framed:
+        """Return the vectors of each node with its section vectors, in space and absolute."""
+        if self.framed or self.n_dim == 2:
             return None
         columns = np.arange(self.columns.start, self.columns.stop)
-        vectors = columns.reshape(-1, self.n_dim, self.n_dim)
+        vectors = columns.reshape(-1, 3, 3)
         return Carried(vectors, vectors[:, 1:])
 
     def weight(self, n: int) -> ConstantForce:

@@ -23,8 +23,9 @@ from hfsim.mechanics.planar_markers import NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.mesh import BeamMesh
+from hfsim.parts.bodies.planar_carried import CarriedBeams
 from hfsim.parts.bodies.planar_frame import FrameChart, relative_nodes
-from hfsim.parts.bodies.planar_natural import BeamIncrements, NaturalBeams
+from hfsim.parts.bodies.planar_natural import NaturalBeams, PlanarIncrements
 from hfsim.parts.bodies.vector_beam import VectorBeam
 
 
@@ -196,14 +197,14 @@ class NodalBeam(VectorBeam):
         """Return the map to the body frame, if it is stepped in that."""
         return FrameChart(self.columns, 1, self.mesh.element.stride) if self.framed else None
 
-    def increments(self) -> BeamIncrements | None:
-        """Return the natural increments of the Green strain."""
+    def increments(self) -> PlanarIncrements | None:
+        """Return the natural increments of the Green strain, where there are such."""
         element = self.mesh.element
         row = (self.columns, 1, element.stride, element.length, self.framed)
         if element.stride == element.per_node:
             return NaturalBeams(*row)
         if element.per_node > 2:
-            return None
+            return None if self.framed else CarriedBeams(*row[:3])
         from hfsim.parts.bodies.planar_interior import InteriorBeams
 
         return InteriorBeams(*row)

@@ -27,26 +27,39 @@ from hfsim.parts.elements.polynomial import mean_square_slope
 
 
 @frozen
-class BeamIncrements(BodyIncrements):
-    """What natural increments of all beams have in common.
+class PlanarIncrements(BodyIncrements):
+    """Increments of beams whose vectors are complex numbers.
 
     Attributes
     ----------
     stride : int
         Vectors from one nodal position to the next.
+    """
+
+    stride: int
+
+    def _complex(self, q: Array) -> ComplexArray:
+        part = q[:, self.columns].reshape(len(q), self.bodies, -1)
+        return np.ascontiguousarray(part).view(np.complex128)
+
+    def _put(self, z: ComplexArray, out: Array) -> None:
+        out[:, self.columns] = z.reshape(len(out), -1).view(np.float64)
+
+
+@frozen
+class BeamIncrements(PlanarIncrements):
+    """What natural increments of all beams have in common.
+
+    Attributes
+    ----------
     length : float
         Element length [m].
     framed : bool
         Whether the state has a body frame.
     """
 
-    stride: int
     length: float
     framed: bool
-
-    def _complex(self, q: Array) -> ComplexArray:
-        part = q[:, self.columns].reshape(len(q), self.bodies, -1)
-        return np.ascontiguousarray(part).view(np.complex128)
 
     def _vectors(self, c: ComplexArray) -> ComplexArray:
         """Return nodal vectors, or changes of them, as seen from the frame."""
@@ -90,9 +103,6 @@ class BeamIncrements(BodyIncrements):
         if self.framed:
             with_root(dz, c.imag[..., ROOT], dz.real[..., ROOT])
         self._put(dz, out)
-
-    def _put(self, z: ComplexArray, out: Array) -> None:
-        out[:, self.columns] = z.reshape(len(out), -1).view(np.float64)
 
 
 @frozen
