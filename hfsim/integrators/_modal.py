@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._derivative import ByStep, Correction, Derivative, Stages, Start
-from hfsim.integrators._problem import Increments, PlainIncrements, Problem
+from hfsim.integrators._derivative import ByStep, Correction, Start
+from hfsim.integrators._motions import MotionsDerivative, motions_of
+from hfsim.integrators._problem import Increments
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
-from hfsim.maths.frozen import frozen, mutable
+from hfsim.maths.frozen import mutable
 from hfsim.maths.traced import sometimes
 from hfsim.mechanics.linearized import Linearized
 
@@ -22,80 +23,27 @@ SLOW = 1e-2
 """Angle that a mode swings in a step below which its answer to forces is a power of time."""
 
 
-@frozen
-class Joints:
-    """What joints forbid, in the coordinates of a derivative.
-
-    Attributes
-    ----------
-    jacobian : ndarray, shape (n_rows, n)
-    closing : ndarray, shape (n_rows, n)
-        The smallest motions, measured by the mass matrix, that close unit gaps.
-    forces : ndarray, shape (n_rows, n_modes)
-        Forces on the modes that these motions cause.
-    """
-
-    jacobian: Array
-    closing: Array
-    forces: Array
-    holds_arrays: ClassVar[bool] = True
-
-    @classmethod
-    def of(cls, at: Linearized, jacobian: Array, R: Array) -> Joints:
-        """Return them in the state's own coordinates, beside modes R."""
-        closing = at.closing()
-        return cls(jacobian, closing, closing @ at.stiffness.T @ R)
-
-    def closed(self, gaps: Array) -> Array:
-        """Return the motions that close gaps (..., n_rows)."""
-        return np.asarray(gaps @ self.closing)
-
-
 @mutable
-class ModalDerivative(Derivative):
+class ModalDerivative(MotionsDerivative):
     """J_q = -R S with S R = diag(w2), where nothing dissipates: every mode is corrected by itself.
 
-    Where the mass matrix is known, a residual has a column for each mode and then one for each joint
-    equation, and comes from forces, f - M a.  Accelerations that are missing in *another* state would depend
-    on its mass matrix in natural increments, and stiff modes would be corrected by the wrong amount.
-
     Attributes
     ----------
-    increments : Increments
     w2 : ndarray, shape (n_modes,)
         Squares of the circular frequencies.
-    R : ndarray, shape (n, n_modes)
-        Modes as columns.
-    L : ndarray, shape (n_modes, n)
-        L R = 1: with as many modes as coordinates the inverse of R.
-    joints : Joints, or None
-        Motions that joints forbid and which have no modes; None where there are as many modes as coordinates.
-    mass : ndarray, shape (n, n), or None
-        Of the state's coordinates; R^T then turns forces into accelerations of the modes.
     """
 
-    increments: Increments
     w2: Array | ComplexArray
-    R: Array | ComplexArray
-    L: Array | ComplexArray
-    joints: Joints | None = None
-    mass: Array | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         # a velocity error of a mode swings out to itself over the frequency; slow ones over half a second
         self._per_rate = 1.0 / np.sqrt(np.abs(self.w2) + 4.0)
         self._factors: ByStep[tuple[_Factor, _Factor]] = ByStep()
-        rows = self.L if self.joints is None else np.concatenate([self.L, self.joints.jacobian])
-        self._columns = np.ascontiguousarray(rows.T)
 
     def frequency(self) -> Array:
         """Return the largest circular frequency [rad/s]."""
         return np.asarray(np.sqrt(np.abs(self.w2).max(initial=0.0)))
-
-    @property
-    def n(self) -> int:
-        """Number of coordinates."""
-        return int(self.L.shape[1])
 
     @classmethod
     def of(cls, at: Linearized, natural: Increments, q: Array) -> ModalDerivative:
@@ -104,21 +52,10 @@ class ModalDerivative(Derivative):
         Following loads make the stiffness unsymmetric; corrections do with its symmetric part.
         """
         allowed = at.allowed
-        K = allowed @ at.stiffness @ allowed.T
+        pull = allowed @ at.stiffness
+        K = pull @ allowed.T
         w2, U = np.linalg.eigh(0.5 * (K + K.T))
-        R = allowed.T @ U
-        L = R.T @ at.mass
-        joints = None if at.jacobian is None else Joints.of(at, at.jacobian, R)
-        if isinstance(natural, PlainIncrements):
-            return cls(natural, w2, R, L, joints)
-        geometry = natural.geometry(q[None])
-        motions = [np.ascontiguousarray(R.T)] if joints is None else [R.T, joints.closing]
-        rows = natural.to_natural(geometry, np.concatenate(motions))
-        R = np.ascontiguousarray(rows[: R.shape[1]].T)
-        unit = natural.from_natural(geometry, np.eye(len(q))).T
-        if joints is not None:
-            joints = Joints(joints.jacobian @ unit, rows[R.shape[1] :], joints.forces)
-        return cls(natural, w2, R, L @ unit, joints, at.mass)
+        return cls(natural, *motions_of(at, natural, q, U.T @ allowed, U.T @ pull), w2)
 
     @classmethod
     def of_slope(cls, by_q: Array, natural: Increments) -> ModalDerivative | None:
@@ -128,23 +65,7 @@ class ModalDerivative(Derivative):
             L = np.linalg.inv(R)
         except np.linalg.LinAlgError:
             return None
-        return cls(natural, w2, R, L) if np.abs(L).max() * len(by_q) < 1e10 else None
-
-    def residual(self, problem: Problem, stages: Stages) -> Array:
-        """Return missing accelerations of the modes and gaps of joints."""
-        if self.mass is None or problem.imbalance is None:
-            r = self.reading(super().residual(problem, stages))
-        else:
-            forces, gaps = problem.unbalanced(*stages[1:5], stages.expected)
-            modes = self.increments.to_natural_forces(stages.at, forces) @ self.R
-            r = np.asarray(modes if self.joints is None else np.concatenate([modes, gaps], axis=1))
-        if stages.strained is not None:
-            r[:, : len(self.w2)] -= (self.pull(stages.strained) @ self.R).real
-        return r
-
-    def reading(self, r: Array) -> Array:
-        """Return accelerations in natural increments as accelerations of the modes and gaps of joints."""
-        return r if self.mass is None else np.asarray(r @ self._columns)
+        return cls(natural, R, L, None, None, w2) if np.abs(L).max() * len(by_q) < 1e10 else None
 
     def _real(self, z: ComplexArray) -> Array | ComplexArray:
         """Drop the imaginary part where the modes are real, so that what follows is real too."""
@@ -195,10 +116,9 @@ class ModalDerivative(Derivative):
         joining = np.concatenate([table.joining, (end_rate @ table.joining)[None]])
         moved = h * np.concatenate([h * table.A2, 0.5 * (end_rate @ table.A2)[None]])
         R, per_rate = np.ascontiguousarray(self.R.T), self._per_rate / h
-        columns = self._columns if self.mass is None else None
 
         def correct(r: Array) -> tuple[Array, Array]:
-            r = r if columns is None else r @ columns
+            r = self._read(r)
             parts = (table.parting @ r).reshape(2, poles, -1)
             z = parts[:, :, :m]
             if joints is not None:

@@ -1,8 +1,8 @@
 """Derivatives of the accelerations in the forms that Newton corrections need.
 
 With few unknowns and no damping, J is taken apart into modes: a correction is then a division for each
-mode and stage, for any step length.  With damping it is kept as dense matrices, and with many unknowns
-as the sparse matrices it comes from, factorised for each pole of the method.
+mode and stage, for any step length.  With damping it is kept as dense matrices of the motions that joints
+allow, and with many unknowns as the sparse matrices it comes from, factorised for each pole of the method.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 
 from hfsim.integrators._derivative import ByStep, Correction, Derivative, Stages, Start, in_natural
 from hfsim.integrators._modal import ModalDerivative
+from hfsim.integrators._motions import MotionsDerivative, motions_of
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array, ComplexArray
@@ -106,94 +107,77 @@ def place_of(problem: Problem, taken: Array) -> tuple[tuple[float, Array, Array,
 def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:
     if at.sparse:
         return SparseDerivative(natural, q, at)
-    if at.damping is None and not at.solved:
-        return ModalDerivative.of(at, natural, q)
-    slopes, geometry = [J for J in at.slopes() if J is not None], natural.geometry(q[None])
-    plain = isinstance(natural, PlainIncrements)
-    by_q, *others = slopes if plain else in_natural(natural, geometry, *slopes)
-    if not others:
-        modes = ModalDerivative.of_slope(by_q, natural)
-        if modes is not None:
-            return modes
-    by_v = others[0] if others else np.zeros_like(by_q)
-    of_imbalance = None if at.solved or plain else _of_imbalance(natural, geometry, at)
-    return DenseDerivative(natural, by_q, by_v, of_imbalance)
-
-
-def _of_imbalance(natural: Increments, geometry: Any, at: Linearized) -> tuple[Array, Array]:
-    """Return the maps from forces and gaps of an imbalance, as rows, to natural accelerations."""
-    once = natural.to_natural(geometry, at.mobility)
-    mobility = natural.to_natural(geometry, np.ascontiguousarray(once.T))
-    closing = at.closing()
-    return mobility, natural.to_natural(geometry, closing) if len(closing) else closing
+    if not at.solved:
+        if at.damping is None:
+            return ModalDerivative.of(at, natural, q)
+        rows = at.allowed
+        pull, drag = rows @ at.stiffness, rows @ at.damping
+        return DenseDerivative(
+            natural, *motions_of(at, natural, q, rows, pull, drag), pull @ rows.T, drag @ rows.T
+        )
+    slopes = [J for J in at.slopes() if J is not None]
+    if not isinstance(natural, PlainIncrements):
+        slopes = in_natural(natural, natural.geometry(q[None]), *slopes)
+    if len(slopes) == 1 and (modes := ModalDerivative.of_slope(slopes[0], natural)) is not None:
+        return modes
+    unit = np.eye(len(q))
+    by_v = slopes[1] if len(slopes) > 1 else np.zeros_like(unit)
+    return DenseDerivative(natural, unit, unit, None, None, -slopes[0], -by_v)
 
 
 @mutable
-class DenseDerivative(Derivative):
-    """J_q and J_v as matrices: one complex inverse for each pole of the method and step length.
+class DenseDerivative(MotionsDerivative):
+    """J_q = -R K L and J_v = -R D L with matrices: one complex factor for each pole and step length.
 
     Attributes
     ----------
-    increments : Increments
-    by_q, by_v : ndarray, shape (n, n)
-    of_imbalance : tuple of ndarray, shapes (n, n) and (n_rows, n), or None
-        Maps from forces on natural increments and gaps, as rows, to accelerations in natural increments; None
-        in the state's own coordinates, where missing accelerations serve as well.
+    stiffness, damping : ndarray, shape (n_motions, n_motions)
+        K and D.
     """
 
-    increments: Increments
-    by_q: Array
-    by_v: Array
-    of_imbalance: tuple[Array, Array] | None = None
+    stiffness: Array
+    damping: Array
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         self._inverse: ByStep[ComplexArray] = ByStep()
 
-    @property
-    def n(self) -> int:
-        """Number of coordinates."""
-        return len(self.by_q)
-
     def frequency(self) -> Array:
-        """Return a bound of the circular frequencies, all but the largest one: the norm of J_q^4 [rad/s]."""
-        size = np.abs(self.by_q).max(initial=1e-300)
-        once = self.by_q / size
+        """Return a bound of the circular frequencies, all but the largest one: the norm of K^4 [rad/s]."""
+        size = np.abs(self.stiffness).max(initial=1e-300)
+        once = self.stiffness / size
         twice = once @ once
         return np.asarray(np.sqrt(size) * np.sum((twice @ twice) ** 2) ** (1.0 / 16.0))
 
     def check(self) -> None:
         """Refuse what is not finite: LAPACK would print a complaint of its own."""
-        if not (np.isfinite(self.by_q).all() and np.isfinite(self.by_v).all()):
+        if not (np.isfinite(self.stiffness).all() and np.isfinite(self.damping).all()):
             raise np.linalg.LinAlgError("the derivative is not finite")
-
-    def residual(self, problem: Problem, stages: Stages) -> Array:
-        """Return missing accelerations in natural increments, from forces where these are at hand."""
-        if self.of_imbalance is None:
-            return super().residual(problem, stages)
-        mobility, closing = self.of_imbalance
-        if problem.imbalance is None:
-            r = super().residual(problem, stages)
-        else:
-            forces, gaps = problem.unbalanced(*stages[1:5], stages.expected)
-            r = self.increments.to_natural_forces(stages.at, forces) @ mobility + gaps @ closing
-        return r if stages.strained is None else r - self.pull(stages.strained) @ mobility
 
     def free_motion(self, table: Collocation, start: Start, h: float) -> Array:
         """Keep the accelerations at the start of the step, less what dies out at once."""
-        matrix = np.eye(len(self.by_q)) - h * self.by_v - h * h * self.by_q
-        damped = np.linalg.solve(matrix, start.second + h * (self.by_q @ start.first))
-        tau = (h * table.nodes)[:, None]
+        tau, m = (h * table.nodes)[:, None], len(self.stiffness)
+        rate = start.first @ self._columns
+        pulled = self.stiffness @ rate[:m]
+        if self.joints is not None:
+            pulled = pulled + rate[m:] @ self.joints.forces
+        damped = self.solver(h * h, h)(start.second - h * (self.R @ pulled))
         return np.asarray(tau * start.first + 0.5 * tau**2 * damped)
 
     def correction(self, table: Collocation, h: float) -> Correction:
-        """Solve with I - (h pole)^2 J_q - h pole J_v."""
-        mu = h * table.poles[:, None]
-        inverse = self._inverse.of(h, lambda: self._inverted(mu[:, :, None]))
+        """Solve with 1 + (h pole)^2 K + h pole D."""
+        mu, joints, m = h * table.poles[:, None], self.joints, len(self.stiffness)
+        inverse = self._inverse.of(h, lambda: self._inverted(mu[:, :, None] ** 2, mu[:, :, None]))
         right, joining, end_rate = mu**2 * table.right, table.joining, table.end_rate / h
+        R, moved = np.ascontiguousarray(self.R.T), h * h * table.A2
 
         def correct(r: Array) -> tuple[Array, Array]:
-            found = (inverse @ (right @ r)[:, :, None])[:, :, 0]
-            y = joining @ np.concatenate([found.real, found.imag])
+            r = self._read(r)
+            z = self._forced(right @ r, mu**2, mu)
+            found = (inverse @ z[:, :, None])[:, :, 0]
+            y = joining @ np.concatenate([found.real, found.imag]) @ R
+            if joints is not None:
+                y += joints.closed(moved @ r[:, m:])
             # without modes every velocity error counts as if it were slow, which is on the safe side
             return y, 0.5 * np.abs(end_rate @ y).max()
 
@@ -201,11 +185,25 @@ class DenseDerivative(Derivative):
 
     def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
         """Return a product with the inverse."""
-        inverse = np.linalg.inv(np.eye(len(self.by_q)) - by_q * self.by_q - by_v * self.by_v)
-        return lambda r: np.asarray(inverse @ r)
+        inverse, joints, m = self._inverted(by_q, by_v), self.joints, len(self.stiffness)
 
-    def _inverted(self, mu: ComplexArray) -> ComplexArray:
-        return np.linalg.inv(np.eye(len(self.by_q)) - mu**2 * self.by_q - mu * self.by_v)
+        def product(r: Array) -> Array:
+            r = r @ self._columns
+            y = self.R @ (inverse @ self._forced(r[None], by_q, by_v).T)[:, 0]
+            return np.asarray(y if joints is None else y + joints.closed(r[m:]))
+
+        return product
+
+    def _forced(self, r: Any, by_k: Any, by_d: Any) -> Any:
+        """Return what motions are to answer to: with what motions that close gaps leave to them."""
+        if self.joints is None:
+            return r
+        own, gaps = r[:, : len(self.stiffness)], r[:, len(self.stiffness) :]
+        return own - by_k * (gaps @ self.joints.forces) - by_d * (gaps @ self.joints.drags)
+
+    def _inverted(self, by_k: Any, by_d: Any) -> Any:
+        """Return the inverse of 1 + by_k K + by_d D."""
+        return np.linalg.inv(np.eye(len(self.stiffness)) + by_k * self.stiffness + by_d * self.damping)
 
 
 @mutable

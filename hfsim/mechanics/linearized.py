@@ -69,14 +69,23 @@ class Linearized:
         return Linearized(mass, stiffness, damping, jacobian, rows_of(metric), metric)
 
     @cached_property
+    def _root(self) -> Array:
+        """Rows that are orthonormal in the metric."""
+        return np.eye(len(self.mass)) if self.inverse_root is None else self.inverse_root
+
+    @cached_property
+    def _parted(self) -> tuple[Array, Array]:
+        """What joints forbid of these rows, as columns, and an orthonormal basis that begins with that."""
+        forbidden = np.zeros((len(self.mass), 0)) if self.jacobian is None else self._root @ self.jacobian.T
+        return forbidden, np.linalg.qr(forbidden, mode="complete")[0]
+
+    @cached_property
     def allowed(self) -> Array:
         """Motions that the constraints allow, as rows, orthonormal in the metric of the mass."""
-        root = np.eye(len(self.mass)) if self.inverse_root is None else self.inverse_root
         if self.jacobian is None:
-            return root
-        forbidden = root @ self.jacobian.T
-        Z = np.linalg.qr(forbidden, mode="complete")[0][:, forbidden.shape[1] :]
-        return np.asarray(Z.T @ root)
+            return self._root
+        forbidden, basis = self._parted
+        return np.asarray(basis[:, forbidden.shape[1] :].T @ self._root)
 
     @cached_property
     def mobility(self) -> Array:
@@ -85,10 +94,9 @@ class Linearized:
 
     def closing(self) -> Array:
         """Return the smallest accelerations, measured by the mass, that close unit gaps, (n_rows, n)."""
-        if self.jacobian is None:
-            return np.zeros((0, len(self.mass)))
-        W = np.linalg.solve(self.metric, self.jacobian.T)
-        return np.ascontiguousarray(np.linalg.solve((self.jacobian @ W).T, W.T))
+        forbidden, basis = self._parted
+        across = basis[:, : forbidden.shape[1]].T
+        return np.linalg.solve(across @ forbidden, across @ self._root)
 
     def slopes(self) -> tuple[Array, Array | None]:
         """Return the derivatives of the accelerations by q and v, (n, n).
