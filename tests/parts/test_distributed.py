@@ -1,6 +1,8 @@
 # ruff: noqa: E501
 """Forces along beams: closed forms of statics in all models, work, frames, section forces, balance of energy."""
 
+import math
+
 import numpy as np
 import pytest
 from analytical import jacobian
@@ -168,6 +170,24 @@ def test_turned_as_a_whole_it_does_the_same(model):
         result = simulate(parse_deck(SWING, "deck.yaml", [*sets, "output.channels=[b.tip.deflection, b.angle]", "solve.tolerance=1e-9", "bodies.b.elements=2", "solve.duration=0.3"]), error_estimate=False)
         runs.append([result.channels[0].values, result.channels[1].values - angle])
     assert np.array(runs[1]) == pytest.approx(np.array(runs[0]), abs=1e-7)
+
+
+ARC = "element: cosserat, axis: {arc: {radius: 2.0, angle: 1.2}}, degree: 6"
+
+
+@pytest.mark.parametrize("model", ["exact", "linear", "rigid"])
+@pytest.mark.parametrize(("deck", "roll"), [(PLANAR, 0.0), (SPATIAL, 0.4)], ids=["plane", "space"])
+def test_on_an_arc_it_follows_the_axes_of_the_sections(model, deck, roll):
+    """A pressure p across an arc of radius R has the resultant p R [cos a - 1, sin a]; sections may be rolled."""
+    about = f", section_angle: {roll}" if roll else ""
+    force = [0.3, 2.0] if deck is PLANAR else [0.3, 2.0 * math.cos(roll), -2.0 * math.sin(roll)]
+    sets = [f"solve.model={model}", "loads.wind.follower=true", f"loads.wind.force={force}"]
+    scene = scene_of(*sets, deck=deck.replace("length: 1.0", ARC + about))
+    (part,) = (part for part in scene.system.forces if part.item == "loads.wind")
+    found = np.sum(part.at_places(np.zeros(1), scene.system.absolute(scene.q[None])), axis=0)[0]
+    along, across = [np.sin(1.2), 1.0 - np.cos(1.2)], [np.cos(1.2) - 1.0, np.sin(1.2)]
+    expected = 2.0 * (0.3 * np.array(along) + 2.0 * np.array(across))
+    assert found == pytest.approx([*expected, 0.0][: len(found)], abs=1e-9)
 
 
 def test_a_shape_beyond_the_beam_is_refused():

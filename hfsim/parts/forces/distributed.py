@@ -67,7 +67,15 @@ class DistributedSpec(LoadSpec):
         edges, places, weights = self._points(spec.length, spec.elements, degree)
         markers = tuple(body.grip((float(a), *(0.0,) * (body.n_dim - 1))) for a in places)
         law = self.law.build() if self.law else None
-        return LineForce(markers, np.outer(weights, self.force), edges, self.follower, law)
+        return LineForce(markers, weights[:, None] * self._directed(spec, places), edges, self.follower, law)
+
+    def _directed(self, spec: Any, places: Array) -> Array:
+        """Return the force per length at places in the axes that markers turn, (n or 1, n_dim)."""
+        if not self.follower:
+            return np.array([self.force])
+        from hfsim.parts.bodies.beam_axis import Axis
+
+        return np.asarray(Axis.of(spec, len(self.force)).sections(places)[1] @ self.force)
 
     def _points(self, length: float, elements: int, degree: int) -> tuple[Array, Array, Array]:
         """Return cells, and places there with weights, the factor included, exact for shapes of a degree."""
