@@ -247,8 +247,8 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
 
 def _refuse_without_strains(loaded: LoadedDeck, bodies: Mapping[str, Body]) -> None:
     for k, channel in enumerate(loaded.deck.channels):
-        kind, owner = kind_of(channel), split_point(channel)[0]
-        if kind.of_strains and not len(bodies[owner].outline_places):
+        body = bodies.get(split_point(channel)[0])  # none where it is of another part
+        if kind_of(channel).of_strains and body and not len(body.outline_places):
             message = f"{channel}: without strains, as in its model, a beam has no internal forces"
             raise loaded.problem(f"output.channels.{k}", message, "take linear or exact")
 

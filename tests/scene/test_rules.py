@@ -199,6 +199,13 @@ def test_each_part_has_its_own_steps_and_all_are_counted():
         assert v[:, part.columns] == pytest.approx(own[1], abs=1e-12)
 
 
+def test_parts_do_not_ask_for_internal_forces_of_each_other():
+    asked = "output.channels=[arm.root.axial_force, blade.root.axial_force]"
+    assert len(build(load_deck(SPARE, [asked])).parts) == 3
+    found = simulate(load_deck(SPARE, [asked, "solve.duration=0.01"]))
+    assert found.status == "done" and all(np.ptp(one.values) > 0.0 for one in found.channels)
+
+
 def test_a_part_that_stops_is_named_and_stops_the_scene():
     run = simulate(load_deck(SPARE, ["solve.max_steps=5"]), error_estimate=False)
     assert run.status == "limit"
