@@ -13,6 +13,8 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, ComplexArray
 
+FIRST = np.eye(3)[0]
+"""The first axis in space."""
 QUARTER_TURN = np.array([[0.0, 1.0], [-1.0, 0.0]])
 """``a @ QUARTER_TURN`` is the planar cross product of the unit normal with ``a``."""
 
@@ -63,7 +65,7 @@ def across(axis: Sequence[float]) -> tuple[tuple[float, ...], ...]:
     if len(axis) == 2:
         return ((-axis[1], axis[0]),)
     n = np.asarray(axis) / np.linalg.norm(axis)
-    first = np.eye(3)[0 if abs(n[0]) < 0.9 else 1]
+    first = np.array([1.0, 0.0, 0.0] if abs(n[0]) < 0.9 else [0.0, 1.0, 0.0])
     first = first - (first @ n) * n
     first /= np.linalg.norm(first)
     return tuple(first.tolist()), tuple(cross(n, first).tolist())

@@ -13,7 +13,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import lever, rotation, rotation_rates, skew, smallest_rotation
+from hfsim.maths.rotations import FIRST, lever, rotation, rotation_rates, skew, smallest_rotation
 from hfsim.mechanics.force import difference
 from hfsim.mechanics.markers import ROUNDING, LinearMarker, Marker
 from hfsim.mechanics.products import LinearVector
@@ -56,7 +56,7 @@ class VectorMarker(LinearMarker):
         if self.n_axes == 3:
             return axes.swapaxes(1, 2)
         t = axes[:, 0] / np.linalg.norm(axes[:, 0], axis=-1, keepdims=True)
-        return smallest_rotation(np.eye(3)[0], t)
+        return smallest_rotation(FIRST, t)
 
     def turned(self, x: Array, a: Array) -> Array:
         """Return vectors (3,), given in its axes, in ground axes."""

@@ -9,7 +9,7 @@ import numpy as np
 from hfsim.deck.fields import split_point
 from hfsim.deck.spec import Complaint
 from hfsim.maths.rank import null_space
-from hfsim.maths.rotations import smallest_rotation
+from hfsim.maths.rotations import FIRST, smallest_rotation
 from hfsim.parts.specs import JointSpec, LoadSpec
 from hfsim.scene.assembly import Assembly
 from hfsim.scene.closing import Linkage
@@ -170,5 +170,5 @@ def _stating(deck: Deck, line: str) -> str:
 
 def _roll(assembly: Assembly, line: str) -> float:
     """Return by what angle the frame of a line is turned about its tangent at the start [rad]."""
-    y = smallest_rotation(np.eye(3)[0], assembly.tangent(line))[:, 1]
+    y = smallest_rotation(FIRST, assembly.tangent(line))[:, 1]
     return float(np.arccos(np.clip(y @ assembly.poses[line].turned(np.eye(3)[1]), -1.0, 1.0)))

@@ -5,10 +5,11 @@ from copy import deepcopy
 import numpy as np
 import pytest
 import yaml
-from natively import both, evaluates_alike, native
+from natively import both, evaluates_alike, native, states
 from test_totality import CASES, ELBOW, EXAMPLES, SCENE, SPACE, scene_with
 
 from hfsim.marching.integration import run_integration
+from hfsim.maths.replayed import Replayed
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -114,3 +115,19 @@ def test_every_part_moves_as_it_does_in_numpy(name, monkeypatch):
     assert one.stop is None and other.stop is None
     assert np.abs(one.trajectory.q - other.trajectory.q).max() <= 1e-9
     assert abs(len(one.trajectory.segments) - len(other.trajectory.segments)) <= 1
+
+
+@pytest.mark.parametrize("name", BEAMS)
+def test_forces_of_all_beams_are_recorded_whole(name):
+    """None of them is a call of Python in a recording."""
+    scene, rng = build(parse_deck(BEAMS[name])), np.random.default_rng(3)
+    for part in scene.system.forces:
+
+        def force(t, x, u, part=part):
+            out = np.zeros_like(x)
+            part.add_force(t, x, u, out)
+            return out
+
+        replayed, (t, q, v) = Replayed(force), states(scene, rng)
+        replayed(t, scene.system.absolute(q), scene.system.absolute_velocity(q, v))
+        assert replayed.refused is None

@@ -14,7 +14,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.rotations import normal, rotation, smallest_rotation
+from hfsim.maths.rotations import FIRST, normal, rotation, smallest_rotation
 from hfsim.maths.shapes import gauss_legendre
 
 PIECES = 64
@@ -25,7 +25,6 @@ _PARTS = 64
 MOST_TURN = 0.5 * np.pi
 """Angle by which an element may be curved and twisted [rad]: polynomials follow it no further."""
 ROUNDING = 1e-6
-FIRST = np.eye(3)[0]
 
 
 class Line:

@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.rotations import cross, skew
+from hfsim.maths.rotations import FIRST, cross, skew
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce
 from hfsim.parts.bodies.spatial_nodal import SpatialNodalBeam
@@ -61,7 +61,7 @@ class SpatialLinearElasticForce(LinearElasticForce):
         rates = (rates + p @ skew(spin)).reshape(len(x), -1)
         if not self.uses_rates:
             return np.asarray(rates)
-        roll = cross(np.array([1.0, 0.0, 0.0]), p).reshape(len(x), -1)
+        roll = cross(FIRST, p).reshape(len(x), -1)
         lost = roll @ self.damping
         share = np.sum(lost * rates, axis=-1) / (np.sum(lost * roll, axis=-1) + self._least_roll)
         return np.asarray(rates - share[:, None] * roll)

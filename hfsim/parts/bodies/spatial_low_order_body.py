@@ -11,7 +11,7 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
-from hfsim.maths.rotations import lever, skew, smallest_rotation
+from hfsim.maths.rotations import FIRST, lever, skew, smallest_rotation
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
@@ -132,7 +132,7 @@ class SpatialLowOrderMarker(Marker):
         """Return vectors (3,), given in its axes, in ground axes: by the smallest rotation to the slope."""
         slope = self._slope(x)
         unit = slope / np.linalg.norm(slope, axis=-1, keepdims=True)
-        return np.asarray(smallest_rotation(np.eye(3)[0], unit) @ a)
+        return np.asarray(smallest_rotation(FIRST, unit) @ a)
 
     def axis(self, x: Array, a: Array) -> Array:
         """Return the slope, times the first component."""
@@ -149,15 +149,15 @@ class SpatialLowOrderMarker(Marker):
     def spin_jacobian(self, x: Array) -> Array:
         """Return t x dt / |t|^2 of the slope."""
         t = self._slope(x)
-        return skew(t / np.sum(t * t, axis=-1, keepdims=True)) @ self.axis_jacobian(x, np.eye(3)[0])
+        return skew(t / np.sum(t * t, axis=-1, keepdims=True)) @ self.axis_jacobian(x, FIRST)
 
     def spin_bias(self, x: Array, u: Array) -> Array:
         """Return t x t_b / |t|^2 - 2 (t . t') (t x t') / |t|^4."""
-        t, first = self._slope(x), np.eye(3)[0]
-        rate = (self.axis_jacobian(x, first) @ u[:, self.columns, None])[..., 0]
+        t = self._slope(x)
+        rate = (self.axis_jacobian(x, FIRST) @ u[:, self.columns, None])[..., 0]
         square = np.sum(t * t, axis=-1, keepdims=True)
         stretching = 2.0 * np.sum(t * rate, axis=-1, keepdims=True) / square
-        return np.asarray(lever(t, self.axis_bias(x, u, first) - stretching * rate) / square)
+        return np.asarray(lever(t, self.axis_bias(x, u, FIRST) - stretching * rate) / square)
 
     def position_stiffness(self, x: Array, force: Array) -> Entries:
         """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
@@ -244,8 +244,7 @@ class SpatialLowOrderBody(SpatialLinearBeam):
 
     def _slopes(self, x: Array, places: Array) -> Array:
         """Return those of the foreshortened line."""
-        first = np.eye(3)[0]
-        return np.stack([self.marker((float(a), 0.0, 0.0)).axis(x, first) for a in places], axis=1)
+        return np.stack([self.marker((float(a), 0.0, 0.0)).axis(x, FIRST) for a in places], axis=1)
 
     def third_order_inertia(self, x: Array) -> float:
         """Return that of the beam."""
