@@ -20,7 +20,7 @@ of no length.  All end at round-off only: what is left of the equations is what 
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,7 @@ from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss, legendre
 from hfsim.integrators.collocation import CollocationMethod, CollocationStepper
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.linearized import by_differences
 
 DEFAULT_STAGES = 4
 POINTS_OTHERWISE = 16
@@ -243,16 +244,28 @@ class EnergyStepper(CollocationStepper):
         """Return minus the derivative of the defect by the stage accelerations; None in sparse scenes."""
         way, s, n = self._path, self.table.stages, len(q)
         self._problem.counts.factorisations += 1
+        slopes = self._slopes(*self._states(t, q, v, h, a))
+        if slopes is None:
+            return None
         matrix = np.eye(s * n).reshape(s, n, s, n)
-        for k, state in enumerate(zip(*self._states(t, q, v, h, a), strict=True)):
-            at = self._problem.near(*state)
-            if at.sparse:
-                return None
-            by_q, by_v = at.slopes()
-            matrix -= np.einsum("i,j,ab->iajb", way.average[:, k], h * h * way.moved[k], by_q)
-            if by_v is not None:
-                matrix -= np.einsum("i,j,ab->iajb", way.average[:, k], h * way.rate[k], by_v)
+        for by, weights in zip(slopes, (h * h * way.moved, h * way.rate), strict=True):
+            if by is not None:
+                matrix -= np.einsum("ik,kj,kab->iajb", way.average, weights, by, optimize=True)
         return matrix.reshape(s * n, s * n)
+
+    def _slopes(self, *states: Array) -> tuple[Array, Array | None] | None:
+        """Return the derivatives of the accelerations by q and v in states; None in sparse scenes.
+
+        They have all inertia forces: those of joints that bend are by differences if need be.
+        """
+        problem = self._problem
+        if problem.slopes is not None:
+            return problem.slopes(*states)[1:]
+        if problem.near(*next(zip(*states, strict=True))).sparse:
+            return None
+        near = problem.near if problem.quartic else partial(by_differences, problem.evaluate, dissipates=True)
+        by_q, by_v = zip(*(near(*state).slopes() for state in zip(*states, strict=True)), strict=True)
+        return np.array(by_q), None if by_v[0] is None else np.array(by_v)
 
 
 class _Stagnation:

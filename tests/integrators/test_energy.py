@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from hfsim.errors import DeckError, SolverFailure
-from hfsim.integrators import energy
+from hfsim.integrators import choose, energy
 from hfsim.marching.balance import balance, step_samples
-from hfsim.marching.integration import run_integration
+from hfsim.marching.integration import problem_of, run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.studies.spectra import fastest_mode
@@ -223,3 +223,25 @@ def test_models_without_a_constant_mass_matrix_are_refused():
     stop = run_integration(scene, scene.deck.solve.model_copy(update={"method": "energy"})).stop
     assert isinstance(stop, SolverFailure)
     assert (stop.kind, stop.item) == ("deck", "solve.method")
+
+
+# what its steps cost -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("deck", ["heavy_top", "door", "governor"])
+def test_the_last_resort_is_newtons_iteration(deck):
+    """It has the derivative of its equations, with the inertia forces of what spins between joints."""
+    scene, rng = build(load_deck(f"cases/{deck}.yaml", ["solve.method=energy"])), np.random.default_rng(1)
+    problem, q, v = problem_of(scene), scene.q, scene.v + 0.5 * rng.standard_normal(scene.v.shape)
+    stepper, h = choose(scene.deck.solve, False).start(problem, 0.0, q, v), 0.01
+    a = problem.single(0.0, q, v) + 0.1 * rng.standard_normal((stepper.table.stages, len(q)))
+    change = rng.standard_normal(a.shape)
+    ahead, behind = (stepper._defect(0.0, q, v, h, a + way * change) for way in (0.5, -0.5))
+    foretold = (stepper._matrix(0.0, q, v, h, a) @ change.ravel()).reshape(a.shape)
+    moved = behind - ahead - change
+    assert foretold - change == pytest.approx(moved, abs=1e-3 * np.abs(moved).max())
+
+
+def test_spinning_bodies_take_few_derivatives():
+    _, done = solved("cases/heavy_top.yaml", "solve.method=energy", "solve.max_steps=20")
+    assert done.problem.counts.factorisations < 60
