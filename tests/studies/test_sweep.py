@@ -149,6 +149,27 @@ def test_critical_loads_are_collected(wheel):
         assert row["status"] == "done" and row["frequency(1)"]
 
 
+SHALLOW = """
+hfsim: 1
+name: shallow
+bodies: {top: {type: rigid, mass: 1.0, inertia: 1.0}}
+joints: {guide: {type: prismatic, between: [ground, top], axis: [0.0, 1.0]}}
+springs: {a: {type: two_point, between: [ground.l, top], stiffness: 10.0, rest_length: 1.2}}
+ground: {points: {l: [-1.0, 0.0]}}
+initial: {top: {position: [0.0, 0.6633249580710799]}}
+loads: {push: {type: force, at: top, force: [0.0, -0.2]}}
+solve: {duration: 1.0}
+"""
+
+
+def test_load_factors_that_are_not_reached_are_no_critical_loads(wheel):
+    (wheel / "shallow.yaml").write_text(SHALLOW)
+    options = ("--vary", "solve.tolerance=1e-6", "--collect", "critical(1)", "--no-plots")
+    assert call("shallow.yaml", *options).exit_code == 0
+    (row,) = rows_of("shallow.sweep")
+    assert row["critical(1)"] == "" and "not reached" in row["reason"]
+
+
 def test_a_failed_run_is_a_row(wheel):
     two = ("--vary", "bodies.hub.mass=1,-1", "--vary", "solve.max_steps=1,1000")
     told = call("wheel.yaml", *two, "--no-plots", "--set", "solve.duration=20")

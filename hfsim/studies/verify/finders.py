@@ -13,6 +13,7 @@ import numpy as np
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import HfsimError
 from hfsim.marching.sampling import SceneSamples, compute_channels
+from hfsim.marching.solution import Run
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.schema import SolveSpec
 from hfsim.simulate import simulate
@@ -158,10 +159,20 @@ def _at_rest(order: Order) -> tuple[Answer, ...]:
     found = run_static(order.load(), Wish(float(order.place), buckling=most))
     if found.status != "done":
         return _without(order, found.reason)
-    told = {str(k): load for k, load in enumerate(found.statistics.get("critical", ()), 1)} | found.final
-    missing = found.statistics.get("critical_reason") or "there are not so many critical loads"
-    names = (one.channel or str(one.number) for one in order.quantities)
-    return tuple(Answer(told[name]) if name in told else Answer(None, reason=missing) for name in names)
+    return tuple(_rested(found, one.channel, one.number) for one in order.quantities)
+
+
+def _rested(found: Run, channel: str, number: int) -> Answer:
+    """Return what a channel is at rest; without one a critical load factor that is reached, from 1."""
+    if channel:
+        return Answer(found.final[channel])
+    facts = found.statistics
+    if number > len(facts["critical"]):
+        return Answer(None, reason=facts["critical_reason"] or "there are not so many critical loads")
+    load = facts["critical"][number - 1]
+    if facts["critical_reached"][number - 1]:
+        return Answer(load)
+    return Answer(None, reason=f"the load factor {load:.4g} is extrapolated from smaller loads, not reached")
 
 
 def _turning(order: Order) -> tuple[Answer, ...]:
