@@ -179,6 +179,15 @@ def test_a_column_that_leans_bends_to_where_it_leans(share, lean):
     assert run.statistics["stable"] and not run.statistics["warnings"]
 
 
+@pytest.mark.parametrize("lean", [1e-4, 1e-5, 1e-6])
+def test_the_path_of_a_column_that_leans_a_little_turns_off_with_it(lean):
+    changes = {"joints.clamp.angle": lean, "loads.p.force": [-1.3 * EULER, 0.0]}
+    run = hfsim.static(parse_deck(LEANING), changes, path=True)
+    assert run["b.tip.y"][-1] == pytest.approx(leaning(1.3 * EULER, lean), rel=2e-5)
+    assert np.all(np.diff(run["b.tip.y"]) > 0.0)
+    assert run.statistics["stable"] and not run.statistics["branches"]
+
+
 def test_a_column_that_leans_a_little_takes_one_step_of_a_moderate_load():
     run = hfsim.static(
         parse_deck(LEANING), {"joints.clamp.angle": 1e-3, "loads.p.force": [-0.3 * EULER, 0.0]}

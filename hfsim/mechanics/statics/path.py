@@ -20,6 +20,8 @@ from hfsim.mechanics.statics.stability import lowest
 
 FIRST, LONGEST, SHORTEST = 0.05, 0.1, 1e-6
 """Lengths of steps: load factor and changes of the state [rad] together."""
+CLOSE = 1e-3
+"""Step within which a branch is crossed: longer ones shorten, as the path may turn off just before one."""
 MOST = 400
 """Steps."""
 ITERATIONS = 12
@@ -112,6 +114,9 @@ class Path:
                 if step < SHORTEST:
                     return f"the path is lost at a load factor of {here.load:.6g}"
                 continue
+            if step > CLOSE and _branches(here, there):
+                step = max(CLOSE, 0.25 * step)
+                continue
             whole = there.load >= 1.0
             if whole:
                 try:
@@ -179,11 +184,9 @@ class Path:
     def _cross(self, here: Point, there: Point, step: float) -> None:
         """Take note of limit points and branches between two points."""
         found, number = [], len(self.points)
-        changed = abs(there.negative - here.negative)
-        if here.rate * there.rate < 0.0:
+        if _turns(here, there):
             found.append(Crossing("limit", self._located(here, step, lambda one: one.rate), number))
-            changed -= 1
-        if changed > 0:
+        if changed := _branches(here, there):
             k = min(here.negative, there.negative)
             load = self._located(here, step, lambda one: float(one.values[k]))
             found += [Crossing("branch", load, number)] * changed
@@ -208,3 +211,13 @@ class Path:
             if high - low < LOCATED * step or at == 0.0 or abs(at) < 1e-11 * abs(measure(here)):
                 break
         return load
+
+
+def _turns(here: Point, there: Point) -> bool:
+    """Return whether the load turns round between two points."""
+    return here.rate * there.rate < 0.0
+
+
+def _branches(here: Point, there: Point) -> int:
+    """Return how many branches leave the path between two points, as far as signs of eigenvalues tell."""
+    return max(0, abs(there.negative - here.negative) - _turns(here, there))
