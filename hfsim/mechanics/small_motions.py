@@ -53,6 +53,8 @@ class SmallMotions:
         J.
     x, u, a : ndarray, shape (n_x,)
         The absolute coordinates about which they are, their rates and accelerations.
+    blur : ndarray, shape (n_x,)
+        What the last digits of the coordinates do to the accelerations.
     basis : Matrix, shape (n_x, n)
         B, with y = B z the changes of the absolute coordinates.
     turning : Turning or None
@@ -70,6 +72,7 @@ class SmallMotions:
     x: Array
     u: Array
     a: Array
+    blur: Array
     basis: Matrix
     turning: Turning | None
     precision: float
@@ -105,10 +108,11 @@ def small_motions(
     time, x, u = np.array([t]), x[None], u[None]
     equations, reduction = system.equations, system.reduction
     free, multipliers = equations.solve(time, x, u, system.force(time, x, u))
-    a = reduction.expand_rates(free)
+    beside = x * (1.0 + _EXACT * random_signs(x.shape))
+    free_beside = equations.solve(time, beside, u, system.force(time, beside, u))[0]
+    a, blur = reduction.expand_rates(free), reduction.expand_rates(free_beside - free)
     K, rounding = stiffness(system, time, x, u, a, multipliers), None
     if not system.variable_mass:  # differences are less precise than that
-        beside = x * (1.0 + _EXACT * random_signs(x.shape))
         rounding = abs(reduction.reduced(stiffness(system, time, beside, u, a, multipliers) - K))
     D = resistance(system, time, x, u)
     M = equations.mass(x)[0] if system.variable_mass else equations.constant_mass
@@ -119,7 +123,7 @@ def small_motions(
     J = equations.phi.jacobian_at(x) @ reduction.basis
     M, D, K = (reduction.reduced(one) for one in (M, D, K))
     precision = BY_DIFFERENCES if system.variable_mass else _EXACT
-    return SmallMotions(M, D, K, J, x[0], u[0], a[0], reduction.basis, turning, precision, rounding)
+    return SmallMotions(M, D, K, J, x[0], u[0], a[0], blur[0], reduction.basis, turning, precision, rounding)
 
 
 def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multipliers: Array) -> Matrix:

@@ -28,8 +28,10 @@ APART = 1e-2
 """Part of the energy of rates that may be other than that of a rigid motion which stands for them."""
 SINGULAR = 1e-9
 """Part of its energy in others from which down a rigid motion is one by itself."""
-_NOISE = 10.0
-"""Factor on the relative error of a fit below which a share of it is none."""
+NOISE = 10.0
+"""Factor on rounding, and on the relative error of a fit, below which a share of it is none."""
+CANCELLED = 1e2
+"""Energy of own turns that rates leave open, over that of all, beyond which they undo what is not there."""
 _ROUNDING = 1e-12
 """The least relative error."""
 
@@ -140,7 +142,7 @@ class Turning:
 
     @classmethod
     def fitting(
-        cls, bodies: Sequence[Body], equations: Equations, t: float, x: Array, u: Array, a: Array
+        cls, bodies: Sequence[Body], equations: Equations, t: float, x: Array, u: Array, a: Array, blur: Array
     ) -> Turning | None:
         """Return the rigid motion of everything that is nearest to rates, in the metric of the mass.
 
@@ -151,6 +153,8 @@ class Turning:
         t : float
         x, u, a : ndarray, shape (n_x,)
             A state and its accelerations, which tell whether the axis moves on where joints allow that.
+        blur : ndarray, shape (n_x,)
+            What the last digits of the state do to these.
 
         Returns
         -------
@@ -163,7 +167,8 @@ class Turning:
         spins = [cls.of(bodies, unit, origin, sparse) for unit in units]
         shifts = [cls.of(bodies, 0.0 * units[0], origin, sparse, unit).travel for unit in np.eye(n_dim)]
         columns = np.array([*(one.rates(x[None])[0] for one in spins), *shifts])
-        rotors = cls._with_rotors(bodies, equations, x, u, a, spins, columns)
+        noise = NOISE**2 * float(equations.momentum(x[None], blur[None])[0] @ blur)
+        rotors = cls._with_rotors(bodies, equations, x, u, a, noise, spins, columns)
         if rotors is not None:
             return rotors
         factors, left = _nearest(equations, x, columns, u)
@@ -194,6 +199,7 @@ class Turning:
         x: Array,
         u: Array,
         a: Array,
+        noise: float,
         spins: Sequence[Turning],
         columns: Array,
     ) -> Turning | None:
@@ -217,13 +223,13 @@ class Turning:
         # a shaft next to nothing beside its disc in mass is no less at rest
         even = _evening(columns, count)
         together, apart, _ = _least(even * columns, even * u)
-        split = _split(equations, x, u, a, every, whirls, even, len(columns))
+        split = _split(equations, x, u, a, noise, every, whirls, even, len(columns))
         if split is None:
             return None
         factors, missed = split
         size = float(equations.momentum(x[None], a[None])[0] @ a)
         before = _nearest(equations, x, whirls[:0], a - together[:count] @ whirls[:count])[1]
-        if apart <= max(_NOISE * missed, SINGULAR**0.5) and before <= SINGULAR * size:
+        if apart <= max(NOISE * missed, SINGULAR**0.5) and before <= SINGULAR * size + noise:
             return None
         spin, velocity, rates = np.split(factors, [count, len(columns)])
         square = float(spin @ spin)
@@ -303,7 +309,15 @@ def _evening(columns: Array, count: int) -> Array:
 
 
 def _split(
-    equations: Equations, x: Array, u: Array, a: Array, every: Array, whirls: Array, even: Array, shared: int
+    equations: Equations,
+    x: Array,
+    u: Array,
+    a: Array,
+    noise: float,
+    every: Array,
+    whirls: Array,
+    even: Array,
+    shared: int,
 ) -> tuple[Array, float] | None:
     """Return factors (k,) of rates (k, n_x) that make rates and accelerations, and the relative error.
 
@@ -311,6 +325,8 @@ def _split(
     ----------
     equations : Equations
     x, u, a : ndarray, shape (n_x,)
+    noise : float
+        Twice the energy that accelerations by rounding would be as rates.
     every, whirls : ndarray, shape (k, n_x)
         Rates, and accelerations that go with them.
     even : ndarray, shape (n_x,)
@@ -327,11 +343,13 @@ def _split(
     factors, missed, idle = _least(even * every, even * u)
     factors = factors + _nearest(equations, x, idle @ whirls, a - factors @ whirls)[0] @ idle
     alone, error, _ = _least(even * every[shared:], even * u)
+    own = np.sum(equations.momentum(x[None], every[shared:]) * every[shared:], axis=1)
     for one in (np.concatenate([np.zeros(shared), alone]), factors):
         parts = u - one @ every, a - one @ whirls
         left, rest = (float(equations.momentum(x[None], part[None])[0] @ part) for part in parts)
-        made = energy > 0.0 and left <= SINGULAR * energy and rest <= SINGULAR * size
-        if made and (one is factors or error <= _NOISE * (missed + _ROUNDING)):
+        made = energy > 0.0 and left <= SINGULAR * energy and rest <= SINGULAR * size + noise
+        made = made and (not len(idle) or one[shared:] ** 2 @ own <= CANCELLED * energy)
+        if made and (one is factors or error <= NOISE * (missed + _ROUNDING)):
             blur = float(np.sqrt(rest / size)) if len(idle) and size else 0.0
             return _without_noise(even * every, even * u, one, missed + blur), missed
     return None
@@ -354,7 +372,7 @@ def _least(columns: Array, wanted: Array) -> tuple[Array, float, Array]:
 def _without_noise(columns: Array, wanted: Array, factors: Array, error: float) -> Array:
     """Return factors (k,) with those at zero that are no more than a relative error of the whole makes."""
     sizes = np.abs(factors) * np.linalg.norm(columns, axis=1)
-    kept = sizes > _NOISE * (error + _ROUNDING) * sizes.max()
+    kept = sizes > NOISE * (error + _ROUNDING) * sizes.max()
     found = np.where(kept, factors, 0.0)
     found[kept] += _least(columns[kept], wanted - found @ columns)[0]
     return found

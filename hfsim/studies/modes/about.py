@@ -20,7 +20,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import is_sparse
 from hfsim.mechanics.small_motions import SmallMotions, small_motions
-from hfsim.mechanics.turning import Turning
+from hfsim.mechanics.turning import NOISE, Turning
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.nearby import nearby
@@ -32,6 +32,8 @@ STEADY = 1e-6
 """Distance from the equilibrium over the size of the scene that counts as none."""
 _BALANCED = 1e-9
 """Acceleration, over that of the axes, that is rounding."""
+_BORNE = 1e-3
+"""Likewise, up to which the forces of inertia are borne."""
 _HELD = 1e-12
 """What holds motions that nothing brings back, over the square of the fastest frequency."""
 _FAR = 1e3
@@ -130,7 +132,13 @@ class About:
         after = found[0] - turning.accelerations(x - seconds * turning.travel)[0]
         size = self._mean(turning.accelerations(self.motions.x[None])[0]) or 1.0
         # in the axes, what there is of other accelerations turns with them
-        return abs(self._mean(after) - self._mean(before)) / size
+        change = abs(self._mean(after) - self._mean(before))
+        return 0.0 if change <= self._rounding else change / size
+
+    @property
+    def _rounding(self) -> float:
+        """Accelerations that are rounding, likewise [m/s^2]."""
+        return NOISE * self._mean(self.motions.blur)
 
     @cached_property
     def distance(self) -> float:
@@ -151,9 +159,12 @@ class About:
         """Whether it is an equilibrium or a steady rotation, to `STEADY`."""
         moving = self._mean(self.motions.u)
         # where nothing brings motions back, rounding alone may seem to lead far away
-        balanced = self.acceleration <= _BALANCED * self._mean(self._steady)
-        away = self.distance > STEADY * self.size
-        return (balanced or not away) and self.speed <= STEADY * max(self.size, moving)
+        inertia = self._mean(self._steady)
+        balanced = self.acceleration <= max(_BALANCED * inertia, self._rounding)
+        # what is stiff along itself is near to where centrifugal forces stretch it, but they are not borne
+        borne = not inertia or self.acceleration <= _BORNE * inertia
+        near = borne and self.distance <= STEADY * self.size
+        return (balanced or near) and self.speed <= STEADY * max(self.size, moving)
 
     def facts(self) -> dict[str, Any]:
         """Return what is known of the state."""
@@ -333,6 +344,6 @@ def linearised(scene: Scene, q: Array, v: Array, state: str, t: float = 0.0) -> 
         still = small_motions(system, t, x, u)
     except np.linalg.LinAlgError as error:
         raise ModesError(f"the equations of motion are singular in this state: {error}") from None
-    turning = Turning.fitting(list(scene.bodies.values()), system.equations, t, x, u, still.a)
+    turning = Turning.fitting(list(scene.bodies.values()), system.equations, t, x, u, still.a, still.blur)
     motions = still if turning is None else small_motions(system, t, x, u, turning)
     return About(scene, state, t, motions)
