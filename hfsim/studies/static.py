@@ -252,8 +252,22 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "models": scene.models,
         "assembly": scene.assembly.facts(),
         "validity": watch_validity(scene, samples.t, samples.q, samples.v),
-        "warnings": [*scene.warnings, *doubts(scene, found)],
+        "warnings": [*scene.warnings, *doubts(scene, found), *singular_rest(scene, samples, found)],
     }
+
+
+def singular_rest(scene: Scene, samples: StaticSamples, found: Equilibrium) -> Iterator[str]:
+    """Yield that joint equations have lost their rank where the scene rests, as in a dead centre."""
+    if found.reason or not scene.system.n_rows:
+        return
+    from hfsim.trust.experiments import DEAD, joint_dependence
+
+    start, here = (joint_dependence(scene, q) for q in (scene.q, samples.q[-1]))
+    if here.size <= DEAD * start.size:
+        yield (
+            f"at rest the equations of joints {', '.join(here.joints)} lose their rank, as in a dead centre: "
+            "neither their forces, nor the frequency and whether it is stable, are to be relied on"
+        )
 
 
 def out_of_range(scene: Scene, validity: dict[str, Any]) -> Iterator[str]:

@@ -7,6 +7,7 @@ import pytest
 from cantilevers import at_rest, cantilever, displacement
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
+import hfsim
 from hfsim.errors import SolverFailure
 from hfsim.mechanics.statics.problem import Problem, State, Tangent
 from hfsim.mechanics.statics.relaxation import ENDLESS
@@ -375,3 +376,12 @@ def test_a_model_within_its_range_is_not_doubted(model, moment):
     run = run_static(parse_deck(BENT, overrides=[f"solve.model={model}", f"loads.turn.moment={moment}"]))
     assert not run.statistics["warnings"]
     assert run.final["b.tip.y"] == pytest.approx((1.0 - np.cos(moment)) / moment, rel=5e-3)
+
+
+def test_a_rest_where_joints_lose_their_rank_is_told():
+    """Bricard's loop rests flat; its lowest frequency would be 0.274 Hz by its closing condition."""
+    run = hfsim.static("bricard")
+    assert run.final["l1.y"] == pytest.approx(-0.3 * 3.0**0.5, abs=1e-8)
+    (told,) = [one for one in run.statistics["warnings"] if "lose their rank" in one]
+    assert "j0, j1, j2, j3, j4, j5" in told
+    assert not any("rank" in one for one in hfsim.static("governor").statistics["warnings"])
