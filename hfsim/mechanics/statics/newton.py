@@ -63,7 +63,8 @@ def balanced(
 ) -> State:
     """Return the equilibrium near a state, by Newton's iteration with expected strains.
 
-    Its first correction can be handed over where it is known.
+    Its first correction can be handed over where it is known; none that follows may then be larger, beyond
+    what a step of the load may miss: there is no equilibrium next to where it points.
 
     Raises
     ------
@@ -71,6 +72,7 @@ def balanced(
         If it does not converge.
     """
     before = np.inf
+    far = FAR if first is None else max(problem.moved(first[0]), 2.0 * NEXT_TO)
     for _ in range(MOST):
         effort.iterations += 1
         try:
@@ -78,7 +80,7 @@ def balanced(
         except np.linalg.LinAlgError as error:
             raise NotFoundError("the tangent is singular", state) from error
         first, size = None, problem.moved(dz)
-        if not size < FAR:
+        if not size <= far:
             raise NotFoundError("the iteration diverges", state)
         expected = problem.expecting(state, dz)
         state = State(state.z + dz, state.multipliers + change, expected)
