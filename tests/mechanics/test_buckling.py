@@ -250,3 +250,33 @@ def test_a_right_angle_frame_gives_way_sideways(push, published):
     loaded = parse_deck(FRAME, overrides=[f"loads.push.force=[{push}, 0.0, 0.0]"])
     found = critical_factors(problem_of(build(loaded)), Effort(), 1)
     assert found[0].found and found[0].load == pytest.approx(published, rel=5e-3)
+
+
+ARCH = """
+hfsim: 1
+ground: {points: {a: [-95.3716950748227, -30.0705799504273], b: [95.3716950748227, -30.0705799504273]}}
+materials: {m: {density: 1.0, youngs_modulus: 1.0e6}}
+sections: {s: {area: 100.0, second_moment: 1.0, shear_factor: 1.0}}
+bodies:
+  l: &half {type: beam, material: m, section: s, length: 187.6228945893904, elements: 4, degree: 5,
+    element: cosserat, axis: {arc: {radius: 100.0, angle: -107.5 deg}}}
+  r: *half
+joints:
+  base: {type: revolute, between: [ground.a, l.root]}
+  crown: {type: fixed, between: [l.tip, r.root], angle: -107.5 deg}
+  end: {type: fixed, between: [r.tip, ground.b]}
+initial: {l: {angle: 107.5 deg}, r: {angle: 0.0}}
+loads: {push: {type: force, at: r.root, force: [0.0, -1000.0]}}
+solve: {duration: 1.0}
+output: {channels: [r.root.y]}
+"""
+
+
+def test_a_deep_arch_snaps_at_its_published_load_and_has_no_estimate_of_it():
+    """Hinged and clamped, 215 deg: 8.97 EI/R^2 (DaDeppo and Schmidt, J. Appl. Mech. 42, 1975).
+
+    Its parts turn on the way: extrapolated stiffnesses are singular a little ahead of any load.
+    """
+    run = hfsim.static(parse_deck(ARCH), path=True, buckling=1)
+    assert run.statistics["limits"][0] == pytest.approx(0.897, rel=5e-4) and not run.statistics["branches"]
+    assert run.statistics["critical"] == [] and "--path" in run.statistics["critical_reason"]

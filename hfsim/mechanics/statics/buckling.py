@@ -24,6 +24,8 @@ MOST = 12
 """Improvements of a factor."""
 REACHED = 1e-4
 """Last of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
+SETTLING = 1e-2
+"""The same, from which on a factor runs ahead of the load: extrapolated stiffnesses do not turn."""
 REAL = 1e-6
 """Imaginary part of an eigenvalue, relative to its size, up to which it is real."""
 ROUNDING = 1e-15
@@ -57,13 +59,15 @@ def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[F
     Raises
     ------
     NotFoundError
-        If there is no equilibrium without the loads.
+        If there is no equilibrium without the loads, or all factors run ahead of the load.
     """
     share, state = stepped(problem, effort, lambda share: Level(0.0, 1.0 - share))
     if share < 1.0:
         raise NotFoundError("there is no equilibrium without the loads", state)
     first = _eigenpairs(problem, state, 0.0, STEP, effort, count)
-    improved = (_improved(problem, state, *one, effort) for one in first)
+    improved = [one for pair in first if (one := _improved(problem, state, *pair, effort))]
+    if first and not improved:
+        raise NotFoundError("estimates run ahead of the load: what --path crosses is exact", state)
     stiffness = problem.tangent(state, 0.0).stiffness
     kept = list[Factor]()
     for one in sorted(improved, key=lambda one: (one.load, not one.found)):
@@ -86,8 +90,8 @@ def _same(one: Factor, other: Factor) -> bool:
     return near and abs(float(one.motion @ other.motion)) > ALIKE * sizes
 
 
-def _improved(problem: Problem, state: State, load: float, motion: Array, effort: Effort) -> Factor:
-    """Return a factor with the equilibrium taken to it, as far as that goes."""
+def _improved(problem: Problem, state: State, load: float, motion: Array, effort: Effort) -> Factor | None:
+    """Return a factor with the equilibrium taken to it, as far as that goes; None if it runs ahead of it."""
     found = Factor(load, False, motion)
     at = 0.0
     for _ in range(MOST):
@@ -110,7 +114,8 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         found = Factor(load, abs(more) <= SAME * abs(at) or abs(more) <= 1e-14, motion)
         if found.found:
             return found
-    return found._replace(found=abs(load - at) <= REACHED * abs(load))
+    missed = abs(load - at) / abs(load)
+    return None if missed > SETTLING else found._replace(found=missed <= REACHED)
 
 
 def _eigenpairs(
