@@ -7,7 +7,7 @@ and "120 rpm", a `PositionLaw` "9 mm" and "1 m/s".
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 from annotated_types import MinLen
@@ -198,16 +198,12 @@ class SmoothStepSpec(LawSpec):
 
     end: Time
     """Time at which the step ends [s]."""
+    kink: ClassVar[str] = ""
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a step that ends before it starts."""
         if self.end <= self.start:
             yield Complaint(("end",), f"must be later than the start, {self.start:g} s")
-
-    @property
-    def kink(self) -> str:
-        """Nothing: its rate never jumps."""
-        return ""
 
     def build(self) -> Law:
         """Return the law."""

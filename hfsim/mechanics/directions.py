@@ -297,10 +297,8 @@ class Tangential(OfAxes):
     gaps themselves: Jacobian and bias hold where the gaps are zero, for f' = - e (f . e').
     """
 
-    @property
-    def rows(self) -> int:
-        """One for each direction across."""
-        return 2
+    rows: ClassVar[int] = 2
+    """One for each direction across."""
 
     def _frame(self, x: Array) -> tuple[Array, Array, Array]:
         """Return the length of the first tangent (n_batch, 1), its direction, both axes across it as rows."""

@@ -244,6 +244,7 @@ class ConstantForce(ForcePart):
     rule: ClassVar[str] = "weight"
     told: ClassVar[str] = "weight, the same force in every state"
     why: ClassVar[str] = "gravity acts"
+    quartic: ClassVar[bool] = True
 
     @cached_property
     def force(self) -> Array:
@@ -265,11 +266,6 @@ class ConstantForce(ForcePart):
         columns = np.concatenate([self.columns, other.columns])
         values = np.concatenate([self.values, other.values])
         return ConstantForce(self.n, columns, values, self.energy + other.energy)
-
-    @property
-    def quartic(self) -> bool:
-        """Return True: the energy is linear."""
-        return True
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add the constant vector."""

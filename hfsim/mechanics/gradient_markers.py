@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field, replace
 from functools import cached_property
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -48,11 +48,7 @@ class GradientMarker(VectorMarker):
 
     order: Array
     own: Array = field(default_factory=lambda: np.eye(3))
-
-    @property
-    def n_axes(self) -> int:  # type: ignore[override]
-        """All three."""
-        return 3
+    n_axes: ClassVar[int] = 3
 
     @property
     def section(self) -> Array:

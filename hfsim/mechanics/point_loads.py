@@ -28,6 +28,7 @@ class Load(ForcePart):
     """
 
     law: Law | None
+    exchanges_power: ClassVar[bool] = True
 
     @property
     def columns(self) -> slice:
@@ -38,11 +39,6 @@ class Load(ForcePart):
     def laws(self) -> tuple[Law, ...]:
         """Its factor over time."""
         return () if self.law is None else (self.law,)
-
-    @property
-    def exchanges_power(self) -> bool:
-        """Return True: a load does work."""
-        return True
 
     def generalised(self, t: Array, x: Array) -> Array:
         """Return the generalised force, shape (n_batch or 1, n_columns)."""

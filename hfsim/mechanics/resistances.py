@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -201,11 +201,7 @@ class Friction(Resistance):
 
     level: float
     velocity: float
-
-    @property
-    def uses_rates(self) -> bool:
-        """Return True."""
-        return True
+    uses_rates: ClassVar[bool] = True
 
     @property
     def rate_edges(self) -> tuple[float, ...]:
@@ -315,11 +311,7 @@ class Push(Resistance):
 
     size: float
     law: Law | None = None
-
-    @property
-    def exchanges_power(self) -> bool:
-        """Return True: a motor does work."""
-        return True
+    exchanges_power: ClassVar[bool] = True
 
     @property
     def laws(self) -> tuple[Law, ...]:
@@ -354,16 +346,12 @@ class Control(Resistance):
     stiffness: float
     damping: float
     limit: float | None
+    exchanges_power: ClassVar[bool] = True
 
     @property
     def uses_rates(self) -> bool:
         """Whether it is damped."""
         return self.damping > 0.0
-
-    @property
-    def exchanges_power(self) -> bool:
-        """Return True: a servo does work."""
-        return True
 
     @property
     def laws(self) -> tuple[Law, ...]:

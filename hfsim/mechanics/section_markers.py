@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from hfsim.maths.arrays import Array
@@ -27,11 +29,7 @@ class SectionMarker(VectorMarker):
     """
 
     body: Array
-
-    @property
-    def n_axes(self) -> int:  # type: ignore[override]
-        """All three."""
-        return 3
+    n_axes: ClassVar[int] = 3
 
     def _triad(self, x: Array) -> Array:
         """Return d1, d2, d3, shape (n_batch, 3, 3)."""

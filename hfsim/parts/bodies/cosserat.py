@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -50,6 +50,7 @@ class CosseratBeam(VectorBeam):
     mesh: SectionMesh
     gravity: Array
     framed: bool = False
+    coordinates: ClassVar[str] = "section vectors"
 
     @property
     def n_dim(self) -> int:  # type: ignore[override]
@@ -67,11 +68,6 @@ class CosseratBeam(VectorBeam):
         """Its elements."""
         mesh = self.mesh
         return f"positions and section vectors of {mesh.count} elements of degree {mesh.degree}", "flexible"
-
-    @property
-    def coordinates(self) -> str:
-        """Positions and section vectors."""
-        return "section vectors"
 
     @property
     def undeformed(self) -> Array:

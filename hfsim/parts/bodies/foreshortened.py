@@ -44,6 +44,8 @@ class ForeshortenedBeam(ForcePart):
     model: ClassVar[str] = "lowOrder"
     told: ClassVar[str] = "its inertia and weight, with the shortening by deflection"
     why: ClassVar[str] = "beams deform"
+    uses_rates: ClassVar[bool] = True
+    """Its inertia force is counted among the forces."""
 
     @property
     def truncated(self) -> bool:
@@ -63,11 +65,6 @@ class ForeshortenedBeam(ForcePart):
             kind="model",
             evidence={"smallest_eigenvalue": inertia},
         )
-
-    @property
-    def uses_rates(self) -> bool:
-        """Return True: its inertia force is counted among the forces."""
-        return True
 
     @property
     def support(self) -> IntArray:

@@ -25,6 +25,9 @@ LIMIT_LENGTHS = 10.0
 class LinearBeam(NodalBeam):
     """A beam whose elastic force is linearised about the undeformed state in the body frame."""
 
+    gives_way_at: ClassVar[None] = None
+    """The force is linear."""
+
     def forces(self, n: int) -> Iterator[ForcePart]:
         """Yield the weight, and elastic force and damping as one."""
         yield self.beam.weight(n)
@@ -46,10 +49,6 @@ class LinearBeam(NodalBeam):
 
     def _stretch(self, seen: Deformation) -> Array:
         return np.asarray(seen.axial[0])
-
-    @property
-    def gives_way_at(self) -> None:
-        """None: the force is linear."""
 
     def increments(self) -> None:
         """Return None: in the body frame the stiffness is constant."""
@@ -92,6 +91,8 @@ class LinearElasticForce(ForcePart):
     positions: Array
     told: ClassVar[str] = "elastic force, proportional to the deflections in its own axes"
     why: ClassVar[str] = "beams deform"
+    runs_away: ClassVar[bool] = True
+    """Without the stiffening by tension a fast beam bends outwards for ever."""
 
     @property
     def uses_rates(self) -> bool:
@@ -124,11 +125,6 @@ class LinearElasticForce(ForcePart):
         local = (w - self.positions * w[:, :1]) * tangent.conj()
         omega = local[:, 1:2].imag / p[:, 1:2].real
         return as_vectors(local - 1j * omega * p).reshape(len(x), -1)
-
-    @property
-    def runs_away(self) -> bool:
-        """Return True: without the stiffening by tension a fast beam bends outwards for ever."""
-        return True
 
     def runaway(self, t: float, x: Array) -> SolverFailure | None:
         """Return the failure of a beam that deflects by more than `LIMIT_LENGTHS` times its length."""

@@ -6,7 +6,7 @@ What differs in space is in `hfsim.parts.bodies.spatial_nodal`.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -42,6 +42,7 @@ class NodalBeam(VectorBeam):
 
     beam: Blueprint
     framed: bool
+    coordinates: ClassVar[str] = "nodal vectors"
 
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> Self:
@@ -132,11 +133,6 @@ class NodalBeam(VectorBeam):
     def outline(self, x: Array) -> Array:
         """Return points of the centre line."""
         return self.line(x, self.mesh.outline_places)
-
-    @property
-    def coordinates(self) -> str:
-        """Nodal vectors, whatever its elastic force."""
-        return "nodal vectors"
 
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return that of the nodal vectors in the frame at the root."""

@@ -32,16 +32,13 @@ class LowOrderMarker(Marker):
     beam: LowOrderBeam
     place: float
     linear_turn: ClassVar[bool] = False
+    linear: ClassVar[bool] = False
+    """The place is turned with the frame, and foreshortened."""
 
     @property
     def columns(self) -> slice:  # type: ignore[override]
         """Coordinates of the beam."""
         return self.beam.columns
-
-    @property
-    def linear(self) -> bool:
-        """Return False: the place is turned with the frame, and foreshortened."""
-        return False
 
     @cached_property
     def _rows(self) -> tuple[Array, Array, Array]:
@@ -139,6 +136,8 @@ class LowOrderBody(Body):
 
     beam: LowOrderBeam
     blueprint: Blueprint
+    banded: ClassVar[bool] = False
+    """In a body frame all coordinates are coupled."""
 
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> LowOrderBody:
@@ -153,11 +152,6 @@ class LowOrderBody(Body):
             "frame, axial and transverse coordinates",
             "beam of model lowOrder, mass matrix anew in every state",
         )
-
-    @property
-    def banded(self) -> bool:
-        """Return False: in a body frame all coordinates are coupled."""
-        return False
 
     @property
     def angle_column(self) -> int | None:

@@ -94,16 +94,13 @@ class SpatialLowOrderMarker(Marker):
     n_axes: ClassVar[int] = 1
     linear_turn: ClassVar[bool] = False
     keeps_turns: ClassVar[bool] = False
+    linear: ClassVar[bool] = False
+    """The place is foreshortened."""
 
     @property
     def columns(self) -> slice:  # type: ignore[override]
         """Coordinates of the beam."""
         return self.beam.columns
-
-    @property
-    def linear(self) -> bool:
-        """Return False: the place is foreshortened."""
-        return False
 
     @cached_property
     def _vectors(self) -> tuple[Foreshortened, Foreshortened]:
@@ -186,6 +183,10 @@ class LowOrderElasticForce(SpatialLinearElasticForce):
 class SpatialLowOrderBody(SpatialLinearBeam):
     """A cable with the foreshortening of its deflections: its nodal vectors are those without that."""
 
+    banded: ClassVar[bool] = False
+    """In a body frame all coordinates are coupled."""
+    coordinates: ClassVar[str] = "nodal vectors without foreshortening"
+
     @classmethod
     def of(cls, beam: Blueprint, framed: bool) -> Self:
         """Return the body of a beam; EI v'' does not depend on w, as of the curvature (r' x r'')/|r'|^2."""
@@ -198,16 +199,6 @@ class SpatialLowOrderBody(SpatialLinearBeam):
             f"axial and two transverse coordinates of {self.mesh.count} elements",
             "beam of model lowOrder, mass matrix anew in every state",
         )
-
-    @property
-    def banded(self) -> bool:
-        """Return False: in a body frame all coordinates are coupled."""
-        return False
-
-    @property
-    def coordinates(self) -> str:
-        """Its own."""
-        return type(self).__name__
 
     @cached_property
     def variable_mass(self) -> SpatialLowOrderBeam:

@@ -21,10 +21,8 @@ class SpatialNodalBeam(NodalBeam):
     """A cable in absolute nodal coordinates."""
 
     n_dim: ClassVar[int] = 3
-
-    @property
-    def angle_column(self) -> None:
-        """None: a direction in space has no angle."""
+    angle_column: ClassVar[None] = None
+    """A direction in space has no angle."""
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point; its direction is that of the beam's axis there."""

@@ -12,7 +12,7 @@ import math
 from collections.abc import Hashable
 from dataclasses import replace
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, Self
 
 import numpy as np
 
@@ -219,11 +219,7 @@ class GramLaw(RowLaw):
     reference: Array
     scale: Array
     dimension: int = 2
-
-    @property
-    def quartic(self) -> bool:
-        """Return True."""
-        return True
+    quartic: ClassVar[bool] = True
 
     @property
     def shared(self) -> Hashable:

@@ -79,11 +79,8 @@ class CosseratLaw(RowLaw):
     strains: SectionStrains
     integrals: ClassVar[str] = "as many Gauss points an element as its degree"
     pieces: ClassVar[str] = "Gauss points"
-
-    @property
-    def quartic(self) -> bool:
-        """Return False: it is of degree six in space, and nodes have equations that are not linear."""
-        return False
+    quartic: ClassVar[bool] = False
+    """It is of degree six in space, and nodes have equations that are not linear."""
 
     @property
     def shared(self) -> Hashable:

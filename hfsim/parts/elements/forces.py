@@ -167,16 +167,12 @@ class MaterialDamping(ForcePart):
     told: ClassVar[str] = "damping of the material"
     why: ClassVar[str] = "materials have retardation times"
     of_strain_rates: ClassVar[bool] = True
+    uses_rates: ClassVar[bool] = True
 
     @property
     def idle(self) -> bool:
         """Whether there is no damping."""
         return not self.dissipates
-
-    @property
-    def uses_rates(self) -> bool:
-        """Return True."""
-        return True
 
 
 @frozen

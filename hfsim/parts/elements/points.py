@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import replace
 from functools import cached_property
-from typing import Protocol, Self
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
@@ -35,16 +35,12 @@ class PointLaw(RowLaw):
 
     law: ProductLaw
     rows: Array
+    quartic: ClassVar[bool] = True
 
     @property
     def integrals(self) -> str:
         """How the integrals are done, in the words of plans."""
         return f"{self.rows.shape[1]} Gauss points an element"
-
-    @property
-    def quartic(self) -> bool:
-        """Return True."""
-        return True
 
     @property
     def shared(self) -> Hashable:

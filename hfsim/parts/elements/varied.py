@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import replace
 from functools import cached_property
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -33,11 +33,7 @@ class VariedGramLaw(RowLaw):
     quadratic: Array
     reference: Array
     n_vectors: int
-
-    @property
-    def quartic(self) -> bool:
-        """Return True."""
-        return True
+    quartic: ClassVar[bool] = True
 
     @property
     def shared(self) -> Hashable:
