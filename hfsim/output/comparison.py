@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from hfsim.marching.distance import ChannelScale
 from hfsim.output.text import Column, for_a_file, line_width, table, wrapped
-from hfsim.studies.compare import Comparison, Difference, ModelResult, ending, how_it_ended, percent
+from hfsim.studies.compare import Comparison, Difference, ModelResult, percent
 from hfsim.studies.timing import Spread
 
 _PHASES = ("build", "error_estimate", "write", "plots")
@@ -103,7 +103,7 @@ def _seconds(time: float) -> str:
 
 
 def _outcome(model: ModelResult) -> str:
-    return f"{ending(model.status)} at {model.stop_time:.3g} s" if model.broke_down else "done"
+    return model.ended if model.broke_down else "done"
 
 
 def difference_columns(comparison: Comparison) -> tuple[tuple[Column, ...], list[Column]]:
@@ -187,4 +187,4 @@ def _departure(model: ModelResult) -> Iterator[str]:
     if first is not None:
         yield f"first passes the bound at {first.first_exceeded:.4g} s, in {first.channel}"
     if model.broke_down:
-        yield how_it_ended(model)
+        yield model.why_ended

@@ -20,7 +20,7 @@ from hfsim.output.plots.panel import Curve, Panel, key, mark_zero
 from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.style import BLUE, COLOURS, GREEN, ORANGE, PURPLE, RED, SIZE, ended, slug
-from hfsim.studies.compare import Comparison, ending, percent
+from hfsim.studies.compare import Comparison, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -171,7 +171,7 @@ def _cost_figure(comparison: Comparison) -> Figure | None:
         error = float(np.clip(m.worst.max_relative, 1e-16, _OFF_SCALE))
         marker = "X" if m.broke_down else "o"
         colour = _MODEL_COLOURS.get(m.model, COLOURS[4])
-        label = f"{m.model} ({ending(m.status)} at {m.stop_time:.3g} s)" if m.broke_down else m.model
+        label = f"{m.model} ({m.ended})" if m.broke_down else m.model
         if error == _OFF_SCALE:
             label += ", off scale"
         axes.plot([m.solve_cpu], [error], marker, color=colour, markersize=10, label=label)

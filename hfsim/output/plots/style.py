@@ -32,7 +32,7 @@ def ended(run: Run) -> str:
     """Return how and when a run ended before its time."""
     from hfsim.studies.compare.words import ending  # of all runs few end before their time
 
-    return f"{ending(run.status)} at {run.stop_time:.3g} s"
+    return ending(run.status, run.stop_time)
 
 
 def headline(run: Run, words: str) -> str:

@@ -21,10 +21,10 @@ from hfsim.studies.compare.judge import compare
 from hfsim.studies.compare.measurements import Measured, coordinates_of, measure
 from hfsim.studies.compare.result import Comparison, ModelResult, as_facts
 from hfsim.studies.compare.study import carry_out
-from hfsim.studies.compare.words import ending, how_it_ended, percent
+from hfsim.studies.compare.words import percent
 
 __all__ = [
     "ChoiceError", "Comparison", "Difference", "Measured", "ModelResult", "Prepared", "as_facts", "carry_out",
-    "chosen_models", "compare", "coordinates_of", "ending", "how_it_ended", "measure", "percent", "prepare",
+    "chosen_models", "compare", "coordinates_of", "measure", "percent", "prepare",
     "usual_models", "without_blind_channels",
 ]  # fmt: skip

@@ -9,7 +9,7 @@ from typing import Any
 from hfsim.marching.distance import ChannelScale
 from hfsim.marching.solution import Run
 from hfsim.studies.compare.difference import Difference
-from hfsim.studies.compare.words import how_it_ended, percent
+from hfsim.studies.compare.words import ending, percent
 
 
 @dataclass(frozen=True)
@@ -82,6 +82,16 @@ class ModelResult:
         return self.status != "done"
 
     @property
+    def ended(self) -> str:
+        """How and when it ended early."""
+        return ending(self.status, self.stop_time)
+
+    @property
+    def why_ended(self) -> str:
+        """The same with the reason."""
+        return f"{self.ended}: {self.reason}" if self.reason else self.ended
+
+    @property
     def first_exceeded(self) -> Difference | None:
         """The difference that passes the bound first, if any does."""
         passed = [d for d in self.differences if d.first_exceeded is not None]
@@ -150,7 +160,7 @@ class Comparison:
             return "verdict: none: the comparison was interrupted; what was computed until then is kept"
         if self.verdict is None:
             failed = self.result(self.reference)
-            return f"verdict: none, because the reference {self.reference} {how_it_ended(failed)}"
+            return f"verdict: none, because the reference {self.reference} {failed.why_ended}"
         return f"verdict: {self._cheapest(self.result(self.verdict))}{self._ties}"
 
     def _cheapest(self, best: ModelResult) -> str:

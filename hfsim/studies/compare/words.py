@@ -2,36 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+_ENDS = {"failed": "broke down", "limit": "reached a limit", "interrupted": "was interrupted"}
 
 
-class Ended(Protocol):
-    """What is told of the end of a model: see `hfsim.studies.compare.result.ModelResult`."""
-
-    @property
-    def status(self) -> str:
-        """How it ended."""
-
-    @property
-    def reason(self) -> str:
-        """Why it ended early."""
-
-    @property
-    def stop_time(self) -> float:
-        """When its computation stopped [s]."""
-
-
-def how_it_ended(result: Ended) -> str:
-    """Return how a model that did not reach the end stopped, with the time and the reason."""
-    reason = f": {result.reason}" if result.reason else ""
-    return f"{ending(result.status)} at {result.stop_time:.3g} s{reason}"
-
-
-def ending(status: str) -> str:
-    """Return the verb for an early end."""
-    return {"failed": "broke down", "limit": "reached a limit", "interrupted": "was interrupted"}.get(
-        status, "stopped"
-    )
+def ending(status: str, time: float) -> str:
+    """Return how and when [s] a run or a model ended early."""
+    return f"{_ENDS.get(status, 'stopped')} at {time:.3g} s"
 
 
 def percent(fraction: float) -> str:
