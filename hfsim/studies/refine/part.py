@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.refine.level import Level
 from hfsim.studies.refine.setting import Setting, beams_of, fixed_meshes, refined
 
 _SINGLE = 4
@@ -19,18 +19,6 @@ _STALLED = {"mesh": 5, "time": 3}
 """Number of last changes that are looked at for whether they shrink."""
 _SHRUNK = 0.7
 """Factor by which one of the last two changes must be smaller than those before to have shrunk."""
-
-
-class Measured(Protocol):
-    """What a part wants to know of a level: see `hfsim.studies.refine.level.Level`."""
-
-    @property
-    def work(self) -> float:
-        """Evaluations times unknowns."""
-
-    @property
-    def unknowns(self) -> int:
-        """Number of coordinates."""
 
 
 @dataclass
@@ -64,7 +52,7 @@ class Part:
     kept: bool = False
     begin: int = 0
 
-    def note(self, change: float, kind: str, base: Measured, level: Measured, enough: float) -> None:
+    def note(self, change: float, kind: str, base: Level, level: Level, enough: float) -> None:
         """Take in what a move has changed; if that is little enough, the coarser level is kept."""
         if kind == "tolerance" and (self.kept or level.unknowns != self.measured_at):
             self.begin = len(self.changes)
@@ -73,7 +61,7 @@ class Part:
         self.measured_at = level.unknowns
         self.kept = change <= enough
 
-    def begin_anew(self, error: float, level: Measured) -> None:
+    def begin_anew(self, error: float, level: Level) -> None:
         """Take the error in time of a level that another method has made."""
         self.begin = len(self.changes)
         self.changes.append(error)
