@@ -18,6 +18,7 @@ from typing import Any, TypeAlias
 from hfsim.errors import interruption_code
 from hfsim.marching.stop import SHIELD
 from hfsim.output.talk import print_error, print_out
+from hfsim.studies.farm import end_with_parent
 
 Tell: TypeAlias = Callable[[float], None]
 Do: TypeAlias = Callable[[int, Tell], int]
@@ -143,7 +144,7 @@ def _work(pipe: Any, do: Do, number: int) -> None:
     """Do one job and send what came of it; signals come from the parent alone, which sends each once."""
     os.setpgid(0, 0)
     SHIELD.take_over(os.getpid())
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     out, errors = io.StringIO(), io.StringIO()
     sys.stdout, sys.stderr = out, errors
     try:
@@ -169,10 +170,3 @@ def _reporting(pipe: Any) -> Tell:
                 pipe.send(float(share))
 
     return report
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

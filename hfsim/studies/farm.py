@@ -297,7 +297,7 @@ def _death(code: int | None) -> str:
 def _serve(pipe: Any) -> None:
     """Do one job after the other."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the study decides what an interrupt ends
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     function: Any = None
     with suppress(EOFError, ConnectionError):
         while True:
@@ -324,7 +324,7 @@ def attempt(function: Callable[[Any], Any], argument: Any) -> tuple[Any, str]:
         return None, f"{type(error).__name__}: {error}"
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """End this process as soon as the one that started it is gone, whatever has ended that."""
     parent = multiprocessing.parent_process()
     if parent is not None:
