@@ -5,6 +5,7 @@ import pytest
 from cantilevers import at_rest, cantilever, inside
 
 from hfsim.errors import DeckError
+from hfsim.parts.bodies.planar_low_order_body import LowOrderBody
 from hfsim.parts.bodies.section_axes import along_the_line, in_axes, in_the_plane, square_axes
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -126,7 +127,7 @@ def state(body, pull, push):
     nodes = np.linspace(0.0, 1.0, 4)
     along = np.stack([nodes * pull / (E * 0.1), np.full(4, pull / (E * 0.1))], axis=1)
     across = push / (6 * EI) * np.stack([nodes**2 * (3 - nodes), 6 * nodes - 3 * nodes**2], axis=1)
-    if hasattr(body, "blueprint"):
+    if isinstance(body, LowOrderBody):
         return np.concatenate([np.zeros(3), along.ravel()[1:], across.ravel()[2:]])
     straight = np.stack([nodes, np.ones(4)], axis=1)
     return np.stack([straight + along, across], axis=-1).ravel()

@@ -123,10 +123,6 @@ class CosseratBeam(VectorBeam):
         """Return points of its line, (n_batch, n_places, n_dim)."""
         return np.asarray(np.array([self.mesh.shape(float(a))[0] for a in places]) @ self.vectors(x))
 
-    def outline(self, x: Array) -> Array:
-        """Return points of the centre line."""
-        return self.line(x, self.outline_places)
-
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return how its line and sections change, in the frame at the root and undeformed sections' axes."""
         root, own, (at, weights) = self.marker(self.origin), self.vectors(x), self.mesh.points

@@ -130,10 +130,6 @@ class NodalBeam(VectorBeam):
         rows = np.array([self.mesh.shape(float(a), 0.0, (1, 0)) for a in places])
         return np.asarray(rows @ self.vectors(x))
 
-    def outline(self, x: Array) -> Array:
-        """Return points of the centre line."""
-        return self.line(x, self.mesh.outline_places)
-
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return that of the nodal vectors in the frame at the root."""
         axis, positions = self.mesh.axis, self.mesh.positions

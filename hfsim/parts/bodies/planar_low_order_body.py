@@ -135,7 +135,6 @@ class LowOrderBody(Body):
     """A beam of the model lowOrder."""
 
     beam: LowOrderBeam
-    blueprint: Blueprint
     banded: ClassVar[bool] = False
     """In a body frame all coordinates are coupled."""
 
@@ -143,7 +142,7 @@ class LowOrderBody(Body):
     def of(cls, beam: Blueprint, framed: bool) -> LowOrderBody:
         """Return the body of a beam; it has a body frame whatever is asked for."""
         own = LowOrderBeam.of(beam)
-        return cls(beam.name, own.columns, beam.points, own, beam)
+        return cls(beam.name, own.columns, beam.points, own)
 
     @property
     def described(self) -> tuple[str, str]:
@@ -177,7 +176,7 @@ class LowOrderBody(Body):
 
     def fibres(self, places: Array) -> Fibres | None:
         """Return those of its sections."""
-        return self.blueprint.mesh.at(places).fibres
+        return self.beam.mesh.at(places).fibres
 
     def section_forces(self, x: Array, u: Array, a: Array, acting: Acting, places: Array) -> Array:
         """Return those of the balance, in axes along the line."""

@@ -39,6 +39,10 @@ class VectorBeam(VectorBody):
         """Undeformed [m]."""
         return self.mesh.length
 
+    def outline(self, x: Array) -> Array:
+        """Return points of the centre line."""
+        return self.line(x, self.outline_places)
+
     def fibres(self, places: Array) -> Fibres | None:
         """Return those of its sections."""
         return self.mesh.at(places).fibres
