@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -68,11 +68,9 @@ class _Shown(Artist):
         self._sheet.draw(renderer)
 
 
-def new_figure(
-    size: tuple[float, float] = SIZE, layout: Literal["constrained", "compressed"] = "constrained"
-) -> Figure:
-    """Return an empty figure of a size [inch]; ``compressed`` suits several axes of one scale."""
-    return Figure(figsize=size, dpi=DPI, layout=layout)
+def new_figure(size: tuple[float, float] = SIZE) -> Figure:
+    """Return an empty figure of a size [inch]."""
+    return Figure(figsize=size, dpi=DPI, layout="constrained")
 
 
 def log_figure(size: tuple[float, float] = WIDE, columns: int = 1) -> tuple[Figure, list[Axes]]:
