@@ -23,7 +23,7 @@ from hfsim.marching.sampling import outlines_of
 from hfsim.marching.solution import Run
 from hfsim.marching.statistics import joined, leg_statistics
 from hfsim.marching.steps import Stop
-from hfsim.marching.stop import Budget, Progress
+from hfsim.marching.stop import Budget, Progress, nobody
 from hfsim.parts.bodies import BODIES
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck
@@ -87,7 +87,7 @@ def simulate(
     """
     clock, record = PhaseClock(), Record(sink, memory)
     wish = Wish(error_estimate, mesh_estimate, diagnosis, after)
-    stages = Stages(progress or (lambda share: None), wish)
+    stages = Stages(progress or nobody, wish)
     course: Course | None = None
     if "auto" in loaded.deck.models(model or loaded.deck.solve.model).values():
         from hfsim.trust.adaptive import run_adaptive
@@ -114,7 +114,7 @@ def assess(
     wish: Wish,
     outlines: bool | None = None,
     course: Course | None = None,
-    report: Progress = lambda share: None,
+    report: Progress = nobody,
 ) -> Run:
     """Return what integrations have found, with their error and what is doubtful about it.
 

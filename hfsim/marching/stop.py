@@ -13,6 +13,10 @@ Progress = Callable[[float], None]
 """Told the share of the duration that is done, 0 to 1, at every step; may raise to end the run."""
 
 
+def nobody(told: object) -> None:
+    """Take what nobody has asked for, such as a share that is done."""
+
+
 class Halted(LimitReached):
     """A watcher ended the run; ``share`` of the duration was done by then."""
 
@@ -82,11 +86,7 @@ class Share:
         self.report(self.before + self.part * share)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Share, (_nobody, 0.0, 0.0)
-
-
-def _nobody(share: float) -> None:
-    """Be told, and say nothing."""
+        return Share, (nobody, 0.0, 0.0)
 
 
 @mutable
@@ -107,7 +107,7 @@ class Budget:
     seconds: float
     clock: Callable[[], float] = time.perf_counter
     start: float = -1.0
-    report: Progress = lambda share: None
+    report: Progress = nobody
 
     def __post_init__(self) -> None:
         if self.start < 0.0:

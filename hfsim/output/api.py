@@ -18,7 +18,7 @@ import yaml
 from hfsim import simulate as pipeline
 from hfsim.errors import ArgumentError, UnfinishedRunError
 from hfsim.marching.solution import Run
-from hfsim.marching.stop import Budget, Progress
+from hfsim.marching.stop import Budget, Progress, nobody
 from hfsim.output.pictures import FORMATS
 from hfsim.scene.loading import LoadedDeck, load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
@@ -221,7 +221,7 @@ def carry_out(
         return result
     if loaded.deck.solve.budget is not None:
         budget = Budget(loaded.deck.solve.budget)
-        progress = budget.limiting(progress or (lambda share: None))
+        progress = budget.limiting(progress or nobody)
     return pipeline.simulate(
         loaded,
         progress=progress,
@@ -288,9 +288,9 @@ def compare(
     from hfsim.studies.farm import Here
 
     base = load(deck, changes)
-    wanted = study.usual_models(base.changed, _silent) if models is None else models
+    wanted = study.usual_models(base.changed, nobody) if models is None else models
     chosen = study.chosen_models(wanted, reference)
-    prepared = study.prepare(base.changed, chosen, reference, channels, _silent)
+    prepared = study.prepare(base.changed, chosen, reference, channels, nobody)
     found = study.carry_out(prepared, max_error, repeats, Here(), progress, error_estimate)
     if found.interrupted:
         raise KeyboardInterrupt
@@ -330,18 +330,10 @@ def verify(
     one = isinstance(decks, LoadedDeck | Mapping | str | os.PathLike)
     named: Sequence[Any] = [decks] if one else list(decks) or list(shipped)  # type: ignore[arg-type]
     found = (shipped.get(each, each) if isinstance(each, str) else each for each in named)
-    result = study.verify([study.entry_of(load(each)) for each in found], jobs, progress or _no_progress)
+    result = study.verify([study.entry_of(load(each)) for each in found], jobs, progress or nobody)
     if result.interrupted:
         raise KeyboardInterrupt
     return result
-
-
-def _no_progress(share: float) -> None:
-    """Take a share that nobody has asked for."""
-
-
-def _silent(line: str) -> None:
-    """Take a line that nobody has asked for."""
 
 
 def check(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> dict[str, Any]:

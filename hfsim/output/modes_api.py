@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hfsim.marching.stop import Progress
+from hfsim.marching.stop import Progress, nobody
 from hfsim.output.api import AnyDeck, load
 
 if TYPE_CHECKING:
@@ -90,4 +90,4 @@ def campbell(
     start = about(load(deck, changes).with_numbers())
     if body is not None:
         start = seen_from(start, body)
-    return study(start, rates, count, progress or (lambda share: None))
+    return study(start, rates, count, progress or nobody)

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfsim.deck.ranges import written
-from hfsim.marching.stop import Progress
+from hfsim.marching.stop import Progress, nobody
 from hfsim.output.api import AnyDeck, load
 from hfsim.output.sweep import Rows, Wanted, into_folder, perform, wanted_of
 from hfsim.output.talk import Destination, Talk
@@ -163,8 +163,8 @@ class _Work(NamedTuple):
 
     def done(self, asked: Asked, loaded: LoadedDeck) -> tuple[Sweep, Wanted]:
         """Do what is asked for; return all of its runs, and what they are."""
-        wanted = wanted_of(asked, loaded.with_numbers(), _silent, self.keep)
-        told, texts = self.progress or _no_progress, wanted.loaded.source.texts
+        wanted = wanted_of(asked, loaded.with_numbers(), nobody, self.keep)
+        told, texts = self.progress or nobody, wanted.loaded.source.texts
         with Workers(self.jobs or os.cpu_count() or 1, self.dask).executor(texts) as executor:
             if self.output is None:
                 result = perform(wanted, executor, Rows(wanted.plan), told)
@@ -192,11 +192,3 @@ def _one(value: Any) -> str:
     if isinstance(value, str):
         return value
     return written(float(value)) if isinstance(value, int | float) else json.dumps(value)
-
-
-def _no_progress(share: float) -> None:
-    """Take a share that nobody has asked for."""
-
-
-def _silent(line: str) -> None:
-    """Take a line that nobody has asked for."""

@@ -8,7 +8,7 @@ where there are any.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ import numpy as np
 import yaml
 
 from hfsim.errors import HfsimError
+from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import parse_deck
 from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.stability.trials import Job, solve_point, solve_reference
@@ -276,7 +277,7 @@ def extreme_set(
     seconds: float,
     limit: float,
     jobs: int,
-    report: Callable[[float], None] = lambda share: None,
+    report: Progress = nobody,
     executor: Executor | None = None,
 ) -> Extreme:
     """Run decks of a folder and hold them against what is expected.

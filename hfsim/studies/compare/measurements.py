@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from hfsim.integrators import steps_in_absolute_coordinates
 from hfsim.marching.distance import channel_errors
 from hfsim.marching.solution import Run
-from hfsim.marching.stop import Progress, Share
+from hfsim.marching.stop import Progress, Share, nobody
 from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck, SolveSpec
@@ -51,7 +51,7 @@ def measure(
     repeats: int,
     found: Measured,
     executor: Executor,
-    progress: Progress = lambda share: None,
+    progress: Progress = nobody,
 ) -> None:
     """Measure the error in time of each model that reached its end, and the CPU times of short ones again.
 

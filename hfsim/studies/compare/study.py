@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 
 from hfsim.marching.solution import Run
-from hfsim.marching.stop import Progress, Share
+from hfsim.marching.stop import Progress, Share, nobody
 from hfsim.simulate import simulate
 from hfsim.studies.compare.choice import Prepared
 from hfsim.studies.compare.judge import compare
@@ -46,7 +46,7 @@ def carry_out(
     take : callable
         (model, run) -> the run as it is kept.
     """
-    tell = progress or (lambda share: None)
+    tell = progress or nobody
     models, part = list(prepared.decks), _RUNS / len(prepared.decks)
     runs: dict[str, Run] = {}
     found, ended = Measured(), False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.marching.stop import Progress, nobody
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.studies.modes.about import About, turning_about, turning_at
 from hfsim.studies.modes.found import Mode, Modes, check_count, matched, modes_of
@@ -118,7 +119,7 @@ class Campbell:
 
 
 def campbell(
-    start: About, rates: Sequence[float], count: int, progress: Callable[[float], None] = lambda share: None
+    start: About, rates: Sequence[float], count: int, progress: Progress = nobody
 ) -> Campbell:
     """Return the modes about steady rotations at several rates.
 

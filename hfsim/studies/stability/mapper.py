@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 from hfsim.deck.ranges import Value, written
 from hfsim.errors import DeckError
 from hfsim.integrators import import_for
+from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import point_overrides
 from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.stability.results import MapPoint, Plan, Wanted
 from hfsim.studies.stability.trials import Job, solve_point, solve_reference
 from hfsim.studies.stability.verdict import REFUSED, TRUTH_MODEL, Trial, Truth, Verdict, classify
-
-Report = Callable[[float], None]
 
 _PATIENCE = 3.0
 """Time limit of a reference over that of a point: it is solved tighter, and with its disturbed run twice."""
@@ -58,7 +57,7 @@ class Mapper:
         self,
         loaded: LoadedDeck,
         plan: Plan,
-        report: Report = lambda share: None,
+        report: Progress = nobody,
         executor: Executor | None = None,
     ) -> None:
         self._loaded = loaded

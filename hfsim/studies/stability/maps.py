@@ -12,11 +12,12 @@ from typing import Any
 
 from hfsim.deck.ranges import Value
 from hfsim.errors import DeckError
+from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import Axis, point_overrides
 from hfsim.studies.farm import Executor
 from hfsim.studies.stability.bisection import bisected
-from hfsim.studies.stability.mapper import Mapper, Report
+from hfsim.studies.stability.mapper import Mapper
 from hfsim.studies.stability.results import Boundary, MapPoint, Plan, StabilityMap, Wanted
 
 
@@ -43,7 +44,7 @@ def stability_map(
     loaded: LoadedDeck,
     plan: Plan,
     bisect: float | None = None,
-    report: Report = lambda share: None,
+    report: Progress = nobody,
     ending: str = "accurate",
     executor: Executor | None = None,
 ) -> StabilityMap:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import DeckError
 from hfsim.marching.solution import Run
-from hfsim.marching.stop import Budget
+from hfsim.marching.stop import Budget, nobody
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.simulate import simulate
 from hfsim.studies.collect import CollectError, collect_all
@@ -112,7 +112,7 @@ def _run(setting: Setting, loaded: LoadedDeck) -> Run:
     """Return the run; but for diagnosis, what is found out about it does not depend on time."""
     progress = None
     if math.isfinite(setting.limit):
-        progress = Budget(setting.limit).limiting(lambda share: None)
+        progress = Budget(setting.limit).limiting(nobody)
     return simulate(
         loaded,
         progress=progress,

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import DeckError
+from hfsim.marching.stop import Progress, nobody
 from hfsim.parts.channels import kind_of
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.published import RowSpec, VerifySpec
@@ -121,7 +122,7 @@ def entry_of(loaded: LoadedDeck, name: str = "") -> Entry:
 def verify(
     entries: Sequence[Entry],
     jobs: int = 1,
-    report: Callable[[float], None] = lambda share: None,
+    report: Progress = nobody,
     executor: Executor | None = None,
 ) -> Verification:
     """Find all published values of some decks.
