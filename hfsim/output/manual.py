@@ -10,7 +10,7 @@ from pathlib import Path
 
 import click
 
-from hfsim.output.text import WIDTH
+from hfsim.output.text import WIDTH, fitting
 
 FOLDER = Path(__file__).resolve().parent.parent / "manual"
 """Where the pages are."""
@@ -100,7 +100,7 @@ def _table(block: str, width: int) -> str:
     rows = [row + [""] * (count - len(row)) for row in rows]
     needed = [max(len(row[k]) for row in rows) for k in range(count)]
     room = width - 2 * (count - 1)
-    columns = _shared(needed, room)
+    columns = fitting(needed, [min(one, 3) for one in needed], room)
     told = []
     for number, row in enumerate(rows):
         cells = [textwrap.wrap(cell, size) or [""] for cell, size in zip(row, columns, strict=True)]
@@ -117,17 +117,3 @@ def _cells(line: str) -> list[str]:
     """Return the cells of a row; a bar within one is written with a backslash."""
     cells = re.split(r"(?<!\\)\|", line.strip("| "))
     return [_LINK.sub(r"\1", cell.strip()).replace(r"\|", "|") for cell in cells]
-
-
-def _shared(needed: list[int], room: int) -> list[int]:
-    """Return widths of columns that fit: the widest give way.
-
-    Examples
-    --------
-    >>> _shared([4, 30, 50], 40)
-    [4, 18, 18]
-    """
-    most = max(needed)
-    while sum(min(one, most) for one in needed) > room and most > 3:
-        most -= 1
-    return [min(one, most) for one in needed]

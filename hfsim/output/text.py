@@ -129,7 +129,7 @@ def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     if at_terminal():
         whole = [max(map(_uncut, column)) for column in zip(*rows, strict=True)]
-        widths = _fitting(widths, whole, line_width() - len(indent) - 2 * (len(widths) - 1))
+        widths = fitting(widths, whole, line_width() - len(indent) - 2 * (len(widths) - 1))
     lines = []
     for row in rows:
         first, *others = (cut(cell, width) for cell, width in zip(row, widths, strict=True))
@@ -144,12 +144,12 @@ def _uncut(cell: str) -> int:
     return min(len(cell), _NAME) if longest >= _LONG or len(cell) > _SENTENCE else len(cell)
 
 
-def _fitting(widths: Sequence[int], least: Sequence[int], room: int) -> list[int]:
+def fitting(widths: Sequence[int], least: Sequence[int], room: int) -> list[int]:
     """Return widths of columns that fit, none below its least: the widest give way.
 
     Examples
     --------
-    >>> _fitting([30, 8, 20], [18, 8, 18], 50), _fitting([30, 8, 20], [18, 8, 18], 20)
+    >>> fitting([30, 8, 20], [18, 8, 18], 50), fitting([30, 8, 20], [18, 8, 18], 20)
     ([22, 8, 20], [18, 8, 18])
     """
     found, most = list(widths), max(widths, default=0)
