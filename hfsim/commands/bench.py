@@ -23,16 +23,13 @@ from hfsim.commands.options import (
     time_option,
     timing_workers_options,
 )
-from hfsim.output.study import Study
+from hfsim.output.study import Study, time_to_draw
 from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.bench import Bench, Sweep
     from hfsim.studies.cluster import Workers
-
-_DRAWING = (2.0, 0.1)
-"""Time kept back for pictures: so many seconds, at most this part of the budget."""
 
 
 def _words(name: str, words: str) -> Callable[[Any], Any]:
@@ -186,7 +183,7 @@ def do_bench(
     from hfsim.studies.bench import bench as measure
 
     study.begin()
-    drawing = min(_DRAWING[0], _DRAWING[1] * seconds) if study.plots else 0.0
+    drawing = time_to_draw(study.plots, seconds)
     with (
         workers.executor(loaded.source.texts, timing=True) as executor,
         Progress(f"{loaded.deck.name}, bench", sys.stderr, study.talk.quiet) as progress,

@@ -170,9 +170,9 @@ def _publish(
     draw: Any,
 ) -> None:
     if as_csv:
-        from hfsim.output.modes import csv_text
+        from hfsim.output.writers import table_text
 
-        text = csv_text(columns, rows)
+        text = table_text(rows, columns).rstrip("\n")
     study.publish(facts, {stem: (columns, rows)}, text, draw)
 
 

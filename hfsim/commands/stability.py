@@ -26,7 +26,7 @@ from hfsim.commands.options import (
     time_option,
     workers_options,
 )
-from hfsim.output.study import Study
+from hfsim.output.study import Study, time_to_draw
 from hfsim.output.talk import Destination, Talk, print_error
 
 if TYPE_CHECKING:
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from hfsim.studies.farm import Executor
     from hfsim.studies.stability.results import Plan
 
-_DRAWING = (2.0, 0.1)
-"""Time kept back for pictures: so many seconds, at most this part of the budget."""
 _MOST_AXES = 2
 
 
@@ -126,7 +124,7 @@ def stability(
     overrides = (*overrides, *without_blind_channels(deck, overrides, names(models), talk))
     loaded = with_numbers(load_decks([str(find_deck(deck, talk))], overrides, talk, lambda _: None)[0], talk)
     axes = read_axes(vary, named)
-    drawing = 0.0 if not to.plots else min(_DRAWING[0], _DRAWING[1] * budget)
+    drawing = time_to_draw(to.plots, budget)
     spent = time.perf_counter() - started
     chosen = names(models) or (() if measure else usual_models(deck, overrides, talk))
     plan = make_plan(

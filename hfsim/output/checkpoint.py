@@ -11,7 +11,7 @@ import numpy as np
 
 from hfsim.integrators import Memory
 from hfsim.output.disk import read_history, write_whole
-from hfsim.output.writers import Provenance, read_resolved, versions
+from hfsim.output.writers import Provenance, leaves, read_resolved, versions
 
 CHECKPOINT = "checkpoint.npz"
 _MAY_DIFFER = ("solve.max_steps", "solve.budget", "output.plots", "output.shapes")
@@ -122,7 +122,7 @@ def _refuse(path: Path, different: Iterable[str]) -> None:
 
 
 def _deck(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
-    return _differences(*(dict(_leaves(json.loads(json.dumps(one)))) for one in (old, new)))
+    return _differences(*(dict(leaves(json.loads(json.dumps(one)))) for one in (old, new)))
 
 
 def _differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> Iterator[str]:
@@ -141,12 +141,3 @@ def _short(old: Any, new: Any) -> tuple[str, str]:
         k = next(k for k, (a, b) in enumerate(zip(old, new, strict=True)) if a != b)
         return f"entry {k} {old[k]}", f"{new[k]}"
     return str(old), str(new)
-
-
-def _leaves(entry: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield dotted path and value of all that is in a deck."""
-    if not isinstance(entry, dict):
-        yield path, entry
-        return
-    for key, value in entry.items():
-        yield from _leaves(value, f"{path}.{key}" if path else str(key))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -157,15 +156,3 @@ def _cell(mode: Mode | None) -> str | None:
 def mode_rows(found: Modes) -> list[dict[str, Any]]:
     """Return the rows of ``modes.csv``."""
     return [mode.facts() for mode in found.modes]
-
-
-def csv_text(columns: Sequence[Column | str], rows: Sequence[Any]) -> str:
-    """Return a table as CSV."""
-    import tempfile
-
-    from hfsim.output.writers import write_table
-
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "table.csv"
-        write_table(path, rows, columns)
-        return path.read_text(encoding="utf-8").rstrip("\n")

@@ -29,6 +29,13 @@ Page: TypeAlias = "Callable[[Mapping[str, Any], Path], str]"
 """Makes a page of HTML of the facts of a study and the folder with its pictures."""
 Table: TypeAlias = "tuple[Iterable[Column | str], Iterable[Any]]"
 """Columns and rows of a CSV file: rows are whatever the columns know to read."""
+_DRAWING = (2.0, 0.1)
+"""Time kept back for pictures: so many seconds, at most this part of the budget."""
+
+
+def time_to_draw(plots: bool, seconds: float) -> float:
+    """Return what of a budget is kept back for pictures [s]."""
+    return min(_DRAWING[0], _DRAWING[1] * seconds) if plots else 0.0
 
 
 def claim_study(kind: str, to: Destination, name: str) -> RunFolder:
@@ -180,8 +187,8 @@ class Study:
     def _save(
         self, facts: Mapping[str, Any], tables: Mapping[str, Table], also: Sequence[str]
     ) -> dict[str, Any]:
-        from hfsim.output.disk import disk, write_json
-        from hfsim.output.writers import json_ready, versions, write_table
+        from hfsim.output.disk import disk, write_json, write_text
+        from hfsim.output.writers import json_ready, table_text, versions
 
         files = [*(f"{stem}.csv" for stem in tables), *also, f"{self.kind}.json"]
         if self.folder is None:
@@ -189,7 +196,7 @@ class Study:
         self.begin()
         with disk(self.path):
             for stem, (columns, rows) in tables.items():
-                write_table(self.path / f"{stem}.csv", rows, columns)
+                write_text(self.path / f"{stem}.csv", table_text(rows, columns))
             plain, _ = json_ready({**facts, **self.about, "versions": versions(), "files": files})
             write_json(self.path / f"{self.kind}.json", plain)
         return dict(plain)

@@ -21,7 +21,7 @@ from hfsim.marching.stop import SHIELD
 from hfsim.output.disk import disk, write_json, write_whole
 from hfsim.output.runfolder import FolderError, RunFolder, claim, folder_name
 from hfsim.output.talk import Destination
-from hfsim.output.writers import cell, json_ready
+from hfsim.output.writers import cell, json_ready, leaves
 from hfsim.studies.sweep.plan import Plan
 from hfsim.studies.sweep.work import FACTS, LOST, Row
 
@@ -212,7 +212,7 @@ def refuse_changed(path: Path, facts: Mapping[str, Any]) -> None:
         old = json.loads((path / "sweep.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         raise ResumeError(f"{path} has no sweep to go on with") from None
-    now, then = _flat(json_ready(facts)[0]), _flat({key: old.get(key) for key in facts})
+    now, then = map(dict, map(leaves, (json_ready(facts)[0], {key: old.get(key) for key in facts})))
     found = [
         f"  {key}: {_shown(then.get(key))} there, {_shown(now.get(key))} here"
         for key in dict.fromkeys([*then, *now])
@@ -222,13 +222,6 @@ def refuse_changed(path: Path, facts: Mapping[str, Any]) -> None:
         more = [f"  and {len(found) - _TOLD} more"] if len(found) > _TOLD else []
         lines = "\n".join([*found[:_TOLD], *more])
         raise ResumeError(f"{path} is another sweep:\n{lines}\nuse --force without --resume to begin anew")
-
-
-def _flat(value: Any, path: str = "") -> dict[str, Any]:
-    if isinstance(value, Mapping):
-        parts = [_flat(one, f"{path}.{key}" if path else str(key)) for key, one in value.items()]
-        return {key: one for part in parts for key, one in part.items()}
-    return {path: value}
 
 
 def _shown(value: object) -> str:

@@ -10,7 +10,7 @@ import math
 import os
 import platform
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -90,15 +90,15 @@ def warnings_of(run: Run) -> list[str]:
     return [str(warning) for warning in run.statistics.get("warnings") or ()]
 
 
-def write_table(path: Path, rows: Iterable[Any], columns: Iterable[Column | str]) -> None:
-    """Write rows of any kind as CSV; None and non-finite numbers become empty cells.
+def table_text(rows: Iterable[Any], columns: Iterable[Column | str]) -> str:
+    """Return rows of any kind as CSV; None and non-finite numbers become empty cells.
 
     A column given by its name alone is the attribute or key of that name.
     """
     known = [column if isinstance(column, Column) else Column(column) for column in columns]
     lines = [",".join(column.name for column in known)]
     lines += [",".join(cell(column.value(row)) for column in known) for row in rows]
-    write_text(path, "\n".join(lines) + "\n")
+    return "\n".join(lines) + "\n"
 
 
 def cell(value: object) -> str:
@@ -138,6 +138,15 @@ def _join(path: str, key: object) -> str:
 def _collect(parts: dict[str, tuple[Any, list[str]]]) -> tuple[dict[str, Any], list[str]]:
     bad = [name for _, names in parts.values() for name in names]
     return {key: value for key, (value, _) in parts.items()}, bad
+
+
+def leaves(entry: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield dotted path and value of all that is in maps within maps."""
+    if not isinstance(entry, dict):
+        yield path, entry
+        return
+    for key, value in entry.items():
+        yield from leaves(value, f"{path}.{key}" if path else str(key))
 
 
 def summary_of(run: Run, provenance: Provenance, files: Sequence[str]) -> dict[str, Any]:
