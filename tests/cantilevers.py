@@ -25,7 +25,9 @@ def inside(scene, x, places, name="b", u=None):
     return body.section_forces(x, u, a, acting, np.asarray(places))[0]
 
 
-def cantilever(section, length, force, moment=None, elements=4, degree=3, material=None, more=""):
+def cantilever(
+    section, length, force, moment=None, elements=4, degree=3, material=None, more="", gravity=None
+):
     """Return the scene of a clamped beam along x with loads at its tip that grow to their size at t = 1.
 
     It is in the plane or in space as its force is.
@@ -39,7 +41,7 @@ def cantilever(section, length, force, moment=None, elements=4, degree=3, materi
         parse_deck(
             f"""
 hfsim: 1
-gravity: {[0.0] * len(force)}
+gravity: {gravity or [0.0] * len(force)}
 materials: {{stuff: {{density: 1000.0, {material or "youngs_modulus: 1.0"}}}}}
 sections: {{bar: {section}}}
 bodies:

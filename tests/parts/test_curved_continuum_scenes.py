@@ -6,17 +6,21 @@ import numpy as np
 import pytest
 import yaml
 from analytical import jacobian
-from beam_laws import FORCE, MOMENT, check_small_loads, told_at_rest
+from beam_laws import (
+    FORCE,
+    MOMENT,
+    check_inertia_of_rigid,
+    check_small_loads,
+    check_takeover,
+    check_told_at_rest,
+)
 from cantilevers import cantilever
 from solved import parsed, solved
 
-from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation, rotation_vector
 from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.scene.build import build
-from hfsim.trust.handover import hand_over
-from hfsim.trust.quasistatic import deformation_of
 
 ROTOR = """
 hfsim: 1
@@ -124,18 +128,7 @@ def test_a_turned_and_shifted_scene_moves_the_same(exact):
 
 
 def test_rigid_beams_have_the_inertia_of_their_material():
-    energies = []
-    for model in ("rigid", "exact"):
-        scene = build(parsed(rotor(model)))
-        x, u = scene.system.absolute(scene.q[None]), scene.system.absolute_velocity(
-            scene.q[None], scene.v[None]
-        )
-        energies.append([scene.system.kinetic_energy(x, u)[0]])
-        energies[-1].append(scene.system.potential_energy(np.zeros(1), x)[0])
-        assert scene.marker("b1.tip").position(x)[0] == pytest.approx(
-            [0.2 + 2 * np.sin(0.6), 2 - 2 * np.cos(0.6), 0.0], abs=1e-12
-        )
-    assert energies[0] == pytest.approx(energies[1], rel=1e-12)
+    check_inertia_of_rigid(rotor)
 
 
 def elastic(scene):
@@ -179,23 +172,13 @@ def test_static_deflections_of_small_loads_are_those_of_exact():
 
 def test_rigid_beams_tell_how_their_forces_would_deform_them():
     """At rest it is what linear says: tip, and shape to go over to."""
-    seen, expected = told_at_rest(bar)
-    assert seen.tip == pytest.approx(expected.tip, abs=0.02 * np.abs(expected.tip).max())
+    check_told_at_rest(bar("linear"), FORCE, MOMENT, 0.02)
 
 
 def test_what_takes_over_goes_on_with_the_same_forces():
     data = rotor("rigid", tolerance=1.0e-8)
     data["materials"]["stuff"]["youngs_modulus"] = 7.0e10
-    old, end = build(parsed(data)), np.array([0.05])
-    path = run_integration(old, old.deck.solve).trajectory
-    seen = deformation_of(old, old.bodies["b1"], end, path.q[None], path.v[None])
-    for model in ("linear", "exact"):
-        new, gained = hand_over(old, build(old.loaded, models={"b1": model}), path)
-        y, rates = new.system.absolute(new.q[None]), new.system.absolute_velocity(new.q[None], new.v[None])
-        assert np.abs(new.system.residual(end, y)).max() < 1e-9
-        bent = new.bodies["b1"].deformation(y, rates)
-        assert bent.tip == pytest.approx(seen.tip, abs=0.05 * np.abs(seen.tip).max())
-        assert abs(gained) < 5e-3 * new.system.kinetic_energy(y, rates)[0]
+    check_takeover(data, 5e-3)
 
 
 def test_the_model_that_a_motion_needs_is_chosen(exact):

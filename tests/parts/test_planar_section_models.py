@@ -1,20 +1,19 @@
 """Models of beams with sections in the plane: rigid, what takes over from it, and the choice in a run."""
 
+from functools import partial
+
 import numpy as np
 import posed
 import pytest
 import yaml
-from cantilevers import at_rest, cantilever
+from beam_laws import check_inertia_of_rigid, check_takeover, check_told_at_rest
+from cantilevers import cantilever
 from solved import parsed, solved
 
 from hfsim.errors import DeckError
-from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
-from hfsim.mechanics.pose import Pose, Twist
-from hfsim.parts.bodies.models import MODELS
+from hfsim.mechanics.pose import Pose
 from hfsim.scene.build import build
-from hfsim.trust.handover import hand_over
-from hfsim.trust.quasistatic import deformation_of
 
 CURVES = {"straight": {"length": 1.2}, "arc": {"axis": {"arc": {"radius": 2.0, "angle": 0.6}}}}
 ROTOR = """
@@ -48,26 +47,12 @@ def test_rigid_beams_tell_how_their_forces_would_deform_them(more):
     length = None if "arc" in more else 1.0
     section, material = "{shape: rectangle, width: 0.2, height: 0.1}", "youngs_modulus: 7.0e+9"
     force, moment = (30.0, -20.0), 5.0
-    flexible = cantilever(section, length, force, moment, material=material, more=more or "model: linear")
-    x = at_rest(flexible, 1.0)
-    expected = flexible.bodies["b"].deformation(x, np.zeros_like(x))
-    deck = flexible.loaded.deck
-    body = deck.bodies["b"].assemble("b", 0, deck, MODELS["rigid"])
-    pose = Pose.level([0.0, 0.0])
-    y, still = body.placed(pose)[None], np.zeros((1, 3))
-    tip = body.marker(body.points["tip"])
-    on = np.array(force) @ tip.position_jacobian(y)[0] + moment * tip.spin_jacobian(y)[0, 0]
-    seen = body.statics(y, still, still, [(tip, on[None])])
-    assert seen.tip == pytest.approx(expected.tip, rel=2e-3)
-    for own, other in ((seen.axial, expected.axial), (seen.slope[..., 0], expected.slope[..., 0])):
-        found = np.interp(expected.places, seen.places, own[0])
-        assert found == pytest.approx(other[0], abs=2e-3 * seen.steepness.max())
+    scene = cantilever(section, length, force, moment, material=material, more=more or "model: linear")
+    seen, _ = check_told_at_rest(scene, force, moment)
     if length:
-        p = deck.section_properties("b")
+        p = scene.deck.section_properties("b")
         bent = -20.0 * (1.0 / (3.0 * p.bending_stiffness[1]) + 1.0 / p.shear_stiffness[0])
         assert seen.tip[0] == pytest.approx([bent + 5.0 / (2.0 * p.bending_stiffness[1])], rel=1e-3)
-    vectors, _ = flexible.bodies["b"].deformed(pose, Twist(np.zeros(2), np.zeros(1)), seen)
-    assert vectors == pytest.approx(x[0], abs=2e-3 * np.abs(x[0] - flexible.bodies["b"].placed(pose)).max())
 
 
 def test_spinning_and_turning_faster_deform_as_their_inertia_forces():
@@ -91,17 +76,7 @@ def test_spinning_and_turning_faster_deform_as_their_inertia_forces():
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_rigid_beams_have_the_inertia_of_their_sections(curve):
-    energies, places = [], []
-    for model in ("rigid", "exact"):
-        scene = build(parsed(rotor(curve, model)))
-        system = scene.system
-        x, u = system.absolute(scene.q[None]), system.absolute_velocity(scene.q[None], scene.v[None])
-        energies.append(system.kinetic_energy(x, u)[0] + system.potential_energy(np.zeros(1), x)[0])
-        places.append(scene.marker("b1.tip").position(x)[0])
-        outline = scene.bodies["b1"].outline(x)[0]
-        assert outline[-1] == pytest.approx(places[-1], abs=1e-6)
-    assert energies[0] == pytest.approx(energies[1], rel=1e-12)
-    assert places[0] == pytest.approx(places[1], abs=1e-14)
+    check_inertia_of_rigid(partial(rotor, curve))
 
 
 @pytest.mark.slow
@@ -118,20 +93,7 @@ def test_posed_in_space_it_is_the_same(model):
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_what_takes_over_goes_on_in_the_same_place_with_the_same_forces(curve):
-    old = build(parsed(rotor(curve)))
-    path = run_integration(old, old.deck.solve).trajectory
-    x = old.system.absolute(path.q[None])
-    seen = deformation_of(old, old.bodies["b1"], np.array([0.3]), path.q[None], path.v[None])
-    size = np.linalg.norm(seen.sections[0, -1, :2])
-    assert size > 1e-4
-    for model in ("linear", "exact"):
-        new, gained = hand_over(old, build(old.loaded, models={"b1": model}), path)
-        y = new.system.absolute(new.q[None])
-        assert np.abs(new.system.residual(np.array([0.3]), y)).max() < 1e-9
-        moved = new.marker("b1.tip").position(y) - old.marker("b1.tip").position(x)
-        assert np.linalg.norm(moved) == pytest.approx(size, rel=0.05)
-        energy = new.system.kinetic_energy(y, new.system.absolute_velocity(new.q[None], new.v[None]))[0]
-        assert abs(gained) < 2e-3 * energy
+    check_takeover(rotor(curve))
 
 
 @pytest.mark.slow

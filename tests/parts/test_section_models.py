@@ -8,19 +8,21 @@ import posed
 import pytest
 import yaml
 from analytical import jacobian
+from beam_laws import (
+    check_force_of_energy,
+    check_inertia_of_rigid,
+    check_rigid_motions,
+    check_takeover,
+    check_told_at_rest,
+)
 from blades import AT_REST, FLAP, GROWTH_LINEAR, LAG, frequencies, off, spectrum
-from cantilevers import at_rest, displacement, inside
+from cantilevers import at_rest, cantilever, displacement, inside
 from solved import parsed, solved
 
-from hfsim.marching.integration import run_integration
 from hfsim.maths.rotations import rotation
-from hfsim.mechanics.pose import Pose, Twist
-from hfsim.parts.bodies.models import MODELS
+from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.root_axes import SectionFrameChart
 from hfsim.scene.build import build
-from hfsim.scene.loading import parse_deck
-from hfsim.trust.handover import hand_over
-from hfsim.trust.quasistatic import deformation_of
 
 CURVES = {"straight": "", "arc": ", axis: {arc: {radius: 2.0, angle: 0.6}}, twist: 0.4"}
 ROTOR = """
@@ -41,13 +43,22 @@ initial:
 solve: {{model: {model}, duration: {duration}, tolerance: {tolerance}, coordinates: {coordinates}}}
 output: {{interval: 0.01, channels: [b1.tip.x, b1.tip.y, b1.tip.z, energy.total]}}
 """
+PLANAR = """
+hfsim: 1
+materials: {{stuff: {{density: 2700.0, youngs_modulus: {modulus}, bending_damping: {damping}}}}}
+sections: {{bar: {{shape: rectangle, width: 0.06, height: 0.03}}}}
+bodies: {{b1: {{type: beam, material: stuff, section: bar, length: 1.2, elements: 2, degree: 2, element: cosserat}}}}
+joints: {{pin: {{type: revolute, between: [ground, b1.root]}}}}
+initial: {{b1: {{angle: 0.3, angular_velocity: {rate}}}}}
+solve: {{model: {model}, duration: {duration}, tolerance: {tolerance}, coordinates: {coordinates}}}
+output: {{channels: [b1.tip.x, b1.tip.y]}}
+"""
 
 
 def rotor(curve="straight", **changed):
     numbers = {"modulus": 7.0e8, "damping": 0.0, "rate": 3.0, "model": "linear", "duration": 0.015}
     numbers |= {"tolerance": 1.0e-10, "coordinates": "auto", **changed}
-    text = ROTOR.format(curve=CURVES[curve], **numbers)
-    data = yaml.safe_load(text)
+    data = yaml.safe_load((PLANAR if curve == "plane" else ROTOR).format(curve=CURVES.get(curve), **numbers))
     if curve == "arc":
         data["bodies"]["b1"].pop("length")
     return data
@@ -64,47 +75,18 @@ def moved_scene(rng, curve, **changed):
     return scene, scene.bodies["b1"], x + 0.05 * rng.normal(size=x.shape)
 
 
-PLANAR = """
-hfsim: 1
-materials: {stuff: {density: 2700.0, youngs_modulus: 7.0e8, bending_damping: 0.01}}
-sections: {bar: {shape: rectangle, width: 0.06, height: 0.03}}
-bodies: {b1: {type: beam, material: stuff, section: bar, length: 1.2, elements: 2, degree: 2, element: cosserat}}
-joints: {pin: {type: revolute, between: [ground, b1.root]}}
-initial: {b1: {angle: 0.3, angular_velocity: 2.0}}
-solve: {model: linear, duration: 0.1}
-"""
-
-
 @pytest.mark.parametrize("model", ["linear", "lowOrder"])
 @pytest.mark.parametrize("curve", [*CURVES, "plane"])
 def test_force_is_the_derivative_of_its_energy(rng, curve, model):
-    scene, body, x = moved_scene(rng, "straight" if curve == "plane" else curve, model=model, damping=0.01)
-    if curve == "plane":
-        scene = build(parse_deck(PLANAR), model)
-        body, x = scene.bodies["b1"], scene.system.absolute(scene.q[None])[0]
-        x = x + 0.05 * rng.normal(size=x.shape)
-    force, out, still = body.elastic, np.zeros((1, len(x))), np.zeros((1, len(x)))
-    force.add_force(np.zeros(1), x[None], still, out)
-    slope = jacobian(lambda y: force.strain_energy(y)[:, None], x)[0]
-    assert out[0] == pytest.approx(-slope, abs=1e-8 * np.abs(slope).max())
-    u, h = rng.normal(size=(1, len(x))), 1e-5
-    rates = (force.displacements(x[None] + h * u) - force.displacements(x[None] - h * u)) / (2.0 * h)
-    assert force.rates(x[None], u) == pytest.approx(rates, abs=1e-8)
-    damped = np.zeros((1, len(x)))
-    force.add_force(np.zeros(1), x[None], u, damped)
-    assert np.sum((damped - out) * u) == pytest.approx(force.power(np.zeros(1), x[None], u)[0], rel=1e-9)
-    assert force.power(np.zeros(1), x[None], u)[0] < 0.0
+    _, body, x = moved_scene(rng, curve, model=model, damping=0.01)
+    check_force_of_energy(body.elastic, x, rng)
 
 
 @pytest.mark.parametrize("model", ["linear", "lowOrder"])
 @pytest.mark.parametrize("curve", [*CURVES, "plane"])
 def test_force_is_that_of_its_strains(rng, curve, model):
     """With given strains, too, and its tangent is the derivative of the force with its rates."""
-    scene, body, x = moved_scene(rng, "straight" if curve == "plane" else curve, model=model, damping=0.01)
-    if curve == "plane":
-        scene = build(parse_deck(PLANAR), model)
-        body, x = scene.bodies["b1"], scene.system.absolute(scene.q[None])[0]
-        x = x + 0.05 * rng.normal(size=x.shape)
+    _, body, x = moved_scene(rng, curve, model=model, damping=0.01)
     force, t, u = body.elastic, np.zeros(1), rng.normal(size=(1, len(x)))
     e, C = force.strain(x[None]), force.strain_stiffness
     assert 0.5 * e**2 @ C == pytest.approx(force.strain_energy(x[None]), rel=1e-9)
@@ -130,20 +112,14 @@ def test_force_is_that_of_its_strains(rng, curve, model):
 
 
 @pytest.mark.parametrize("model", ["linear", "lowOrder"])
-@pytest.mark.parametrize("curve", CURVES)
+@pytest.mark.parametrize("curve", [*CURVES, "plane"])
 def test_no_rigid_motion_is_resisted_nor_caused(rng, curve, model):
     scene, body, _ = moved_scene(rng, curve, model=model, damping=0.01)
-    x = scene.system.absolute(scene.q[None])[0]
-    motions = np.zeros((6, len(x)))
-    motions[:, body.columns] = body.freedoms(x, Pose.level(np.zeros(3)))
-    u, force = rng.normal(size=len(x)), np.zeros((7, len(x)))
-    body.elastic.add_force(np.zeros(7), np.repeat(x[None], 7, axis=0), np.array([*motions, u]), force)
-    assert np.abs(force[:6]).max() < 1e-9 * np.abs(force[6]).max()
-    assert np.abs(motions @ force[6]).max() < 1e-9 * np.abs(force[6]).max()
+    check_rigid_motions(body, body.elastic, scene.system.absolute(scene.q[None])[0], rng)
 
 
 @pytest.mark.parametrize("model", ["exact", "linear", "lowOrder"])
-@pytest.mark.parametrize("curve", CURVES)
+@pytest.mark.parametrize("curve", [*CURVES, "plane"])
 def test_steps_in_the_frame_of_the_root_give_those_in_nodal_vectors(model, curve):
     frame, absolute = (solved(rotor(curve, model=model, coordinates=one))[0] for one in ("frame", "absolute"))
     assert frame == pytest.approx(absolute, abs=1e-9 * np.abs(absolute).max())
@@ -162,16 +138,6 @@ def test_chart_of_the_root_against_differences(rng, n_dim):
     assert chart.hybrid(x, q) == pytest.approx(q, abs=1e-11)
     assert chart.hybrid_velocity(frames, u) == pytest.approx(v, abs=1e-11)
 
-
-def test_planar_steps_in_the_frame_give_those_in_nodal_vectors():
-    for model in ("exact", "linear", "lowOrder"):
-        ends = []
-        for coordinates in ("frame", "absolute"):
-            data = yaml.safe_load(PLANAR)
-            data["solve"] |= {"model": model, "coordinates": coordinates, "tolerance": 1e-10, "duration": 0.03}
-            data["output"] = {"channels": ["b1.tip.x", "b1.tip.y"]}
-            ends.append(solved(data)[0])
-        assert ends[0] == pytest.approx(ends[1], abs=1e-9)
 
 
 @pytest.mark.parametrize("model", ["linear", "lowOrder"])
@@ -198,28 +164,18 @@ def test_small_motions_are_those_of_exact(curve):
     assert missed[0] / missed[1] > 3.5
 
 
-CANTILEVER = """
-hfsim: 1
-gravity: {gravity}
-materials: {{stuff: {{density: 2700.0, youngs_modulus: 7.0e9, poisson_ratio: 0.3}}}}
-sections: {{bar: {{shape: rectangle, width: 0.2, height: 0.1}}}}
-bodies: {{b: {{type: beam, material: stuff, section: bar, elements: 4, degree: 3, {length}}}}}
-joints: {{clamp: {{type: fixed, between: [ground, b.root]}}}}
-loads:
-  push: {{type: force, at: b.tip, force: {force}, law: {{type: constant_rate, rate: 1.0}}}}
-  turn: {{type: moment, at: b.tip, moment: {moment}, law: {{type: constant_rate, rate: 1.0}}}}
-solve: {{model: {model}, coordinates: absolute, duration: 1.0}}
-"""
 NOTHING = [0.0, 0.0, 0.0]
+FORCE, MOMENT = (30.0, 20.0, 10.0), (0.5, 0.0, 0.0)
 
 
-def cantilever(model="linear", length="length: 1.0", gravity=NOTHING, force=NOTHING, moment=NOTHING):
-    return build(parse_deck(CANTILEVER.format(model=model, length=length, gravity=gravity, force=force, moment=moment)))
+def clamped(model="linear", force=FORCE, moment=MOMENT, more="", length=1.0, **keys):
+    section, material = "{shape: rectangle, width: 0.2, height: 0.1}", "youngs_modulus: 7.0e+9, poisson_ratio: 0.3"
+    return cantilever(section, length, force, moment, material=material, more=f"model: {model}{more}", **keys)
 
 
 def test_static_deflections_are_those_of_timoshenko():
     """Bending with shear about both axes, stretch and torsion."""
-    scene = cantilever(force=[30.0, 20.0, 10.0], moment=[0.5, 0.0, 0.0])
+    scene = clamped()
     p = scene.deck.section_properties("b")
     x = at_rest(scene, 1.0)
     (k_y, k_z), (I_y, I_z) = p.shear_stiffness, p.bending_stiffness
@@ -229,43 +185,23 @@ def test_static_deflections_are_those_of_timoshenko():
     assert -d3[1] == pytest.approx(0.5 / p.torsion_stiffness, rel=1e-3)
 
 
-@pytest.mark.parametrize("length", ["length: 1.0", "axis: {arc: {radius: 1.0, angle: 1.2}}, twist: 0.5"])
-def test_rigid_beams_tell_how_their_forces_would_deform_them(length):
+@pytest.mark.parametrize("more", ["", ", axis: {arc: {radius: 1.0, angle: 1.2}}, twist: 0.5"])
+def test_rigid_beams_tell_how_their_forces_would_deform_them(more):
     """Under weight and loads, at rest, it is what linear says: tip, and shape to go over to."""
-    gravity, force, moment = [0.2, 0.4, -0.3], [30.0, -20.0, 10.0], [3.0, 5.0, -2.0]
-    flexible = cantilever("linear", length, gravity, force, moment)
-    x = at_rest(flexible, 1.0)
-    expected = flexible.bodies["b"].deformation(x, np.zeros_like(x))
-    deck = flexible.loaded.deck
-    body = deck.bodies["b"].assemble("b", 0, deck, MODELS["rigid"])
-    pose = Pose.level(NOTHING)
-    y, still = body.placed(pose)[None], np.zeros((1, 12))
-    tip = body.marker(body.points["tip"])
-    on = np.array(force) @ tip.position_jacobian(y)[0] + np.array(moment) @ tip.spin_jacobian(y)[0]
-    seen = body.statics(y, still, still, [(tip, on[None])])
-    assert seen.tip == pytest.approx(expected.tip, rel=2e-3)
-    for own, other in zip((seen.axial[0], *seen.slope[0].T), (expected.axial[0], *expected.slope[0].T), strict=True):
-        found = np.interp(expected.places, seen.places, own)
-        assert found == pytest.approx(other, abs=2e-3 * seen.steepness.max())
-    vectors, _ = flexible.bodies["b"].deformed(pose, Twist(np.zeros(3), np.zeros(3)), seen)
-    assert vectors == pytest.approx(x[0], abs=2e-3 * np.abs(x[0] - flexible.bodies["b"].placed(pose)).max())
+    force, moment = (30.0, -20.0, 10.0), (3.0, 5.0, -2.0)
+    length = None if more else 1.0
+    scene = clamped("linear", force, moment, more, length, gravity=[0.2, 0.4, -0.3])
+    check_told_at_rest(scene, force, moment)
 
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_rigid_beams_have_the_inertia_of_their_sections(curve):
-    """The same motion energy as the flexible beam's nodes have when that moves as a rigid body."""
-    scenes = [build(parsed(rotor(curve, model=model))) for model in ("rigid", "exact")]
-    energies, places = [], []
-    for scene in scenes:
-        x, u = scene.system.absolute(scene.q[None]), scene.system.absolute_velocity(scene.q[None], scene.v[None])
-        energies.append(scene.system.kinetic_energy(x, u)[0] + scene.system.potential_energy(np.zeros(1), x)[0])
-        places.append(scene.marker("b1.tip").position(x)[0])
-    assert energies[0] == pytest.approx(energies[1], rel=1e-12)
-    assert places[0] == pytest.approx(places[1], abs=1e-14)
+    """The same energies as the flexible beam's nodes have when that moves as a rigid body."""
+    check_inertia_of_rigid(lambda model: rotor(curve, model=model))
 
 
 def test_a_rigid_beam_that_cannot_move_is_where_it_was():
-    scene = cantilever("rigid", "axis: {arc: {radius: 1.0, angle: 1.2}}")
+    scene = clamped("rigid", more=", axis: {arc: {radius: 1.0, angle: 1.2}}", length=None)
     still = scene.bodies["b"].folded(Pose.level(NOTHING))
     tip = scene.marker("b.tip").position(scene.system.absolute(scene.q[None]))
     assert still.marker(still.points["tip"]).position(np.zeros((1, 0))) == pytest.approx(tip, abs=1e-14)
@@ -297,25 +233,12 @@ def test_the_model_that_a_motion_needs_is_chosen():
 def test_what_takes_over_goes_on_in_the_same_place_with_the_same_forces(curve):
     data = rotor(curve, model="rigid", modulus=2.0e10, rate=5.0, duration=0.3)
     data["loads"] = {"spin": {"type": "moment", "at": "hub", "moment": [3.0, 1.0, 10.0]}}
-    old = build(parsed(data))
-    path = run_integration(old, old.deck.solve).trajectory
-    x = old.system.absolute(path.q[None])
-    for model in ("linear", "exact"):
-        new, gained = hand_over(old, build(old.loaded, models={"b1": model}), path)
-        y = new.system.absolute(new.q[None])
-        assert np.abs(new.system.residual(np.array([0.3]), y)).max() < 1e-9
-        moved = new.marker("b1.tip").position(y) - old.marker("b1.tip").position(x)
-        seen = deformation_of(old, old.bodies["b1"], np.array([0.3]), path.q[None], path.v[None])
-        size = np.linalg.norm(seen.sections[0, -1, :3])
-        assert size > 1e-4
-        assert np.linalg.norm(moved) == pytest.approx(size, rel=0.05)
-        energy = new.system.kinetic_energy(y, new.system.absolute_velocity(new.q[None], new.v[None]))[0]
-        assert abs(gained) < 2e-3 * energy
+    check_takeover(data)
 
 
 def test_internal_forces_of_linear_hold_the_load_where_it_is():
     """Of a static load at the tip, in the axes of the undeformed sections: what the clamp bears too."""
-    scene = cantilever(force=[30.0, 20.0, 10.0], moment=[5.0, 0.0, 0.0])
+    scene = clamped(moment=(5.0, 0.0, 0.0))
     x, force, places = at_rest(scene, 1.0), np.array([30.0, 20.0, 10.0]), [0.0, 0.5]
     found = inside(scene, x, places)
     for place, row in zip(places, found, strict=True):

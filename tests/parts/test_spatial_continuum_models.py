@@ -3,18 +3,22 @@
 import numpy as np
 import pytest
 import yaml
-from analytical import jacobian
-from beam_laws import FORCE, MOMENT, check_small_loads, told_at_rest
+from beam_laws import (
+    FORCE,
+    MOMENT,
+    check_force_of_energy,
+    check_inertia_of_rigid,
+    check_rigid_motions,
+    check_small_loads,
+    check_takeover,
+    check_told_at_rest,
+)
 from cantilevers import at_rest, cantilever, inside
 from solved import parsed, solved
 
-from hfsim.marching.integration import run_integration
-from hfsim.mechanics.pose import Pose
 from hfsim.parts.elements.forces import MaterialDamping
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
-from hfsim.trust.handover import hand_over
-from hfsim.trust.quasistatic import deformation_of
 
 ROTOR = """
 hfsim: 1
@@ -61,30 +65,13 @@ def elastic(scene):
 
 def test_force_is_the_derivative_of_its_energy(rng):
     scene = build(parsed(rotor()))
-    force, x = elastic(scene), scene.system.absolute(scene.q[None])[0]
-    x, still = x + 0.05 * rng.normal(size=x.shape), np.zeros((1, len(x)))
-    out, damped = np.zeros((2, 1, len(x)))
-    force.add_force(np.zeros(1), x[None], still, out)
-    slope = jacobian(lambda y: force.strain_energy(y)[:, None], x)[0]
-    assert out[0] == pytest.approx(-slope, abs=1e-7 * np.abs(slope).max())
-    u, h = rng.normal(size=(1, len(x))), 1e-5
-    rates = (force.displacements(x[None] + h * u) - force.displacements(x[None] - h * u)) / (2.0 * h)
-    assert force.rates(x[None], u) == pytest.approx(rates, abs=1e-7)
-    force.add_force(np.zeros(1), x[None], u, damped)
-    lost = force.power(np.zeros(1), x[None], u)[0]
-    assert np.sum((damped - out) * u) == pytest.approx(lost, rel=1e-8)
-    assert lost < 0.0
+    x = scene.system.absolute(scene.q[None])[0]
+    check_force_of_energy(elastic(scene), x + 0.05 * rng.normal(size=x.shape), rng)
 
 
 def test_no_rigid_motion_is_resisted_nor_caused(rng):
     scene = build(parsed(rotor()))
-    body, x = scene.bodies["b1"], scene.system.absolute(scene.q[None])[0]
-    motions = np.zeros((6, len(x)))
-    motions[:, body.columns] = body.freedoms(x, Pose.level(np.zeros(3)))
-    u, force = rng.normal(size=len(x)), np.zeros((7, len(x)))
-    elastic(scene).add_force(np.zeros(7), np.repeat(x[None], 7, axis=0), np.array([*motions, u]), force)
-    assert np.abs(force[:6]).max() < 1e-9 * np.abs(force[6]).max()
-    assert np.abs(motions @ force[6]).max() < 1e-9 * np.abs(force[6]).max()
+    check_rigid_motions(scene.bodies["b1"], elastic(scene), scene.system.absolute(scene.q[None])[0], rng)
 
 
 @pytest.mark.parametrize("element", ["cable", "continuum", "spatial"])
@@ -125,33 +112,19 @@ def test_internal_forces_are_those_of_the_load():
 
 def test_rigid_beams_tell_how_their_forces_would_deform_them():
     """At rest it is what linear says, stretch, bending, shear and torsion: tip, and shape to go over to."""
-    seen, expected = told_at_rest(bar)
+    seen, expected = check_told_at_rest(bar("linear"), FORCE, MOMENT, 0.02)
     shear_modulus, polar = 3.5e9, 0.2 * 0.1 * (0.2**2 + 0.1**2) / 12.0
     assert seen.sections[0, -1, 3] == pytest.approx(0.5 / (shear_modulus * polar), rel=1e-9)
     assert seen.elongation == pytest.approx(expected.elongation, rel=2e-3)
 
 
 def test_rigid_beams_have_the_inertia_of_their_material():
-    energies = []
-    for model in ("rigid", "exact"):
-        system, scene = (one := build(parsed(rotor(model)))).system, one
-        x, u = system.absolute(scene.q[None]), system.absolute_velocity(scene.q[None], scene.v[None])
-        energies.append(system.kinetic_energy(x, u)[0] + system.potential_energy(np.zeros(1), x)[0])
-        assert scene.bodies["b1"].outline(x)[0, -1] == pytest.approx([1.4, 0.0, 0.0], abs=1e-12)
-    assert energies[0] == pytest.approx(energies[1], rel=1e-12)
+    check_inertia_of_rigid(rotor)
 
 
 def test_what_takes_over_goes_on_with_the_same_forces():
     spin = {"type": "moment", "at": "hub", "moment": [0.0, 0.0, 9.0]}
-    old, end = build(parsed(rotor("rigid", loads={"spin": spin}))), np.array([0.1])
-    path = run_integration(old, old.deck.solve).trajectory
-    seen = deformation_of(old, old.bodies["b1"], end, path.q[None], path.v[None])
-    for model in ("linear", "exact"):
-        new, gained = hand_over(old, build(old.loaded, models={"b1": model}), path)
-        y, rates = new.system.absolute(new.q[None]), new.system.absolute_velocity(new.q[None], new.v[None])
-        assert np.abs(new.system.residual(end, y)).max() < 1e-9
-        assert new.marker("b1.tip").position(y)[0, 2] == pytest.approx(seen.sections[0, -1, 2], rel=0.02)
-        assert abs(gained) < 2e-3 * new.system.kinetic_energy(y, rates)[0]
+    check_takeover(rotor("rigid", loads={"spin": spin}))
 
 
 def test_the_model_that_a_motion_needs_is_chosen():

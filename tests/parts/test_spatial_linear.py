@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 from analytical import jacobian
+from beam_laws import check_rigid_motions
 
-from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -60,15 +60,7 @@ def test_nothing_is_lost_without_damping(rng):
 
 def test_no_rigid_motion_is_resisted_nor_caused(rng):
     scene, part, x = law_and_state(rng, 0.1)
-    motions = scene.bodies["b1"].freedoms(x, Pose.level(np.zeros(3)))
-    force, rates = np.zeros((7, len(x))), rng.normal(size=len(x))
-    part.add_force(np.zeros(7), np.repeat(x[None], 7, axis=0), np.array([*motions, rates]), force)
-    elastic = np.zeros((1, len(x)))
-    part.add_force(np.zeros(1), x[None], np.zeros((1, len(x))), elastic)
-    damping = force - elastic
-    assert np.abs(damping[:6]).max() < 1e-9 * np.abs(damping[6]).max()
-    assert np.abs(motions @ force[6]).max() < 1e-9 * np.abs(force[6]).max()
-    assert damping[6] @ rates == pytest.approx(part.power(np.zeros(1), x[None], rates[None])[0], rel=1e-12)
+    check_rigid_motions(scene.bodies["b1"], part, x, rng)
 
 
 @pytest.mark.parametrize(("model", "frequency"), [("exact", FLAP), ("linear", FREE)])
