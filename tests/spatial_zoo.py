@@ -15,6 +15,8 @@ MARKERS = {
     "other": VectorMarker(OTHER, np.array([1.0, -0.1, 0.5, 0.2]), np.eye(4)[1:]),
     "line": VectorMarker(LINE, np.array([1.0, 0.0]), np.array([[0.0, 1.0]])),
 }
+PAIRS = [("ground", "body"), ("body", "ground"), ("body", "other"), ("other", "line"), ("line", "body")]
+"""First and second marker."""
 
 
 def rigid(rng):
@@ -27,15 +29,13 @@ def random_state(rng):
     return np.r_[rigid(rng), rigid(rng), rng.normal(size=6)]
 
 
+def rigid_motions(x):
+    """Rates of all bodies in each common shift along an axis and turn about one, shape (6, N)."""
+    return np.array([rigid_motion(x, one[:3], one[3:]) for one in np.eye(6)])
+
+
 def rigid_motion(x, velocity, spin):
     """Rates (N,) of all bodies in one common rigid motion about the ground's origin."""
     vectors = cross(np.asarray(spin), x.reshape(-1, 3))
     vectors[[BODY.start // 3, OTHER.start // 3, LINE.start // 3]] += velocity
-    return vectors.ravel()
-
-
-def turned(x, R, shift):
-    """Coordinates (N,) of all bodies turned by a matrix (3, 3) and shifted."""
-    vectors = x.reshape(-1, 3) @ R.T
-    vectors[[BODY.start // 3, OTHER.start // 3, LINE.start // 3]] += shift
     return vectors.ravel()

@@ -1,4 +1,4 @@
-"""Every spring and load: force from its energy, power, balance of the pair, frames and laws."""
+"""Springs and loads: lengths and turns, power, frames and laws."""
 
 from dataclasses import replace
 
@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import zoo
 from analytical import crossed, jacobian
-from zoo import MARKERS, PAIRS
+from zoo import MARKERS
 
 from hfsim.deck.laws import LinearLaw, StepLaw
-from hfsim.maths.matrices import assemble
 from hfsim.mechanics.force import ConstantForce
 from hfsim.mechanics.point_loads import PointForce, PointMoment
 from hfsim.parts.forces import LOADS as LOAD_KINDS
@@ -23,14 +22,7 @@ from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
 
 START = np.linspace(0.0, 1.0, zoo.N)
-SPRINGS = {
-    "two_point": lambda a, b, damping: (
-        TwoPointSpec(type="two_point", between=("a", "b"), stiffness=70.0, damping=damping, rest_length=0.4)
-    ).build(a, b, START),
-    "rotational": lambda a, b, damping: (
-        RotationalSpec(type="rotational", between=("a", "b"), stiffness=30.0, damping=damping, rest_angle=0.3)
-    ).build(a, b, START),
-}
+REACH = TwoPointSpec(type="two_point", between=("a", "b"), stiffness=70.0, damping=2.0, rest_length=0.4)
 T = np.array([0.7])
 LAW = LinearLaw(0.5, 2.0)
 
@@ -40,19 +32,9 @@ def rng():
     return np.random.default_rng(5)
 
 
-@pytest.fixture(params=PAIRS, ids="-".join)
-def pair(request):
-    return tuple(MARKERS[name] for name in request.param)
-
-
 @pytest.fixture(params=list(MARKERS))
 def marker(request):
     return MARKERS[request.param]
-
-
-@pytest.fixture(params=list(SPRINGS))
-def spring(request, pair):
-    return lambda damping=0.0: SPRINGS[request.param](*pair, damping)
 
 
 def test_every_force_is_covered():
@@ -67,67 +49,11 @@ def force_of(part, x, u=None, t=T):
     return out[0]
 
 
-# ---------------------------------------------------------------- springs
-
-
-def test_spring_force_is_the_slope_of_its_energy(spring, rng):
-    part, x = spring(), zoo.random_state(rng)
-    slope = jacobian(lambda s: part.potential_energy(np.zeros(len(s)), s), x)
-    assert np.abs(slope).max() > 1.0
-    assert force_of(part, x) == pytest.approx(-slope, abs=1e-8 * np.abs(slope).max())
-    assert not part.uses_rates
-    assert not part.exchanges_power
-
-
-def test_damper_power_is_its_force_times_rates_and_never_positive(spring, rng):
-    part = spring(3.0)
-    assert part.uses_rates
-    assert part.dissipates
-    assert part.exchanges_power
-    for _ in range(5):
-        x, u = zoo.random_state(rng), rng.normal(size=zoo.N)
-        power = part.power(T, x[None], u[None])[0]
-        damping = force_of(part, x, u) - force_of(part, x)
-        assert power < 0
-        assert damping @ u == pytest.approx(power, rel=1e-10)
-        assert damping == pytest.approx(force_of(part, x, -u) * -1 + force_of(part, x), abs=1e-10)
-
-
-def test_tangents_are_slopes_of_the_force(spring, rng):
-    """By coordinates and by rates, minus; with a damper the first comes from differences itself."""
-    x, u = zoo.random_state(rng), rng.normal(size=zoo.N)
-    for part in (spring(), spring(3.0)):
-        try:
-            by_x, by_u = (kind(T, x[None], u[None]) for kind in (part.tangent, part.rate_tangent))
-        except NotImplementedError:
-            pytest.skip("scenes with such a body are linearised as a whole")
-        slope = jacobian(lambda s, p=part: forces_of(p, s, np.repeat(u[None], len(s), axis=0)), x)
-        scale = np.abs(slope).max()
-        assert assemble([by_x], (zoo.N, zoo.N), False) == pytest.approx(-slope, abs=2e-5 * scale)
-        slope = jacobian(lambda s, p=part: forces_of(p, np.repeat(x[None], len(s), axis=0), s), u)
-        assert assemble([by_u], (zoo.N, zoo.N), False) == pytest.approx(-slope, abs=1e-7)
-
-
-def forces_of(part, x, u):
-    """Forces in a batch of states."""
-    out = np.zeros_like(x)
-    part.add_force(np.repeat(T, len(x)), x, u, out)
-    return out
-
-
-def test_springs_and_dampers_do_not_resist_a_common_rigid_motion(spring, rng):
-    """Action is reaction, in force and in moment about any point."""
-    part, x, u = spring(2.0), zoo.random_state(rng), rng.normal(size=zoo.N)
-    if 0 in (part.first.columns.stop, part.second.columns.stop):
-        pytest.skip("the ground does not move")
-    force = force_of(part, x, u)
-    for motion in zoo.rigid_motions(x):
-        assert force @ motion == pytest.approx(0.0, abs=1e-10 * np.abs(force).max())
-        assert part.power(T, x[None], motion[None])[0] == pytest.approx(0.0, abs=1e-12)
+# ---------------------------------------------------------------- springs (their laws: test_resistances)
 
 
 def test_spring_of_known_length():
-    part = SPRINGS["two_point"](MARKERS["ground"], MARKERS["hub"], 2.0)
+    part = REACH.build(MARKERS["ground"], MARKERS["hub"], START)
     x, u = np.zeros(zoo.N), np.zeros(zoo.N)
     x[:2] = np.add(MARKERS["ground"].pose.origin, [0.3, 0.4])
     u[:2] = [0.6, 0.8]
@@ -138,7 +64,7 @@ def test_spring_of_known_length():
 
 
 def test_spring_whose_points_meet_has_no_force_to_give():
-    part = SPRINGS["two_point"](MARKERS["ground"], MARKERS["hub"], 2.0)
+    part = REACH.build(MARKERS["ground"], MARKERS["hub"], START)
     x = np.zeros(zoo.N)
     x[:2] = MARKERS["ground"].pose.origin
     assert force_of(part, x, np.ones(zoo.N)) == pytest.approx(np.zeros(zoo.N))
@@ -149,7 +75,7 @@ def test_rest_length_is_the_first_distance_unless_stated():
     bare = TwoPointSpec(type="two_point", between=("a", "b"), stiffness=1.0)
     gap = np.subtract(*(end.position(START[None])[0] for end in ends))
     assert bare.build(*ends, START).resistances[0].rest == pytest.approx(np.linalg.norm(gap))
-    assert SPRINGS["two_point"](*ends, 0.0).resistances[0].rest == 0.4
+    assert REACH.build(*ends, START).resistances[0].rest == 0.4
 
 
 def test_rotational_spring_counts_turns_wherever_its_ends_are():
