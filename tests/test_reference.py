@@ -29,14 +29,10 @@ def beam_options(bodies, options=EXUDYN):
     return [f"bodies.{body}.{option}" for body in bodies for option in options]
 
 
-def channel(result, name):
-    return next(c.values for c in result.channels if c.name == name)
-
-
 def at(result, name, t):
     row = int(np.argmin(np.abs(result.t - t)))
     assert result.t[row] == pytest.approx(t, abs=1e-12)
-    return channel(result, name)[row]
+    return result[name][row]
 
 
 # the table of design section 2 -----------------------------------------------------------------------
@@ -83,7 +79,7 @@ def two_beams(model, duration, interval=0.01, tolerance=1e-8):
 
 
 def test_exact_keeps_the_spinning_beams_straight():
-    closely = np.abs(channel(two_beams("exact", 0.5, 0.0005, 1e-9), "b1.tip.deflection"))
+    closely = np.abs(two_beams("exact", 0.5, 0.0005, 1e-9)["b1.tip.deflection"])
     # the reference was sampled every 10 ms; in between there is a little more, never much
     largest = closely[::20].max()
     assert largest == pytest.approx(6.708e-6, abs=0.6e-9)
@@ -91,23 +87,23 @@ def test_exact_keeps_the_spinning_beams_straight():
 
 
 def test_low_order_keeps_the_spinning_beams_straight():
-    assert np.abs(channel(two_beams("lowOrder", 0.25), "b1.tip.deflection")).max() < 1e-5
+    assert np.abs(two_beams("lowOrder", 0.25)["b1.tip.deflection"]).max() < 1e-5
 
 
 def test_linear_lets_the_spinning_beams_go():
     result = two_beams("linear", 0.5)
-    deflection = np.abs(channel(result, "b1.tip.deflection"))
+    deflection = np.abs(result["b1.tip.deflection"])
     first = result.t[np.argmax(deflection > 0.1)]
     assert first == pytest.approx(0.17, abs=0.01)
     # orders of magnitude from what exact and lowOrder agree on
     exact = two_beams("exact", 0.5, 0.0005, 1e-9)
-    assert deflection.max() > 1e4 * np.abs(channel(exact, "b1.tip.deflection")).max()
+    assert deflection.max() > 1e4 * np.abs(exact["b1.tip.deflection"]).max()
 
 
 @pytest.mark.slow
 def test_linear_departs_by_metres():
     result = run("two_beams", *TWO_ELEMENTS, model="linear")
-    assert np.abs(channel(result, "b1.tip.deflection")).max() == pytest.approx(6.5, rel=0.1)
+    assert np.abs(result["b1.tip.deflection"]).max() == pytest.approx(6.5, rel=0.1)
 
 
 def test_positions_of_the_spinning_beams():
@@ -191,7 +187,7 @@ def assert_follows_reference(case, duration, tolerance, allowed, model):
     assert len(picked) > 1
     assert np.abs(result.t[picked] - rows[:, 0]).max() < 1e-9
     for column, name in pairs.items():
-        assert np.abs(channel(result, name)[picked] - rows[:, names.index(column)]).max() < allowed, name
+        assert np.abs(result[name][picked] - rows[:, names.index(column)]).max() < allowed, name
 
 
 @pytest.mark.parametrize("model", ["exact", "ancf"])
@@ -253,7 +249,7 @@ def test_low_order_breaks_down_on_the_soft_beams():
 def test_exact_runs_through_on_the_soft_beams():
     result = run("hub_beams_soft")
     assert (result.status, result.end_time) == ("done", 2.0)
-    deflection = channel(result, "b1.tip.deflection")
+    deflection = result["b1.tip.deflection"]
     # 39 % of the length, as benchmark F3 has it
     assert deflection.max() / 1.2 == pytest.approx(0.39, abs=0.005)
 
@@ -293,7 +289,7 @@ def gear_with_its_error(duration):
     assert result.statistics["steps"] == round(duration / 1e-4)
     told = result.statistics["error_by_channel"]
     for name in ("b1.tip.x", "b1.tip.y"):
-        true = np.abs(channel(result, name) - channel(truth, name)).max()
+        true = np.abs(result[name] - truth[name]).max()
         assert told[name] == pytest.approx(true, rel=0.1, abs=1e-12)
     return told
 
@@ -317,6 +313,6 @@ def test_steps_in_either_coordinates_give_the_same_motion(case, model):
         for coordinates in ("frame", "absolute")
     )
     for name in ("b1.tip.x", "b1.tip.deflection", "b1.angle"):
-        a, b = channel(own, name), channel(other, name)
+        a, b = own[name], other[name]
         assert np.abs(a - b).max() < 1e-8 * max(1.0, np.abs(a).max())
     assert own.statistics["evaluations"] != other.statistics["evaluations"]

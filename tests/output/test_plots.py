@@ -77,11 +77,10 @@ def test_views_share_one_scale_and_stand_in_line(run, draw):
 
 
 def test_paths_are_the_channels(run):
-    columns = {channel.name: channel.values for channel in run.channels}
     for panel in spatial_path(run).panels:
         names = panel.across.label[0], panel.upward.label[0]
         curve = next(line for line in panel.curves if line.label == "whip.tip")
-        track = np.array([columns[f"whip.tip.{one}"] for one in names])
+        track = np.array([run[f"whip.tip.{one}"] for one in names])
         assert pytest.approx(track) == curve.points.T
 
 

@@ -49,10 +49,9 @@ def run(deck, **solve):
 
 def speeds(result, spatial, axis=AXIS):
     """Speed along the axis and rate about it, signed."""
-    found = {channel.name: channel.values for channel in result.channels}
     if not spatial:
-        return found["body.vx"], found["body.angular_velocity"]
-    v, w = (np.stack([found[f"body.{kind}{one}"] for one in "xyz"]) for kind in ("v", "angular_velocity_"))
+        return result["body.vx"], result["body.angular_velocity"]
+    v, w = (np.stack([result[f"body.{kind}{one}"] for one in "xyz"]) for kind in ("v", "angular_velocity_"))
     return axis @ v, axis @ w
 
 

@@ -70,8 +70,7 @@ def solved(data):
 
 
 def columns(result, *names):
-    found = {c.name: c.values for c in result.channels}
-    return np.stack([found[name] for name in names], axis=1)
+    return np.stack([result[name] for name in names], axis=1)
 
 
 @pytest.fixture

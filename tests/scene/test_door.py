@@ -59,8 +59,7 @@ def test_the_door_is_one_equation_of_motion_where_its_rail_is_rigid():
 def test_the_door_rings_and_keeps_account():
     """Its rail strikes with it, and hardly changes what the door does."""
     run = simulate(load_deck(DOOR), error_estimate=False)
-    values = {channel.name: channel.values for channel in run.channels}
-    assert values["leaf.angle"].max() == pytest.approx(1.5184, abs=3e-4)
-    assert values["leaf.angle"][-1] == pytest.approx(0.051195, abs=2e-4)
-    assert np.abs(values["rail.tip.deflection"]).max() > 1e-3
+    assert run["leaf.angle"].max() == pytest.approx(1.5184, abs=3e-4)
+    assert run["leaf.angle"][-1] == pytest.approx(0.051195, abs=2e-4)
+    assert np.abs(run["rail.tip.deflection"]).max() > 1e-3
     assert run.statistics["energy_drift"] < 1e-3

@@ -32,12 +32,8 @@ def run(text, model=None, **changes):
     return result
 
 
-def channel(result, name):
-    return next(c.values for c in result.channels if c.name == name)
-
-
 def tip(result, body="b1"):
-    return np.stack([channel(result, f"{body}.tip.x"), channel(result, f"{body}.tip.y")], axis=1)
+    return np.stack([result[f"{body}.tip.x"], result[f"{body}.tip.y"]], axis=1)
 
 
 # rigid bodies ----------------------------------------------------------------------------------------
@@ -57,17 +53,17 @@ def test_rigid_pendulum_is_the_elliptic_function():
     result = run(RIGID_PENDULUM)
     _, cn, dn, _ = ellipj(np.sqrt(9.81) * result.t, 0.5)
     phi = 2.0 * np.arcsin(np.sqrt(0.5) * cn / dn)
-    assert channel(result, "bob.end.x") == pytest.approx(np.sin(phi), abs=3e-8)
-    assert channel(result, "bob.end.y") == pytest.approx(-np.cos(phi), abs=3e-8)
+    assert result["bob.end.x"] == pytest.approx(np.sin(phi), abs=3e-8)
+    assert result["bob.end.y"] == pytest.approx(-np.cos(phi), abs=3e-8)
     row = list(result.t).index(1.0)
-    assert channel(result, "bob.end.x")[row] == pytest.approx(-0.98629175113188, abs=1e-8)
-    assert channel(result, "bob.end.y")[-1] == pytest.approx(-0.96141920509913, abs=3e-8)
+    assert result["bob.end.x"][row] == pytest.approx(-0.98629175113188, abs=1e-8)
+    assert result["bob.end.y"][-1] == pytest.approx(-0.96141920509913, abs=3e-8)
     # what the joint must add to the weight for the centre of mass, half way out, to move like this
     along, across = 2.0 * 9.81 * np.cos(phi), 0.5 * 9.81 * np.sin(phi)
-    assert channel(result, "pin.force_x") == pytest.approx(
+    assert result["pin.force_x"] == pytest.approx(
         across * np.cos(phi) - along * np.sin(phi), abs=1e-5
     )
-    assert channel(result, "pin.force_y") == pytest.approx(
+    assert result["pin.force_y"] == pytest.approx(
         across * np.sin(phi) + along * np.cos(phi), abs=1e-5
     )
 
@@ -75,7 +71,7 @@ def test_rigid_pendulum_is_the_elliptic_function():
 def test_period_of_the_rigid_pendulum():
     result = run(RIGID_PENDULUM, solve__duration=2.3678419475762374, output__interval=2.3678419475762374)
     assert 4.0 * ellipk(0.5) / np.sqrt(9.81) == pytest.approx(2.3678419475762374, abs=1e-13)
-    assert channel(result, "bob.end.x")[-1] == pytest.approx(1.0, abs=1e-12)
+    assert result["bob.end.x"][-1] == pytest.approx(1.0, abs=1e-12)
 
 
 SLIDER_CRANK = """
@@ -102,15 +98,15 @@ def test_slider_crank_follows_its_kinematics():
     beta = np.arcsin(0.5 * np.sin(phi))
     place = 0.5 * np.cos(phi) + np.cos(beta)
     speed = 5.0 * (-0.5 * np.sin(phi) - 0.25 * np.sin(phi) * np.cos(phi) / np.cos(beta))
-    assert channel(result, "slider.x") == pytest.approx(place, abs=1e-9)
-    assert channel(result, "slider.vx") == pytest.approx(speed, abs=1e-8)
-    assert np.abs(channel(result, "slider.y")).max() < 1e-10
-    assert np.abs(channel(result, "slider.angle")).max() < 1e-10
-    assert channel(result, "rod.angle") == pytest.approx(-beta, abs=1e-9)
-    assert channel(result, "crank.angle") == pytest.approx(phi, abs=1e-9)
+    assert result["slider.x"] == pytest.approx(place, abs=1e-9)
+    assert result["slider.vx"] == pytest.approx(speed, abs=1e-8)
+    assert np.abs(result["slider.y"]).max() < 1e-10
+    assert np.abs(result["slider.angle"]).max() < 1e-10
+    assert result["rod.angle"] == pytest.approx(-beta, abs=1e-9)
+    assert result["crank.angle"] == pytest.approx(phi, abs=1e-9)
     # what the motor puts in is what the bodies gain
-    power = 5.0 * channel(result, "motor.moment")
-    rate = np.gradient(channel(result, "energy.kinetic"), result.t)
+    power = 5.0 * result["motor.moment"]
+    rate = np.gradient(result["energy.kinetic"], result.t)
     assert power[2:-2] == pytest.approx(rate[2:-2], abs=0.02 * np.abs(power).max())
     assert result.statistics["energy_drift"] < 1e-8
 
@@ -149,12 +145,12 @@ output: {{interval: 0.05, channels: [wheel.angle, wheel.angular_velocity, car.x,
         e = 1e-4
         expected = value(t)
         acceleration = (value(t + e) - 2.0 * value(t) + value(t - e)) / e**2
-    assert channel(result, "wheel.angle") == pytest.approx(expected, abs=1e-9)
-    assert channel(result, "car.x") == pytest.approx(0.6 * expected, abs=1e-9)
-    assert channel(result, "car.y") == pytest.approx(0.8 * expected, abs=1e-9)
-    assert channel(result, "motor.moment") == pytest.approx(3.0 * acceleration, abs=1e-5)
-    assert channel(result, "pull.force_x") == pytest.approx(1.5 * 0.6 * acceleration, abs=1e-5)
-    assert channel(result, "pull.force_y") == pytest.approx(1.5 * 0.8 * acceleration, abs=1e-5)
+    assert result["wheel.angle"] == pytest.approx(expected, abs=1e-9)
+    assert result["car.x"] == pytest.approx(0.6 * expected, abs=1e-9)
+    assert result["car.y"] == pytest.approx(0.8 * expected, abs=1e-9)
+    assert result["motor.moment"] == pytest.approx(3.0 * acceleration, abs=1e-5)
+    assert result["pull.force_x"] == pytest.approx(1.5 * 0.6 * acceleration, abs=1e-5)
+    assert result["pull.force_y"] == pytest.approx(1.5 * 0.8 * acceleration, abs=1e-5)
 
 
 def test_a_bead_flies_out_along_a_turning_rod():
@@ -170,9 +166,9 @@ output: {interval: 0.05, channels: [bead.x, bead.y, bead.angle]}
 """
     result = run(text)
     r = 0.5 * np.cosh(2.0 * result.t)
-    assert channel(result, "bead.x") == pytest.approx(r * np.cos(2.0 * result.t), abs=1e-8)
-    assert channel(result, "bead.y") == pytest.approx(r * np.sin(2.0 * result.t), abs=1e-8)
-    assert channel(result, "bead.angle") == pytest.approx(2.0 * result.t, abs=1e-9)
+    assert result["bead.x"] == pytest.approx(r * np.cos(2.0 * result.t), abs=1e-8)
+    assert result["bead.y"] == pytest.approx(r * np.sin(2.0 * result.t), abs=1e-8)
+    assert result["bead.angle"] == pytest.approx(2.0 * result.t, abs=1e-9)
     assert result.statistics["energy_drift"] < 1e-8
 
 
@@ -192,8 +188,8 @@ solve: {duration: 3.0}
 output: {interval: 0.05, channels: [mass.x, energy.total]}
 """
     result = run(text)
-    assert channel(result, "mass.x") == pytest.approx(damped(result.t, 2.0, 3.0, 50.0, 0.3), abs=1e-7)
-    assert channel(result, "energy.total")[0] == pytest.approx(0.5 * 50.0 * 0.09)
+    assert result["mass.x"] == pytest.approx(damped(result.t, 2.0, 3.0, 50.0, 0.3), abs=1e-7)
+    assert result["energy.total"][0] == pytest.approx(0.5 * 50.0 * 0.09)
     assert result.statistics["work_done"] < -1.0
     assert result.statistics["energy_drift"] < 1e-7
 
@@ -208,7 +204,7 @@ solve: {duration: 5.0}
 output: {interval: 0.05, channels: [wheel.angle]}
 """
     result = run(text)
-    assert channel(result, "wheel.angle") == pytest.approx(
+    assert result["wheel.angle"] == pytest.approx(
         7.0 + damped(result.t, 0.5, 0.4, 8.0, 1.0), abs=1e-7
     )
 
@@ -252,7 +248,7 @@ output: {{interval: 0.1, channels: [b1.tip.elongation, b1.tip.deflection]}}
     told = {"green": 5.14269846180301e-4, "engineering": 5.14317455043403e-4}[strain]
     assert spinning_rod(EA, rho_a, 10.0, 6.0, strain) == pytest.approx(told, rel=1e-9)
     result = run(text)
-    assert channel(result, "b1.tip.elongation")[-1] == pytest.approx(told, rel=3e-4)
+    assert result["b1.tip.elongation"][-1] == pytest.approx(told, rel=3e-4)
 
 
 def cantilever(model, amplitude):
@@ -283,7 +279,7 @@ def test_cantilever_swings_at_its_frequency(model):
     """Static tip deflection F L^3/(3 EI), then (beta L)^2 sqrt(EI/(rho A L^4)) (benchmark S1)."""
     result = run(cantilever(model, 0.01))
     EI, rho_a = 70.0, 0.27
-    w, t = channel(result, "b1.tip.deflection"), result.t
+    w, t = result["b1.tip.deflection"], result.t
     assert w[t <= 0.6][-1] == pytest.approx(0.01 / (3.0 * EI), rel=2e-2)
     swing, times = w[t > 0.62], t[t > 0.62]
     spectrum = np.abs(np.fft.rfft(swing * np.hanning(len(swing)), 64 * len(swing)))
@@ -307,7 +303,7 @@ output: {interval: 1.0, channels: [b1.tip.x, b1.tip.y, energy.strain, energy.kin
     EI = 1e6 * 0.1 * 0.01**3 / 12.0
     assert pytest.approx(2.0 * np.pi * EI) == 0.05235987755982989
     assert np.abs(tip(result)[-1]).max() < 1e-3
-    assert channel(result, "energy.strain")[-1] == pytest.approx(0.5 * EI * (2.0 * np.pi) ** 2, rel=2e-3)
+    assert result["energy.strain"][-1] == pytest.approx(0.5 * EI * (2.0 * np.pi) ** 2, rel=2e-3)
     # half way up the curve the beam is a wide arc, above the root
     assert tip(result)[3:10, 1].max() > 0.3
 
@@ -318,13 +314,13 @@ SPIN_UP = CASES / "verify" / "spin_up.yaml"
 def test_spin_up_of_a_clamped_beam_begins():
     result = simulate(load_deck(SPIN_UP, ["solve.duration=2.5"]), error_estimate=False)
     _, name, value = published("verify/spin_up", 2.5)[0]
-    assert channel(result, name)[-1] == pytest.approx(value, abs=1e-6)
-    assert channel(result, "b1.tip.elongation")[-1] == pytest.approx(-1.3225e-3, abs=2e-6)
+    assert result[name][-1] == pytest.approx(value, abs=1e-6)
+    assert result["b1.tip.elongation"][-1] == pytest.approx(-1.3225e-3, abs=2e-6)
 
 
 def test_linear_fails_on_the_spin_up_as_it_must():
     settings = ["solve.duration=9", "output.interval=0.5", "solve.tolerance=1e-6"]
-    w = channel(simulate(load_deck(SPIN_UP, settings), "linear", error_estimate=False), "b1.tip.deflection")
+    w = simulate(load_deck(SPIN_UP, settings), "linear", error_estimate=False)["b1.tip.deflection"]
     assert w[5] == pytest.approx(-0.15151, abs=5e-4)
     assert w[15] == pytest.approx(-1.46452, abs=5e-2)
     assert w[18] < -7.0
@@ -378,7 +374,7 @@ output: {interval: 0.05, channels: [hub.angle]}
     result = run(text)
     inertia = 3.0 + 20.0 * (1.0 + 1.0 / 12.0)
     expected = 0.1 * np.cos(np.sqrt(100.0 / inertia) * result.t)
-    assert channel(result, "hub.angle") == pytest.approx(expected, abs=2e-4)
+    assert result["hub.angle"] == pytest.approx(expected, abs=2e-4)
 
 
 # momentum, loads, power ------------------------------------------------------------------------------
@@ -435,8 +431,8 @@ output: {{interval: 0.1, channels: [disc.x, disc.y]}}
         x, y = 2.0 / 9.0 * (1.0 - np.cos(3.0 * t)), 2.0 / 9.0 * (3.0 * t - np.sin(3.0 * t))
     else:
         x, y = t**2, 0.0 * t
-    assert channel(result, "disc.x") == pytest.approx(x, abs=1e-8)
-    assert channel(result, "disc.y") == pytest.approx(y, abs=1e-8)
+    assert result["disc.x"] == pytest.approx(x, abs=1e-8)
+    assert result["disc.y"] == pytest.approx(y, abs=1e-8)
 
 
 BUSY = """
@@ -557,10 +553,10 @@ def test_turned_and_shifted_scene_gives_the_same_answer(case, duration, model):
     there = simulate(deck, error_estimate=False)
     assert here.status == there.status == "done"
     for c in here.channels:
-        values, point = channel(there, c.name), POINT.match(c.name)
+        values, point = there[c.name], POINT.match(c.name)
         if point:
             body = point.group(1)
-            both = np.stack([channel(here, f"{body}.x"), channel(here, f"{body}.y")])
+            both = np.stack([here[f"{body}.x"], here[f"{body}.y"]])
             expected = (R @ both + SHIFT[:, None])["xy".index(point.group(2))]
         else:
             expected = c.values + (TURN if c.name.endswith(".angle") else 0.0)
