@@ -71,12 +71,12 @@ def check_force_of_energy(force, x, rng):
     out, damped = np.zeros((2, *x.shape))
     force.add_force(t, x, still, out)
     slope = jacobian(lambda y: force.strain_energy(y)[:, None], x[0])[0]
-    assert out[0] == pytest.approx(-slope, abs=1e-7 * np.abs(slope).max())
+    assert out[0] == pytest.approx(-slope, abs=1e-8 * np.abs(slope).max())
     rates = (force.displacements(x + h * u) - force.displacements(x - h * u)) / (2.0 * h)
     assert force.rates(x, u) == pytest.approx(rates, abs=1e-7)
     force.add_force(t, x, u, damped)
     lost = force.power(t, x, u)[0]
-    assert np.sum((damped - out) * u) == pytest.approx(lost, rel=1e-8)
+    assert np.sum((damped - out) * u) == pytest.approx(lost, rel=1e-9)
     assert lost < 0.0
 
 

@@ -34,7 +34,7 @@ class Energy(NamedTuple):
 def check_slopes(law, p):
     """The gradient at p (n,) is the slope of the energy, the Hessian that of the gradient, and symmetric."""
     slope, force = jacobian(law.energy, p), law.gradient(p[None])[0]
-    assert force == pytest.approx(slope, rel=1e-8, abs=1e-8 * np.abs(slope).max())
+    assert force == pytest.approx(slope, rel=1e-9, abs=1e-9 * np.abs(slope).max())
     H, slopes = law.hessian(p[None])[0], jacobian(law.gradient, p)
     assert np.abs(H - slopes).max() < 1e-8 * np.abs(H).max()
     assert np.abs(H - H.T).max() < 1e-13 * np.abs(H).max()
