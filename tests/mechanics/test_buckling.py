@@ -280,3 +280,30 @@ def test_a_deep_arch_snaps_at_its_published_load_and_has_no_estimate_of_it():
     run = hfsim.static(parse_deck(ARCH), path=True, buckling=1)
     assert run.statistics["limits"][0] == pytest.approx(0.897, rel=5e-4) and not run.statistics["branches"]
     assert run.statistics["critical"] == [] and "--path" in run.statistics["critical_reason"]
+
+
+BENT = """
+hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+materials: {steel: {density: 7850.0, youngs_modulus: 2.0e11, poisson_ratio: 0.3}}
+sections: {bar: {shape: rectangle, width: 20 mm, height: 5 mm}}
+bodies: {col: {type: beam, material: steel, section: bar, length: 1.0, elements: 2, degree: 4}}
+joints: {clamp: {type: fixed, between: [ground, col.root]}}
+loads:
+  push: {type: force, at: col.tip, force: [-80.0, 0.0, 0.0]}
+  side: {type: force, at: col.tip, force: [0.0, 10.0, 0.0]}
+solve: {duration: 1.0}
+"""
+
+
+def test_what_bends_from_the_start_and_never_gives_way_has_no_critical_load():
+    """The straight line through the stiffness of the unloaded scene has a zero at 2 % of these loads."""
+    run = hfsim.static(parse_deck(BENT), buckling=2)
+    assert run.statistics["critical"] == [] and run.statistics["stable"]
+
+
+def test_a_critical_load_behind_one_that_is_none_is_found():
+    """Along the stiff side, which the bending in the weak one leaves alone: 16 times Euler's load there."""
+    scene = build(parse_deck(BENT, overrides=["loads.side.force=[0.0, 0.01, 0.0]"]))
+    found = [one.load for one in critical_factors(problem_of(scene), Effort(), 2) if one.found]
+    assert found[1] == pytest.approx(16.0 * found[0], rel=5e-3)

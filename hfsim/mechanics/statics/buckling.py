@@ -7,6 +7,7 @@ the load itself: what bends, turns or stretches before it buckles is accounted f
 
 from __future__ import annotations
 
+from itertools import islice
 from typing import NamedTuple
 
 import numpy as np
@@ -20,12 +21,12 @@ STEP = 1e-3
 """Of differences of the stiffness by the load, relative to the factor."""
 SAME = 1e-10
 """Change of a factor, relative to it, after which it is found."""
+SPARE = 4
+"""Further factors that are looked at where some are none."""
 MOST = 12
 """Improvements of a factor."""
 REACHED = 1e-4
 """Last of these changes, relative to the factor, up to which only rounding of the stiffness is in it."""
-SETTLING = 1e-2
-"""The same, from which on a factor runs ahead of the load: extrapolated stiffnesses do not turn."""
 REAL = 1e-6
 """Imaginary part of an eigenvalue, relative to its size, up to which it is real."""
 ROUNDING = 1e-15
@@ -64,8 +65,9 @@ def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[F
     share, state = stepped(problem, effort, lambda share: Level(0.0, 1.0 - share))
     if share < 1.0:
         raise NotFoundError("there is no equilibrium without the loads", state)
-    first = _eigenpairs(problem, state, 0.0, STEP, effort, count)
-    improved = [one for pair in first if (one := _improved(problem, state, *pair, effort))]
+    first = _eigenpairs(problem, state, 0.0, STEP, effort, count + SPARE)
+    every = (_improved(problem, state, *one, effort) for one in first)
+    improved = list(islice((one for one in every if one is not None), count))
     if first and not improved:
         raise NotFoundError("estimates run ahead of the load: what --path crosses is exact", state)
     stiffness = problem.tangent(state, 0.0).stiffness
@@ -91,7 +93,10 @@ def _same(one: Factor, other: Factor) -> bool:
 
 
 def _improved(problem: Problem, state: State, load: float, motion: Array, effort: Effort) -> Factor | None:
-    """Return a factor with the equilibrium taken to it, as far as that goes; None if it runs ahead of it."""
+    """Return a factor with the equilibrium taken to it, as far as that goes; None if it runs ahead of it.
+
+    The straight line K + nu K' has zeros where K itself has none, as of what bends from the start.
+    """
     found = Factor(load, False, motion)
     at = 0.0
     for _ in range(MOST):
@@ -103,19 +108,18 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         except (NotFoundError, np.linalg.LinAlgError):
             return found
         if not pairs:
-            return found
+            return None
         motion = motion / np.linalg.norm(motion)
         alike = [abs(float(one @ motion)) / float(np.linalg.norm(one)) for _, one in pairs]
         close = [alike[k] / (1.0 + abs(pairs[k][0]) / abs(load)) for k in range(len(pairs))]
         more, motion = pairs[int(np.argmax(close))]
         state, at, load = near, load, load + more
         if load <= 0.0:
-            return found
+            return None
         found = Factor(load, abs(more) <= SAME * abs(at) or abs(more) <= 1e-14, motion)
         if found.found:
             return found
-    missed = abs(load - at) / abs(load)
-    return None if missed > SETTLING else found._replace(found=missed <= REACHED)
+    return found._replace(found=True) if abs(load - at) <= REACHED * abs(load) else None
 
 
 def _eigenpairs(
