@@ -11,7 +11,7 @@ import numpy as np
 from hfsim.errors import LimitReached, SolverFailure
 from hfsim.integrators import Limits, Method, PlainIncrements, Problem, Trajectory, choose
 from hfsim.marching.record import LegRecord, Record
-from hfsim.marching.runaway import RateWatch, Watch, Watches
+from hfsim.marching.runaway import RateWatch, SectionsWatch, Watch, Watches
 from hfsim.marching.steps import State, Steps, Stop, Strand, Together
 from hfsim.marching.stop import SHIELD, Progress, TimeUp
 from hfsim.maths.arrays import Array
@@ -20,6 +20,7 @@ from hfsim.mechanics.edges import Edges
 from hfsim.mechanics.projection import Projection
 from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
+from hfsim.parts.bodies.vector_beam import VectorBeam
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
 
@@ -129,7 +130,11 @@ def _steps_of(
 def _steps(scene: Scene, solve: SolveSpec, start: State | None, others: Sequence[Watch]) -> Steps:
     method, problem = _method(scene, solve), problem_of(scene)
     begin = (0.0, scene.q, scene.v) if start is None else start
-    watches = Watches(scene.system, [RateWatch(begin[2], problem.culprit), *others])
+    own: list[Watch] = [RateWatch(begin[2], problem.culprit)]
+    beams = [body for body in scene.bodies.values() if isinstance(body, VectorBeam) and body.has_sections]
+    if beams:
+        own.append(SectionsWatch(scene.system, beams))
+    watches = Watches(scene.system, [*own, *others])
     limits = Limits(solve.step, solve.max_steps)
     return Steps(problem, method, begin, solve.duration, limits, watches)
 

@@ -1,4 +1,4 @@
-"""Watches for models that run away: energy out of nothing, displacements out of all proportion."""
+"""Watches for models and elements that run away: energy out of nothing, what is out of all proportion."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from hfsim.marching.balance import ROUND_OFF, energies_of, rounding_of
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import mutable
 from hfsim.mechanics.system import System
+from hfsim.parts.bodies.vector_beam import VectorBeam
 
 Watch: TypeAlias = Callable[[float, Array, Array], None]
 """Is told every kept state; may raise to end the run."""
@@ -24,6 +25,9 @@ LIMIT = 100.0
 for a mass matrix that turns singular to be seen first."""
 ROUNDING = 1e-12
 """Share of the energies at the start below which energy out of nothing is round-off."""
+FARTHEST = np.radians(120.0)
+"""Angle between sections of neighbouring nodes beyond which an element means nothing; between two nodes alone
+section vectors have half their length then."""
 FASTEST = 1e12
 """Rate or coordinate in SI units, over the largest at the start (or 1), from which a motion is none."""
 
@@ -194,6 +198,43 @@ class RateWatch:
                 evidence={"largest_rate": rate},
                 remedy="take shorter steps, a lower tolerance or method gauss",
             )
+
+
+@mutable
+class SectionsWatch:
+    """Ends a run in which an element turns so far from node to node that its shapes mean nothing.
+
+    Section vectors in between, which are polynomials through those of the nodes, shrink then, and the line
+    grows in their stead without any strain: a rod that is wound up gets many times longer than it is.
+
+    Attributes
+    ----------
+    system : System
+    bodies : sequence of VectorBeam
+    """
+
+    system: System
+    bodies: Sequence[VectorBeam]
+
+    def __call__(self, t: float, q: Array, v: Array) -> None:
+        """Look at a kept state.
+
+        Raises
+        ------
+        SolverFailure
+            Of the body whose sections turn by more than `FARTHEST` between neighbouring nodes.
+        """
+        x = self.system.absolute(q[None])
+        for body in self.bodies:
+            if (turn := body.widest_turn(x)) > FARTHEST:
+                raise SolverFailure(
+                    reason=f"body '{body.name}' turns by {np.degrees(turn):.0f} deg from one node to the "
+                    f"next at t = {t:.4g} s: its elements cannot follow that",
+                    time=t,
+                    item=f"bodies.{body.name}",
+                    evidence={"turn_between_nodes": turn},
+                    remedy="take more elements, or loads that wind it up less",
+                )
 
 
 class Watches:

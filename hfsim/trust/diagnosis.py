@@ -59,7 +59,7 @@ def diagnose(scene: Scene, done: Integration, budget: Budget) -> SolverFailure:
     assert isinstance(stop, SolverFailure)
     trial = Experiments(scene, done, budget)
     with np.errstate(all="ignore"):
-        for hypothesis in (_bad_numbers, _dead_centre, _truncated_model, _without_mass, _crushed, _method):
+        for hypothesis in HYPOTHESES:
             found = hypothesis(stop, trial)
             if found is not None:
                 return found
@@ -80,6 +80,15 @@ def _bad_numbers(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
         return None
     file = shlex.quote(trial.scene.loaded.source.file)
     return replace(stop, remedy=f"{stop.remedy}, then: hfsim run {file}")
+
+
+def _wound_up(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
+    """Elements whose sections turn too far from node to node: only a finer mesh can help."""
+    if "turn_between_nodes" not in stop.evidence:
+        return None
+    count = trial.scene.bodies[stop.item.removeprefix("bodies.")].mesh.count  # type: ignore[attr-defined]
+    finer = command(trial.scene.loaded, {f"{stop.item}.elements": 2 * count}, force=True)
+    return replace(stop, remedy=f"{finer}, and more if it is to be wound up further")
 
 
 def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | None:
@@ -250,3 +259,7 @@ def linearised(done: Integration, t: float) -> tuple[Array, Array]:
     except np.linalg.LinAlgError:
         return np.zeros(n), np.zeros((n, n))
     return values, vectors
+
+
+HYPOTHESES = (_bad_numbers, _wound_up, _dead_centre, _truncated_model, _without_mass, _crushed, _method)
+"""In the order in which they are tried; the first that holds is the cause."""

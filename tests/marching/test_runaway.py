@@ -2,6 +2,7 @@
 
 import pytest
 
+import hfsim
 from hfsim.errors import SolverFailure
 from hfsim.marching.runaway import EnergyWatch
 from hfsim.scene.build import build
@@ -46,3 +47,26 @@ def test_energy_out_of_nothing_is_told_at_rest_too():
     rates[scene.bodies["b1"].columns.start] = 1e-3
     with pytest.raises(SolverFailure, match="feeds energy that nothing supplies"):
         watch(0.1, scene.q, rates)
+
+
+WOUND = """hfsim: 1
+gravity: GRAVITY
+materials: {rubber: {density: 1100, youngs_modulus: 5 MPa, poisson_ratio: 0.45, bending_damping: 0.05}}
+sections: {round: {shape: circle, diameter: 3 cm}}
+bodies:
+  rod: {type: beam, element: cosserat, material: rubber, section: round, length: 1.0, elements: 2, degree: 1}
+joints: {clamp: {type: fixed, between: [ground, rod.root]}}
+loads: {wind: {type: moment, at: rod.tip, moment: MOMENT, law: {expression: "t"}}}
+solve: {duration: 5.0, tolerance: 1.0e-4}
+output: {channels: [rod.tip.x]}
+"""
+
+
+@pytest.mark.parametrize(("gravity", "moment"), [("[0, 0, 0]", "[2, 0, 0]"), ("[0, 0]", "2")])
+def test_a_rod_wound_up_further_than_its_elements_can_follow_ends_the_run(gravity, moment):
+    """It went on to 69 m of a rod of 1 m, with next to no strain energy."""
+    deck = parse_deck(WOUND.replace("GRAVITY", gravity).replace("MOMENT", moment))
+    run = hfsim.run(deck, error_estimate=False, check=False)
+    assert run.status == "failed" and "one node to the next" in run.reason
+    assert run.failure["item"] == "bodies.rod" and "bodies.rod.elements=4" in run.failure["try"]
+    assert max(abs(run["rod.tip.x"])) < 3.0

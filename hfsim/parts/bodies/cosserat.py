@@ -51,6 +51,7 @@ class CosseratBeam(VectorBeam):
     gravity: Array
     framed: bool = False
     coordinates: ClassVar[str] = "section vectors"
+    has_sections: ClassVar[bool] = True
 
     @property
     def n_dim(self) -> int:  # type: ignore[override]
@@ -122,6 +123,15 @@ class CosseratBeam(VectorBeam):
     def line(self, x: Array, places: Array) -> Array:
         """Return points of its line, (n_batch, n_places, n_dim)."""
         return np.asarray(np.array([self.mesh.shape(float(a))[0] for a in places]) @ self.vectors(x))
+
+    def widest_turn(self, x: Array) -> float:
+        """Return that of the rotations from each node's section to the next one's."""
+        sections = self.vectors(x)[0].reshape(-1, self.n_dim, self.n_dim)[:, 1:]
+        alike = np.sum(sections[1:] * sections[:-1], axis=(1, 2))
+        if self.n_dim == 3:
+            normals = np.cross(sections[:, 0], sections[:, 1])
+            alike = 0.5 * (alike + np.sum(normals[1:] * normals[:-1], axis=1) - 1.0)
+        return float(np.arccos(np.clip(alike.min(), -1.0, 1.0)))
 
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return how its line and sections change, in the frame at the root and undeformed sections' axes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array
@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 class VectorBeam(VectorBody):
     """A beam of elements; its internal forces hold the balance of what lies beyond a section."""
 
+    has_sections: ClassVar[bool] = False
+    """Whether its nodes have section vectors of unit length, so that `widest_turn` tells something."""
+
     if TYPE_CHECKING:
 
         @property
@@ -28,6 +31,10 @@ class VectorBeam(VectorBody):
 
         def section_axes(self, x: Array, places: Array) -> Array:
             """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
+
+    def widest_turn(self, x: Array) -> float:
+        """Return the largest angle between sections of neighbouring nodes in a state (1, n) [rad]."""
+        return 0.0
 
     @property
     def weighing(self) -> Array:
