@@ -131,6 +131,7 @@ def make_plan(
     FolderError
         If a folder must not be written to.
     """
+    from hfsim.deck.source import nearest
     from hfsim.output.runfolder import claim, folder_name
     from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.compare import chosen_models, prepare, usual_models
@@ -140,8 +141,10 @@ def make_plan(
     chosen = chosen_models(models or usual_models(load, talk.note), reference)
     for model in chosen:
         if model not in MODELS:
-            known = f"there are {', '.join(MODELS)}; a deck goes with --case"
-            raise click.UsageError(f"there is no model '{model}'; {known}")
+            close = nearest(model, MODELS)
+            known = f"; there are {', '.join(MODELS)}; a deck goes with --case"
+            hint = f" (did you mean '{close}'?)" if close else known
+            raise click.UsageError(f"there is no model '{model}'{hint}")
     for model in require:
         if model not in chosen:
             raise click.UsageError(f"--require {model}: this model is not compared")

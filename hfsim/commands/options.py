@@ -232,8 +232,12 @@ def refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str]) -> Non
     Raises
     ------
     click.UsageError
-        Naming the first unknown one, and those there are.
+        Naming the first unknown one and the nearest known one, or all of these.
     """
+    from hfsim.deck.source import nearest
+
     for name in given:
         if name not in known:
-            raise click.UsageError(f"there is no {kind} '{name}'; there are {', '.join(known)}")
+            close = nearest(name, known)
+            hint = f" (did you mean '{close}'?)" if close else f"; there are {', '.join(known)}"
+            raise click.UsageError(f"there is no {kind} '{name}'{hint}")

@@ -257,9 +257,10 @@ class ExpressionLaw(Law):
             for found in poles:
                 if len(found):
                     return float(found.min()), "it divides by zero"
-            for order, what in zip(orders, ("it", "its rate", "its acceleration"), strict=False):
+            for order in orders:
                 wrong = np.flatnonzero(~np.isfinite(self._derivative(t, order)))
                 if len(wrong):
+                    what = ("it", "its rate", "its acceleration")[order]
                     return float(t[wrong[0]]), f"{what} is not finite"
         return None
 

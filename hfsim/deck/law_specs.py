@@ -288,8 +288,8 @@ class ExpressionSpec(LawSpec):
             yield Complaint(("expression",), why)
 
     def trouble(self, duration: float) -> str:
-        """Return where its rate or acceleration is not finite."""
-        return self._trouble(duration, (0, 1, 2))
+        """Return where its rate or acceleration is not finite; that its value is not is told by itself."""
+        return "" if self._trouble(duration, (0,)) else self._trouble(duration, (1, 2))
 
     def _trouble(self, duration: float, orders: tuple[int, ...]) -> str:
         found = self.unshifted().trouble(max(duration - self.begin, 0.0), orders)

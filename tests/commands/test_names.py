@@ -1,11 +1,15 @@
 """What names on the command line may be: empty, no text, pipes."""
 
 import os
+import subprocess
+import sys
 import threading
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
+import hfsim
 from hfsim.cli import app
 from hfsim.scene.shipped import CASES
 
@@ -74,3 +78,25 @@ def test_a_deck_in_the_place_of_a_model_is_told_where_it_goes(here):
     refused = call("compare", "hub_beams_soft")
     assert refused.exit_code == 2 and "no model 'hub_beams_soft'" in refused.stderr
     assert "a deck goes with --case" in refused.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (("rum", "pendulum"), "run"),
+        (("compare", "linar", "--case", "pendulum"), "linear"),
+        (("bench", "pendulum", "--methods", "gaus"), "gauss"),
+        (("extreme", "roll_u"), "roll_up"),
+    ],
+)
+def test_of_an_unknown_name_the_nearest_is_told(here, words, meant):
+    refused = call(*words)
+    assert refused.exit_code == 2 and f"(did you mean '{meant}'?)" in refused.stderr
+
+
+def test_an_interruption_while_the_program_is_imported_leaves_no_traceback(here):
+    (here / "click.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
+    path = os.pathsep.join([str(here), str(Path(hfsim.__file__).parents[1])])
+    words = [sys.executable, "-m", "hfsim", "check", "pendulum"]
+    ended = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path})
+    assert ended.returncode == 130 and ended.stderr == "interrupted\n"

@@ -517,3 +517,21 @@ output: {{channels: [b.x, b.vx]}}
     result = simulate(parse_deck(text), error_estimate=False)
     x, vx = (one.values[-1] for one in result.channels)
     assert (x, vx) == (pytest.approx(5.0, abs=1e-3), pytest.approx(1.0, abs=1e-4))
+
+
+ENDLESS = """
+hfsim: 1
+bodies: {hub: {type: rigid, mass: 1.0, inertia: 0.1}}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  drive: {type: driver, between: [ground, hub], angle: {expression: "LAW"}}
+solve: {duration: 1.0}
+"""
+
+
+@pytest.mark.parametrize(("law", "told"), [("sin(t) / t", "it"), ("sqrt(t)", "its rate")])
+def test_a_law_that_is_not_finite_is_told_once(law, told):
+    with pytest.raises(DeckError) as caught:
+        parse_deck(ENDLESS.replace("LAW", law))
+    (problem,) = caught.value.problems
+    assert problem.message.startswith(f"{told} ") and "t = 0 s" in problem.message

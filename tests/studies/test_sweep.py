@@ -170,6 +170,26 @@ def test_load_factors_that_are_not_reached_are_no_critical_loads(wheel):
     assert row["critical(1)"] == "" and "not reached" in row["reason"]
 
 
+def test_a_sweep_whose_first_middle_and_last_runs_are_refused_is_done(wheel):
+    """One of six runs can be: it was given up as all of those tried before were refused."""
+    two = ("--vary", "bodies.hub.mass=1,-2", "--vary", f"{STIFF}=-1,50,-2")
+    told = call("wheel.yaml", *two, "--no-plots", "--set", "solve.duration=0.1")
+    assert told.exit_code == 0, told.output
+    statuses = [row["status"] for row in rows_of("wheel.sweep")]
+    assert statuses == ["refused", "done", "refused", "refused", "refused", "refused"]
+
+
+def test_all_that_keeps_runs_from_being_put_together_is_told(wheel):
+    """Each of two runs has an error of its own, in an entry that is varied and in one that is not."""
+    (wheel / "runs.csv").write_text("bodies.hub.mass,parameters.wide\n-1,1\n1,-1\n")
+    text = WHEEL.replace("[1.0, 0.0]", '["${sqrt(wide)}", 0.0]')
+    (wheel / "wheel.yaml").write_text(text + "parameters: {wide: 1}\n")
+    told = call("wheel.yaml", "--table", "runs.csv", "--no-plots")
+    assert told.exit_code == 2
+    assert "--vary: error: bodies.hub.mass: must be greater than 0" in told.stderr
+    assert "sqrt" in told.stderr and "2 errors" in told.stderr
+
+
 def test_a_failed_run_is_a_row(wheel):
     two = ("--vary", "bodies.hub.mass=1,-1", "--vary", "solve.max_steps=1,1000")
     told = call("wheel.yaml", *two, "--no-plots", "--set", "solve.duration=20")

@@ -161,21 +161,23 @@ def _problem(setting: Setting, path: str, value: Value) -> DeckProblem | None:
 
 
 def refuse_unbuilt(setting: Setting, plan: Plan) -> None:
-    """Raise what is wrong with the first run if it cannot be put together, nor some others.
+    """Raise what is wrong with some runs, spread over the plan, if none of them can be put together.
 
     Raises
     ------
     DeckError
+        With all that is wrong with them, each entry once.
     """
-    first: DeckError | None = None
-    for number in dict.fromkeys((0, plan.count // 2, plan.count - 1)):
+    wrong, errors = dict[str, DeckProblem](), list[DeckError]()
+    for number in dict.fromkeys(map(round, _spread(plan.count))):
         try:
             build(setting.load(plan.overrides(number)))
             return
         except DeckError as error:
-            first = first or error
-    assert first is not None
-    raise first
+            errors.append(error)
+            for one in error.problems:
+                wrong.setdefault(one.path, replace(one, file=VARY) if one.path in plan.paths else one)
+    raise DeckError(errors[0].file, list(wrong.values()), errors[0].text, errors[0].others)
 
 
 # --- the runs ------------------------------------------------------------------------------------
