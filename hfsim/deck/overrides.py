@@ -9,6 +9,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from hfsim.deck.reader import Path, dotted, parse
 from hfsim.deck.source import DeckSource, OverrideProblem, Setting, did_you_mean, entry_at, is_text, path_in
 from hfsim.deck.spec import OneOf, ReadBy, Spec, at
+from hfsim.deck.units import SI_UNITS
 from hfsim.errors import DeckProblem
 
 
@@ -110,3 +111,39 @@ def _maps_of(kind: Any) -> Iterator[Any]:
             yield from _maps_of(one)
     elif origin is dict or (isinstance(kind, type) and issubclass(kind, Spec)):
         yield kind
+
+
+def unit_of(entry: Any, path: Path) -> str:
+    """Return the SI unit of the number at a path of an entry that was read; empty where it has none.
+
+    Examples
+    --------
+    >>> from hfsim.deck.materials import MaterialSpec
+    >>> unit_of({"steel": MaterialSpec(density=7800, youngs_modulus=2.1e11)}, ("steel", "youngs_modulus"))
+    'Pa'
+    """
+    for step in path[:-1]:
+        if isinstance(entry, Spec):
+            entry = getattr(entry, _fields_of(type(entry)).get(step, ""), None)
+        else:
+            entry = entry.get(step) if isinstance(entry, dict) else None
+    if not isinstance(entry, Spec):
+        return ""
+    info = type(entry).model_fields.get(_fields_of(type(entry)).get(path[-1], ""))
+    units = () if info is None else _units_of(Annotated[info.annotation, None, *info.metadata])
+    return next(iter(units), "").strip("-")
+
+
+def _fields_of(spec: type[Spec]) -> dict[Any, str]:
+    """Return the names of fields by their keys in decks."""
+    return dict(zip(spec.keys(), spec.model_fields, strict=True))
+
+
+def _units_of(kind: Any) -> Iterator[str]:
+    """Yield the units of quantities that a field may be."""
+    for one in get_args(kind):
+        if isinstance(one, ReadBy):
+            if "quantity" in one.shape:
+                yield SI_UNITS[one.shape["quantity"]]
+        else:
+            yield from _units_of(one)

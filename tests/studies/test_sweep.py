@@ -491,3 +491,15 @@ def test_ranges_are_told_of_what_has_one(wheel, monkeypatch):
     assert "2 failed" in told and more not in told
     told = call("wheel.yaml", "--vary", f"{STIFF}=200,200.00001", "--no-plots", "-o", "near").stdout
     assert more in told and "2 values about 200, at most 1e-05 apart" in told
+
+
+def test_what_is_varied_is_drawn_with_its_unit():
+    from hfsim.output.plots.sweep import _over_two
+
+    vary = {"bodies.hub.mass": "lin(1, 2, 7)", STIFF: "lin(50, 100, 7)"}
+    found = hfsim.sweep(parse_deck(WHEEL), vary, ["frequency(1)"])
+    assert found.units == {"bodies.hub.mass": "kg", STIFF: "N m/rad"}
+    axes = _over_two(found, list(vary), "frequency(1)").axes[0]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("bodies.hub.mass [kg]", f"{STIFF} [N m/rad]")
+    words = hfsim.sweep(parse_deck(WHEEL), {"solve.model": "exact, linear"}, ["frequency(1)"])
+    assert words.units == {"solve.model": ""}

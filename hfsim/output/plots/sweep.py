@@ -67,6 +67,11 @@ def label_of(name: str) -> str:
         return name
 
 
+def _label(sweep: Sweep, path: str) -> str:
+    """Return an entry that is varied, with the unit of its numbers."""
+    return path if sweep[path].dtype == object else with_unit(path, sweep.units.get(path, ""))
+
+
 def _title(sweep: Sweep, words: str) -> str:
     done = sweep.counts.get("done", 0)
     some = "" if done == len(sweep) else f" ({done} of {len(sweep)} runs)"
@@ -121,11 +126,11 @@ def _dress(axes: Axes, sweep: Sweep, path: str, ticks: list[str]) -> None:
         axes.set_xlim(-0.5, len(ticks) - 0.5)
         axes.set_xlabel(path)
     elif _is_logarithmic(sweep, path):
-        axes.set(xscale="log", xlabel=path)
+        axes.set(xscale="log", xlabel=_label(sweep, path))
         _tick_log(axes.xaxis)
     else:
         axes.xaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 2.5, 5, 10]))
-        scaled(axes.xaxis, path)
+        scaled(axes.xaxis, _label(sweep, path))
 
 
 def _tick_log(axis: Axis) -> None:
@@ -170,7 +175,7 @@ def _curves(sweep: Sweep, path: str, other: str, name: str) -> Figure:
     _dress(axes, sweep, path, ticks)
     scaled(axes.yaxis, label_of(name))
     axes.set_title(_title(sweep, f"{name} over {path}"), fontsize=12, loc="left", pad=10)
-    figure.legend(loc="outside right upper", frameon=False, title=other.split(".")[-1])
+    figure.legend(loc="outside right upper", frameon=False, title=_label(sweep, other).split(".")[-1])
     return figure
 
 
@@ -188,10 +193,10 @@ def _heat_map(sweep: Sweep, paths: list[str], name: str) -> Figure:
     for axis, path in ((axes.xaxis, paths[0]), (axes.yaxis, paths[1])):
         if _is_logarithmic(sweep, path):
             (axes.set_xscale if axis is axes.xaxis else axes.set_yscale)("log")
-            axis.set_label_text(path)
+            axis.set_label_text(_label(sweep, path))
             _tick_log(axis)
         else:
-            scaled(axis, path)
+            scaled(axis, _label(sweep, path))
     bar = figure.colorbar(mesh, ax=axes, pad=0.02)
     scaled(bar.ax.yaxis, label_of(name))
     axes.set_title(_title(sweep, name), fontsize=12, loc="left", pad=10)
@@ -226,7 +231,7 @@ def _matrix(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
             _mark_panel(axes, places[some][np.isnan(values)])
             _dress_panel(axes, sweep, path, ticks)
             if i == len(names) - 1:
-                axes.set_xlabel(path, fontsize=9)
+                axes.set_xlabel(_label(sweep, path), fontsize=9)
             if j == 0:
                 axes.set_ylabel(_short(name), fontsize=9)
     figure.suptitle(_title(sweep, "all runs"), fontsize=12, x=0.01, ha="left")
@@ -278,7 +283,7 @@ def _effects(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
                 words = f"{100 * share:.0f} %"
                 axes.text(0.03, 0.9, words, transform=axes.transAxes, fontsize=8, color="0.35")
             if i == len(names) - 1:
-                axes.set_xlabel(path, fontsize=9)
+                axes.set_xlabel(_label(sweep, path), fontsize=9)
             if j == 0:
                 axes.set_ylabel(_short(name), fontsize=9)
     words = "means over each entry, and the share of the variance they explain"

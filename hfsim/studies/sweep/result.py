@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 
+from hfsim.deck.overrides import unit_of
 from hfsim.deck.ranges import Value
-from hfsim.deck.source import did_you_mean
+from hfsim.deck.source import did_you_mean, path_in
 from hfsim.maths.arrays import Array
+from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.sweep.plan import Plan
 from hfsim.studies.sweep.work import FACTS, Row
 
@@ -39,6 +41,8 @@ class Sweep:
         What is collected.
     missing : int
         Runs that have not been done.
+    units : mapping of str to str
+        SI units of what is varied, where it has one.
     """
 
     name: str
@@ -47,6 +51,7 @@ class Sweep:
     columns: dict[str, Array]
     collected: tuple[str, ...]
     missing: int = 0
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Return what it is in a line: its arrays would fill the screen."""
@@ -90,7 +95,7 @@ class Sweep:
 
 
 def gathered(
-    name: str, status: str, plan: Plan, collected: Sequence[str], rows: Iterable[Row | None]
+    loaded: LoadedDeck, status: str, plan: Plan, collected: Sequence[str], rows: Iterable[Row | None]
 ) -> Sweep:
     """Return rows as columns; None stands for a run that is missing."""
     wanted = [*collected, *_NUMBERS]
@@ -108,8 +113,10 @@ def gathered(
             numbers[key][k] = math.nan if row[key] is None else row[key]
         for key, column in words.items():
             column[k] = told.setdefault(row[key] or "", row[key] or "")  # each text once
-    varied = _varied(plan)
-    return Sweep(name, status, plan, {**varied, **numbers, **words}, tuple(collected), missing)
+    columns = {**_varied(plan), **numbers, **words}
+    deck, data = loaded.deck, loaded.source.data
+    units = {path: unit_of(deck, path_in(data, path)) for path in plan.paths}
+    return Sweep(deck.name, status, plan, columns, tuple(collected), missing, units)
 
 
 def _varied(plan: Plan) -> dict[str, Array]:
