@@ -221,10 +221,17 @@ def tip_error(scene: Scene, name: str, model: str, seen: Deformation, t: Array) 
 
 
 def error_reason(terms: dict[str, Array], at: int, seen: Deformation, error: Array) -> str:
-    """Return in words which term (see `tip_error`) prevails at index ``at``, and how large all are."""
+    """Return in words which term (see `tip_error`) prevails at index ``at``, and how large all are.
+
+    Estimates by small terms say nothing more of one that is not small than that.
+    """
     name = max(terms, key=lambda one: float(terms[one][at]))
-    size = f"slope {seen.steepness[at].max():.2g} rad, estimated error {100.0 * error[at]:.2g} %"
-    return f"{TERMS[name].words} ({size} of the tip's range)"
+    slope, share = _told(seen.steepness[at].max(), 10.0), _told(100.0 * error[at], 100.0)
+    return f"{TERMS[name].words} (slope {slope} rad, estimated error {share} % of the tip's range)"
+
+
+def _told(size: float, most: float) -> str:
+    return f"{size:.2g}" if size <= most else f"more than {most:g}"
 
 
 # --- terms ---------------------------------------------------------------------------------------

@@ -178,3 +178,10 @@ def test_where_rigid_beams_have_not_what_is_asked_for_it_is_told(tmp_path, monke
     assert "not rigid: b1.root.axial_force: without strains" in " ".join(done.stdout.split())
     facts = json.loads(next(tmp_path.glob("*.out/summary.json")).read_text())
     assert facts["auto"]["shares"] == {"b1": {"exact": 1.0}}
+
+
+def test_an_estimate_far_beyond_its_range_is_told_as_such():
+    """Of a beam that is next to nothing but weight its terms say 4e+300 %."""
+    deck = parse_deck(GROWING.replace("7.0e10", "7.0e2").replace("0.6, tol", "0.02, tol"))
+    (first,) = simulate(deck, error_estimate=False).statistics["auto"]["switches"]
+    assert "estimated error more than 100 % of" in first["reason"] and "e+" not in first["reason"]
