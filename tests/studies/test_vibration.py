@@ -750,3 +750,30 @@ def test_what_falls_while_it_turns_slowly_is_not_taken_apart(rate):
     """Turns at 1e5 rad/s, one against the other, would have the acceleration of its fall."""
     found = hfsim.modes("cases/heavy_top.yaml", {"initial.top.angular_velocity": [0.0, 0.0, rate]}, count=1)
     assert found.about.turning.spin == pytest.approx([0.0, 0.0, rate]) and not found.about.lasting
+
+
+BLADES = """
+hfsim: 1
+gravity: [0.0, 0.0]
+materials: {m: {density: 1000.0, youngs_modulus: 1.0e9}}
+sections: {s: {shape: rectangle, width: 0.05, height: 0.01}}
+bodies:
+  hub: {type: rigid, mass: 1.0, inertia: 0.1}
+  front: {type: beam, material: m, section: s, length: 1.0, elements: 2}
+  back: {type: beam, material: m, section: s, length: 1.0, elements: 2}
+joints:
+  axle: {type: revolute, between: [ground, hub]}
+  drive: {type: driver, between: [ground, hub], angle: {type: constant_rate, rate: 2.0}}
+  one: {type: fixed, between: [hub, front.root]}
+  other: {type: fixed, between: [hub, back.root], angle: 180 deg}
+initial: {hub: {angular_velocity: 2.0}}
+solve: {duration: 1.0}
+"""
+
+
+def test_equal_blades_are_one_curve_of_the_campbell_diagram():
+    from hfsim.output.plots.modes import _together
+
+    assert _together(hfsim.campbell(parse_deck(BLADES), [2.0, 4.0], count=4)) == [[1, 2], [3, 4]]
+    light = parse_deck(BLADES.replace("1.0, elements: 2}\njoints", "1.1, elements: 2}\njoints"))
+    assert _together(hfsim.campbell(light, [2.0, 4.0], count=4)) == [[1], [2], [3], [4]]

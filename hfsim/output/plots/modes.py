@@ -27,6 +27,8 @@ _AMPLITUDE = 0.16
 _STATE = "0.72"
 _MARGIN = 0.08
 _UNSTABLE = "x"
+_ALIKE = 1e-6
+"""Relative difference of frequencies up to which one curve stands for several modes."""
 
 
 def draw_modes(found: Modes, folder: Path) -> list[str]:
@@ -130,6 +132,20 @@ def _bounds(points: Array) -> tuple[Array, Array]:
     return middle - half, middle + half
 
 
+def _together(result: Campbell) -> list[list[int]]:
+    """Return the numbers of modes in groups of those with one frequency at all rates, as of equal blades."""
+    groups = list[list[int]]()
+    for number in range(1, len(result.tracks) + 1):
+        own = result.frequencies(number)
+        for group in groups:
+            if np.allclose(own, result.frequencies(group[0]), rtol=_ALIKE, atol=0.0, equal_nan=True):
+                group.append(number)
+                break
+        else:
+            groups.append([number])
+    return groups
+
+
 def draw_campbell(result: Campbell, folder: Path) -> list[str]:
     """Draw ``campbell``: frequencies against rates, with the lines of excitations.
 
@@ -143,13 +159,13 @@ def draw_campbell(result: Campbell, folder: Path) -> list[str]:
     figure = new_figure((9.0, 5.2))
     axes: Axes = figure.subplots()
     rates, top = result.rates, 0.0
-    for k in range(len(result.tracks)):
-        values = result.frequencies(k + 1)
-        axes.plot(
-            rates, values, color=colour(k), linewidth=1.5, marker="o", markersize=3.0, label=f"mode {k + 1}"
-        )
+    for k, numbers in enumerate(_together(result)):
+        values = result.frequencies(numbers[0])
+        label = f"mode {numbers[0]}" if len(numbers) == 1 else f"modes {', '.join(map(str, numbers))}"
+        axes.plot(rates, values, color=colour(k), linewidth=1.5, marker="o", markersize=3.0, label=label)
         top = max(top, float(np.nanmax(values, initial=0.0)))
-        bad = [j for j, mode in enumerate(result.tracks[k]) if mode is not None and mode.unstable]
+        tracks = [result.tracks[number - 1] for number in numbers]
+        bad = [j for j, modes in enumerate(zip(*tracks, strict=True)) if any(m and m.unstable for m in modes)]
         axes.plot(
             rates[bad], values[bad], _UNSTABLE, color="black", markersize=8, label="unstable" if bad else None
         )
@@ -162,9 +178,13 @@ def draw_campbell(result: Campbell, folder: Path) -> list[str]:
         axes.annotate(
             f"{order} per rev.", (at, order * at / (2.0 * np.pi)), color="0.4", fontsize=8, ha="right",
             va="bottom", xytext=(-6, -16 if at < high else 2), textcoords="offset points",
+            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.6},
         )  # fmt: skip
-    for one in result.crossings:
-        axes.plot(one.rate, one.frequency, "o", markerfacecolor="none", markeredgecolor="black", markersize=9)
+    crossed = np.array([(one.rate, one.frequency) for one in result.crossings]).reshape(-1, 2)
+    axes.plot(
+        *crossed.T, "o", markerfacecolor="none", markeredgecolor="black", markersize=9,
+        label="crossing" if len(crossed) else None,
+    )  # fmt: skip
     axes.set_xlim(low, high)
     axes.set_ylim(0.0, top or 1.0)
     dress(axes, "rate [rad/s]", "frequency [Hz]")
