@@ -8,7 +8,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 
 from hfsim.deck.reader import Path, dotted, parse
 from hfsim.deck.source import DeckSource, OverrideProblem, Setting, did_you_mean, entry_at, is_text, path_in
-from hfsim.deck.spec import OneOf, ReadBy, Spec, at
+from hfsim.deck.spec import Complaint, OneOf, ReadBy, Spec, at
 from hfsim.deck.units import SI_UNITS
 from hfsim.errors import DeckProblem
 
@@ -81,7 +81,29 @@ def is_optional_map(spec: type[Spec], path: Path) -> bool:
 
     An entry under a name of its own is one if nothing in it must be stated.
     """
+    kinds, named = _kinds_at(spec, path)
+    must = (any(info.is_required() for info in kind.model_fields.values()) for kind in kinds if named)
+    return bool(kinds) and not (named and all(must))
+
+
+def left_empty(source: DeckSource, spec: type[Spec]) -> Iterator[Complaint]:
+    """Yield the keys of values inside entries that a deck has and gives nothing.
+
+    Those of maps may be: all their entries may be commented out.
+    """
+    for path, mark in source.value_marks.items():
+        stated = mark.width or entry_at(source.data, path) is not None or source.is_overridden(path)
+        if stated or len(path) < 2 or _kinds_at(spec, path)[0]:
+            continue
+        around = (kind for kind in _kinds_at(spec, path[:-1])[0] if get_origin(kind) is not dict)
+        if any(path[-1] in _fields_of(kind) for kind in around):
+            yield Complaint(path, "is empty", "give it a value, or leave the key out")
+
+
+def _kinds_at(spec: type[Spec], path: Path) -> tuple[list[Any], bool]:
+    """Return the classes of maps that may stand at a path, and whether under a name of the deck's own."""
     kinds: list[Any] = [spec]
+    named = False
     for step in path:
         inner, named = list[Any](), False
         for kind in kinds:
@@ -93,8 +115,7 @@ def is_optional_map(spec: type[Spec], path: Path) -> bool:
             if info is not None and not info.exclude:  # parameters that nothing uses, what studies make of it
                 inner += _maps_of(Annotated[info.annotation, None, *info.metadata])
         kinds = inner
-    must = (any(info.is_required() for info in kind.model_fields.values()) for kind in kinds if named)
-    return bool(kinds) and not (named and all(must))
+    return kinds, named
 
 
 def _maps_of(kind: Any) -> Iterator[Any]:

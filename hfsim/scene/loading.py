@@ -16,7 +16,7 @@ from typing import Any
 
 from pydantic import TypeAdapter, ValidationError
 
-from hfsim.deck.overrides import override
+from hfsim.deck.overrides import left_empty, override
 from hfsim.deck.source import DeckSource, parse_source, read_source
 from hfsim.deck.spec import Complaint, explained
 from hfsim.errors import MOST_PROBLEMS, DeckError
@@ -220,6 +220,7 @@ def _load(source: DeckSource, stem: str) -> LoadedDeck:
         complaints = explained(Deck, error)
         entries = _readable_entries(data)
     complaints += islice(complaints_of(data, entries), MOST_PROBLEMS + 1)
+    complaints += left_empty(source, Deck)
     if "verify" in data and all(path[0] == "verify" for path in source.overridden):
         from hfsim.scene.published import complaints_of_rows
 

@@ -509,3 +509,15 @@ def test_a_value_left_empty_in_a_deck_is_refused_but_overrides_take_it_out(key):
     with pytest.raises(DeckError, match=f"{key}: must be .*, not empty"):
         parse_deck(text.replace(line, f"{key}:"))
     assert parse_deck(text, overrides=[f"{key}=null"]).deck.dimension == 2
+
+
+def test_a_key_without_a_value_is_refused_but_not_one_of_a_map():
+    left = SMALL.replace("solve: {", "solve: {step: , ")
+    assert left != SMALL
+    with pytest.raises(DeckError) as caught:
+        parse_deck(left)
+    (problem,) = caught.value.problems
+    assert (problem.path, problem.message) == ("solve.step", "is empty") and problem.line
+    parse_deck(left.replace("step: ,", "step: null,"))
+    parse_deck(left, overrides=["solve.step=0.01"])
+    parse_deck(f"{SMALL}springs:\n  # coil: {{}}\n")
