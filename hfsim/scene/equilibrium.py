@@ -296,8 +296,9 @@ def held_by_nothing(scene: Assembled, motions: Array) -> list[str]:
     moving = [name for name, rate in rates.items() if rate > FELT * max(rates.values())]
     told, count = list[str](), 0
     for one in scene.free_motions or ():
-        if one.body in moving and count < len(motions):
-            told.append(str(one))
+        left = len(motions) - count
+        if one.body in moving and left > 0:
+            told.append(str(one) if one.number <= left else f"{one} ({left} of these)")
             count += one.number
     return told or moving
 

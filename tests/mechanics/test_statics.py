@@ -385,3 +385,19 @@ def test_a_rest_where_joints_lose_their_rank_is_told():
     (told,) = [one for one in run.statistics["warnings"] if "lose their rank" in one]
     assert "j0, j1, j2, j3, j4, j5" in told
     assert not any("rank" in one for one in hfsim.static("governor").statistics["warnings"])
+
+
+def test_of_a_joint_only_the_motions_that_nothing_resists_are_told():
+    """A load that hangs from a ball joint: weight resists two turns, not that about the vertical."""
+    run = hfsim.static(
+        parse_deck(
+            """
+hfsim: 1
+gravity: [0.0, 0.0, -9.81]
+bodies: {load: {type: rigid, mass: 2.0, inertia: [0.1, 0.1, 0.1], points: {hook: [0.0, 0.0, 0.5]}}}
+joints: {eye: {type: spherical, between: [ground, load.hook]}}
+solve: {duration: 1.0}
+"""
+        )
+    )
+    assert run.statistics["held_by_nothing"] == ["load: turns about eye, 3 axes (1 of these)"]
