@@ -7,12 +7,10 @@ from dataclasses import replace
 import numpy as np
 
 from hfsim.maths.arrays import Array
+from hfsim.mechanics.statics.equilibrium import HOLD
 from hfsim.mechanics.statics.newton import Effort, stepped
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.equilibrium import Assembled, problem_of
-
-HOLD = 1e-11
-"""What holds motions that nothing brings back, over the stiffest of all."""
 
 
 def nearby(scene: Assembled, t: float, x: Array, turning: Turning) -> Array | None:

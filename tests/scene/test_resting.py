@@ -194,3 +194,35 @@ def test_what_cannot_turn_is_refused_at_its_place():
         parse_deck(SPIN, overrides=["initial.steady.body=hob"])
     with pytest.raises(DeckError, match="needs a body and its rate"):
         parse_deck(SPIN, overrides=["initial.steady=true"])
+
+
+UNBALANCED = """
+hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+ground: {points: {right: [1.0, 0.0, 0.0]}}
+materials: {m: {density: 1.0, youngs_modulus: 2.1e11, poisson_ratio: 0.3}}
+sections: {s: {shape: circle, diameter: 10 mm}}
+bodies:
+  left: {type: beam, material: m, section: s, length: 0.5, elements: 1}
+  right: {type: beam, material: m, section: s, length: 0.5, elements: 1}
+  disc: {type: rigid, mass: 2.0, inertia: [0.01, 0.005, 0.005], points: {hub: [0.0, -1.0e-5, 0.0]}}
+joints:
+  bearing: {type: revolute, between: [ground, left.root], axis: [1, 0, 0]}
+  seat: {type: fixed, between: [left.tip, disc.hub]}
+  other: {type: fixed, between: [disc.hub, right.root]}
+  end: {type: spherical, between: [ground.right, right.tip]}
+initial: {steady: {body: left, rate: [RATE, 0.0, 0.0]}}
+solve: {duration: 0.01}
+output: {channels: [left.tip.y, left.tip.z]}
+"""
+
+
+@pytest.mark.parametrize("rate", [30.0, 60.0, 90.0, 300.0])
+def test_an_unbalanced_disc_turns_steadily_below_and_beyond_the_critical_speed(rate):
+    """Beyond it its centre of mass goes inwards (de Laval): the way of the hub is e / (w^2 / rate^2 - 1)."""
+    stiffness = 768.0 / 7.0 * 2.1e11 * np.pi * 0.005**4 / 4.0  # clamped at one end, pinned at the other
+    run = hfsim.run(parse_deck(UNBALANCED.replace("RATE", str(rate))), error_estimate=False)
+    exact = 1.0e-5 / (stiffness / 2.0 / rate**2 - 1.0)
+    assert run["left.tip.y"][0] == pytest.approx(exact, rel=6e-3)
+    way = np.hypot(run["left.tip.y"], run["left.tip.z"])
+    assert way == pytest.approx(abs(exact) + 0.0 * way, rel=6e-3)

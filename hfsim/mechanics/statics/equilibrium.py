@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from hfsim.mechanics.statics.problem import Problem, State
 from hfsim.mechanics.statics.relaxation import relaxed
 from hfsim.mechanics.statics.stability import Signs, neutral
 
+HOLD = 1e-11
+"""What holds motions that nothing brings back, over the stiffest of all."""
 KICK = 0.02
 """Size of a push out of a place of rest that is not stable [rad]."""
 KICKS = 8
@@ -90,6 +92,11 @@ class Search:
     def found(self) -> Equilibrium:
         """Return the place of rest, or what was reached."""
         start = self.problem.begin()
+        if self.problem.turning is not None:
+            # beyond a critical speed too, where stiffness alone holds nothing, and whatever turns freely
+            share, state = stepped(replace(self.problem, hold=HOLD), self.effort)
+            if share == 1.0:
+                return self._judged(state, False, None)
         if len(self._neutral(start, 0.0)):
             return self._downhill(start, None)
         share, state = stepped(self.problem, self.effort, signs=self._signs)
