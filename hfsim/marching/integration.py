@@ -188,11 +188,10 @@ def problem_of(scene: Scene) -> Problem:
         quartic=system.quartic,
         breaks=system.breaks(scene.deck.solve.duration),
         period=system.period,
-        edges=Edges(system),
         recordings=scene.recordings,
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
-    problem.turns = Turns(system, problem.through)
+    problem.turns, problem.edges = Turns(system, problem.through), Edges(system, problem.through)
     if system.equations.constraints:
         problem.project = Projection(system, problem.through)
     return problem

@@ -2,42 +2,56 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import PLACES, Step
+from hfsim.mechanics.projection import Through, directly
 from hfsim.mechanics.system import System
 
 NEAR = 1e-3
 """Share of a step up to which an edge counts as its start."""
+LOOKED_AT = np.concatenate([[NEAR], PLACES])
+"""Shares of a step at which it is held against the edges."""
 ROUNDS = 4
 """Times that the stretch with an edge is looked at more closely."""
 
 
 class Edges:
-    """The edges of a system's forces; without a system there are none."""
+    """The edges of a system's forces; without a system there are none.
 
-    def __init__(self, system: System | None = None) -> None:
-        self._system = system
+    Parameters
+    ----------
+    system : System, optional
+    through : callable, optional
+        What functions of states are called through.
+    """
+
+    def __init__(self, system: System | None = None, through: Through = directly) -> None:
+        self._system, self._through = system, through
         self._parts = () if system is None else tuple(part for part in system.forces if part.has_edges)
 
     def first(self, step: Step) -> float:
         """Return after what time a tried step meets its first edge [s]; its length, if none is far inside."""
-        if self._system is None or not self._parts:
+        if not self._parts:
             return step.h
-        shares = np.concatenate([[NEAR], PLACES])
+        name, shares = f"edges in a step of {len(step.series)} terms", LOOKED_AT
         for _ in range(ROUNDS + 1):
-            sides = self._sides(self._system, step, shares)
-            changed = np.any(sides[1:] != sides[:-1], axis=1)
+            look = partial(self._beyond, type(step), shares)
+            beyond = self._through(name, look, (*step,)) if shares is LOOKED_AT else look(*step)
+            changed = np.any((beyond[1:] > 0.0) != (beyond[:-1] > 0.0), axis=1)
             if not changed.any():
                 return step.h
             k = int(np.argmax(changed))
             shares = np.linspace(shares[k], shares[k + 1], len(shares))
         return step.h * float(shares[-1])
 
-    def _sides(self, system: System, step: Step, shares: Array) -> Array:
-        """Return on which side of each edge a step is, at shares of its length."""
-        times = step.t + step.h * shares
-        q, v = step.inside(shares)
-        x, u = system.absolute(q), system.absolute_velocity(q, v)
-        return np.concatenate([part.edges(times, x, u) > 0.0 for part in self._parts], axis=1)
+    def _beyond(self, kind: Callable[..., Step], shares: Array, t: Array, h: Array, *start: Array) -> Array:
+        """Return by how much a step is beyond each edge, at shares of its length, (n_shares, n_edges)."""
+        assert self._system is not None
+        q, v = kind(t, h, *start).inside(shares)
+        x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
+        return np.concatenate([part.edges(t + h * shares, x, u) for part in self._parts], axis=1)

@@ -1,6 +1,8 @@
 """Edges of forces: found along tried steps, and what steps that end there are worth."""
 
+from collections.abc import Callable
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -40,12 +42,22 @@ class Part:
         return x[:, :1] - self.values
 
 
-def step_along(path, h=2.0, start=1.0):
-    def inside(shares):
-        x = path(start + h * shares)[:, None]
+class Along(NamedTuple):
+    """A step along a path, which stands in place of the series."""
+
+    t: float
+    h: float
+    q: None
+    v: None
+    series: tuple[Callable]
+
+    def inside(self, shares):
+        x = self.series[0](self.t + self.h * shares)[:, None]
         return x, 0.0 * x
 
-    return SimpleNamespace(t=start, h=h, q=None, v=None, inside=inside)
+
+def step_along(path):
+    return Along(1.0, 2.0, None, None, (path,))
 
 
 def edges_of(*values):

@@ -129,7 +129,7 @@ class CosseratBeam(VectorBeam):
         sections = self.vectors(x)[0].reshape(-1, self.n_dim, self.n_dim)[:, 1:]
         alike = np.sum(sections[1:] * sections[:-1], axis=(1, 2))
         if self.n_dim == 3:
-            normals = np.cross(sections[:, 0], sections[:, 1])
+            normals = cross(sections[:, 0], sections[:, 1])
             alike = 0.5 * (alike + np.sum(normals[1:] * normals[:-1], axis=1) - 1.0)
         return float(np.arccos(np.clip(alike.min(), -1.0, 1.0)))
 
