@@ -51,8 +51,8 @@ class Step(Protocol):
         """Return q there."""
 
 
-class Turns:
-    """The turns of a system's angles, counted from step to step; without a system there are none.
+class AlongSteps:
+    """What looks at a system along tried steps; without a system there is nothing to see.
 
     Parameters
     ----------
@@ -63,6 +63,19 @@ class Turns:
 
     def __init__(self, system: System | None = None, through: Through = directly) -> None:
         self._system, self._through = system, through
+
+    def _look(self, what: str, function: Callable[..., Array], step: Step, *given: Array) -> Array:
+        """Return what a function of a kind of steps, numbers of one and arrays returns."""
+        name = f"{what} in a step of {len(step.series)} terms"
+        found: Array = self._through(name, partial(function, type(step)), (*step, *given))
+        return found
+
+
+class Turns(AlongSteps):
+    """The turns of a system's angles, counted from step to step."""
+
+    def __init__(self, system: System | None = None, through: Through = directly) -> None:
+        super().__init__(system, through)
         forces = () if system is None else system.forces
         self._parts = tuple((part, part.counter) for part in forces if part.counter is not None)
         self._seen: list[list[float]] = []
@@ -81,8 +94,7 @@ class Turns:
         """
         if not self._parts:
             return ""
-        name, look = f"angles in a step of {len(step.series)} terms", partial(self._along, type(step))
-        self._seen = self._through(name, look, (*step, q, v)).tolist()
+        self._seen = self._look("angles", self._along, step, q, v).tolist()
         far = (part.item for (part, _), row in zip(self._parts, self._seen, strict=True) if row[0] > NEAR)
         return next(far, "")
 

@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.mechanics.counting import PLACES, Step
+from hfsim.mechanics.counting import PLACES, AlongSteps, Step
 from hfsim.mechanics.projection import Through, directly
 from hfsim.mechanics.system import System
 
@@ -20,28 +20,21 @@ ROUNDS = 4
 """Times that the stretch with an edge is looked at more closely."""
 
 
-class Edges:
-    """The edges of a system's forces; without a system there are none.
-
-    Parameters
-    ----------
-    system : System, optional
-    through : callable, optional
-        What functions of states are called through.
-    """
+class Edges(AlongSteps):
+    """The edges of a system's forces."""
 
     def __init__(self, system: System | None = None, through: Through = directly) -> None:
-        self._system, self._through = system, through
+        super().__init__(system, through)
         self._parts = () if system is None else tuple(part for part in system.forces if part.has_edges)
 
     def first(self, step: Step) -> float:
         """Return after what time a tried step meets its first edge [s]; its length, if none is far inside."""
         if not self._parts:
             return step.h
-        name, shares = f"edges in a step of {len(step.series)} terms", LOOKED_AT
+        shares = LOOKED_AT
         for _ in range(ROUNDS + 1):
-            look = partial(self._beyond, type(step), shares)
-            beyond = self._through(name, look, (*step,)) if shares is LOOKED_AT else look(*step)
+            look = partial(self._beyond, shares)
+            beyond = self._look("edges", look, step) if shares is LOOKED_AT else look(type(step), *step)
             changed = np.any((beyond[1:] > 0.0) != (beyond[:-1] > 0.0), axis=1)
             if not changed.any():
                 return step.h
@@ -49,7 +42,7 @@ class Edges:
             shares = np.linspace(shares[k], shares[k + 1], len(shares))
         return step.h * float(shares[-1])
 
-    def _beyond(self, kind: Callable[..., Step], shares: Array, t: Array, h: Array, *start: Array) -> Array:
+    def _beyond(self, shares: Array, kind: Callable[..., Step], t: Array, h: Array, *start: Array) -> Array:
         """Return by how much a step is beyond each edge, at shares of its length, (n_shares, n_edges)."""
         assert self._system is not None
         q, v = kind(t, h, *start).inside(shares)

@@ -76,7 +76,8 @@ class Linearized:
     @cached_property
     def _parted(self) -> tuple[Array, Array]:
         """What joints forbid of these rows, as columns, and an orthonormal basis that begins with that."""
-        forbidden = np.zeros((len(self.mass), 0)) if self.jacobian is None else self._root @ self.jacobian.T
+        assert self.jacobian is not None
+        forbidden = self._root @ self.jacobian.T
         return forbidden, np.linalg.qr(forbidden, mode="complete")[0]
 
     @cached_property

@@ -17,12 +17,12 @@ from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.force import ConstantForce, ForcePart
+from hfsim.mechanics.increments import BodyIncrements
 from hfsim.mechanics.markers import GroundMarker, LinearMarker
 from hfsim.mechanics.orthonormal import Orthonormal
 from hfsim.mechanics.planar_section_marker import PlanarSectionMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.mechanics.section_markers import SectionMarker
-from hfsim.parts.bodies.planar_carried import CarriedBeams
 from hfsim.parts.bodies.root_axes import SectionFrameChart
 from hfsim.parts.bodies.section_blueprint import SectionBlueprint
 from hfsim.parts.bodies.section_mesh import SectionMesh
@@ -183,9 +183,13 @@ class CosseratBeam(VectorBeam):
         resisting = self.mesh.resisting[1] * self.mesh.points[1]
         yield SectionDamping(elements, resisting, self.mesh.strains, item=self.item)
 
-    def increments(self) -> CarriedBeams | None:
+    def increments(self) -> BodyIncrements | None:
         """Return its vectors as the sections of a planar beam see them, in the frame of the root none."""
-        return None if self.framed or self.n_dim == 3 else CarriedBeams(self.columns, 1, 2)
+        if self.framed or self.n_dim == 3:
+            return None
+        from hfsim.parts.bodies.planar_carried import CarriedBeams
+
+        return CarriedBeams(self.columns, 1, 2)
 
     def carried(self) -> Carried | None:
         """Return the vectors of each node with its section vectors, in space and absolute."""

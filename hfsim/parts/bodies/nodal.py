@@ -23,7 +23,6 @@ from hfsim.mechanics.planar_markers import NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.bodies.planar_carried import CarriedBeams
 from hfsim.parts.bodies.planar_frame import FrameChart, relative_nodes
 from hfsim.parts.bodies.planar_natural import NaturalBeams, PlanarIncrements
 from hfsim.parts.bodies.vector_beam import VectorBeam
@@ -196,6 +195,8 @@ class NodalBeam(VectorBeam):
         if element.stride == element.per_node:
             return NaturalBeams(*row)
         if element.per_node > 2:
+            from hfsim.parts.bodies.planar_carried import CarriedBeams
+
             return None if self.framed else CarriedBeams(*row[:3])
         from hfsim.parts.bodies.planar_interior import InteriorBeams
 
