@@ -16,6 +16,7 @@ from hfsim.commands.decks import command_line, loader
 from hfsim.commands.options import (
     names,
     output_options,
+    refuse_unknown,
     repeats_option,
     setting_options,
     talk_options,
@@ -131,7 +132,6 @@ def make_plan(
     FolderError
         If a folder must not be written to.
     """
-    from hfsim.deck.source import nearest
     from hfsim.output.runfolder import claim, folder_name
     from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.compare import chosen_models, prepare, usual_models
@@ -139,12 +139,7 @@ def make_plan(
     reference, channels, require = judged
     load = loader(argument, overrides, talk)
     chosen = chosen_models(models or usual_models(load, talk.note), reference)
-    for model in chosen:
-        if model not in MODELS:
-            close = nearest(model, MODELS)
-            known = f"; there are {', '.join(MODELS)}; a deck goes with --case"
-            hint = f" (did you mean '{close}'?)" if close else known
-            raise click.UsageError(f"there is no model '{model}'{hint}")
+    refuse_unknown("model", chosen, MODELS, "; a deck goes with --case")
     for model in require:
         if model not in chosen:
             raise click.UsageError(f"--require {model}: this model is not compared")

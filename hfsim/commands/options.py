@@ -226,7 +226,7 @@ def not_both(resume: bool, force: bool) -> None:
         raise click.UsageError("--resume and --force are one or the other")
 
 
-def refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str]) -> None:
+def refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str], more: str = "") -> None:
     """Refuse names that are not known.
 
     Raises
@@ -239,5 +239,5 @@ def refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str]) -> Non
     for name in given:
         if name not in known:
             close = nearest(name, known)
-            hint = f" (did you mean '{close}'?)" if close else f"; there are {', '.join(known)}"
+            hint = f" (did you mean '{close}'?)" if close else f"; there are {', '.join(known)}{more}"
             raise click.UsageError(f"there is no {kind} '{name}'{hint}")

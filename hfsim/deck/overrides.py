@@ -111,7 +111,7 @@ def _kinds_at(spec: type[Spec], path: Path) -> tuple[list[Any], bool]:
                 named = True
                 inner += _maps_of(get_args(kind)[1])
                 continue
-            info = dict(zip(kind.keys(), kind.model_fields.values(), strict=True)).get(step)
+            info = _field_at(kind, step)
             if info is not None and not info.exclude:  # parameters that nothing uses, what studies make of it
                 inner += _maps_of(Annotated[info.annotation, None, *info.metadata])
         kinds = inner
@@ -150,9 +150,14 @@ def unit_of(entry: Any, path: Path) -> str:
             entry = entry.get(step) if isinstance(entry, dict) else None
     if not isinstance(entry, Spec):
         return ""
-    info = type(entry).model_fields.get(_fields_of(type(entry)).get(path[-1], ""))
+    info = _field_at(type(entry), path[-1])
     units = () if info is None else _units_of(Annotated[info.annotation, None, *info.metadata])
     return next(iter(units), "").strip("-")
+
+
+def _field_at(spec: type[Spec], key: Any) -> Any:
+    """Return what is known of the field with a key in decks; None if there is none."""
+    return spec.model_fields.get(_fields_of(spec).get(key, ""))
 
 
 def _fields_of(spec: type[Spec]) -> dict[Any, str]:
