@@ -80,7 +80,8 @@ class LazyGroup(click.Group):
             from hfsim.deck.source import nearest
 
             if close := nearest(args[0], COMMANDS):
-                raise click.UsageError(f"{error.message} (did you mean '{close}'?)", ctx) from None
+                message = f"{error.message.rstrip('.')} (did you mean '{close}'?)"
+                raise click.UsageError(message, ctx) from None
             raise
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
