@@ -14,6 +14,7 @@ import pytest
 from click.testing import CliRunner
 
 import hfsim.output.api
+import hfsim.output.extras
 
 # what commands import later needs the real deck module, for which the tests put in another
 import hfsim.output.plots
