@@ -56,7 +56,7 @@ LASTING = 6
 """Steps to come, at the length of now, from which they are replayed."""
 LARGE = 100
 """Coordinates from which more must be to come: a recording takes ever more of them."""
-FAR = 1000
+FAR = 100
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
 NAMES = {stiff: f"steps, stiff: {stiff}" for stiff in (False, True)}
 """By what steps of a kind are told from others where functions are chosen that are replayed."""
