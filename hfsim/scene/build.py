@@ -276,10 +276,10 @@ def _linkage(
     _, constraints = _joints(deck, frames)
     n = max(frame.columns.stop for frame in frames.values())
     senses: list[Sense] = []
-    for spec in deck.joints.values() if deck.dimension == 3 else ():
+    for name, spec in deck.joints.items() if deck.dimension == 3 else ():
         a, b = (find_marker(point, frames, deck) for point in spec.between)
         pairs = (pair for held in spec.held(*facing.of(spec)) for pair in getattr(held, "senses", ()))
-        senses.extend((a, b, np.array(own), np.array(other)) for own, other in pairs)
+        senses.extend((f"joints.{name}", a, b, np.array(own), np.array(other)) for own, other in pairs)
     return Linkage(constraints, n, deck.dimension, facing.centres, tuple(senses))
 
 

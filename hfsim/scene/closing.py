@@ -6,9 +6,9 @@ places of all frames, one after the other, are a vector x: that of an assembled 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property
-from itertools import count, pairwise, repeat
+from itertools import count, groupby, pairwise, repeat
 from typing import TypeAlias
 
 import numpy as np
@@ -23,6 +23,7 @@ from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.planar_markers import RigidMarker
 from hfsim.mechanics.pose import Pose
 
+LEVEL = np.eye(3)
 CLOSED = 1e-9
 """Gap of a joint, relative to the size of the linkage or in radians, that counts as none."""
 BESIDE = 1e-6
@@ -77,8 +78,8 @@ def _referred(body: Body) -> dict[str, Place]:
     return {name: body.reference(place) for name, place in body.points.items()}
 
 
-Sense: TypeAlias = tuple[Marker, Marker, Array, Array]
-"""Two points, and an axis in the frame of each."""
+Sense: TypeAlias = tuple[str, Marker, Marker, Array, Array]
+"""A joint, its two points, and an axis in the frame of each."""
 
 
 @frozen
@@ -266,8 +267,18 @@ class Linkage:
 
     def _right_way_round(self, x: Array) -> bool:
         """Tell whether axes that joints hold point the same way at places (n,)."""
-        pairs = ((a.turned(x[None], own), b.turned(x[None], other)) for a, b, own, other in self.senses)
+        pairs = ((a.turned(x[None], own), b.turned(x[None], other)) for _, a, b, own, other in self.senses)
         return all(float(np.sum(own * other)) > 0.0 for own, other in pairs)
+
+    def faced(self, x: Array) -> Iterator[tuple[str, tuple[Marker, Marker], Array, Array]]:
+        """Yield joints that hold three axes, their ends, and B's axes in A's: as held, and at places (n,)."""
+        for item, group in groupby(self.senses, key=lambda sense: sense[0]):
+            _, firsts, seconds, owns, others = zip(*group, strict=True)
+            if len(owns) == 3:
+                own, other = np.stack(owns, axis=1), np.stack(others, axis=1)
+                a, b = firsts[0], seconds[0]
+                first, second = (np.stack([end.turned(x[None], e)[0] for e in LEVEL]) for end in (a, b))
+                yield item, (a, b), own @ other.T, first @ second.T
 
     def cut(self, x: Array, free: BoolArray) -> tuple[Constraint, float]:
         """Return the joint that stays open where all others close, from places (n_batch, n) on; its gap."""

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from hfsim.errors import DeckError
-from hfsim.maths.rotations import freedoms
+from hfsim.maths.arrays import Array
+from hfsim.maths.rotations import freedoms, rotation_vector
 from hfsim.mechanics.constraints import Constraint
 from hfsim.scene.assembly import UNITS, Change, listed
 from hfsim.scene.stated import Start, Stated
@@ -32,6 +33,17 @@ def contradicted(
     hint = f"nearest that the joints allow: {', '.join(nearest)}; " if nearest else ""
     hint += "correct what is stated under 'initial', or leave it out to let it follow from the joints"
     return start.refuse(joint.item, f"the initial {what} contradict this joint by {size:.6g} {unit}", hint)
+
+
+def misfaced(start: Start, item: str, off: float, faced: Array) -> DeckError:
+    """Return the refusal of stated orientations that a joint does not have, B's axes in A's being `faced`."""
+    turn = rotation_vector(faced)
+    angle = float(np.linalg.norm(turn))
+    axis = listed(tuple((turn / angle if angle else turn).round(9) + 0.0))
+    message = f"the initial orientations contradict this joint by {off:.6g} rad"
+    stated = f"orientation: {{axis: {axis}, angle: {np.degrees(angle):.9g} deg}}"
+    hint = f"give the joint '{stated}', which is how they turn B against A, or correct what is stated"
+    return start.refuse(item, message, f"{hint} under 'initial', or leave it out to let it follow")
 
 
 def cannot_close(start: Start, place: Stated, joint: Constraint, size: float) -> DeckError:

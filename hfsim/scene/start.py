@@ -13,14 +13,15 @@ from functools import partial
 
 import numpy as np
 
+from hfsim.errors import DeckError
 from hfsim.maths.arrays import Array, BoolArray, IntArray
 from hfsim.maths.matrices import smallest_step
-from hfsim.maths.rotations import freedoms, wrap
+from hfsim.maths.rotations import freedoms, rotation_vector, wrap
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.pose import Twist
 from hfsim.scene.assembly import Assembly, Branches, Change, Turn
 from hfsim.scene.closing import CLOSED, Linkage, largest
-from hfsim.scene.contradicted import cannot_close, contradicted
+from hfsim.scene.contradicted import cannot_close, contradicted, misfaced
 from hfsim.scene.stated import AT_START, Start, Stated
 
 GROUND = None
@@ -92,11 +93,19 @@ def _hand_on(start: Start, given: Stated, step: Callable[[Constraint], Array]) -
 
 def _refuse_twists(start: Start, place: Stated) -> None:
     """Refuse angles that a joint fixes outright and that miss it by far: no loop makes such guesses."""
+    unknown = place.open & start.linkage.turns
     for tie in start.ties:
         off = largest(tie.residual(AT_START, place.values[None]))
-        known = not any((place.open & start.linkage.turns)[marker.columns].any() for marker in tie.ends)
-        if known and off > ROUGH_TURN:
+        if off > ROUGH_TURN and not any(unknown[marker.columns].any() for marker in tie.ends):
             raise contradicted(start, place, tie, off)
+    wrong = []
+    for item, ends, held, faced in start.linkage.faced(place.values):
+        off = float(np.linalg.norm(rotation_vector(held.T @ faced)))
+        if off > ROUGH_ANGLE and not any(unknown[marker.columns].any() for marker in ends):
+            wrong.append(misfaced(start, item, off, faced))
+    if wrong:
+        problems = [problem for error in wrong for problem in error.problems]
+        raise DeckError(wrong[0].file, problems, wrong[0].text, wrong[0].others)
 
 
 def _settle(start: Start, place: Stated) -> tuple[dict[str, Turn], Branches]:

@@ -1,6 +1,8 @@
 # ruff: noqa: E501
 """Starts in space: what is not stated of places, orientations and rates follows from the joints."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -259,3 +261,20 @@ def test_what_floats_stands_level_where_nothing_else_is_stated():
 def test_turns_that_are_rounding_are_told_as_none():
     noisy = {"crank": (0.2, 1e-29, -1e-28), "block": (0.0, 1e-29, 3e-28), "rod": -2e-17}
     assert angles_of(noisy) == "crank 11.46 deg about [1, 0, 0], block 0 deg, rod 0 deg"
+
+
+def test_welds_that_stated_orientations_contradict_are_all_named_with_what_they_would_have_to_be():
+    weld = "  {0}: {{type: fixed, between: [{1}], {2}}}\n"
+    arm, bob = "{axis: [0, 1, 0], angle: -90 deg}", "{axis: [1, 0, 0], angle: 120 deg}"
+    initial = f"arm: {{orientation: {arm}}}, bob: {{orientation: {bob}}}, hub: {{angle: 0.0}}"
+    ends = ("foot", "ground, arm"), ("grip", "arm.tip, bob"), ("base", "ground, hub")
+    with pytest.raises(DeckError) as refusal:
+        scene("".join(weld.format(*end, "angle: 0.0") for end in ends), initial)
+    problems = refusal.value.problems
+    assert [problem.path for problem in problems] == ["joints.foot", "joints.grip"]
+    assert "contradict this joint by 1.5708 rad" in problems[0].message
+    found = [re.search(r"'orientation: (.*?)'", problem.hint).group(1) for problem in problems]
+    joints = "".join(weld.format(*end, f"orientation: {R}") for end, R in zip(ends, found, strict=False))
+    R = turns(scene(joints, initial))
+    assert R["arm"] == pytest.approx(rotation(np.array([0.0, -np.pi / 2, 0.0])), abs=1e-8)
+    assert R["bob"] == pytest.approx(rotation(np.array([2 * np.pi / 3, 0.0, 0.0])), abs=1e-8)
