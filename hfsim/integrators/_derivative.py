@@ -97,6 +97,8 @@ class Derivative:
     """
 
     holds_arrays: ClassVar[bool] = True
+    recordable: ClassVar[bool] = True
+    """Whether steps with it can be recorded."""
     increments: Increments
     taken: Array
     ways: tuple[str, ...] = ()

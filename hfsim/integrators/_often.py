@@ -12,7 +12,7 @@ from hfsim.maths import kernel
 from hfsim.maths.replayed import Replayed
 from hfsim.maths.traced import Recording
 
-MOST = 400
+MOST = 1000
 """Coordinates up to which calls cost so much that replaying pays."""
 EARLY = 3
 """Steps before which nothing is said of those to come while they grow."""
@@ -22,6 +22,8 @@ SEEN = 2
 """Calls of a function after which it may be recorded."""
 MANY = 10
 """Calls to come from which recording a function, which takes as long as three to eight of them, pays."""
+LARGE = 100
+"""Coordinates from which more must be to come: a recording takes ever more of them."""
 
 _Found = TypeVar("_Found")
 
@@ -39,12 +41,15 @@ class Often(Remembering):
         Where recordings are kept, for each thread; without it nothing is replayed.
     start, end : float
         Times between which a run is to be made.
+    n : int
+        Number of coordinates.
     """
 
     def __init__(
-        self, recordings: dict[int, Any] | None = None, start: float = 0.0, end: float = 0.0
+        self, recordings: dict[int, Any] | None = None, start: float = 0.0, end: float = 0.0, n: int = 0
     ) -> None:
         self._start, self._end = start, end
+        self._many = MANY * max(1.0, (n / LARGE) ** 2)
         self._wanted = recordings is not None and kernel.KERNEL == "native"
         self._recordings: dict[int, dict[Any, Any]] = {} if recordings is None else recordings
         self._steps = 0
@@ -107,7 +112,7 @@ class Often(Remembering):
             return
         # at the pace of the whole run, or at that of its last step if that is longer
         share = (self._end - t) / max(t - self._start, h * self._steps)
-        many = [kind for kind, asked in self._asked.items() if asked > SEEN and asked * share > MANY]
+        many = [kind for kind, asked in self._asked.items() if asked > SEEN and asked * share > self._many]
         if many:
             self.take(*many)
             self._asked = {kind: asked for kind, asked in self._asked.items() if kind not in many}

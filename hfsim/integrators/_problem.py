@@ -180,7 +180,7 @@ class Problem:
 
     def count_on(self, n: int, start: float, end: float) -> None:
         """Begin to count, in a run of n coordinates between these times, what is called often."""
-        self.often = Often(self.recordings if n <= MOST else None, start, end)
+        self.often = Often(self.recordings if n <= MOST else None, start, end, n)
 
     def apart(self) -> Problem:
         """Return the same equations, evaluated in NumPy alone, with counts of their own."""
@@ -195,10 +195,14 @@ class Problem:
         self.count(q)
         if strains is None or self.strains is None:
             return self.often.call(f"acceleration {len(q)}", self._accelerated, (t, q, v))
-        return self.strains.expected(strains).acceleration(t, q, v)
+        return self.often.call(f"acceleration by strains {len(q)}", self._strained, (t, q, v, strains))
 
     def _accelerated(self, t: Array, q: Array, v: Array) -> Array:
         return np.asarray(self.acceleration(t, q, v))
+
+    def _strained(self, t: Array, q: Array, v: Array, strains: Array) -> Array:
+        assert self.strains is not None
+        return np.asarray(self.strains.expected(strains).acceleration(t, q, v))
 
     def unbalanced(
         self, t: Array, q: Array, v: Array, a: Array, strains: Array | None = None

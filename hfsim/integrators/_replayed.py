@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import isfinite
 from threading import get_ident
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -28,6 +28,8 @@ class Held:
     fastest, taken, ways
         As those of a `Derivative`.
     """
+
+    recordable: ClassVar[bool] = True
 
     def __init__(self, replay: Replay, fastest: float, taken: Array, ways: tuple[str, ...]) -> None:
         self.replay, self.fastest, self.taken, self.ways = replay, fastest, taken, ways

@@ -28,7 +28,7 @@ from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending
 from hfsim.integrators._iteration import End, Iteration, Place
 from hfsim.integrators._memory import Remembering
-from hfsim.integrators._often import MOST
+from hfsim.integrators._often import LARGE
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Kind
 from hfsim.integrators._replayed import Held, Replay, Replays
@@ -52,10 +52,10 @@ GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
 """Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
+COSTLY = 400
+"""Coordinates from which derivatives cost so much that the one of the start serves the first step."""
 LASTING = 6
 """Steps to come, at the length of now, from which they are replayed."""
-LARGE = 100
-"""Coordinates from which more must be to come: a recording takes ever more of them."""
 FAR = 100
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
 NAMES = {stiff: f"steps, stiff: {stiff}" for stiff in (False, True)}
@@ -138,8 +138,7 @@ class CollocationStepper(Stepper):
         self._choose(False)
         self._replays = Replays(problem)
         self._derivative = self._replays.derivative(self._kind, Place(t, q, v, 0.0))
-        # where matrices are large, the derivative of the start serves first: another one costs much
-        self._old, self._served, self._iterations = len(q) <= MOST, 0, 0
+        self._old, self._served, self._iterations = len(q) <= COSTLY, 0, 0
         self._cap = np.inf
         self._known_at, self._known, self._h = np.nan, q, 0.0
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
@@ -165,7 +164,7 @@ class CollocationStepper(Stepper):
     def _prepare(self, place: Place) -> None:
         """Choose how steps are made from now on."""
         often, stiff = self._problem.often, self._is_stiff(place.h)
-        if self.replays and NAMES[stiff] not in often.chosen:
+        if self.replays and self._derivative.recordable and NAMES[stiff] not in often.chosen:
             lasting = LASTING * max(1.0, (len(place.q) / LARGE) ** 3)
             if often.rest(place.t) > lasting * place.h:
                 often.take(NAMES[stiff])

@@ -8,7 +8,7 @@ allow, and with many unknowns as the sparse matrices it comes from, factorised f
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -218,6 +218,7 @@ class SparseDerivative(Derivative):
     at : Linearized
     """
 
+    recordable: ClassVar[bool] = False
     increments: Increments
     q: Array
     at: Linearized

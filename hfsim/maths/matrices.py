@@ -157,9 +157,22 @@ class SaddlePoints:
         size = self._size * count
         return csc_array((data.ravel(), rows, np.concatenate([[np.int32(0)], ends])), shape=(size, size))
 
+    def solve(self, values: Array, rhs: Array, solution: Array) -> None:
+        """Solve all of them for right-hand sides (count, n + rows): calls cost more than operations.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If one is singular.
+        """
+        solution[...] = factorised(self.of(values))(rhs.ravel()).reshape(rhs.shape)
+
 
 def saddle_point(matrix: Matrix, border: Matrix) -> Matrix:
     """Return [[A, B^T], [B, 0]] of sparse A (n, n) and B (m, n)."""
-    from scipy.sparse import block_array
+    from scipy.sparse import coo_array
 
-    return block_array([[matrix, border.T], [border, None]], format="csc")
+    A, B = matrix.tocoo(), border.tocoo()
+    n, size = matrix.shape[0], sum(border.shape)
+    places = np.concatenate([A.row, n + B.row, B.col]), np.concatenate([A.col, B.col, n + B.row])
+    return coo_array((np.concatenate([A.data, B.data, B.data]), places), shape=(size, size)).tocsc()

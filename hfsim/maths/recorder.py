@@ -165,7 +165,7 @@ def called(tape: Any, func: Any, args: Any, kwargs: Any) -> Any:
     outs = [tape.own(one) for one in values]
     targets = [plain(one) for one in outs]
 
-    tape.told.append(str(func))
+    tape.told.append(getattr(func, "__qualname__", str(func)))
 
     def again() -> None:
         found = func(*args, **kwargs)

@@ -142,6 +142,12 @@ def _qr(tape: Recorder, a: Any, mode: str = "reduced") -> Any:
     return Q, Q.T @ a
 
 
+def _norm(tape: Recorder, a: Any, ord: Any = None, axis: Any = None, keepdims: bool = False) -> Any:
+    if ord is not None or axis is None or a.dtype != REAL:
+        return tape.called(np.linalg.norm, (a, ord, axis, keepdims), {})
+    return np.sqrt(np.sum(a * a, axis=axis, keepdims=keepdims))
+
+
 def _like(name: str) -> Callable[..., Any]:
     return lambda tape, a, dtype=None: getattr(np, name)(a.shape, dtype or a.dtype)
 
@@ -157,6 +163,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.linalg.inv: _inv,
     np.linalg.eigh: _eigh,
     np.linalg.qr: _qr,
+    np.linalg.norm: _norm,
     np.zeros_like: _like("zeros"),
     np.empty_like: _like("empty"),
     np.ones_like: _like("ones"),

@@ -23,7 +23,7 @@ from numpy import array  # itself, also while something stands in for it
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.kernel import replay
-from hfsim.maths.traced import Refused, Traced, is_traced, plain
+from hfsim.maths.traced import Refused, Traced, is_traced, plain, recorder
 
 CODES: dict[str, int] = {} if replay is None else replay.CODES
 """Codes of operations."""
@@ -182,10 +182,17 @@ def fixed(a: Any) -> np.ndarray:
     """Return a copy of what is no memory of a tape: it is what it is now at every replay."""
     if is_traced(a):
         raise Refused("values of the state in a list")
-    value = array(a)
+    value = _entries(a) if hasattr(a, "toarray") else array(a)
     # the kernel knows types by identity: what was pickled has its own
     kind = COMPLEX if value.dtype.kind == "c" else KINDS.get(value.dtype, REAL)
     return value.astype(kind, copy=value.dtype is not kind)
+
+
+def _entries(matrix: Any) -> np.ndarray:
+    """Return the entries of a sparse matrix; what is zero, operations leave out."""
+    with recorder().paused():
+        found: np.ndarray = matrix.toarray()
+    return found
 
 
 @lru_cache(maxsize=64)

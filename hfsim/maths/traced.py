@@ -147,9 +147,18 @@ def apart(function: Callable[..., None], *args: Any) -> None:
         with tape.attempt():
             function(*args)
     except Refused:
-        memory = [plain(a) if isinstance(a, np.ndarray) else a for a in args]
-        tape.told.append(str(function))
-        tape.call(lambda: function(*memory), *(a for a in memory if isinstance(a, np.ndarray)))
+        aside(function, *args)
+
+
+def aside(function: Callable[..., None], *args: Any) -> None:
+    """Do what writes into its last argument; while a tape records, as a call of Python at every replay."""
+    tape = Recording.tape
+    if tape is None:
+        function(*args)
+        return
+    memory = [plain(a) if isinstance(a, np.ndarray) else a for a in args]
+    tape.told.append(function.__qualname__)
+    tape.call(lambda: function(*memory), *(a for a in memory if isinstance(a, np.ndarray)))
 
 
 def outside(function: Callable[..., Array], *args: Any) -> Array:

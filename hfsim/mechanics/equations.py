@@ -18,6 +18,7 @@ from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, SaddlePoints, dense, factorised, is_sparse, saddle_point
+from hfsim.maths.traced import aside, outside
 from hfsim.mechanics.constraints import Constraint
 from hfsim.mechanics.joint_rows import JointRows
 from hfsim.mechanics.linearized import rows_of
@@ -289,7 +290,9 @@ class Equations:
 
     def _unconstrained(self, f: Array) -> Array:
         """Return M^-1 f for forces (n_batch, n), with ballast."""
-        return self._mass_factor(f) if is_sparse(self.constant_mass) else np.asarray(f @ self._inverse_mass)
+        if is_sparse(self.constant_mass):
+            return outside(self._mass_factor, f)
+        return np.asarray(f @ self._inverse_mass)
 
     @cached_property
     def _mass_factor(self) -> Callable[[Array], Array]:
@@ -327,7 +330,7 @@ class Equations:
     def _solve_sparse(self, x: Array, f: Array, gamma: Array) -> tuple[Array, Array]:
         rhs = np.concatenate([f, gamma], axis=1)
         if self.phi.constant and self.once:
-            solution = self._constant_factor(rhs)
+            solution = outside(self._constant_factor, rhs)
         else:
             states = max(1, AT_ONCE // rhs.shape[1])
             parts = (slice(k, k + states) for k in range(0, len(x), states))
@@ -335,12 +338,14 @@ class Equations:
         return solution[:, : self.n], solution[:, self.n :]
 
     def _together(self, x: Array, rhs: Array) -> Array:
-        """Return the solutions of several states by one factorisation: calls cost more than operations."""
+        """Return the solutions of several states by one factorisation."""
         border = self.reduction.free_entries(self.phi.entries(x))
         if "_saddle_points" not in self.__dict__:  # entries have the same places in every state
             self.__dict__["_saddle_points"] = SaddlePoints(self.free_mass, border, self.n_rows)
         points: SaddlePoints = self.__dict__["_saddle_points"]
-        return factorised(points.of(border.values))(rhs.ravel()).reshape(rhs.shape)
+        solution = np.zeros_like(rhs)
+        aside(points.solve, border.values, rhs, solution)
+        return solution
 
     def _factor_at(self, x: Array) -> Callable[[Array], Array]:
         """Factor of the whole matrix in one state (1, n_x)."""

@@ -16,6 +16,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries, Matrix, assemble, dense, is_sparse
+from hfsim.maths.traced import product
 
 
 class LinearVector(NamedTuple):
@@ -109,12 +110,12 @@ class Products:
     def _vectors(self, x: Array) -> tuple[Array, Array]:
         (A, a), (B, b) = self._maps
         shape = (len(x), len(self), self._n_dim)
-        return (A @ x.T).T.reshape(shape) + a, (B @ x.T).T.reshape(shape) + b
+        return product(A, x.T).T.reshape(shape) + a, product(B, x.T).T.reshape(shape) + b
 
     def _rates(self, u: Array) -> tuple[Array, Array]:
         (A, _), (B, _) = self._maps
         shape = (len(u), len(self), self._n_dim)
-        return (A @ u.T).T.reshape(shape), (B @ u.T).T.reshape(shape)
+        return product(A, u.T).T.reshape(shape), product(B, u.T).T.reshape(shape)
 
     def gap(self, x: Array) -> Array:
         """Return what they miss, shape (n_batch, m)."""
