@@ -56,7 +56,7 @@ COSTLY = 400
 """Coordinates from which derivatives cost so much that the one of the start serves the first step."""
 LASTING = 6
 """Steps to come, at the length of now, from which they are replayed."""
-FAR = 100
+FAR = 1000
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
 NAMES = {stiff: f"steps, stiff: {stiff}" for stiff in (False, True)}
 """By what steps of a kind are told from others where functions are chosen that are replayed."""

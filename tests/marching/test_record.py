@@ -197,7 +197,7 @@ def test_a_leg_without_a_row_yet_can_be_put_down(short_blocks):
 def test_what_is_not_known_of_the_beginning_is_not_judged(deck, short_blocks):
     """Growth compares motions from their start: of a run that was taken up again only the end is known."""
     loaded = load_deck(CASES / deck)
-    notes = Notes(most=4)
+    notes = Notes(most=2)
     run(loaded, notes)
     scene = build(loaded)
     record = hfsim.marching.record.Record(memory=notes.put_down())
