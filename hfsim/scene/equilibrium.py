@@ -10,7 +10,7 @@ import numpy as np
 
 from hfsim.deck.laws import Law
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import is_sparse
 from hfsim.maths.rotations import wrap
 from hfsim.mechanics.body import Body
@@ -31,7 +31,7 @@ from hfsim.scene.freedom import FreeMotion
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
 
-FELT = 1e-6
+FELT = 1e-3
 """Part of the fastest rate that counts as motion of a body."""
 GRAVITY = "gravity"
 """Name of the weight among loads that are varied."""
@@ -269,7 +269,10 @@ def gauge_of(scene: Assembled) -> Gauge:
         own = max(float(np.ptp(outlines[k], axis=0).max()), 1e-2 * whole)
         sizes.append(masses[n_dim:].max() + masses[:n_dim].max() * own**2)
     starts = np.array([body.columns.start for _, body in bodies])
-    return Gauge(metric.tocsr() if is_sparse(metric) else metric, starts, np.array(sizes))
+    axes: list[IntArray] = [np.zeros((0, 3), dtype=np.intp)]
+    axes += [one.axes.reshape(-1, 3) for _, body in bodies if (one := body.carried()) is not None]
+    metric = metric.tocsr() if is_sparse(metric) else metric
+    return Gauge(metric, starts, np.array(sizes), np.concatenate(axes))
 
 
 def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = None) -> Array:
@@ -292,14 +295,16 @@ def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = N
 def held_by_nothing(scene: Assembled, motions: Array) -> list[str]:
     """Return in words the free motions, nearest to the ground, that motions (k, n) are made of."""
     u = scene.system.reduction.expand_rates(motions)
-    rates = {name: np.abs(u[:, body.columns]).max(initial=0.0) for name, body in scene.bodies.items()}
-    moving = [name for name, rate in rates.items() if rate > FELT * max(rates.values())]
-    told, count = list[str](), 0
+    u = u / np.abs(u).max(axis=1, keepdims=True)
+    bodies = scene.bodies.items()
+    moving = [name for name, body in bodies if np.abs(u[:, body.columns]).max(initial=0.0) > FELT]
+    told = list[str]()
     for one in scene.free_motions or ():
-        left = len(motions) - count
-        if one.body in moving and left > 0:
-            told.append(str(one) if one.number <= left else f"{one} ({left} of these)")
-            count += one.number
+        mixed, sizes, _ = np.linalg.svd(u[:, scene.bodies[one.body].columns])
+        number = min(int(np.sum(sizes > FELT)), one.number)
+        if number:
+            told.append(str(one) if number == one.number else f"{one} ({number} of these)")
+        u = mixed[:, number:].T @ u  # the others, in which this body stands still
     return told or moving
 
 
@@ -346,7 +351,7 @@ def why_not(scene: Assembled, t: float, found: Equilibrium) -> SolverFailure:
         reason = f"the loads can be put on to {found.limit:.4g} of their size, and beyond no rest is found"
         remedy = "--path follows the load through its limit; --set changes a load"
         return SolverFailure(reason, t, evidence={"load": found.limit, "search": found.reason}, remedy=remedy)
-    rough = [name for name, model in scene.models.items() if MODELS[model].leaves_out]
+    rough = [name for name, model in scene.models.items() if MODELS[model].truncated]
     if rough and found.reason == ENDLESS:
         reason = f"no place of rest is found with the model {scene.models[rough[0]]} of {', '.join(rough)}"
         remedy = "hfsim static with --model exact"

@@ -132,7 +132,10 @@ class Search:
     def _judged(self, state: State, relaxed_: bool, limit: float | None) -> Equilibrium:
         free = self._neutral(state, 1.0)
         values, motions = self._signs.lowest(state, 1.0)
-        if len(free):
+        zero = values == 0.0
+        if zero.sum() > len(free):  # bodies may turn in themselves too, as a bent round shaft about its axis
+            free, values, motions = motions[zero], values[~zero], motions[~zero]
+        elif len(free):
             kept = np.sort(np.argsort(np.abs(values))[len(free) :])
             values, motions = values[kept], motions[kept]
         crossed = None if relaxed_ else self._signs.crossed

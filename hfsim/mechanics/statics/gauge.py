@@ -23,16 +23,21 @@ class Gauge:
         First coordinate of each body that moves.
     sizes : ndarray, shape (n_bodies,)
         What twice the energy of a body is when it turns with 1 rad/s or shifts by its size in a second [J].
+    axes : ndarray of int, shape (n_axes, 3)
+        Coordinates of unit vectors that turn with bodies and sections in space: about a slender body's axis
+        hardly any mass moves, however far it turns.
     """
 
     metric: Matrix
     starts: IntArray
     sizes: Array
+    axes: IntArray
 
     def size(self, dx: Array) -> float:
-        """Return how far the body that moves most does in changes (1, n_x): about an angle [rad]."""
+        """Return how far what moves or turns most does in changes (1, n_x): about an angle [rad]."""
         each = np.add.reduceat((dx * np.asarray(dx @ self.metric))[0], self.starts)
-        return float(np.sqrt(np.abs(each / self.sizes).max(initial=0.0)))
+        turns = np.linalg.norm(dx[0, self.axes], axis=1)
+        return float(max(np.sqrt(np.abs(each / self.sizes).max(initial=0.0)), turns.max(initial=0.0)))
 
     @cached_property
     def whole(self) -> Matrix:

@@ -48,18 +48,16 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         stiffest = max(stiffest, float((np.abs(K.diagonal()) / metric.diagonal()).max(initial=0.0)))
         longest = LONG / stiffest if stiffest else np.inf
         try:
-            dz, change = Tangent(K + metric / step, J).solved(force, -gap)
+            dz, change, ahead, uphill = _answer(problem, Tangent(K + metric / step, J), force, gap)
         except np.linalg.LinAlgError:
             step *= 0.3
             continue
-        size = problem.moved(dz)
-        # the curvature of the potential along it, with that of the metric over the step
-        uphill = size > SAME and float((force * dz).sum() + (gap * change).sum()) < 0.0
-        if not size < MOVE or uphill:
-            step *= 0.25 if uphill or not size < 1e3 else max(0.1, 0.7 * MOVE / size)
+        if not ahead < MOVE or uphill:
+            step *= 0.25 if uphill or not ahead < 1e3 else max(0.1, 0.7 * MOVE / ahead)
             if step < SHORT * min(longest, 1e6):
                 raise NotFoundError("no way downhill is found", state)
             continue
+        size = problem.moved(dz)
         state = State(state.z + dz, state.multipliers + change, problem.expecting(state, dz))
         problem.note(load, state)
         effort.steps += 1
@@ -72,6 +70,21 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         before = size
         force, gap, K, J = _equations(problem, state, level)
     raise NotFoundError(ENDLESS, state, dz if before > SAME else None)
+
+
+def _answer(problem: Problem, tangent: Tangent, force: Array, gap: Array) -> tuple[Array, Array, float, bool]:
+    """Return changes of state and multipliers, the size of what answers the forces, and whether it is uphill.
+
+    That stays on what the joints allow: there the curvature counts, and it is smaller in a shorter step.
+    What closes the gaps is as large in all steps, and is done in parts where it is too large.
+    """
+    both, changes = tangent.solved(
+        np.concatenate([force, 0.0 * force]), np.concatenate([0.0 * gap, -gap])
+    )
+    ahead, closing = problem.moved(both[:1]), problem.moved(both[1:])
+    uphill = ahead > SAME and float((force * both[:1]).sum()) < 0.0
+    parts = np.array([[1.0, MOVE / max(closing, MOVE)]])
+    return parts @ both, parts @ changes, ahead, uphill
 
 
 def _equations(problem: Problem, state: State, level: Level) -> tuple[Array, Array, Matrix, Matrix]:
