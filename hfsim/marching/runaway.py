@@ -25,9 +25,6 @@ LIMIT = 100.0
 for a mass matrix that turns singular to be seen first."""
 ROUNDING = 1e-12
 """Share of the energies at the start below which energy out of nothing is round-off."""
-FARTHEST = np.radians(120.0)
-"""Angle between sections of neighbouring nodes beyond which an element means nothing; between two nodes alone
-section vectors have half their length then."""
 FASTEST = 1e12
 """Rate or coordinate in SI units, over the largest at the start (or 1), from which a motion is none."""
 
@@ -204,9 +201,6 @@ class RateWatch:
 class SectionsWatch:
     """Ends a run in which an element turns so far from node to node that its shapes mean nothing.
 
-    Section vectors in between, which are polynomials through those of the nodes, shrink then, and the line
-    grows in their stead without any strain: a rod that is wound up gets many times longer than it is.
-
     Attributes
     ----------
     system : System
@@ -222,19 +216,12 @@ class SectionsWatch:
         Raises
         ------
         SolverFailure
-            Of the body whose sections turn by more than `FARTHEST` between neighbouring nodes.
+            Of the body; see `VectorBeam.beyond_mesh`.
         """
         x = self.system.absolute(q[None])
         for body in self.bodies:
-            if (turn := body.widest_turn(x)) > FARTHEST:
-                raise SolverFailure(
-                    reason=f"body '{body.name}' turns by {np.degrees(turn):.0f} deg from one node to the "
-                    f"next at t = {t:.4g} s: its elements cannot follow that",
-                    time=t,
-                    item=f"bodies.{body.name}",
-                    evidence={"turn_between_nodes": turn},
-                    remedy="take more elements, or loads that wind it up less",
-                )
+            if (lost := body.beyond_mesh(t, x)) is not None:
+                raise lost
 
 
 class Watches:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from hfsim.deck.sections import Fibres
+from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
@@ -268,6 +269,10 @@ class Body:
     @property
     def gives_way_at(self) -> float | None:
         """Stretch below which its force gives way to more compression; None where it never does."""
+        return None
+
+    def beyond_mesh(self, t: float, x: Array) -> SolverFailure | None:
+        """Return why its elements mean nothing in a state (1, n) at a time [s], if they do not."""
         return None
 
     def smallest_stretch(self, x: Array) -> Array:

@@ -237,7 +237,7 @@ def _models(summary: Mapping[str, Any]) -> dict[str, str]:
 
 _CLASSES = {
     "numerical": "numerical: the method makes it, not the model or the mechanism",
-    "model": "model: terms that it leaves out make it",
+    "model": "model: what it, or its mesh, leaves out makes it",
     "physical": "physical: the mechanism itself makes it",
     "deck": "deck: its numbers or joints make it",
 }

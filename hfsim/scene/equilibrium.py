@@ -21,6 +21,7 @@ from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.resistances import Control, Push
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
 from hfsim.mechanics.statics.gauge import Gauge
+from hfsim.mechanics.statics.newton import NotFoundError
 from hfsim.mechanics.statics.problem import Problem, State, Watch, Weighted
 from hfsim.mechanics.statics.relaxation import ENDLESS
 from hfsim.mechanics.system import System
@@ -170,7 +171,14 @@ def problem_of(
         part = system.reduction.part(free, z)
         system, z = replace(system, equations=replace(system.equations, reduction=part)), z[:, free]
     forces = tuple(_weighted(scene, varied, moving))
-    return Problem.of(system, t, z, forces, gauge_of(scene), watch or (lambda load, state: None))
+
+    def kept(load: float, state: State) -> None:
+        if (lost := beyond_mesh(scene, t, system.reduction.expand(state.z))) is not None:
+            raise NotFoundError(str(lost), state)
+        if watch is not None:
+            watch(load, state)
+
+    return Problem.of(system, t, z, forces, gauge_of(scene), kept)
 
 
 def equilibrium_of(
@@ -178,6 +186,12 @@ def equilibrium_of(
 ) -> Equilibrium:
     """Return where a scene comes to rest, or some bodies of it do while the others stay."""
     return Search(problem, lambda x: rigid_motions(scene, x, bodies)).found()
+
+
+def beyond_mesh(scene: Assembled, t: float, x: Array) -> SolverFailure | None:
+    """Return why elements of a body mean nothing in a state (1, n_x), if they do not."""
+    every = (body.beyond_mesh(t, x) for body in scene.bodies.values())
+    return next((one for one in every if one is not None), None)
 
 
 def _load(part: ForcePart) -> str:
@@ -342,6 +356,8 @@ def why_not(scene: Assembled, t: float, found: Equilibrium) -> SolverFailure:
     """Return why there is no equilibrium at a time [s], with what to try."""
     lost = found.lost or found.state
     x = scene.system.reduction.expand(lost.z)
+    if (failure := beyond_mesh(scene, t, x)) is not None:
+        return failure
     for part in scene.system.forces:
         if part.runs_away and (away := part.runaway(t, x)) is not None:
             remedy = "hfsim static with --model exact, or a smaller load"

@@ -121,7 +121,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
     start = SceneSamples(scene, np.zeros(1), scene.q[None], np.zeros((1, scene.system.n)), {})
     seen = outlines_of([start, *samples])
     failure = None if not found.reason else why_not(scene, wish.t, found)
-    if wish.path and failure is not None:
+    if wish.path and failure is not None and found.lost is None:
         failure = SolverFailure(found.reason, wish.t, remedy="a smaller load, or --vary some loads only")
     return Run(
         name=scene.deck.name,
@@ -175,7 +175,11 @@ def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[s
         rows.append(_Row(load, turns.q, dict(turns.angles)))
 
     path = Path(problem_of(scene, wish.t, keep, wish.varied), Effort())
-    why = path.follow()
+    why, lost = "", None
+    try:
+        why = path.follow()
+    except NotFoundError as error:
+        why, lost = str(error), error.state
     points = path.points
     if not points:
         rows, state = [_Row(0.0, scene.q[None], turns.angles)], path.problem.start
@@ -183,7 +187,7 @@ def _followed(scene: Scene, wish: Wish) -> tuple[list[_Row], Equilibrium, dict[s
     else:
         rows, state, values = rows[-len(points) :], points[-1].state, points[-1].values
     nothing = np.zeros((0, state.z.shape[1]))
-    reached = Equilibrium(state, rows[-1].load, values, nothing, nothing, False, None, path.effort, why)
+    reached = Equilibrium(state, rows[-1].load, values, nothing, nothing, False, None, path.effort, why, lost)
     told = {kind: [one.load for one in path.crossings if one.kind == kind] for kind in ("limit", "branch")}
     return rows, reached, {"points": len(points), "limits": told["limit"], "branches": told["branch"]}
 

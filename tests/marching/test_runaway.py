@@ -68,5 +68,6 @@ def test_a_rod_wound_up_further_than_its_elements_can_follow_ends_the_run(gravit
     deck = parse_deck(WOUND.replace("GRAVITY", gravity).replace("MOMENT", moment))
     run = hfsim.run(deck, error_estimate=False, check=False)
     assert run.status == "failed" and "one node to the next" in run.reason
-    assert run.failure["item"] == "bodies.rod" and "bodies.rod.elements=4" in run.failure["try"]
+    assert (run.failure["class"], run.failure["item"]) == ("model", "bodies.rod")
+    assert "bodies.rod.elements=4" in run.failure["try"]
     assert max(abs(run["rod.tip.x"])) < 3.0

@@ -473,3 +473,37 @@ def test_a_spatial_four_bar_whose_coupler_can_spin_is_let_down_to_rest():
     assert found == pytest.approx(pin(rest), abs=1e-4)  # the coupler sags
     (told,) = run.statistics["held_by_nothing"]
     assert told.startswith("coupler: turns about pin")
+
+
+WOUND = """
+hfsim: 1
+gravity: {gravity}
+materials: {{rubber: {{density: 1100, youngs_modulus: 5 MPa, poisson_ratio: 0.45}}}}
+sections: {{round: {{shape: circle, diameter: 3 cm}}}}
+bodies:
+  rod:
+    {{type: beam, element: cosserat, material: rubber, section: round, length: 1.0, elements: {elements},
+      degree: 1}}
+joints: {{clamp: {{type: fixed, between: [ground, rod.root]}}}}
+loads: {{wind: {{type: moment, at: rod.tip, moment: {moment}}}}}
+solve: {{duration: 1.0}}
+output: {{channels: [{channel}]}}
+"""
+
+
+@pytest.mark.parametrize("path", [False, True])
+@pytest.mark.parametrize(("gravity", "moment"), [("[0, 0, 0]", "[0.4, 0, 0]"), ("[0, 0]", "0.4")])
+def test_a_mesh_that_cannot_follow_a_load_is_named(gravity, moment, path):
+    deck = WOUND.format(gravity=gravity, moment=moment, elements=2, channel="rod.tip.x")
+    run = hfsim.static(parse_deck(deck), path=path, check=False)
+    assert run.status == "failed" and "one node to the next" in run.reason
+    assert (run.failure["class"], run.failure["item"]) == ("model", "bodies.rod")
+    assert "bodies.rod.elements=4" in run.failure["try"]
+    # beyond, the rod of 1 m got many times longer
+    assert max(abs(run["rod.tip.x"])) < 3.0
+
+
+def test_a_finer_mesh_follows_it():
+    deck = WOUND.format(gravity="[0, 0, 0]", moment="[0.4, 0, 0]", elements=32, channel="rod.tip.twist")
+    torsion = 0.5 * 5e6 / 1.45 * 0.5 * np.pi * 0.015**4
+    assert hfsim.static(parse_deck(deck)).final["rod.tip.twist"] == pytest.approx(0.4 / torsion, rel=1e-2)

@@ -127,11 +127,15 @@ def stepped(
         if signs is not None and signs.more(found, to) and step > 4.0 * SHORTEST:
             step *= 0.25
             continue
+        try:
+            problem.note(to, found)
+        except NotFoundError:
+            step *= 0.25
+            continue
         if signs is not None:
             signs.note(share)
         state, share, step = found, to, 2.0 * step
         effort.steps += 1
-        problem.note(share, state)
     return share, state
 
 

@@ -98,7 +98,13 @@ class Path:
         self.crossings: list[Crossing] = []
 
     def follow(self) -> str:
-        """Follow the path from no load to the whole load; return why it ends before, if it does."""
+        """Follow the path from no load to the whole load; return why it ends before, if it does.
+
+        Raises
+        ------
+        NotFoundError
+            If it leads to where the scene means nothing.
+        """
         problem, step = self.problem, FIRST
         share, state = stepped(problem, self.effort, lambda share: Level(0.0, 1.0 - share))
         if share < 1.0:
@@ -124,10 +130,10 @@ class Path:
                     there = self._point(state, 1.0, here)
                 except NotFoundError:
                     whole = False
+            problem.note(there.load, there.state)
             self._cross(here, there, step)
             self.points.append(there)
             self.effort.steps += 1
-            problem.note(there.load, there.state)
             if whole:
                 return ""
             if there.load < -1.0:

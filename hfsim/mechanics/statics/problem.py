@@ -136,7 +136,7 @@ class Problem:
     counted : list
         The angles whose turns are counted, where they were at the start.
     watch : callable
-        Told the load factor and each state that is kept on the way.
+        Told the load factor and each state that is kept on the way; may raise `NotFoundError`.
     turning : Turning or None
         Steady rotation as seen from which the system is to stand still; its inertia grows with the load.
     hold : float
@@ -172,13 +172,13 @@ class Problem:
         return self.start
 
     def note(self, load: float, state: State) -> None:
-        """Keep a state: count the turns of angles, and tell of it."""
+        """Keep a state: tell of it, and count the turns of angles."""
+        self.watch(load, state)
         x = self.expand(state.z)
         for part, _ in self.counted:
             if part.counter is not None:
                 angle = float(part.counter.counted(self.t, part.angle(x))[0])
                 part.counter.suppose(float(self.t[0]), angle)
-        self.watch(load, state)
 
     def expand(self, z: Array) -> Array:
         """Return the coordinates of free ones (n_batch, n)."""

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, ClassVar
 
+import numpy as np
+
 from hfsim.deck.sections import Fibres
+from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.body import Acting, VectorBody
 from hfsim.mechanics.markers import Marker
@@ -12,6 +15,10 @@ from hfsim.mechanics.markers import Marker
 if TYPE_CHECKING:
     from hfsim.parts.bodies.mesh import BeamMesh
     from hfsim.parts.bodies.section_mesh import SectionMesh
+
+FARTHEST = np.radians(120.0)
+"""Angle between sections of neighbouring nodes beyond which an element means nothing; between two nodes alone
+section vectors have half their length then."""
 
 
 class VectorBeam(VectorBody):
@@ -35,6 +42,24 @@ class VectorBeam(VectorBody):
     def widest_turn(self, x: Array) -> float:
         """Return the largest angle between sections of neighbouring nodes in a state (1, n) [rad]."""
         return 0.0
+
+    def beyond_mesh(self, t: float, x: Array) -> SolverFailure | None:
+        """Return the failure of elements that turn by more than `FARTHEST` from node to node.
+
+        Section vectors in between, which are polynomials through those of the nodes, shrink then, and the
+        line grows in their stead without any strain: a rod that is wound up gets many times longer.
+        """
+        if not (turn := self.widest_turn(x)) > FARTHEST:
+            return None
+        return SolverFailure(
+            reason=f"body '{self.name}' turns by {np.degrees(turn):.0f} deg from one node to the "
+            f"next at t = {t:.4g} s: its elements cannot follow that",
+            time=t,
+            item=self.item,
+            kind="model",
+            evidence={"turn_between_nodes": turn},
+            remedy=f"--set {self.item}.elements={2 * self.mesh.count}, or loads that wind it up less",
+        )
 
     @property
     def weighing(self) -> Array:
