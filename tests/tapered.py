@@ -23,6 +23,8 @@ MATERIALS = {
     "alloy": {"density": 2700.0, "youngs_modulus": 7.0e7},
 }
 TAPER = [{"at": 0.0, "section": "thick"}, {"at": 1.0, "section": "thin"}]
+CONE = [{"at": 0.0, "section": "rod"}, {"at": 1.0, "section": "pin"}]
+WAIST = [{"at": 0.0, "section": "rod"}, {"at": 0.3, "section": "pin"}, {"at": 1.0, "section": "rod"}]
 STEP = [
     {"at": 0.0, "section": "rod"},
     {"at": 0.5, "section": "rod"},

@@ -150,6 +150,10 @@ class BeamProperties(NamedTuple):
         """Return those at places of the unit interval in each of equal elements, the same."""
         return self
 
+    def cuts(self, count: int) -> tuple[float, ...]:
+        """Return where stations stand inside equal elements: nowhere."""
+        return ()
+
 
 class SectionProperties(NamedTuple):
     """All that follows from the material and the section of a beam; pairs are of y and z.
@@ -234,6 +238,10 @@ class SectionProperties(NamedTuple):
     def in_elements(self, places: "Array", count: int) -> Self:
         """Return those at places of the unit interval in each of equal elements, the same."""
         return self
+
+    def cuts(self, count: int) -> tuple[float, ...]:
+        """Return where stations stand inside equal elements: nowhere."""
+        return ()
 
     @property
     def stiffness(self) -> tuple[float, ...]:

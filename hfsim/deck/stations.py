@@ -102,6 +102,11 @@ class Varied(Generic[P]):
         middle = np.broadcast_to(first + 0.5, (count, len(places)))
         return self.at((first + places) / count, middle / count)
 
+    def cuts(self, count: int) -> tuple[float, ...]:
+        """Return the places of the unit interval where stations stand inside any of equal elements."""
+        places = (one.at * count for one in self.stations)
+        return tuple(sorted({at % 1.0 for at in places if abs(at - round(at)) > _ROUNDING * count}))
+
     @cached_property
     def _each(self) -> list[P]:
         return [self.of(one.material, one.section) for one in self.stations]

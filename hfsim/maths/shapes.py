@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -184,10 +185,23 @@ def lagrange(xi: Array | float, nodes: Array, derivative: int = 0) -> Array:
     return out
 
 
-def rest_of(rule: tuple[Array, Array], start: float) -> tuple[Array, Array]:
-    """Return points and weights of a rule for the unit interval as one from a place in it on."""
-    points, weights = rule
-    return start + (1.0 - start) * points, (1.0 - start) * weights
+def piecewise(
+    rule: tuple[Array, Array], cuts: Sequence[float], start: float = 0.0
+) -> tuple[Array, Array]:
+    """Return points and weights of a rule for the unit interval as one that is used piece by piece.
+
+    Parameters
+    ----------
+    rule : tuple of ndarray
+        Points and weights.
+    cuts : sequence of float
+        Places inside the unit interval at which a function may have a kink, rising.
+    start : float
+        Place of the unit interval from which it is integrated.
+    """
+    edges = np.array([start, *(cut for cut in cuts if cut > start), 1.0])
+    (points, weights), lengths = rule, np.diff(edges)[:, None]
+    return (edges[:-1, None] + lengths * points).ravel(), (lengths * weights).ravel()
 
 
 def shares_beyond(edges: Array, points: Array, weights: Array, places: Array) -> Array:

@@ -7,7 +7,7 @@ import scipy.linalg
 import yaml
 from cantilevers import at_rest, displacement, inside
 from solved import solved as solution
-from tapered import MATERIALS, STEP, TAPER, L, deck, gauss, scene_of, sizes
+from tapered import CONE, MATERIALS, STEP, TAPER, WAIST, L, deck, gauss, scene_of, sizes
 
 from hfsim.deck.materials import SectionProperties
 from hfsim.errors import DeckError
@@ -100,12 +100,11 @@ def test_frequencies_of_a_tapered_cantilever(element, n_dim):
 
 @pytest.mark.parametrize("n_dim", [2, 3])
 @pytest.mark.parametrize("element", ["cable", "cosserat", "continuum"])
-@pytest.mark.parametrize("stepped", [False, True])
-def test_a_rigid_tapered_beam_has_the_mass_and_inertia_of_its_sections(element, n_dim, stepped):
-    stations = STEP if stepped else [{"at": 0.0, "section": "rod"}, {"at": 1.0, "section": "pin"}]
+@pytest.mark.parametrize("stations", [CONE, STEP, WAIST])
+def test_a_rigid_tapered_beam_has_the_mass_and_inertia_of_its_sections(element, n_dim, stations):
     s, w = gauss(stations)
-    d, rho = 0.02 - 0.01 * s, RHO
-    if stepped:
+    d, rho = sizes(stations, s), RHO
+    if stations is STEP:
         d, rho = np.where(s < 0.5, 0.02, 0.01), np.where(s < 0.5, RHO, 2700.0)
     m = rho * np.pi * d**2 / 4 * w * L
     rotary = np.sum(rho * np.pi * d**4 / 64 * w * L) if element != "cable" else 0.0
@@ -122,11 +121,11 @@ def test_a_rigid_tapered_beam_has_the_mass_and_inertia_of_its_sections(element, 
 
 @pytest.mark.parametrize("n_dim", [2, 3])
 @pytest.mark.parametrize("model", ["linear", "lowOrder", "ancf"])
-def test_flexible_lines_carry_the_same_mass(n_dim, model):
+@pytest.mark.parametrize("stations", [CONE, WAIST])
+def test_flexible_lines_carry_the_same_mass(n_dim, model, stations):
     """Kinetic energy of a turn about the root, of what pulls at a tapered beam."""
-    stations = [{"at": 0.0, "section": "rod"}, {"at": 1.0, "section": "pin"}]
     s, w = gauss(stations)
-    about_root = np.sum(RHO * np.pi * (0.02 - 0.01 * s) ** 2 / 4 * w * L * (s * L) ** 2)
+    about_root = np.sum(RHO * np.pi * sizes(stations, s) ** 2 / 4 * w * L * (s * L) ** 2)
     scene = scene_of(stations, n_dim, model, element="cable", elements=2)
     u = np.zeros((1, scene.system.n_x))
     body, turn = scene.bodies["b"], list(Twist.units(n_dim))[-1]

@@ -10,7 +10,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.shapes import gauss_legendre
+from hfsim.maths.shapes import gauss_legendre, piecewise
 from hfsim.mechanics.force import ForcePart
 from hfsim.parts.bodies.mesh import BeamMesh
 
@@ -84,7 +84,13 @@ class ForeshortenedBeam(ForcePart):
     @property
     def n_points(self) -> int:
         """Number of quadrature points: what integrates the terms of highest degree (H H) exactly."""
-        return 2 * self.mesh.element.degree * self.mesh.count
+        return len(self._rule[0]) * self.mesh.count
+
+    @cached_property
+    def _rule(self) -> tuple[Array, Array]:
+        """Their places and weights in the unit interval of an element, piece by piece between stations."""
+        cuts = self.mesh.properties.cuts(self.mesh.count)
+        return piecewise(gauss_legendre(2 * self.mesh.element.degree), cuts)
 
     @cached_property
     def points(self) -> tuple[Array, Array, Array, Array, Array]:
@@ -94,7 +100,7 @@ class ForeshortenedBeam(ForcePart):
         highest degree (H H, degree 10 with cubics) exactly.
         """
         le = self.mesh.element.length
-        xi, w = gauss_legendre(self.n_points // self.mesh.count)
+        xi, w = self._rule
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
         mass = np.tile(w, self.mesh.count) * le * self.mesh.at(x).mass_per_length
         N = np.array([self.mesh.shape(float(a)) for a in x])

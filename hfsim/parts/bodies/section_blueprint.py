@@ -56,11 +56,7 @@ class SectionBlueprint(NamedTuple):
     @property
     def inertia(self) -> tuple[float, Array, Array]:
         """Mass [kg], its centre [m], and Euler's tensor about that, (n_dim, n_dim) [kg m^2], undeformed."""
-        mesh = self.mesh
-        own = mesh.masses * mesh.positions
-        centre = own @ mesh.undeformed / own.sum()
-        arms = mesh.undeformed - np.outer(mesh.positions, centre)
-        return float(own.sum()), centre, (arms.T * mesh.masses) @ arms
+        return self.mesh.inertia
 
     def reference(self, place: Place) -> Place:
         """Return where a point is in the undeformed body frame: places count along the line."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray, component_rows
 from hfsim.maths.frozen import frozen
-from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange, weights_beyond
+from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange, piecewise, weights_beyond
 from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
 from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw, point_rows, vector_rows
@@ -87,6 +87,25 @@ class SectionMesh:
         own = self._masses(gauss_lobatto(self.degree + 1)[1])
         at_nodes = np.bincount(self.spans.ravel(), own.ravel(), self.n_dim * self.n_nodes)
         return np.asarray(at_nodes, dtype=float)
+
+    @property
+    def inertia(self) -> tuple[float, Array, Array]:
+        """Mass [kg], its centre [m], and Euler's tensor about that, (n_dim, n_dim) [kg m^2], undeformed.
+
+        Those of the nodes, but for stations inside elements.
+        """
+        x, w = piecewise(gauss_lobatto(self.degree + 1), self.properties.cuts(self.count))
+        own = self.properties.in_elements(x, self.count)
+        points, sections = self.axis.sections(self._along(x))
+        lengths = np.tile(w * self._element_length, self.count)
+        mass, *rotary = (
+            np.broadcast_to(one, (self.count, len(x))).ravel() * lengths
+            for one in (own.mass_per_length, *own.rotary_inertia[::-1])
+        )
+        centre = mass @ points / mass.sum()
+        each = [points - centre, *np.moveaxis(sections, 2, 0)[1:]]
+        tensors = [(one.T * by) @ one for one, by in zip(each, [mass, *rotary], strict=False)]
+        return float(mass.sum()), centre, np.sum(tensors, axis=0)
 
     def masses_from(self, start: float) -> Array:
         """Return the mass matrix of one component of the part of each element beyond a share of its length.

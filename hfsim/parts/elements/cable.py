@@ -13,7 +13,7 @@ import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
-from hfsim.maths.shapes import gauss_legendre, hierarchic, rest_of
+from hfsim.maths.shapes import gauss_legendre, hierarchic, piecewise
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 from hfsim.parts.elements.polynomial import exact_points, green_linear_law
 
@@ -79,7 +79,7 @@ class Cable:
 
     def mass(self, properties: BeamAlong, count: int = 1, start: float = 0.0) -> Array:
         """Return the consistent mass matrix [kg]; section rotary inertia acts on the slopes if given."""
-        x, w = rest_of(gauss_legendre(self.degree + 1), start)
+        x, w = piecewise(gauss_legendre(self.degree + 1), properties.cuts(count), start)
         N = hierarchic(x, self.degree) * self._scale
         Nx = hierarchic(x, self.degree, 1) * self._scale / self.length
         own = properties.in_elements(x, count)

@@ -15,7 +15,7 @@ import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array, IntArray
-from hfsim.maths.shapes import bubbles, gauss_legendre, gauss_lobatto, hierarchic, rest_of
+from hfsim.maths.shapes import bubbles, gauss_legendre, gauss_lobatto, hierarchic, piecewise
 from hfsim.parts.elements._base import USUAL, ElasticLaw, GramLaw, Measures
 
 if TYPE_CHECKING:
@@ -123,7 +123,8 @@ class Continuum:
         It is that of the line, and of sections the one of their vectors with their second moments.
         """
         alike = isinstance(properties, BeamProperties)
-        x, w = rest_of(gauss_legendre(max(self.degree, self.section_degree) + (1 if alike else 2)), start)
+        points = max(self.degree, self.section_degree) + (1 if alike else 2)
+        x, w = piecewise(gauss_legendre(points), properties.cuts(count), start)
         own = properties.in_elements(x, count)
         moments = (1.0, np.square(own.height) / 12.0, np.square(own.breadth) / 12.0)
         M = np.zeros((1 if alike else count, self._n_vectors, self._n_vectors))

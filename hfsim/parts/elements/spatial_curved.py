@@ -14,7 +14,7 @@ import numpy as np
 
 from hfsim.deck.materials import BeamProperties
 from hfsim.maths.arrays import Array
-from hfsim.maths.shapes import gauss_legendre, rest_of
+from hfsim.maths.shapes import gauss_legendre, piecewise
 from hfsim.parts.elements.continuum import Continuum, section_points
 
 if TYPE_CHECKING:
@@ -70,10 +70,10 @@ def curved_masses(element: Continuum, properties: BeamAlong, undeformed: Array, 
     """
     alike, count = isinstance(properties, BeamProperties), len(undeformed)
     points = (3 * element.degree + 2 * element.section_degree) // 2 + (1 if alike else 2)
-    x, wx = rest_of(gauss_legendre(points), start)
+    x, wx = piecewise(gauss_legendre(points), properties.cuts(count), start)
     own = properties.in_elements(x, count)
     y, z, across = section_points(own, 3, 2)
-    one, nothing = np.ones((1 if alike else count, points, len(across))), np.zeros(1)
+    one, nothing = np.ones((1 if alike else count, len(x), len(across))), np.zeros(1)
 
     def rows(along: int, *sides: Array) -> Array:
         """Return sums of shapes of the line, r_y and r_z, or their derivatives by x, (..., n_places, n)."""
