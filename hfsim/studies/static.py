@@ -120,7 +120,7 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
         channels.insert(0, Channel(LOAD, "", loads))
     start = SceneSamples(scene, np.zeros(1), scene.q[None], np.zeros((1, scene.system.n)), {})
     seen = outlines_of([start, *samples])
-    failure = None if not found.reason else why_not(scene, wish.t, found)
+    failure = None if not found.reason else failure_of(scene, wish.t, found)
     if wish.path and failure is not None and found.lost is None:
         failure = SolverFailure(found.reason, wish.t, remedy="a smaller load, or --vary some loads only")
     return Run(
@@ -258,6 +258,34 @@ def facts_of(scene: Scene, samples: StaticSamples, found: Equilibrium) -> dict[s
         "validity": watch_validity(scene, samples.t, samples.q, samples.v),
         "warnings": [*scene.warnings, *doubts(scene, found), *singular_rest(scene, samples, found)],
     }
+
+
+def failure_of(scene: Scene, t: float, found: Equilibrium) -> SolverFailure:
+    """Return why there is no equilibrium at a time [s]; joints that lose their rank on the way come first."""
+    failure = why_not(scene, t, found)
+    if failure.kind == "model" or found.lost is None or not scene.system.n_rows:
+        return failure
+    from hfsim.trust.experiments import DEAD, joint_dependence
+
+    x = scene.system.reduction.expand(found.lost.z)
+    lost = scene.system.state(x, np.zeros_like(x), scene.q[None])[0][0]
+    start, here = (joint_dependence(scene, q) for q in (scene.q, lost))
+    if here.size > DEAD * start.size:
+        return failure
+    names = ", ".join(here.joints)
+    return SolverFailure(
+        reason=f"no place of rest is found: on the way the equations of joints {names} lose their rank, "
+        "as in a dead centre",
+        time=t,
+        item=f"joints.{here.joints[0]}",
+        kind="physical",
+        evidence={
+            "search": found.reason,
+            "smallest_singular_value": here.size,
+            "smallest_singular_value_at_start": start.size,
+        },
+        remedy="start beyond that position (initial), or hold the scene off it by a spring or a stop",
+    )
 
 
 def singular_rest(scene: Scene, samples: StaticSamples, found: Equilibrium) -> Iterator[str]:

@@ -104,7 +104,7 @@ def _dead_centre(stop: SolverFailure, trial: Experiments) -> SolverFailure | Non
     if not drivers:
         what = f"and {listed(last.joints[1:])} block the same motion there: a dead centre"
     reason = f"{item} {what} at t = {end.t_end:.4g} s: "
-    reason += "the joint equations lose their rank and no motion leads on"
+    reason += "the joint equations lose their rank and no single motion leads on"
     evidence = {"smallest_singular_value": last.size, "smallest_singular_value_at_start": first.size}
     return replace(_classed(stop, "physical", item, evidence, trial.command_until_then()), reason=reason)
 
@@ -261,5 +261,5 @@ def linearised(done: Integration, t: float) -> tuple[Array, Array]:
     return values, vectors
 
 
-HYPOTHESES = (_bad_numbers, _wound_up, _dead_centre, _truncated_model, _without_mass, _crushed, _method)
+HYPOTHESES = (_dead_centre, _bad_numbers, _wound_up, _truncated_model, _without_mass, _crushed, _method)
 """In the order in which they are tried; the first that holds is the cause."""

@@ -17,7 +17,7 @@ from hfsim.scene.build import build
 from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, why_not
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
-from hfsim.studies.static import run_static
+from hfsim.studies.static import failure_of, run_static
 
 BEAM = """
 hfsim: 1
@@ -507,3 +507,13 @@ def test_a_finer_mesh_follows_it():
     deck = WOUND.format(gravity="[0, 0, 0]", moment="[0.4, 0, 0]", elements=32, channel="rod.tip.twist")
     torsion = 0.5 * 5e6 / 1.45 * 0.5 * np.pi * 0.015**4
     assert hfsim.static(parse_deck(deck)).final["rod.tip.twist"] == pytest.approx(0.4 / torsion, rel=1e-2)
+
+
+def test_joints_that_lose_their_rank_on_the_way_are_told_before_what_else_fails():
+    scene = build(load_deck(find_deck("bricard")))
+    found = search(scene)
+    lost = replace(found, reason=ENDLESS, lost=found.state)
+    told = failure_of(scene, 0.0, lost)
+    assert "lose their rank" in str(told) and (told.kind, told.item) == ("physical", "joints.j0")
+    begin = replace(found, reason=ENDLESS, lost=problem_of(scene).start)
+    assert "rank" not in str(failure_of(scene, 0.0, begin))

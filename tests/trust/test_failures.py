@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from mechanisms import bricard
 from zoo import DEAD_CENTRE
 
 from hfsim.cli import app
@@ -285,6 +286,16 @@ def test_a_model_that_left_its_range_is_a_suspicion():
 
 
 # physical --------------------------------------------------------------------------------------------
+
+
+def test_a_loop_that_comes_apart_where_it_lies_flat():
+    """Bricard's loop has a second motion of first order there, and its hinges hold one more often than they must."""
+    text = bricard(angle=1.0)
+    run = diagnosed(text)
+    assert (run.failure["class"], run.failure["item"]) == ("physical", "joints.j0")
+    assert "lose their rank" in run.reason and run.failure["line"] == line_of(text, "j0")
+    scene = build(parse_deck(text, "s.yaml", [run.failure["try"].split("--set ")[-1]]))
+    assert 0.95 < scene.deck.solve.duration / run.failure["time"] < 1.0
 
 
 def test_a_driver_into_a_dead_centre():
