@@ -5,6 +5,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
+from hfsim.deck.orientation import OrientationSpec
 from hfsim.maths.matrices import assemble
 from hfsim.maths.rotations import (
     across,
@@ -518,3 +519,21 @@ solve: {duration: 1.0}
     q, _ = system.project(np.zeros(1), off[None], built.v[None])
     assert np.abs(system.residual(np.zeros(1), system.absolute(off[None]))).max() > 1e-12
     assert np.abs(system.residual(np.zeros(1), system.absolute(q))).max() < 1e-13
+
+
+@pytest.mark.parametrize("tilt", [[0.0, 0.0, 0.0], [0.4, -0.8, 0.0]])
+def test_an_angle_from_an_orientation_is_the_twist_from_there_about_the_axis_at_the_start(tilt):
+    """Of a body that starts tilted against the stated orientation the axis is what lies along A's then."""
+    zero = rotation(np.array([0.0, 0.0, 0.3]))
+    facing = rotation(np.array(tilt)) @ rotation(np.array([0.0, 0.0, 0.5])) @ zero
+    stated = OrientationSpec(rotation_vector=(0.0, 0.0, 0.3))
+    (c,) = About.of((0.0, 0.0, 1.0), facing, zero=stated).between(MARKERS["ground"], MARKERS["body"])
+    x, level = np.zeros((1, N)), rotation(MARKERS["ground"].pose.turn)
+
+    def angle(R):
+        x[0, BODY] = np.r_[np.zeros(3), (level @ R).T.ravel()]
+        return c.gap(x)[0, 0]
+
+    assert angle(zero) == pytest.approx(0.0, abs=1e-14)
+    for turn in (0.0, 0.7, -2.0):
+        assert angle(rotation(np.array([0.0, 0.0, turn])) @ facing) == pytest.approx(0.5 + turn, abs=1e-14)

@@ -54,7 +54,7 @@ class RotationalSpec(TurningResistanceSpec, CoordinateSpringSpec):
 
     orientation: Orientation | None = None
     """Orientation of B's frame relative to A's where the angle is zero, in space; without it the smallest
-    rotation that takes the axis in B to that in A."""
+    rotation that takes the axis in B to that in A. The axis in B is what lies along A's at the start."""
 
     def slips_in(self, around: Around) -> Iterator[Complaint]:
         """Yield an angle that looks like degrees."""

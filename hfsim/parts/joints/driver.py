@@ -37,7 +37,7 @@ class DriverSpec(DrivenSpec):
 
     orientation: Orientation | None = None
     """Orientation of B's frame relative to A's where the angle is zero, in space; without it the smallest
-    rotation that takes the axis in B to that in A."""
+    rotation that takes the axis in B to that in A. The axis in B is what lies along A's at the start."""
 
     def complaints(self) -> Iterator[Complaint]:
         """Yield a driver of nothing or of two things."""
