@@ -283,6 +283,10 @@ class Turning:
         points = np.concatenate([x.T, np.ones((1, len(x)))])
         return np.asarray(expm_multiply(angle * whole, points)[:-1].T)
 
+    def along(self, changes: Array, angle: float) -> Array:
+        """Return what small changes (n_batch, n_x) of coordinates have become after such a turn."""
+        return self.turned(changes, angle) - self.turned(0.0 * changes[:1], angle)
+
 
 def _nearest(equations: Equations, x: Array, columns: Array, wanted: Array) -> tuple[Array, float]:
     """Return factors (k,) of rates (k, n_x) that come nearest to wanted ones, and twice the energy left."""

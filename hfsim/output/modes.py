@@ -81,10 +81,10 @@ def state_warnings(found: Modes) -> Iterator[str]:
 
         scene = found.about.scene
         yield one_of_many(scene, scene.system.reduction.free_rates(np.array(free)))
-    if facts["uneven"]:
+    if found.uneven:
         yield (
-            "no steady rotation: what acts, such as weight across the axis, is other after a part of a turn; "
-            "modes are those at this angle"
+            "no steady rotation: what acts or holds, such as weight across the axis or a bearing that is not "
+            "alike all around, is other after a part of a turn; modes are those at this angle"
         )
 
 
@@ -122,7 +122,7 @@ def campbell_text(result: Campbell, place: str) -> str:
         for j, rate in enumerate(result.rates.tolist())
     ]
     lines = [
-        f"{scene.deck.name}, {scene.model}: frequencies [Hz] in steady rotation, seen from axes that turn",
+        f"{scene.deck.name}, {scene.model}: frequencies [Hz] in steady rotation, {result.view}",
         table(names, rows),
     ]
     facts = result.facts()

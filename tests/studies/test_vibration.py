@@ -733,7 +733,7 @@ solve: {duration: 1.0}
 def test_a_slow_turn_of_a_stiff_rod_is_steady(rate):
     """Beside its stiffness the accelerations are rounding."""
     turn = {"initial.blade.angular_velocity": [0.0, 0.0, rate], "joints.motor.angle.rate": rate}
-    assert hfsim.modes(parse_deck(ROD), turn, about="steady", count=1).about.facts()["steady"]
+    assert hfsim.modes(parse_deck(ROD), turn, about="steady", count=1).facts()["about"]["steady"]
 
 
 def test_a_rod_that_turns_without_tension_is_in_no_equilibrium():

@@ -80,7 +80,7 @@ def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
     for axes in () if spatial else panels[:, 0]:
         axes.set_ylabel("y [m]", fontsize=8)
     about = found.about
-    turning = "" if about.turning is None else ", seen from axes that turn"
+    turning = ", seen from axes that turn" if about.axes_turn else ""
     words = (
         f"{about.scene.deck.name}, {about.scene.model}: modes; grey: {about.state}{turning}; both extremes"
     )
@@ -190,5 +190,5 @@ def draw_campbell(result: Campbell, folder: Path) -> list[str]:
     dress(axes, "rate [rad/s]", "frequency [Hz]")
     outside_legend(figure, [axes])
     about = result.founds[0].about
-    set_title(figure, f"{about.scene.deck.name}, {about.scene.model}: frequencies seen from axes that turn")
+    set_title(figure, f"{about.scene.deck.name}, {about.scene.model}: frequencies {result.view}")
     return save({"campbell": figure}, folder)

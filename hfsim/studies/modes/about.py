@@ -38,8 +38,8 @@ _HELD = 1e-12
 """What holds motions that nothing brings back, over the square of the fastest frequency."""
 _FAR = 1e3
 """Distance, over the size, beyond which it is not told."""
-_EVEN = 1e-6
-"""The same for accelerations after a turn, over those of the rotation."""
+EVEN = 1e-6
+"""The same for accelerations after a turn, over those of the rotation, and for what small motions meet."""
 
 
 class ModesError(HfsimError):
@@ -71,6 +71,11 @@ class About:
     def turning(self) -> Turning | None:
         """The axes that the small motions are seen from, where these turn."""
         return self.motions.turning
+
+    @property
+    def axes_turn(self) -> bool:
+        """Whether these axes turn, and not only bodies in them by themselves."""
+        return self.turning is not None and bool(np.any(self.turning.spin))
 
     @cached_property
     def mass(self) -> float:
@@ -113,6 +118,14 @@ class About:
         steady = 0.0 if self.turning is None else self.turning.rates(x[None])[0]
         return self._mean(self.motions.u - steady)
 
+    @property
+    def after_a_turn(self) -> tuple[Array, Array]:
+        """The coordinates (1, n_x) after a turn by one radian, and their rates."""
+        assert self.turning is not None
+        seconds = 1.0 / self.turning.rate
+        x = self.turning.turned(self.motions.x[None], seconds)
+        return x + seconds * self.turning.travel, self.turning.rates(x)
+
     @cached_property
     def unevenness(self) -> float:
         """How much else accelerations are after a turn by one radian, over those of the rotation [-].
@@ -122,14 +135,13 @@ class About:
         if self.turning is None:
             return 0.0
         system, turning = self.scene.system, self.turning
-        seconds = 1.0 / turning.rate
-        x = turning.turned(self.motions.x[None], seconds) + seconds * turning.travel
+        x, u = self.after_a_turn
         if not np.allclose(system.reduction.expand(system.reduction.free(x)), x, atol=1e-6 * self.size):
             return np.inf
-        u, t = turning.rates(x - seconds * turning.travel), np.array([self.t])
+        t = np.array([self.t])
         found = system.reduction.expand_rates(system.equations.solve(t, x, u, system.force(t, x, u))[0])
         before = self.motions.a - turning.accelerations(self.motions.x[None])[0]
-        after = found[0] - turning.accelerations(x - seconds * turning.travel)[0]
+        after = found[0] - turning.accelerations(x - turning.travel / turning.rate)[0]
         size = self._mean(turning.accelerations(self.motions.x[None])[0]) or 1.0
         # in the axes, what there is of other accelerations turns with them
         change = abs(self._mean(after) - self._mean(before))
@@ -178,8 +190,6 @@ class About:
             "acceleration": self.acceleration,
             "speed": self.speed,
             "away_from_equilibrium": min(self.distance, _FAR * self.size),
-            "steady": bool(self.lasting and self.unevenness <= _EVEN),
-            "uneven": bool(self.unevenness > _EVEN),
         }
 
 

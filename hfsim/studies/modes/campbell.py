@@ -80,6 +80,12 @@ class Campbell:
     senses: tuple[tuple[int, ...], ...]
     crossings: tuple[Crossing, ...]
 
+    @property
+    def view(self) -> str:
+        """From which axes they are seen, in words."""
+        turn = any(found.about.axes_turn for found in self.founds)
+        return f"seen from axes {'that turn' if turn else 'at rest'}"
+
     def rows(self) -> list[dict[str, Any]]:
         """Return a row for each mode at each rate."""
         return [
@@ -105,7 +111,7 @@ class Campbell:
             "unsteady_rates": [
                 float(rate)
                 for rate, found in zip(self.rates, self.founds, strict=True)
-                if not found.about.lasting or found.about.facts()["uneven"]
+                if not found.about.lasting or found.uneven
             ],
             "crossings": [one.facts() for one in self.crossings],
             "unstable": [

@@ -13,7 +13,8 @@ from hfsim.errors import ArgumentError
 from hfsim.maths.arrays import Array, ComplexArray
 from hfsim.maths.eigenpairs import Eigenpairs, eigenpairs
 from hfsim.mechanics.turning import Turning
-from hfsim.studies.modes.about import About, ModesError
+from hfsim.studies.modes.about import EVEN, About, ModesError
+from hfsim.studies.modes.evenness import stays_even
 
 KINDS = {
     "vibration": "swings about the state",
@@ -196,6 +197,14 @@ class Modes:
         x = self.about.motions.x[None]
         return {name: body.outline(x)[0] for name, body in self.about.scene.bodies.items()}
 
+    @cached_property
+    def uneven(self) -> bool:
+        """Whether they are those at one angle of a turn alone: what acts or holds is other at others."""
+        if self.about.unevenness > EVEN:
+            return True
+        told = np.array([[abs(mode.value), mode.uncertainty] for mode in self.modes]).reshape(-1, 2)
+        return not stays_even(self.about, np.array([mode.change for mode in self.modes]), *told.T)
+
     def facts(self) -> dict[str, Any]:
         """Return all that is known, as plain data."""
         motions, scene = self.about.motions, self.about.scene
@@ -203,7 +212,8 @@ class Modes:
             "status": "done",
             "name": scene.deck.name,
             "model": scene.model,
-            "about": self.about.facts(),
+            "about": self.about.facts()
+            | {"steady": self.about.lasting and not self.uneven, "uneven": self.uneven},
             "unknowns": motions.mass.shape[0],
             "multipliers": motions.jacobian.shape[0],
             "complete": self.complete,
