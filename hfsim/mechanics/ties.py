@@ -130,33 +130,47 @@ class Tie(PointPart):
         return forces[0] if len(forces) == 1 else sum(forces[1:], forces[0])
 
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
-        """Return what stiffness and curvature make of it in one state; by differences where rates count."""
-        if self.uses_rates:
-            return super().tangent(t, x, u)
+        """Return what stiffness and curvature make of it in one state."""
+        if not self._ends:
+            return NOTHING
         s, w, rows = self._all(t, x, u)
-        curved = self._curved(x, self._sum(t, s, w))
-        if curved is None:
-            return super().tangent(t, x, u)
-        stiff = self._dyad(rows, sum(one.slopes(t, s, w)[0][0] for one in self.resistances))
-        return Entries(*(np.concatenate(kind) for kind in zip(stiff, curved, strict=True)))
+        slopes = [one.slopes(t, s, w) for one in self.resistances]
+        by_s, by_w = (sum(kind, 0.0 * s) for kind in zip(*slopes, strict=True))
+        row = self._whole(rows)
+        change = by_s * row
+        if self.uses_rates:
+            bent = self._curved(x, np.ones(1), np.zeros(1))
+            along = np.bincount(bent.rows, bent.values * u[0, bent.columns], x.shape[1])
+            change = change + by_w * along[self.support]
+        stiff = Entries.of_block(self.support, self.support, row[:, None] * change)
+        parts = stiff, self._curved(x, self._sum(t, s, w), by_s)
+        return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
 
-    def _curved(self, x: Array, force: Array) -> Entries | None:
-        """Return the force times the second derivative of the coordinate, if that is known."""
-        return None
+    def _curved(self, x: Array, force: Array, slope: Array) -> Entries:
+        """Return the force times the second derivative of the coordinate, in one state.
+
+        Parameters
+        ----------
+        x : ndarray, shape (1, n_x)
+        force, slope : ndarray, shape (1,)
+            And its derivative by the coordinate, for where that has no derivative.
+        """
+        raise NotImplementedError
 
     def rate_tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return J^T J times the derivative by the rate in one state."""
-        if not self.uses_rates:
+        if not self.uses_rates or not self._ends:
             return NOTHING
         s, w, rows = self._all(t, x, u)
-        return self._dyad(rows, sum(one.slopes(t, s, w)[1][0] for one in self.resistances))
+        row, factor = self._whole(rows), sum(one.slopes(t, s, w)[1] for one in self.resistances)
+        return Entries.of_block(self.support, self.support, factor * row[:, None] * row)
 
-    def _dyad(self, rows: list[Array], factor: float) -> Entries:
-        row = np.zeros(max((marker.columns.stop for _, marker in self._ends), default=0))
+    def _whole(self, rows: list[Array]) -> Array:
+        """Return the sum (..., n_support) of what stands in rows (1, ..., n_columns) of the moving ends."""
+        whole = np.zeros((*rows[0].shape[1:-1], max(marker.columns.stop for _, marker in self._ends)))
         for (_, marker), J in zip(self._ends, rows, strict=True):
-            row[marker.columns] += J[0]
-        row = row[self.support]
-        return Entries.of_block(self.support, self.support, factor * (row[:, None] * row))
+            whole[..., marker.columns] += J[0]
+        return whole[..., self.support]
 
     def potential_energy(self, t: Array, x: Array) -> Array:
         """Return what all resistances store."""
@@ -181,11 +195,30 @@ class DistanceTie(Tie):
 
     def measured(self, t: Array, x: Array) -> tuple[Array, list[Array]]:
         """Return the distance; where the points meet, it has no direction."""
+        distance, direction = self._line(x)
+        along = ((sign, direction[:, None] @ marker.position_jacobian(x)) for sign, marker in self._signed)
+        return distance, [sign * row[:, 0] for sign, row in along]
+
+    @cached_property
+    def _signed(self) -> tuple[tuple[float, Marker], ...]:
+        """The ends that can move, with the sign of their places in the gap."""
+        return tuple((1.0 if end else -1.0, marker) for end, marker in self._ends)
+
+    def _line(self, x: Array) -> tuple[Array, Array]:
+        """Return distance and direction, (n_batch, n_dim)."""
         gap = self.second.position(x) - self.first.position(x)
         distance = np.sqrt(np.sum(gap * gap, axis=-1))
-        direction = (gap / np.where(distance == 0.0, 1.0, distance)[:, None])[:, None]
-        ends = ((1.0 if end else -1.0, marker) for end, marker in self._ends)
-        return distance, [sign * (direction @ marker.position_jacobian(x))[:, 0] for sign, marker in ends]
+        return distance, gap / np.where(distance == 0.0, 1.0, distance)[:, None]
+
+    def _curved(self, x: Array, force: Array, slope: Array) -> Entries:
+        """Return what turns of the line make of the force; where the points meet, it grows every way."""
+        (s,), (e,) = self._line(x)
+        pull = np.where(s == 0.0, slope, force / np.where(s == 0.0, 1.0, s))
+        gap = self._whole([sign * marker.position_jacobian(x) for sign, marker in self._signed])
+        turned = gap.T @ (pull * (np.eye(len(e)) - e[:, None] * e)) @ gap
+        parts = [marker.position_stiffness(x, sign * force * e) for sign, marker in self._signed]
+        parts.append(Entries.of_block(self.support, self.support, turned))
+        return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
 
 
 @frozen
@@ -248,7 +281,7 @@ class GapTie(Tie):
         s, w, _ = self._all(t, x, u)
         return self.measure.reaction(x, self._sum(t, s, w)[:, None])
 
-    def _curved(self, x: Array, force: Array) -> Entries:
+    def _curved(self, x: Array, force: Array, slope: Array) -> Entries:
         return self.measure.stiffness(x, force[:, None])
 
 

@@ -777,3 +777,27 @@ def test_equal_blades_are_one_curve_of_the_campbell_diagram():
     assert _together(hfsim.campbell(parse_deck(BLADES), [2.0, 4.0], count=4)) == [[1, 2], [3, 4]]
     light = parse_deck(BLADES.replace("1.0, elements: 2}\njoints", "1.1, elements: 2}\njoints"))
     assert _together(hfsim.campbell(light, [2.0, 4.0], count=4)) == [[1], [2], [3], [4]]
+
+
+BOB = """hfsim: 1
+gravity: [0, 0]
+ground: {points: {p: [0.003, 0.004]}}
+bodies: {bob: {type: rigid, mass: 2.0, inertia: 0.3}}
+springs: {s: {type: two_point, between: [ground.p, bob], stiffness: 1.0e8, damping: DAMPING REST}}
+initial: {bob: {position: [0, 0]}}
+solve: {duration: 1.0}
+"""
+
+
+@pytest.mark.parametrize("damping", [0.0, 100.0])
+def test_a_short_stiff_spring_holds_nothing_across_it(damping):
+    """Without tension; a divergence by exp(26 t) was told, of differences with a step of 1e-7 m."""
+    found = hfsim.modes(parse_deck(BOB.replace("DAMPING", str(damping)).replace("REST", "")))
+    assert [mode.kind for mode in found] == ["rigid", "rigid", "vibration"]
+    assert abs(found[3].value) == pytest.approx(np.sqrt(1.0e8 / 2.0), rel=1e-12)
+    assert found[3].growth == pytest.approx(-damping / 4.0, rel=1e-9)
+
+
+def test_a_spring_without_length_holds_every_way():
+    text = BOB.replace("DAMPING REST", "0.0, rest_length: 0").replace("[0.003, 0.004]", "[0, 0]")
+    assert circular(hfsim.modes(parse_deck(text))) == pytest.approx([np.sqrt(1.0e8 / 2.0)] * 2, rel=1e-12)
