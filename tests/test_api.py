@@ -181,6 +181,14 @@ def test_what_cannot_be_compared_is_refused(models, options, why):
         (hfsim.static, {"buckling": -1}, "buckling is -1"),
         (hfsim.static, {"plots": "jpg"}, "there are png, svg, pdf"),
         (hfsim.run, {"plots": "jpg"}, "there are png, svg, pdf"),
+        (hfsim.run, {"after": -1.0}, "no less than 0 s"),
+        (hfsim.run, {"after": float("nan")}, "no less than 0 s"),
+        (hfsim.run, {"output": ""}, "output is empty"),
+        (hfsim.static, {"output": ""}, "output is empty"),
+        (hfsim.compare, {"max_error": float("nan")}, "positive number"),
+        (hfsim.compare, {"max_error": -0.01}, "positive number"),
+        (hfsim.compare, {"repeats": 0}, "timed once at least"),
+        (hfsim.sweep, {"vary": {"gravity.1": [1.0]}, "collect": ["max(hub.x)"], "jobs": -1}, "jobs is -1"),
     ],
 )
 def test_arguments_that_cannot_be_meant_are_refused(study, options, why):
@@ -191,6 +199,20 @@ def test_arguments_that_cannot_be_meant_are_refused(study, options, why):
 def test_a_campbell_diagram_of_no_modes_is_refused():
     with pytest.raises(hfsim.HfsimError, match="count is 0"):
         hfsim.campbell(DECK, [1.0], {"initial": {"arm": {"angular_velocity": 1.0}}}, count=0)
+
+
+@pytest.mark.parametrize("rates", [[], [1.0, float("nan")]])
+def test_a_campbell_diagram_at_no_rate_is_refused(rates):
+    with pytest.raises(hfsim.HfsimError, match="rates are"):
+        hfsim.campbell(DECK, rates, {"initial": {"arm": {"angular_velocity": 1.0}}})
+
+
+def test_modes_of_a_campbell_diagram_are_numbered_from_one():
+    turning = {"gravity": [0.0, 0.0], "initial": {"arm": {"angular_velocity": 1.0}}}
+    found = hfsim.campbell(DECK, [1.0], turning, count=2)
+    for number in (0, 3):
+        with pytest.raises(hfsim.HfsimError, match=f"no mode {number}"):
+            found.frequencies(number)
 
 
 def test_check_tells_sizes():

@@ -14,6 +14,7 @@ import click
 
 from hfsim.commands.decks import command_line, loader
 from hfsim.commands.options import (
+    POSITIVE,
     names,
     output_options,
     refuse_unknown,
@@ -53,7 +54,7 @@ class Plan:
 )
 @click.option(
     "--max-error",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=POSITIVE,
     default=0.01,
     show_default=True,
     help="Largest difference of an adequate model, relative to each channel's range.",

@@ -12,7 +12,7 @@ import click
 
 from hfsim.commands import import_libraries
 from hfsim.commands.decks import load_numbered
-from hfsim.commands.options import Place, output_options, setting_options, talk_options
+from hfsim.commands.options import Finite, Place, output_options, setting_options, talk_options
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk
 
@@ -34,7 +34,7 @@ _COUNT = 12
 )
 @click.option(
     "--at",
-    type=click.FloatRange(min=0.0),
+    type=Finite(min=0.0),
     metavar="T",
     help="Instead: the state of a run at this time [s].",
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 import os
 import re
 from collections.abc import Callable, Iterable, Sequence
@@ -57,6 +58,19 @@ class Place(click.Path):
 
 PLACE = Place(path_type=Path)
 """Type of options that name a file or folder."""
+
+
+class Finite(click.FloatRange):
+    """A number in a range; one that is no number or infinite is in none."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number that a word of the command line says."""
+        number = super().convert(value, param, ctx)
+        return number if math.isfinite(number) else self.fail(f"'{value}' is not finite", param, ctx)
+
+
+POSITIVE = Finite(min=0.0, min_open=True)
+"""Type of options that take a positive number."""
 
 
 def setting_options(*also: str) -> Callable[[_Function], _Function]:

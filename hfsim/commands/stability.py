@@ -18,6 +18,8 @@ from hfsim.commands.decks import (
     without_blind_channels,
 )
 from hfsim.commands.options import (
+    POSITIVE,
+    Finite,
     names,
     output_options,
     refuse_unknown,
@@ -45,8 +47,7 @@ def _named_axis(name: str, words: str) -> Callable[[Any], Any]:
 
 
 def _bound(name: str, default: float, words: str) -> Callable[[Any], Any]:
-    kind = click.FloatRange(min=0.0, min_open=True)
-    return click.option(f"--{name}", type=kind, default=default, show_default=True, help=words)
+    return click.option(f"--{name}", type=POSITIVE, default=default, show_default=True, help=words)
 
 
 @click.command()
@@ -69,7 +70,7 @@ def _bound(name: str, default: float, words: str) -> Callable[[Any], Any]:
 @_bound("max-drift", 1e-3, "Energy drift beyond which a point is wrong.")
 @click.option(
     "--bisect",
-    type=click.FloatRange(min=1e-6, max=1.0),
+    type=Finite(min=1e-6, max=1.0),
     metavar="WIDTH",
     help="Locate along the one axis where a class ends, to this relative width.",
 )

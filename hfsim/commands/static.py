@@ -11,7 +11,7 @@ import click
 
 from hfsim.commands import STARTED, import_libraries, report_error, worst
 from hfsim.commands.decks import command_line, load_numbered
-from hfsim.commands.options import names, output_options, setting_options, talk_options
+from hfsim.commands.options import Finite, names, output_options, setting_options, talk_options
 from hfsim.output.talk import Destination, Talk
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @output_options
 @setting_options("model", "keep_all")
 @click.option(
-    "--at", type=click.FloatRange(min=0.0), default=0.0, show_default=True, metavar="T",
+    "--at", type=Finite(min=0.0), default=0.0, show_default=True, metavar="T",
     help="Time at which loads and drivers are taken [s].",
 )
 @click.option("--path", is_flag=True, help="Follow the load by arc length, through limit points.")

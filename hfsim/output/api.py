@@ -6,6 +6,7 @@ All of it stands in ``hfsim`` itself, from where it is imported on first use.
 from __future__ import annotations
 
 import json
+import math
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -120,7 +121,7 @@ def run(
     DeckError, DeckNotFoundError
         If the deck is bad.
     ArgumentError
-        If there is no such format of pictures.
+        If there is no such format of pictures or time, or the folder has no name.
     UnfinishedRunError
         If the run fails or a limit stops it; ``error.run`` has what was computed until then.
     KeyboardInterrupt
@@ -129,13 +130,15 @@ def run(
         If the folder must not or cannot be written to.
     """
     check_format(plots)
+    if after is not None and not after >= 0.0:
+        raise ArgumentError(f"after is {after}: estimates and diagnosis take no less than 0 s")
     loaded = load(deck, {**(changes or {}), **({} if model is None else {"solve.model": model})})
     wish: dict[str, Any] = {"error_estimate": error_estimate, "diagnosis": diagnosis, "after": after}
     wish["outlines"] = True
     if output is None:
         result = carry_out(loaded, progress, **wish)
     else:
-        result = _written(loaded, progress, Path(output), force, plots, wish)
+        result = _written(loaded, progress, place(output), force, plots, wish)
     result = replace(result, fine=None)  # the steps are many
     if check and result.status == "interrupted":
         raise KeyboardInterrupt(result.reason)
@@ -163,6 +166,13 @@ def _written(
         recording.abandon(error)
         raise
     return recording.finish(result, wanted)[0]
+
+
+def place(output: str | os.PathLike[str]) -> Path:
+    """Return a folder; an empty name, as of a variable that is not set, is not the current one."""
+    if not os.fspath(output):
+        raise ArgumentError("output is empty: it names no folder; '.' is the current one")
+    return Path(output)
 
 
 def check_format(plots: bool | str) -> None:
@@ -287,6 +297,10 @@ def compare(
     from hfsim.studies import compare as study
     from hfsim.studies.farm import Here
 
+    if not 0.0 < max_error < math.inf:
+        raise ArgumentError(f"max_error is {max_error}: a difference is held against a positive number")
+    if repeats < 1:
+        raise ArgumentError(f"repeats is {repeats}: solves are timed once at least")
     base = load(deck, changes)
     wanted = study.usual_models(base.changed, nobody) if models is None else models
     chosen = study.chosen_models(wanted, reference)

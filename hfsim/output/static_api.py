@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import UnfinishedRunError
-from hfsim.output.api import AnyDeck, check_format, folder_for, load
+from hfsim.output.api import AnyDeck, check_format, folder_for, load, place
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
@@ -67,7 +66,7 @@ def static(
 
     check_format(plots)
     loaded = load(deck, changes).with_numbers()
-    to = None if output is None else folder_for(loaded, Path(output), force, plots)
+    to = None if output is None else folder_for(loaded, place(output), force, plots)
     result = run_static(loaded, Wish(at, path, buckling, None if vary is None else tuple(vary)))
     if to is not None:
         from hfsim.output.recording import save_run

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfsim.deck.ranges import written
+from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
-from hfsim.output.api import AnyDeck, load
+from hfsim.output.api import AnyDeck, load, place
 from hfsim.output.sweep import Rows, Wanted, into_folder, perform, wanted_of
 from hfsim.output.talk import Destination, Talk
 from hfsim.studies.cluster import ClusterLost, Workers
@@ -163,13 +164,15 @@ class _Work(NamedTuple):
 
     def done(self, asked: Asked, loaded: LoadedDeck) -> tuple[Sweep, Wanted]:
         """Do what is asked for; return all of its runs, and what they are."""
+        if self.jobs < 0:
+            raise ArgumentError(f"jobs is {self.jobs}: so many processes do nothing; 0 is all cores")
         wanted = wanted_of(asked, loaded.with_numbers(), nobody, self.keep)
         told, texts = self.progress or nobody, wanted.loaded.source.texts
         with Workers(self.jobs or os.cpu_count() or 1, self.dask).executor(texts) as executor:
             if self.output is None:
                 result = perform(wanted, executor, Rows(wanted.plan), told)
             else:
-                to = Destination(Path(self.output), self.force, self.plots)
+                to = Destination(place(self.output), self.force, self.plots)
                 result = into_folder(wanted, executor, to, Talk(quiet=True), told, self.resume)
         if executor.lost:
             raise ClusterLost(executor.lost)

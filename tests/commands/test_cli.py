@@ -425,6 +425,21 @@ def test_a_bad_command_line_gives_2(scene, arguments):
     assert call(*arguments).exit_code == 2
 
 
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["compare", "linear", "--case", "case.yaml", "--max-error", "nan"],
+        ["stability", "case.yaml", "--max-drift", "inf"],
+        ["modes", "case.yaml", "--at", "inf"],
+        ["static", "case.yaml", "--at", "nan"],
+    ],
+)
+def test_numbers_that_are_not_finite_are_refused(scene, arguments):
+    """A comparison by a bound that is no number told that its reference had stopped."""
+    done = call(*arguments)
+    assert done.exit_code == 2 and "is not finite" in done.output
+
+
 def python(*arguments):
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     command = [sys.executable, *arguments]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.maths.arrays import Array, BoolArray
 from hfsim.studies.modes.about import About, turning_about, turning_at
@@ -97,6 +98,8 @@ class Campbell:
 
     def frequencies(self, number: int) -> Array:
         """Return those of a mode, by its number from one on, at all rates [Hz]; NaN where it was lost."""
+        if not 1 <= number <= len(self.tracks):
+            raise ArgumentError(f"there is no mode {number}: they are numbered from 1 to {len(self.tracks)}")
         track = self.tracks[number - 1]
         return np.array([np.nan if mode is None else mode.frequency for mode in track])
 
@@ -142,11 +145,13 @@ def campbell(
     Raises
     ------
     ArgumentError
-        If none is wanted.
+        If no mode or rate is wanted.
     ModesError
         If nothing turns, or at some rate no steady rotation is found.
     """
     check_count(count)
+    if not len(rates) or not np.isfinite(rates).all():
+        raise ArgumentError(f"rates are {list(rates)}: one at least has to be wanted, and all are numbers")
     founds: list[Modes] = []
     start = state = turning_about(start)
     for k, rate in enumerate(rates):
