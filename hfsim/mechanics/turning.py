@@ -341,7 +341,7 @@ def _split(
     Returns
     -------
     tuple or None
-        None where they do not make both.
+        None where they do not make the rates or, as far as these leave them open, the accelerations.
     """
     energy, size = (float(equations.momentum(x[None], one[None])[0] @ one) for one in (u, a))
     factors, missed, idle = _least(even * every, even * u)
@@ -351,7 +351,9 @@ def _split(
     for one in (np.concatenate([np.zeros(shared), alone]), factors):
         parts = u - one @ every, a - one @ whirls
         left, rest = (float(equations.momentum(x[None], part[None])[0] @ part) for part in parts)
-        made = energy > 0.0 and left <= SINGULAR * energy and rest <= SINGULAR * size + noise
+        made = energy > 0.0 and left <= SINGULAR * energy
+        # where rates alone tell, what does not last yet accelerates by more
+        made = made and (not len(idle) or rest <= SINGULAR * size + noise)
         made = made and (not len(idle) or one[shared:] ** 2 @ own <= CANCELLED * energy)
         if made and (one is factors or error <= NOISE * (missed + _ROUNDING)):
             blur = float(np.sqrt(rest / size)) if len(idle) and size else 0.0

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import hfsim
 from hfsim.output.modes import campbell_text, state_warnings
@@ -115,3 +116,65 @@ def test_guides_across_a_shaft_that_turns_are_told(across):
     found = hfsim.modes(parse_deck(GUIDED.replace("axis: [1, 0, 0]}", axis)), count=5)
     assert found.about.axes_turn and found.about.lasting
     assert found.about.unevenness == 0.0 and found.uneven is across
+
+
+DRAGGED = """hfsim: 1
+gravity: [0, 0, 0]
+ground: {points: {there: [1, 0, 0], y: [0, 0.1, 0], my: [0, -0.1, 0], z: [0, 0, 0.1], mz: [0, 0, -0.1]}}
+materials: {steel: {density: 7800, youngs_modulus: 210 GPa, poisson_ratio: 0.3}}
+sections: {round: {shape: circle, diameter: 0.02}}
+bodies:
+  shaft: {type: beam, material: steel, section: round, length: 1.0, elements: 2}
+  ring:
+    type: rigid
+    mass: 0.2
+    inertia: [2.0e-4, 1.0e-4, 1.0e-4]
+    points: {y: [0, 0.05, 0], my: [0, -0.05, 0], z: [0, 0, 0.05], mz: [0, 0, -0.05]}
+joints:
+  bearing: {type: revolute, between: [shaft.root, ring], axis: [1, 0, 0], damping: 0.01}
+  far: {type: spherical, between: [ground.there, shaft.tip]}
+springs:
+  y: {type: two_point, between: [ground.y, ring.y], stiffness: 5.0e5, preload: 100}
+  my: {type: two_point, between: [ground.my, ring.my], stiffness: 5.0e5, preload: 100}
+  z: {type: two_point, between: [ground.z, ring.z], stiffness: 5.0e5, preload: 100}
+  mz: {type: two_point, between: [ground.mz, ring.mz], stiffness: 5.0e5, preload: 100}
+initial: {shaft: {angular_velocity: [10, 0, 0]}, ring: {position: [0, 0, 0], angular_velocity: [0, 0, 0]}}
+solve: {duration: 1.0}
+"""
+DRIVE = "  led: {type: driver, between: [ground, shaft.root], axis: [1, 0, 0], angle: {expression: 10 * t}}\n"
+
+
+def test_a_ring_that_a_shaft_drags_along_leans_on_its_springs():
+    """Its rate tells that it does not turn, though the drag accelerates it at the start.
+
+    It was taken to turn with the shaft, nearly, at a rate of neither.
+    """
+    text = DRAGGED.replace("springs:\n", DRIVE + "springs:\n")
+    for state in ("start", "steady"):
+        found = hfsim.modes(parse_deck(text), about=state, count=6)
+        assert found.about.turning.spin == pytest.approx([10.0, 0.0, 0.0])
+        assert found.about.turning.own == pytest.approx({"ring": -10.0})
+        assert found.about.lasting is (state == "steady") and not found.uneven
+    inner, outer, rest, tension = 0.05, 0.1, 0.05, 100.0
+
+    def held(twist):
+        """Moment and stiffness of the four springs."""
+        length = np.sqrt(inner**2 + outer**2 - 2.0 * inner * outer * np.cos(twist))
+        slope = inner * outer * np.sin(twist) / length
+        pull = tension + 5.0e5 * (length - rest)
+        bend = inner * outer * np.cos(twist) / length - slope**2 / length
+        return 4.0 * pull * slope, 4.0 * (5.0e5 * slope**2 + pull * bend)
+
+    twist = brentq(lambda one: held(one)[0] - 0.01 * 10.0, 0.0, 0.1)
+    expected = np.roots([2.0e-4, 0.01, held(twist)[1]])[0]
+    (twisting,) = [mode for mode in found if mode.shares["ring"] > 0.99]
+    assert twisting.growth == pytest.approx(expected.real, rel=1e-4)
+    assert abs(twisting.value) == pytest.approx(abs(expected), rel=1e-4)
+
+
+def test_a_free_ring_that_a_shaft_drags_along_comes_to_turn_with_it():
+    text = "\n".join(line for line in DRAGGED.splitlines() if "preload" not in line)
+    text = text.replace("springs:\n", "  ball: {type: spherical, between: [ground, ring]}\n")
+    found = hfsim.modes(parse_deck(text), about="steady", count=4)
+    assert found.about.lasting and not found.about.turning.own
+    assert found.about.turning.spin == pytest.approx([10.0, 0.0, 0.0])

@@ -315,9 +315,14 @@ def _settled(start: About, turning: Turning, state: str) -> About:
     scene, system, t = start.scene, start.scene.system, start.t
     told = ", ".join(f"{one:.4g}" for one in np.atleast_1d(turning.spin))
     told = f"{state}{f' at {told} rad/s' if turning.rate else ''}"
-    axes = turning if turning.rate else None
     try:
         x = nearby(scene, t, start.motions.x, turning)
+        if x is None and turning.own and np.any(turning.spin):
+            # what is dragged along comes to turn with the rest
+            shared = turning.spin, turning.centre, is_sparse(turning.matrix), turning.velocity
+            turning = Turning.of(scene.bodies.values(), *shared)
+            x = nearby(scene, t, start.motions.x, turning)
+        axes = turning if turning.rate else None
         if x is None:
             raise ModesError(f"{told}: no state that lasts was found next to it")
         return About(scene, state, t, small_motions(system, t, x, turning.rates(x[None])[0], axes))
