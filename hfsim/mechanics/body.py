@@ -368,10 +368,13 @@ class VectorBody(Body):
     def mixed(self, factors: Array) -> Entries:
         """Return W of rates that are sums of its vectors, with factors (n_vectors, n_vectors)."""
         to, source = np.nonzero(factors)
+        return self.mixed_at(to, source, factors[to, source])
+
+    def mixed_at(self, to: IntArray, source: IntArray, factors: Array) -> Entries:
+        """Return the same where rates of some of its vectors are some others with a factor each."""
         own, first = np.arange(self.n_dim), self.columns.start
         rows, columns = (first + self.n_dim * one[:, None] + own for one in (to, source))
-        values = np.repeat(factors[to, source], self.n_dim)
-        return Entries(rows.ravel(), columns.ravel(), values)
+        return Entries(rows.ravel(), columns.ravel(), np.repeat(factors, self.n_dim))
 
     def taken_along(self, pose: Pose, twist: Twist, vectors: Array) -> tuple[Array, Array]:
         """Return coordinates and rates of vectors (n_vectors, n_dim) that keep their places in the frame."""

@@ -223,7 +223,8 @@ class Turning:
         # a shaft next to nothing beside its disc in mass is no less at rest
         even = _evening(columns, count)
         together, apart, _ = _least(even * columns, even * u)
-        split = _split(equations, x, u, a, noise, every, whirls, even, len(columns))
+        unlike = apart > SINGULAR**0.5
+        split = _split(equations, x, u, a, noise, every, whirls, even, len(columns), unlike)
         if split is None:
             return None
         factors, missed = split
@@ -240,7 +241,8 @@ class Turning:
         )
         found = cls.of(bodies, spin, centre, sparse)
         turned = sum((rate * matrix for rate, matrix in zip(rates, own.values(), strict=True)), found.matrix)
-        return replace(found, matrix=turned, own=dict(zip(own, rates.tolist(), strict=True)))
+        alone = {name: rate for name, rate in zip(own, rates.tolist(), strict=True) if rate}
+        return replace(found, matrix=turned, own=alone)
 
     def _allowed(self, equations: Equations, t: float, x: Array) -> bool:
         """Tell whether the joints allow the accelerations."""
@@ -322,6 +324,7 @@ def _split(
     whirls: Array,
     even: Array,
     shared: int,
+    unlike: bool,
 ) -> tuple[Array, float] | None:
     """Return factors (k,) of rates (k, n_x) that make rates and accelerations, and the relative error.
 
@@ -337,6 +340,8 @@ def _split(
         What makes coordinates alike.
     shared : int
         Those of everything, before those of single bodies; none of them is wanted where the others do.
+    unlike : bool
+        Whether those of everything alone do not make the rates.
 
     Returns
     -------
@@ -353,10 +358,11 @@ def _split(
         left, rest = (float(equations.momentum(x[None], part[None])[0] @ part) for part in parts)
         made = energy > 0.0 and left <= SINGULAR * energy
         # where rates alone tell, what does not last yet accelerates by more
-        made = made and (not len(idle) or rest <= SINGULAR * size + noise)
+        told = not len(idle) or (unlike and one is not factors)
+        made = made and (told or rest <= SINGULAR * size + noise)
         made = made and (not len(idle) or one[shared:] ** 2 @ own <= CANCELLED * energy)
         if made and (one is factors or error <= NOISE * (missed + _ROUNDING)):
-            blur = float(np.sqrt(rest / size)) if len(idle) and size else 0.0
+            blur = float(np.sqrt(rest / size)) if size and not told else 0.0
             return _without_noise(even * every, even * u, one, missed + blur), missed
     return None
 

@@ -57,6 +57,89 @@ def test_rotors_in_rings_that_do_not_turn_whirl_as_their_matrices_say(across):
     assert "seen from axes at rest" in campbell_text(found, "")
 
 
+SHAFT = """hfsim: 1
+gravity: [0, 0, 0]
+ground: {points: {ya: [0, 1, 0], za: [0, 0, 1], yb: [1, 1, 0], zb: [1, 0, 1], x: [-1, 0, 0]}}
+sections:
+  round:
+    mass_per_length: 1.0
+    rotary_inertia: [2.0e-3, 1.0e-3, 1.0e-3]
+    axial_stiffness: 1.0e6
+    shear_stiffness: [1.0e7, 1.0e7]
+    torsion_stiffness: 1.0e3
+    bending_stiffness: [1.0, 1.0]
+bodies:
+  shaft: {type: beam, section: round, length: 1.0, elements: 4, degree: 4, points: {mid: [0.5, 0, 0]}}
+  disc: {type: rigid, mass: 2.0, inertia: [0.1, 0.05, 0.05]}
+  ring_a: {type: rigid, mass: 0.1, inertia: [2.0e-4, 1.0e-4, 1.0e-4]}
+  ring_b: {type: rigid, mass: 0.1, inertia: [2.0e-4, 1.0e-4, 1.0e-4]}
+joints:
+  a: {type: revolute, between: [shaft.root, ring_a], axis: [1, 0, 0]}
+  b: {type: revolute, between: [shaft.tip, ring_b], axis: [1, 0, 0]}
+  weld: {type: fixed, between: [shaft.mid, disc]}
+springs:
+  ya: {type: two_point, between: [ground.ya, ring_a], stiffness: 50.0}
+  za: {type: two_point, between: [ground.za, ring_a], stiffness: 20.0}
+  yb: {type: two_point, between: [ground.yb, ring_b], stiffness: 50.0}
+  zb: {type: two_point, between: [ground.zb, ring_b], stiffness: 20.0}
+  x: {type: two_point, between: [ground.x, ring_a], stiffness: 1.0e6}
+initial:
+  shaft: {angular_velocity: [5.0, 0, 0]}
+  disc: {angular_velocity: [5.0, 0, 0]}
+  ring_a: {position: [0, 0, 0], angular_velocity: [0, 0, 0]}
+  ring_b: {position: [1, 0, 0], angular_velocity: [0, 0, 0]}
+solve: {duration: 1.0}
+"""
+
+
+def whirls_of_a_shaft(rate, count, elements=8):
+    """Frequencies [Hz] of the same by cubic elements of Euler and Rayleigh: y and slope of nodes, then z."""
+    h, n = 1.0 / elements, 2 * (elements + 1)
+    shapes = [
+        np.poly1d(one)
+        for one in ([2.0, -3.0, 0.0, 1.0], [h, -2 * h, h, 0.0], [-2.0, 3.0, 0.0, 0.0], [h, -h, 0.0, 0.0])
+    ]
+
+    def integrals(order):
+        own = [one.deriv(order) if order else one for one in shapes]
+        return np.array([[(a * b).integ()(1.0) for a in own] for b in own]) * h ** (1 - 2 * order)
+
+    mass, tilting, bending = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
+    for k in range(elements):
+        part = np.ix_(range(2 * k, 2 * k + 4), range(2 * k, 2 * k + 4))
+        mass[part] += integrals(0)
+        tilting[part] += 1.0e-3 * integrals(1)
+        bending[part] += integrals(2)
+    spun = 2.0 * tilting
+    ring = 0.1, 1e-4, 0.0
+    for place, (weight, inertia, polar) in ((0, ring), (elements // 2, (2.0, 0.05, 0.1)), (elements, ring)):
+        mass[2 * place, 2 * place] += weight
+        tilting[2 * place + 1, 2 * place + 1] += inertia
+        spun[2 * place + 1, 2 * place + 1] += polar
+    held = []
+    for stiffness in (50.0, 20.0):
+        own = bending.copy()
+        own[0, 0] += stiffness
+        own[-2, -2] += stiffness
+        held.append(own)
+    none = np.zeros((n, n))
+    M, K = np.kron(np.eye(2), mass + tilting), np.block([[held[0], none], [none, held[1]]])
+    G = rate * np.block([[none, spun], [-spun, none]])
+    parts = [-np.linalg.solve(M, K), -np.linalg.solve(M, G)]
+    values = np.linalg.eigvals(np.block([[np.zeros((2 * n, 2 * n)), np.eye(2 * n)], parts]))
+    return np.sort(values.imag[values.imag > 0.0])[:count] / (2.0 * np.pi)
+
+
+def test_round_shafts_on_bearings_not_alike_all_around_are_seen_from_axes_at_rest():
+    rates = [5.0, 20.0]
+    found = hfsim.campbell(parse_deck(SHAFT), rates, count=10)
+    assert not found.facts()["unsteady_rates"] and "seen from axes at rest" in campbell_text(found, "")
+    for rate, modes in zip(rates, found.founds, strict=True):
+        assert modes.about.turning.own == pytest.approx({"shaft": rate, "disc": rate})
+        seen = [mode.frequency for mode in modes if mode.kind == "vibration"][:6]
+        assert seen == pytest.approx(whirls_of_a_shaft(rate, 6), rel=1e-4)
+
+
 PLATE = """hfsim: 1
 gravity: [0, 0]
 ground: {points: {px: [1, 0], py: [0, 1]}}
@@ -96,9 +179,9 @@ GUIDED = """hfsim: 1
 gravity: [0, 0, 0]
 ground: {points: {there: [1, 0, 0]}}
 materials: {steel: {density: 7800, youngs_modulus: 210 GPa, poisson_ratio: 0.3}}
-sections: {round: {shape: circle, diameter: 0.02}}
+sections: {flat: {shape: rectangle, width: 0.018, height: 0.016}}
 bodies:
-  shaft: {type: beam, material: steel, section: round, length: 1.0, elements: 2}
+  shaft: {type: beam, material: steel, section: flat, length: 1.0, elements: 2}
   ring: {type: rigid, mass: 0.2, inertia: [2.0e-4, 1.0e-4, 1.0e-4]}
 joints:
   left: {type: spherical, between: [ground, shaft.root]}
@@ -122,9 +205,9 @@ DRAGGED = """hfsim: 1
 gravity: [0, 0, 0]
 ground: {points: {there: [1, 0, 0], y: [0, 0.1, 0], my: [0, -0.1, 0], z: [0, 0, 0.1], mz: [0, 0, -0.1]}}
 materials: {steel: {density: 7800, youngs_modulus: 210 GPa, poisson_ratio: 0.3}}
-sections: {round: {shape: circle, diameter: 0.02}}
+sections: {flat: {shape: rectangle, width: 0.018, height: 0.016}}
 bodies:
-  shaft: {type: beam, material: steel, section: round, length: 1.0, elements: 2}
+  shaft: {type: beam, material: steel, section: flat, length: 1.0, elements: 2}
   ring:
     type: rigid
     mass: 0.2

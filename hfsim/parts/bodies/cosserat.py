@@ -9,7 +9,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries
+from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import cross, normal, turned
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.carried import Carried
@@ -98,6 +98,14 @@ class CosseratBeam(VectorBeam):
         """Return where a point is in the undeformed body frame: places count along the line."""
         row, _, _ = self.mesh.point(place)
         return tuple(map(float, row @ self.mesh.undeformed))
+
+    def spun_by_itself(self) -> Entries:
+        """Return the rates of its section vectors in a turn about its line, if it is the same all around."""
+        if not self.mesh.round:
+            return NOTHING
+        second = 3 * np.arange(self.mesh.n_nodes) + 1
+        pairs = np.concatenate([second, second + 1]), np.concatenate([second + 1, second])
+        return self.mixed_at(*pairs, np.repeat([1.0, -1.0], len(second)))
 
     def marker(self, place: Place) -> LinearMarker:
         """Return the marker of a material point; its axes are those of the body frame, carried along."""

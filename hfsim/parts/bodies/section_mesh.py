@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from hfsim.deck.materials import SectionProperties
     from hfsim.deck.stations import SectionsAlong
 
+ALIKE = 1e-12
+"""Relative difference of moments that is none."""
+
 
 @frozen
 class SectionMesh:
@@ -123,6 +126,17 @@ class SectionMesh:
         lengths, shape = weights * self._element_length, self._nodes.shape
         found = np.stack([np.broadcast_to(one * lengths, shape) for one in each], axis=-1, dtype=float)
         return found.reshape(self.count, -1)
+
+    @property
+    def round(self) -> bool:
+        """Whether it is a straight line with sections in space that are the same all around it."""
+        if self.n_dim != 3 or not self.axis.straight:
+            return False
+        own = self.properties.in_elements(gauss_lobatto(self.degree + 1)[0], self.count)
+        return all(
+            np.allclose(*pair, rtol=ALIKE, atol=0.0)
+            for pair in (own.rotary_inertia, own.shear_stiffness, own.bending_stiffness)
+        )
 
     @property
     def spans(self) -> IntArray:

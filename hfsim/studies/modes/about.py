@@ -317,10 +317,8 @@ def _settled(start: About, turning: Turning, state: str) -> About:
     told = f"{state}{f' at {told} rad/s' if turning.rate else ''}"
     try:
         x = nearby(scene, t, start.motions.x, turning)
-        if x is None and turning.own and np.any(turning.spin):
-            # what is dragged along comes to turn with the rest
-            shared = turning.spin, turning.centre, is_sparse(turning.matrix), turning.velocity
-            turning = Turning.of(scene.bodies.values(), *shared)
+        if x is None and (together := _together(scene, turning)) is not None:
+            turning = together
             x = nearby(scene, t, start.motions.x, turning)
         axes = turning if turning.rate else None
         if x is None:
@@ -328,6 +326,18 @@ def _settled(start: About, turning: Turning, state: str) -> About:
         return About(scene, state, t, small_motions(system, t, x, turning.rates(x[None])[0], axes))
     except np.linalg.LinAlgError as error:
         raise ModesError(f"{told}: {error}") from None
+
+
+def _together(scene: Scene, turning: Turning) -> Turning | None:
+    """Return the turn of everything to which drag leads bodies that turn by themselves; None without."""
+    if not turning.own:
+        return None
+    if np.any(turning.spin):
+        shared = turning.spin, turning.centre, is_sparse(turning.matrix), turning.velocity
+        return Turning.of(scene.bodies.values(), *shared)
+    fastest = max(turning.own, key=lambda name: abs(turning.own[name]))
+    found: Turning | None = turning_with(scene, fastest)
+    return None if found is None or not found.rate else found.at_rate(turning.rate)
 
 
 def _after(scene: Scene, at: float, progress: Progress | None) -> tuple[Array, Array]:
