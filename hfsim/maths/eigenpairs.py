@@ -110,8 +110,8 @@ def _of_roots(noise: Array, values: ComplexArray) -> Array:
 def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     standing = replace(pencil, velocity=0.0 * pencil.velocity)
     squares, motions, _, lowest = squares_of(standing, min(count, MORE))
-    sizes = np.sort(np.abs(squares))
-    sizes = sizes[~no_more(sizes, noise_of(standing, squares, motions, lowest)[np.argsort(np.abs(squares))])]
+    free = no_more(np.abs(squares), noise_of(standing, squares, motions, lowest))
+    sizes = np.sort(np.abs(squares[~free]))
     # without any stiffness gyroscopic terms alone say how fast motions are
     shift = float(np.sqrt(sizes[min(2, len(sizes) - 1)])) if len(sizes) else pencil.whirling
     values, vectors = _roots(pencil, shift, count)
@@ -124,7 +124,7 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     noise = pencil.rounding(values, vectors) + EPS * shift**2
     zero = no_more(np.abs(values) ** 2, noise)
     uncertainty = _of_roots(_CERTAIN * noise, values) + 10.0 * EPS * np.abs(values - shift) ** 2 / shift
-    still, doubled = _standing(pencil, vectors[:, zero])
+    still, doubled = _standing(pencil, vectors[:, zero], motions[:, free])
     swinging = np.flatnonzero(~zero & (values.imag >= 0.0))
     return Eigenpairs(
         np.concatenate([np.zeros(still.shape[1]), values[swinging]]),
@@ -137,14 +137,22 @@ def _of_rates(pencil: Pencil, count: int) -> Eigenpairs:
     )
 
 
-def _standing(pencil: Pencil, vectors: ComplexArray) -> tuple[ComplexArray, BoolArray]:
-    """Return the motions that nothing brings back, as columns, and which of them go on by themselves."""
+def _standing(
+    pencil: Pencil, vectors: ComplexArray, motions: ComplexArray
+) -> tuple[ComplexArray, BoolArray]:
+    """Return the motions that nothing brings back, as columns, and which of them go on by themselves.
+
+    They are those of vectors of the eigenvalue zero, which may happen to be nearly alike, or those that the
+    stiffness leaves free, where these are more.
+    """
     if not vectors.shape[1]:
         return vectors, np.zeros(0, dtype=bool)
     scaled = vectors / np.sqrt(pencil.energies(vectors))
     both = np.hstack([scaled.real, scaled.imag])
     left, sizes, _ = np.linalg.svd(both, full_matrices=False)
     kept = left[:, sizes > 1e-3 * sizes[0]].astype(complex)
+    if kept.shape[1] < motions.shape[1] <= vectors.shape[1]:
+        kept = motions.astype(complex)
     again = vectors.shape[1] - kept.shape[1]
     V = pencil.matrices[1]
     braked = np.abs(np.sum(kept.conj() * (V @ kept), axis=0)) / pencil.energies(kept)

@@ -803,3 +803,17 @@ def test_a_short_stiff_spring_holds_nothing_across_it(damping):
 def test_a_spring_without_length_holds_every_way():
     text = BOB.replace("DAMPING REST", "0.0, rest_length: 0").replace("[0.003, 0.004]", "[0, 0]")
     assert circular(hfsim.modes(parse_deck(text))) == pytest.approx([np.sqrt(1.0e8 / 2.0)] * 2, rel=1e-12)
+
+
+def test_motions_that_nothing_brings_back_are_told_where_their_vectors_are_nearly_alike():
+    """Any vectors belong to one eigenvalue; of three, two came 1e-5 apart, and one motion was missing."""
+    from hfsim.maths.eigenpairs import _standing
+
+    gyroscopic = np.zeros((4, 4))
+    gyroscopic[2, 3], gyroscopic[3, 2] = 1e-3, -1e-3
+    pencil = Pencil(np.eye(4), gyroscopic, np.diag([0.0, 0.0, 0.0, 5.0]), np.zeros((0, 4)))
+    first, second, third, _ = np.eye(4)
+    vectors = np.array([first, first, second, second, second + 1e-5 * third, second + 1e-5 * third])
+    for motions in (np.eye(4)[:, :3], np.zeros((4, 0))):
+        still, doubled = _standing(pencil, vectors.T.astype(complex), motions.astype(complex))
+        assert still.shape[1] == max(2, motions.shape[1]) == doubled.sum()
