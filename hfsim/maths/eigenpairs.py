@@ -154,11 +154,11 @@ def _standing(
     if kept.shape[1] < motions.shape[1] <= vectors.shape[1]:
         kept = motions.astype(complex)
     again = vectors.shape[1] - kept.shape[1]
-    V = pencil.matrices[1]
-    braked = np.abs(np.sum(kept.conj() * (V @ kept), axis=0)) / pencil.energies(kept)
-    doubled = np.zeros(kept.shape[1], dtype=bool)
-    doubled[np.argsort(braked)[:again]] = True
-    return kept, doubled
+    M, V, _, _ = pencil.matrices
+    # of unit mass; then from what is least braked on
+    kept = np.linalg.solve(np.linalg.cholesky(kept.conj().T @ (M @ kept)).conj(), kept.T).T
+    ways = np.linalg.svd(kept.conj().T @ (V @ kept))[2][::-1].conj().T
+    return kept @ ways, np.arange(kept.shape[1]) < again
 
 
 def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[ComplexArray, ComplexArray]:

@@ -817,3 +817,26 @@ def test_motions_that_nothing_brings_back_are_told_where_their_vectors_are_nearl
     for motions in (np.eye(4)[:, :3], np.zeros((4, 0))):
         still, doubled = _standing(pencil, vectors.T.astype(complex), motions.astype(complex))
         assert still.shape[1] == max(2, motions.shape[1]) == doubled.sum()
+
+
+COASTING = """hfsim: 1
+gravity: [0, 0]
+bodies:
+  a: {type: rigid, mass: 1.0, inertia: 0.3}
+  b: {type: rigid, mass: 1.0, inertia: 0.7}
+  c: {type: rigid, mass: 1.0, inertia: 0.2}
+joints:
+  ja: {type: revolute, between: [ground, a]}
+  jb: {type: revolute, between: [ground, b], damping: 0.5}
+  jc: {type: revolute, between: [a, c], damping: 0.1}
+solve: {duration: 1}
+"""
+
+
+def test_what_goes_on_is_told_apart_from_what_dampers_end():
+    found = hfsim.modes(parse_deck(COASTING))
+    assert [mode.kind for mode in found] == ["rigid", "drift", "drift", "decay", "decay"]
+    # a and c turn on at one rate, whatever the drag between them
+    assert found[1].shares == pytest.approx({"a": 0.6, "b": 0.0, "c": 0.4}, abs=1e-9)
+    assert found[4].growth == pytest.approx(-0.5 / 0.7, rel=1e-9)
+    assert found[5].growth == pytest.approx(-0.1 * (1 / 0.3 + 1 / 0.2), rel=1e-9)
