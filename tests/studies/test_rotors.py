@@ -261,3 +261,16 @@ def test_a_free_ring_that_a_shaft_drags_along_comes_to_turn_with_it():
     found = hfsim.modes(parse_deck(text), about="steady", count=4)
     assert found.about.lasting and not found.about.turning.own
     assert found.about.turning.spin == pytest.approx([10.0, 0.0, 0.0])
+
+
+def test_a_round_shaft_hangs_in_its_bearings_while_it_turns():
+    """Its sections turn, its bent line does not: a steady rotation under weight across the axis."""
+    text = SHAFT.replace("[1.0e7, 1.0e7]", "[1.0e5, 1.0e5]").replace("1.0e6", "1.0e4")
+    found = hfsim.modes(parse_deck(text.replace("[0, 0, 0]", "[0, 0, -1.0e-3]", 1)), about="steady", count=6)
+    assert found.about.lasting and not found.uneven
+    assert found.about.turning.own == pytest.approx({"shaft": 5.0, "disc": 5.0})
+    x, scene = found.about.motions.x[None], found.about.scene
+    ends = [scene.marker(point).position(x)[0, 2] for point in ("shaft.root", "shaft.mid")]
+    # 3.2 kg on two springs; the disc bends the shaft by P L^3 / 48 EI, its own weight by 5 q L^4 / 384 EI
+    sag, bent = 3.2e-3 / 40.0, 2.0e-3 / 48.0 + 5.0e-3 / 384.0
+    assert ends == pytest.approx([-sag, -sag - bent], rel=1e-3)
