@@ -126,7 +126,7 @@ def test_a_law_that_grows_out_of_range_is_named_where_it_does(unbounded, setting
 
 
 def test_a_body_without_mass_ends_the_crawl_and_is_named(monkeypatch):
-    monkeypatch.setattr(_pace, "WINDOWS", ((100, 1e7),))
+    monkeypatch.setattr(_pace, "WINDOWS", ((100, 1e6),))
     run = diagnosed(LINK)
     assert (run.failure["class"], run.failure["item"]) == ("deck", "bodies.link")
     assert run.failure["line"] == line_of(LINK, "link")
