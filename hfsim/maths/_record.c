@@ -11,6 +11,7 @@
 #define BLOCKS 32       /* each twice as large as the one before */
 #define FIRST_BLOCK (1 << 18)
 #define FIRST_ROOM 4096 /* of lists: as many operations as most recordings have, so that few are copied */
+#define LARGEST ((i64)1 << 48) /* bytes of an array */
 #define GRAIN 64        /* bytes that belong to one piece of memory */
 #define NARROW 4        /* columns below which a product of matrices is done as that of their transposes */
 #define SHORT 16        /* entries in a row below which the longest dimension is gone through instead */
@@ -18,21 +19,18 @@
 enum { FIXED = 1, INPUT = 2, ALIVE = 4, USED = 8 };
 
 typedef struct { char *at; i64 item; int nd; i64 shape[MOST], step[MOST]; } View;
-/* read: bits for reading as a whole, and for real and imaginary parts by themselves */
-typedef struct { char *at; i64 size, item; int flags, read, program; } Piece;
+typedef struct { char *at; i64 size; int item, flags, read, program; } Piece;
 typedef struct { char *base, *low, *high; int32_t *piece; } Block;
 typedef struct { int32_t of[OPERANDS]; } Pieces;
 typedef struct {
     PyObject_HEAD
     PyObject *type, *refused, *copy, *constants, *dtypes, *codes;
-    PyTypeObject *memory;
     Block blocks[BLOCKS]; int n_blocks, program, ended;
     char *next;
     Op *ops; Pieces *touched; i64 count, room, room_touched;
     Piece *pieces; i64 n_pieces, room_pieces;
     int32_t *left; i64 n_left, room_left; /* pieces to be used anew */
 } Tape;
-typedef struct { PyObject_HEAD Tape *tape; int32_t piece; } Memory;
 
 /* NumPy's arrays, as its binary interface has them: how they begin, and what it offers */
 typedef struct { PyObject_HEAD char *at; int nd; i64 *shape, *step; PyObject *base, *dtype; int flags; } Array;
@@ -42,6 +40,8 @@ static void **numpy;
 static PyTypeObject *array;
 
 static int refuse(Tape *t, const char *why) { PyErr_SetString(t->refused, why); return -1; }
+static void *refused(Tape *t, const char *why) { PyErr_SetString(t->refused, why); return NULL; }
+static void *misused(const char *why) { PyErr_SetString(PyExc_TypeError, why); return NULL; }
 
 static int grown(void **list, i64 count, i64 *room, size_t size) {
     if (count < *room) return 0;
@@ -63,6 +63,14 @@ static int32_t piece_at(const Tape *t, const char *at) {
 }
 
 static int known(const Tape *t, const char *at) { return piece_at(t, at) >= 0; }
+
+/* Return the piece in which an array lies; NULL if it lies elsewhere or is none. */
+static Piece *piece_of(const Tape *t, PyObject *a) {
+    const int32_t piece = PyObject_TypeCheck(a, array) ? piece_at(t, ((const Array *)a)->at) : -1;
+    return piece < 0 ? NULL : &t->pieces[piece];
+}
+
+static int writeable(PyObject *a) { return ((const Array *)a)->flags & 0x400; }
 
 static i64 entries(const View *v) {
     i64 n = 1;
@@ -89,7 +97,10 @@ static int add_block(Tape *t, i64 size) {
 /* Give memory to an array of which item, nd and shape are told. */
 static int place(Tape *t, View *v, int flags) {
     i64 bytes = v->item, grain = GRAIN, k;
-    for (int d = v->nd - 1; d >= 0; d--) { v->step[d] = bytes; bytes *= v->shape[d]; }
+    for (int d = v->nd - 1; d >= 0; d--) {
+        v->step[d] = bytes;
+        if (v->shape[d] < 0 || __builtin_mul_overflow(bytes, v->shape[d], &bytes) || bytes > LARGEST) return refuse(t, "too much memory");
+    }
     while (16 * grain < bytes) grain *= 2;
     i64 size = bytes < GRAIN ? GRAIN : (bytes + grain - 1) / grain * grain;
     if (grown((void **)&t->pieces, t->n_pieces, &t->room_pieces, sizeof(Piece))) return -1;
@@ -106,7 +117,7 @@ static int place(Tape *t, View *v, int flags) {
     Block *b = t->blocks;
     while (v->at < b->low || v->at >= b->high) b++;
     for (k = 0; k < size / GRAIN; k++) b->piece[(v->at - b->low) / GRAIN + k] = (int32_t)t->n_pieces;
-    t->pieces[t->n_pieces++] = (Piece){v->at, size, v->item, flags, 0, t->program};
+    t->pieces[t->n_pieces++] = (Piece){v->at, size, (int)v->item, flags, 0, t->program};
     return 0;
 }
 
@@ -118,29 +129,25 @@ static void leave(Tape *t, int32_t piece) {
     else PyErr_Clear();
 }
 
+/* Note that no array refers to a piece any more. */
+static void left(PyObject *memory) {
+    PyObject *tape = PyCapsule_GetPointer(memory, NULL);
+    leave((Tape *)tape, (int32_t)(intptr_t)PyCapsule_GetContext(memory));
+    Py_DECREF(tape);
+}
+
 /* Return an array with such memory. */
 static PyObject *array_of(Tape *t, const View *v) {
     PyObject *dtype = PyTuple_GetItem(t->dtypes, v->item == 8 ? 0 : v->item == 16 ? 1 : 2);
-    Memory *memory = (Memory *)PyType_GenericAlloc(t->memory, 0);
+    PyObject *memory = PyCapsule_New(t, NULL, left);
     if (!memory) return NULL;
-    memory->tape = (Tape *)Py_NewRef((PyObject *)t);
-    memory->piece = piece_at(t, v->at);
+    Py_INCREF((PyObject *)t);
+    PyCapsule_SetContext(memory, (void *)(intptr_t)piece_at(t, v->at));
     PyObject *found = ((NewArray *)numpy[NEW])((PyTypeObject *)t->type, Py_NewRef(dtype), v->nd, v->shape, NULL, v->at, WRITEABLE, NULL);
-    if (!found) Py_DECREF((PyObject *)memory);
-    else if (((int (*)(PyObject *, PyObject *))numpy[SET_BASE])(found, (PyObject *)memory)) Py_CLEAR(found);
+    if (!found) Py_DECREF(memory);
+    else if (((int (*)(PyObject *, PyObject *))numpy[SET_BASE])(found, memory)) Py_CLEAR(found);
     return found;
 }
-
-static void left(Memory *m) {
-    PyTypeObject *type = Py_TYPE((PyObject *)m);
-    leave(m->tape, m->piece);
-    Py_DECREF((PyObject *)m->tape);
-    ((freefunc)PyType_GetSlot(type, Py_tp_free))(m);
-    Py_DECREF((PyObject *)type);
-}
-
-static PyType_Slot MEMORY_SLOTS[] = {{Py_tp_dealloc, left}, {0, NULL}};
-static PyType_Spec MEMORY = {"hfsim.maths._replay.Memory", sizeof(Memory), 0, Py_TPFLAGS_DEFAULT, MEMORY_SLOTS};
 
 static int viewed(Tape *t, PyObject *a, View *v) {
     if (!PyObject_TypeCheck(a, array)) { PyErr_SetString(PyExc_TypeError, "no array"); return -1; }
@@ -226,12 +233,12 @@ static int append(Tape *t, const Op *o) {
     if (grown((void **)&t->touched, t->count, &t->room_touched, sizeof(Pieces))) return -1;
     for (int k = 0; k < OPERANDS; k++) {
         const i64 piece = t->touched[t->count].of[k] = o->at[k] ? piece_at(t, o->at[k]) : -1;
-        if (piece >= 0 && (k || o->code == USES)) t->pieces[piece].flags |= USED;
+        if (piece >= 0 && (k || o->code == uses_code)) t->pieces[piece].flags |= USED;
     }
     t->ops[t->count++] = *o;
     /* nothing is computed yet but what never changes: what takes numbers out of memory meanwhile finds none */
     const i64 piece = t->touched[t->count - 1].of[0];
-    return o->code < CALL && piece >= 0 && (t->pieces[piece].flags & (FIXED | INPUT)) == FIXED ? operate(o) : 0;
+    return o->code < call_code && piece >= 0 && (t->pieces[piece].flags & (FIXED | INPUT)) == FIXED ? operate(o) : 0;
 }
 
 /* Write down an operation on n operands, the first of which is written, broadcast to the shape of s. */
@@ -279,6 +286,7 @@ static int copied(Tape *t, View *v, int code, i64 item) {
     return 0;
 }
 
+static i64 item_of(char kind) { return kind == 'D' ? 16 : kind == 'b' ? 1 : 8; }
 static int copy_code(i64 item) { return item == 8 ? copy_d_code : item == 16 ? copy_D_code : copy_b_code; }
 
 static char *lowest(const View *v, i64 *extent) {
@@ -349,51 +357,40 @@ static int turned(const View *v) { return v->nd == 2 && v->item == 8 && v->step[
 static PyObject *applied(Tape *t, int code, int complex_code, PyObject *const *args, int n) {
     View v[OPERANDS], s = {NULL, 8, 0, {0}, {0}};
     int k, given = args[0] != Py_None, complex = 0, copies[OPERANDS] = {0};
-    int placed = code >= 0 && code < MATMUL && strchr(KINDS[code].kinds, 'i');
-    for (k = given ? 0 : 1; k < n; k++) {
+    int placed = code >= 0 && strchr(KINDS[code].kinds, 'i') != NULL;
+    for (k = !given; k < n; k++) {
         if (placed && k == n - 1 ? viewed(t, args[k], &v[k]) : operand(t, args[k], &v[k])) return NULL;
         complex = complex || v[k].item == 16;
     }
-    if (placed) { v[n - 1].item = 8; follow(&v[given ? 0 : 1], &v[n - 1]); }
+    if (placed) { v[n - 1].item = 8; follow(&v[!given], &v[n - 1]); }
     if (complex) code = complex_code;
     if (code < 0) return Py_NewRef(Py_NotImplemented);
     if (code == copy_D_code && v[1].item == 8) code = cast_D_code;
     if (code == copy_d_code && v[1].item == 1) code = copy_b_code;
     const char *kinds = KINDS[code].kinds;
-    for (k = 0; k < n; k++) {
-        i64 item = kinds[k] == 'b' ? 1 : kinds[k] == 'D' ? 16 : 8;
-        if (k == 0 && !given) v[0].item = item;
-        else if (k > 0 && v[k].item == 8 && item == 16) {
-            if (copied(t, &v[k], cast_D_code, 16)) return NULL;
-            copies[k] = 1;
-        }
-        else if (v[k].item != item) { refuse(t, "numbers of another type"); return NULL; }
-        else if (n > 2 && !placed && turned(&v[k]) && !(given && turned(&v[0]))) {
-            if (copied(t, &v[k], copy_d_code, 8)) return NULL; /* rows as they are gone through */
-            copies[k] = 1;
-        }
-        if (k > 0 && broadcast(t, &s, &v[k])) return NULL;
+    if (!given) v[0].item = item_of(kinds[0]);
+    else if (v[0].item != item_of(kinds[0])) return refused(t, "numbers of another type");
+    else if (!writeable(args[0])) return refused(t, "a result that is only read");
+    else if (!known(t, v[0].at) && entries(&v[0])) return refused(t, "a result outside of the memory");
+    const int filled = given && code < radd_d_code;
+    if (filled && n == 2 && code == copy_code(v[0].item) && same(&v[0], &v[1])) return Py_NewRef(args[0]);
+    for (k = 1; k < n; k++) {
+        const i64 item = item_of(kinds[k]);
+        if (v[k].item == 8 && item == 16) copies[k] = cast_D_code;
+        else if (v[k].item != item) return refused(t, "numbers of another type");
+        else if (filled && !same(&v[0], &v[k]) && overlap(&v[0], &v[k])) copies[k] = copy_code(item);
+        else if (n > 2 && !placed && turned(&v[k]) && !(given && turned(&v[0]))) copies[k] = copy_d_code; /* rows as they are gone through */
+        if ((copies[k] && copied(t, &v[k], copies[k], item)) || broadcast(t, &s, &v[k])) return NULL;
     }
-    if (!given) {
+    if (filled) {
+        View w = v[0];
+        if (broadcast(t, &w, &s)) return NULL;
+        if (!same_shape(&w, &v[0])) return refused(t, "a result of another shape");
+        s = w;
+    } else if (!given) {
         memcpy(v[0].shape, s.shape, sizeof s.shape);
         v[0].nd = s.nd;
         if (place(t, &v[0], 0)) return NULL;
-    } else {
-        if (!(((const Array *)args[0])->flags & 0x400)) { refuse(t, "a result that is only read"); return NULL; }
-        if (!known(t, v[0].at) && entries(&v[0])) { refuse(t, "a result outside of the memory"); return NULL; }
-        if (code < radd_d_code) {
-            View w = v[0];
-            if (broadcast(t, &w, &s)) return NULL;
-            if (!same_shape(&w, &v[0])) { refuse(t, "a result of another shape"); return NULL; }
-            s = w;
-            for (k = 1; k < n; k++) {
-                if (same(&v[0], &v[k])) { if (n == 2 && code == copy_code(v[0].item)) return Py_NewRef(args[0]); }
-                else if (overlap(&v[0], &v[k])) {
-                    if (copied(t, &v[k], copy_code(v[k].item), v[k].item)) return NULL;
-                    copies[k] = 1;
-                }
-            }
-        }
     }
     PyObject *out = given ? Py_NewRef(args[0]) : array_of(t, &v[0]);
     if (out && elementwise(t, code, v, n, &s)) Py_CLEAR(out);
@@ -403,7 +400,7 @@ static PyObject *applied(Tape *t, int code, int complex_code, PyObject *const *a
 
 /* apply(code for real numbers, code for complex ones, out or None, ...) -> out */
 static PyObject *apply(Tape *t, PyObject *const *args, Py_ssize_t count) {
-    if (count < 4 || count > OPERANDS + 2) { PyErr_SetString(PyExc_TypeError, "apply"); return NULL; }
+    if (count < 4 || count > OPERANDS + 2) return misused("apply");
     int codes[2] = {(int)PyLong_AsLong(args[0]), (int)PyLong_AsLong(args[1])};
     return PyErr_Occurred() ? NULL : applied(t, codes[0], codes[1], args + 2, (int)count - 2);
 }
@@ -418,15 +415,16 @@ static int set(Tape *t, const View *o, const View *v) {
 /* reduce(code for real numbers, code for complex ones, a, axes as bits, whether they stay, begin or None) -> result */
 static PyObject *reduced(Tape *t, PyObject *const *args, Py_ssize_t count) {
     View v[2], begin, o;
-    if (count != 6) { PyErr_SetString(PyExc_TypeError, "reduce"); return NULL; }
+    if (count != 6) return misused("reduce");
     long code[2] = {PyLong_AsLong(args[0]), PyLong_AsLong(args[1])}, axes = PyLong_AsLong(args[3]), stay = PyLong_AsLong(args[4]);
     if (PyErr_Occurred() || operand(t, args[2], &v[1])) return NULL;
     int first = args[5] == Py_None, kind = v[1].item == 16;
-    if (v[1].item < 8 || code[kind] < 0 || (first && !entries(&v[1]))) { refuse(t, "a reduction"); return NULL; }
+    if (v[1].item < 8 || code[kind] < 0 || (first && !entries(&v[1]))) return refused(t, "a reduction");
     v[0] = v[1];
     for (int d = 0; d < v[1].nd; d++) if (axes >> d & 1) v[0].shape[d] = 1;
     begin = v[0];
     if ((!first && operand(t, args[5], &begin)) || place(t, &v[0], 0)) return NULL;
+    if (!first && begin.nd) return refused(t, "where a reduction begins");
     o = v[0];
     for (int d = o.nd = 0; d < v[0].nd; d++) if (stay || !(axes >> d & 1)) o.shape[o.nd++] = v[0].shape[d];
     PyObject *out = array_of(t, &o);
@@ -437,15 +435,15 @@ static PyObject *reduced(Tape *t, PyObject *const *args, Py_ssize_t count) {
 /* join(axis, arrays) -> one after another along an axis */
 static PyObject *joined(Tape *t, PyObject *const *args, Py_ssize_t count) {
     View o = {0}, v;
-    if (count != 2 || !PyList_Check(args[1])) { PyErr_SetString(PyExc_TypeError, "join"); return NULL; }
+    if (count != 2 || !PyList_Check(args[1])) return misused("join");
     const long axis = PyLong_AsLong(args[0]);
     const Py_ssize_t n = PyList_Size(args[1]);
     for (Py_ssize_t k = 0; k < n; k++) {
         if (operand(t, PyList_GetItem(args[1], k), &v)) return NULL;
         i64 before = k ? o.shape[axis] : 0, item = o.item;
-        if (axis < 0 || axis >= v.nd) { refuse(t, "no such axis"); return NULL; }
+        if (axis < 0 || axis >= v.nd) return refused(t, "no such axis");
         o.shape[axis] = v.shape[axis];
-        if (k && !same_shape(&o, &v)) { refuse(t, "shapes differ"); return NULL; }
+        if (k && !same_shape(&o, &v)) return refused(t, "shapes differ");
         o = v;
         o.shape[axis] += before;
         if (o.item < item) o.item = item;
@@ -470,44 +468,38 @@ static void transpose(View *v) {
 
 /* Write down a product of real matrices, batch by batch: 0 sets out, 1 adds, -1 subtracts. */
 static int product(Tape *t, View o, View a, View b, i64 mode) {
-    int nd = o.nd, d, k, n_several = 0;
-    if (a.shape[nd - 1] == 0) {
-        View v[2] = {o, {NULL, 8, 0, {0}, {0}}};
-        if (mode) return 0;
-        if (place(t, &v[1], FIXED)) return -1;
-        *(double *)v[1].at = 0.0;
-        return elementwise(t, copy_d_code, v, 2, &o);
-    }
-    if (o.shape[nd - 1] < NARROW && o.shape[nd - 2] >= NARROW) {
+    const int nd = o.nd, row = nd - 2, column = nd - 1;
+    const View *all[] = {&o, &a, &b};
+    i64 batch[MOST][4] = {{0}}; /* steps of each, and a length */
+    int d, k, batches = 0;
+    if (o.shape[column] < NARROW && o.shape[row] >= NARROW) {
         View c = a; a = b; b = c;
         transpose(&o); transpose(&a); transpose(&b);
     }
-    i64 m = o.shape[nd - 2], n = o.shape[nd - 1], inner = a.shape[nd - 1], several[MOST][4];
-    i64 so = o.step[nd - 2], to = o.step[nd - 1], sa = a.step[nd - 2], ta = a.step[nd - 1];
-    i64 sb = b.step[nd - 2], tb = b.step[nd - 1];
-    for (d = 0; d < nd - 2; d++) {
-        if (o.shape[d] == 0) return 0;
+    i64 m = o.shape[row], n = o.shape[column];
+    if (!entries(&o)) return 0;
+    for (d = 0; d < row; d++) {
         if (o.shape[d] == 1) continue;
-        i64 *one = several[n_several++];
-        one[0] = o.shape[d]; one[1] = o.step[d]; one[2] = a.step[d]; one[3] = b.step[d];
+        for (k = 0; k < 3; k++) batch[batches][k] = all[k]->step[d];
+        batch[batches++][3] = o.shape[d];
     }
-    if (m == 0 || n == 0) return 0;
-    for (; n_several; n_several--) {
-        i64 *one = several[n_several - 1];
-        if (one[3] == 0 && one[1] == m * so && one[2] == m * sa) m *= one[0];
-        else if (one[2] == 0 && one[1] == n * to && one[3] == n * tb) n *= one[0];
+    for (; batches; batches--) { /* rows or columns that go on as those of the matrix before them */
+        const i64 *one = batch[batches - 1];
+        if (one[2] == 0 && one[0] == m * o.step[row] && one[1] == m * a.step[row]) m *= one[3];
+        else if (one[1] == 0 && one[0] == n * o.step[column] && one[2] == n * b.step[column]) n *= one[3];
         else break;
     }
-    i64 left = n_several > 2 ? several[0][0] : 1, *rest = several[n_several > 2];
-    if (n_several > 3) return refuse(t, "a product of so many dimensions");
-    for (i64 x = 0; x < left; x++) {
-        Op op = {MATMUL, 5, {m, inner, n, 1, 1}, {o.at, a.at, b.at}, {{so, 0, to}, {sa, ta, 0}, {0, sb, tb}}, mode};
-        for (d = 0; d < n_several - (n_several > 2); d++) {
-            op.shape[3 + d] = rest[4 * d];
-            for (k = 0; k < 3; k++) op.step[k][3 + d] = rest[4 * d + 1 + k];
-        }
-        if (n_several > 2) for (k = 0; k < 3; k++) op.at[k] += x * several[0][1 + k];
+    if (batches > 3) return refuse(t, "a product of so many dimensions");
+    Op op = {matmul_code, 5, {m, a.shape[column], n, 1, 1}, {o.at, a.at, b.at},
+             {{o.step[row], 0, o.step[column]}, {a.step[row], a.step[column], 0}, {0, b.step[row], b.step[column]}}, mode};
+    const int repeated = batches > 2;
+    for (d = repeated; d < batches; d++) {
+        op.shape[3 + d - repeated] = batch[d][3];
+        for (k = 0; k < 3; k++) op.step[k][3 + d - repeated] = batch[d][k];
+    }
+    for (i64 x = repeated ? batch[0][3] : 1; x > 0; x--) {
         if (append(t, &op)) return -1;
+        for (k = 0; k < 3; k++) op.at[k] += batch[0][k];
     }
     return 0;
 }
@@ -573,7 +565,7 @@ static int sparse_product(Tape *t, View o, View a, View b) {
     }
     for (int x = 0; x < (o.item == 16 ? 2 : 1); x++) {
         View one = part(o, x), other = part(b, x);
-        Op op = {SPARSE, 2, {pairs, o.shape[1]}, {one.at, w.at, other.at, p.at},
+        Op op = {sparse_code, 2, {pairs, o.shape[1]}, {one.at, w.at, other.at, p.at},
                  {{o.step[0], o.step[1]}, {0}, {b.step[0], b.step[1]}}, 0};
         if (append(t, &op)) return -1;
     }
@@ -583,46 +575,38 @@ static int sparse_product(Tape *t, View o, View a, View b) {
 /* matmul(out or None, a, b) -> out */
 static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
     View a, b, o, s;
-    if (count != 3) { PyErr_SetString(PyExc_TypeError, "matmul"); return NULL; }
+    if (count != 3) return misused("matmul");
     if (operand(t, args[1], &a) || operand(t, args[2], &b)) return NULL;
-    int row = a.nd == 1, column = b.nd == 1, given = args[0] != Py_None;
-    if (!a.nd || !b.nd || a.nd > MOST - 2 || b.nd > MOST - 2 || a.item < 8 || b.item < 8) {
-        refuse(t, "a product of such matrices"); return NULL;
-    }
+    const int row = a.nd == 1, column = b.nd == 1, given = args[0] != Py_None;
+    if (!a.nd || !b.nd || a.nd > MOST - 2 || b.nd > MOST - 2 || a.item < 8 || b.item < 8) return refused(t, "a product of such matrices");
     if (row) insert(&a, 0);
     if (column) insert(&b, 1);
-    if (a.shape[a.nd - 1] != b.shape[b.nd - 2]) { refuse(t, "shapes differ"); return NULL; }
-    s = a; s.nd -= 2;
-    View batch = b; batch.nd -= 2;
+    if (a.shape[a.nd - 1] != b.shape[b.nd - 2]) return refused(t, "shapes differ");
+    View batch = b;
+    s = a; s.nd -= 2; batch.nd -= 2;
     if (broadcast(t, &s, &batch)) return NULL;
     s.item = a.item > b.item ? a.item : b.item;
     if (!row) s.shape[s.nd++] = a.shape[a.nd - 2];
     if (!column) s.shape[s.nd++] = b.shape[b.nd - 1];
     o = s;
-    if (!given) { if (place(t, &o, 0)) return NULL; }
-    else {
-        if (operand(t, args[0], &o)) return NULL;
-        if (o.item != s.item || !same_shape(&o, &s) || !known(t, o.at) || overlap(&o, &a) || overlap(&o, &b)) {
-            refuse(t, "a product in place"); return NULL;
-        }
-    }
+    if (given ? operand(t, args[0], &o) : place(t, &o, 0)) return NULL;
+    if (given && (o.item != s.item || !same_shape(&o, &s) || !writeable(args[0]) || !known(t, o.at) || overlap(&o, &a) || overlap(&o, &b)))
+        return refused(t, "a product in place");
     PyObject *out = given ? Py_NewRef(args[0]) : array_of(t, &o);
     if (!out) return NULL;
-    if (a.nd == 2 && b.nd == 2 && !row && !column && entries(&o) && a.shape[1]) {
-        int first = sparse(t, &a);
-        if (first || sparse(t, &b)) {
-            if (!first) { View c = a; a = b; b = c; transpose(&o); transpose(&a); transpose(&b); }
-            if (sparse_product(t, o, a, b)) Py_CLEAR(out);
-            return out;
-        }
-    }
+    int failed = 0;
     if (column) insert(&o, o.nd);
     if (row) insert(&o, o.nd - 1);
-    widen(&a, &o); widen(&b, &o);
-    int failed = product(t, part(o, 0), part(a, 0), part(b, 0), 0);
-    if (a.item == 16 && b.item == 16) failed = failed || product(t, part(o, 0), part(a, 1), part(b, 1), -1);
-    if (o.item == 16) failed = failed || product(t, part(o, 1), part(a, b.item == 8), part(b, 1), 0);
-    if (a.item == 16 && b.item == 16) failed = failed || product(t, part(o, 1), part(a, 1), part(b, 0), 1);
+    if (a.nd == 2 && b.nd == 2 && !row && !column && entries(&o) && a.shape[1] && (sparse(t, &a) || sparse(t, &b))) {
+        if (!sparse(t, &a)) { View c = a; a = b; b = c; transpose(&o); transpose(&a); transpose(&b); }
+        failed = sparse_product(t, o, a, b);
+    } else {
+        widen(&a, &o); widen(&b, &o);
+        const int both = a.item == 16 && b.item == 16;
+        failed = product(t, part(o, 0), part(a, 0), part(b, 0), 0) || (both && product(t, part(o, 0), part(a, 1), part(b, 1), -1)) ||
+                 (o.item == 16 && product(t, part(o, 1), part(a, b.item == 8), part(b, 1), 0)) ||
+                 (both && product(t, part(o, 1), part(a, 1), part(b, 0), 1));
+    }
     if (failed) Py_CLEAR(out);
     return out;
 }
@@ -631,11 +615,11 @@ static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
 static PyObject *row_products(Tape *t, PyObject *const *args, Py_ssize_t count) {
     View v[4];
     const i64 groups = count == 5 ? PyLong_AsLongLong(args[4]) : 0;
-    if (groups < 1) { PyErr_SetString(PyExc_TypeError, "row_products"); return NULL; }
+    if (groups < 1) return misused("row_products");
     for (int k = 0; k < 4; k++) if (k % 2 ? viewed(t, args[k], &v[k]) : operand(t, args[k], &v[k])) return NULL;
     for (int k = 0; k < 4; k += 2) {
         if (v[k].nd != 2 || v[k].item != 8 || v[k + 1].nd != 1 || v[k + 1].step[0] != 8 || v[k].shape[1] != v[0].shape[1] ||
-            v[k + 1].shape[0] != v[1].shape[0]) { refuse(t, "products of such rows"); return NULL; }
+            v[k + 1].shape[0] != v[1].shape[0]) return refused(t, "products of such rows");
         if (v[k].step[1] != 8 && copied(t, &v[k], copy_d_code, 8)) return NULL;
     }
     const i64 products = v[1].shape[0], rows = products / groups, n = v[0].shape[1];
@@ -648,33 +632,41 @@ static PyObject *row_products(Tape *t, PyObject *const *args, Py_ssize_t count) 
         for (int one = 0; one < 2; one++)
             places[k][1 + one] = v[2 * one].step[0] * ((i64 *)v[2 * one + 1].at)[from];
     }
-    Op op = {PRODUCTS, 2, {products, n}, {o.at, v[0].at, v[2].at, p.at}, {{0}}, 0};
+    Op op = {products_code, 2, {products, n}, {o.at, v[0].at, v[2].at, p.at}, {{0}}, 0};
     PyObject *out = array_of(t, &o);
     if (out && append(t, &op)) Py_CLEAR(out);
     return out;
 }
 
-/* resolve(code, out, a, b or nothing): matrices batch by batch; see _resolve.c */
+/* resolve(code, a, b or nothing) -> result: matrices batch by batch; see _resolve.c */
 static PyObject *resolved(Tape *t, PyObject *const *args, Py_ssize_t count) {
-    View v[3];
-    const int n = (int)count - 1;
-    if (n < 2 || n > 3) { PyErr_SetString(PyExc_TypeError, "resolve"); return NULL; }
-    Op op = {PyLong_AsLong(args[0]), 4, {0, 0, 1, 1}, {0}, {{0}}, 0};
-    for (int k = 0; k < n; k++) {
-        if (operand(t, args[1 + k], &v[k])) return NULL;
-        if (v[k].nd < 2 || v[k].nd > v[0].nd || v[0].nd > 4 || v[k].item != v[0].item) { refuse(t, "such matrices"); return NULL; }
-        op.at[k] = v[k].at;
-        for (int d = 0; d < 2; d++) {
-            op.shape[d] = v[k].shape[v[k].nd - 2 + d];
-            op.step[k][d] = v[k].step[v[k].nd - 2 + d];
-        }
-        widen(&v[k], &v[0]);
-        for (int d = 0; d < v[0].nd - 2; d++) op.step[k][2 + d] = v[k].step[d];
+    View v[3] = {{0}}, o = {NULL, 8, 0, {0}, {0}};
+    const int n = (int)count - 1, code = n > 0 ? (int)PyLong_AsLong(args[0]) : -1;
+    if (code < factor_code || code > modes_code || n != 1 + (code == solve_code)) return misused("resolve");
+    for (int k = 1; k <= n; k++) {
+        if (operand(t, args[k], &v[k])) return NULL;
+        if (v[k].nd < 2 || v[k].nd > 4 || v[k].item < 8 || v[k].item != v[1].item) return refused(t, "such matrices");
+        View batch = v[k];
+        batch.nd -= 2;
+        if (broadcast(t, &o, &batch)) return NULL;
     }
-    for (int d = 0; d < v[0].nd - 2; d++) op.shape[2 + d] = v[0].shape[d];
-    op.more = v[0].item / 8;
-    if (entries(&v[0]) && append(t, &op)) return NULL;
-    return Py_NewRef(args[1]);
+    const i64 rows = v[n].shape[v[n].nd - 2], columns = v[n].shape[v[n].nd - 1], all = 2 * rows + 2; /* of factors */
+    if (code == solve_code ? v[1].shape[v[1].nd - 2] != all : code != basis_code && rows != columns) return refused(t, "shapes differ");
+    o.item = v[1].item;
+    o.shape[o.nd++] = code == factor_code ? all : rows + (code == modes_code);
+    o.shape[o.nd++] = code == factor_code ? (rows + 3) / 4 * 4 : code == solve_code ? columns : rows;
+    if (place(t, &o, 0)) return NULL;
+    Op op = {code, 4, {rows, columns, 1, 1}, {0}, {{0}}, o.item / 8};
+    v[0] = o;
+    for (int k = 0; k <= n; k++) {
+        widen(&v[k], &o);
+        op.at[k] = v[k].at;
+        for (int d = 0; d < o.nd; d++) op.step[k][(d + 2) % o.nd] = v[k].step[d];
+    }
+    for (int d = 0; d < o.nd - 2; d++) op.shape[2 + d] = o.shape[d];
+    PyObject *out = array_of(t, &o);
+    if (out && entries(&o) && append(t, &op)) Py_CLEAR(out);
+    return out;
 }
 
 /* ---------------------------------------------------------------- what is needed */
@@ -684,32 +676,23 @@ static PyObject *call(Tape *t, PyObject *const *args, Py_ssize_t count) {
     for (Py_ssize_t k = 1; k < count; k++) {
         View v;
         if (viewed(t, args[k], &v)) return NULL;
-        Op uses = {USES, 0, {0}, {v.at}, {{0}}, 0};
+        Op uses = {uses_code, 0, {0}, {v.at}, {{0}}, 0};
         if (append(t, &uses)) return NULL;
     }
-    Op op = {CALL, 0, {0}, {0}, {{0}}, count ? PyLong_AsLongLong(args[0]) : -1};
+    Op op = {call_code, 0, {0}, {0}, {{0}}, count ? PyLong_AsLongLong(args[0]) : -1};
     return PyErr_Occurred() || append(t, &op) ? NULL : Py_NewRef(Py_None);
-}
-
-/* Return a bit for what an operand covers: 1 the whole, 2 real parts, 4 imaginary ones. */
-static int covered(const Op *o, int k, const Piece *piece) {
-    int whole = piece->item != 16 || o->code > MATMUL;
-    if (o->code < MATMUL) whole = whole || KINDS[o->code].kinds[k] == 'D' || strchr(KINDS[o->code].kinds, 'i');
-    for (int d = 0; d < o->ndim && !whole; d++) whole = o->shape[d] > 1 && o->step[k][d] % 16;
-    return whole ? 1 : 2 << ((o->at[k] - piece->at) % 16 / 8);
 }
 
 /* live(outputs...) -> a byte for each operation: whether outputs, inputs or calls need it */
 static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
-    View v;
     PyObject *found = PyByteArray_FromStringAndSize(NULL, t->count);
     if (!found) return NULL;
     char *kept = PyByteArray_AsString(found);
     memset(kept, 0, t->count);
     for (i64 k = 0; k < t->n_pieces; k++) { t->pieces[k].read = 0; t->pieces[k].flags &= ~ALIVE; }
     for (Py_ssize_t k = 0; k < count; k++) {
-        if (viewed(t, args[k], &v)) { Py_DECREF(found); return NULL; }
-        if (known(t, v.at)) t->pieces[piece_at(t, v.at)].flags |= ALIVE;
+        Piece *piece = piece_of(t, args[k]);
+        if (piece) piece->flags |= ALIVE;
     }
     for (int more = 1; more;) /* what an earlier operation reads, a later one of the round before writes */
         for (i64 i = t->count - 1, before = more = 0; i >= 0; i--) {
@@ -717,21 +700,17 @@ static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
             const Op *o = &t->ops[i];
             const int32_t *of = t->touched[i].of;
             Piece *piece = of[0] < 0 ? NULL : &t->pieces[of[0]];
-            int n = o->code < MATMUL ? (int)strlen(KINDS[o->code].kinds) : o->code == SPARSE || o->code == PRODUCTS ? 4 : o->code < CALL ? 3 : 0;
-            if (o->code == CALL) kept[i] = 1;
-            else if (o->code == USES) { if (piece) piece->read |= 1; }
+            if (o->code == call_code) kept[i] = 1;
+            else if (o->code == uses_code) { if (piece) piece->read = 1; }
             else if (piece->flags & (ALIVE | INPUT)) kept[i] = 1;
-            else {
-                int bit = covered(o, 0, piece);
-                kept[i] = kept[i] || (piece->read & (bit == 1 ? 7 : 1 | bit));
-            }
-            for (int k = 1; k < n && kept[i]; k++)
-                if (of[k] >= 0) t->pieces[of[k]].read |= covered(o, k, &t->pieces[of[k]]);
+            else kept[i] |= piece->read;
+            for (int k = 1, n = kept[i] ? (int)strlen(KINDS[o->code].kinds) : 0; k < n; k++)
+                if (of[k] >= 0) t->pieces[of[k]].read = 1;
             more |= kept[i] != before;
         }
-    for (i64 i = 0; i < t->count; i++) { /* NumPy itself asks nobody before it reads a condition, as in b[c > 0] */
+    for (i64 i = 0; i < t->count && found; i++) { /* NumPy itself asks nobody before it reads a condition, as in b[c > 0] */
         const Piece *piece = t->touched[i].of[0] < 0 ? NULL : &t->pieces[t->touched[i].of[0]];
-        if (piece && piece->item == 1 && !(piece->flags & (ALIVE | USED))) { refuse(t, "a condition that only others read"); Py_CLEAR(found); break; }
+        if (piece && piece->item == 1 && !(piece->flags & (ALIVE | USED))) { refuse(t, "a condition that only others read"); Py_CLEAR(found); }
     }
     return found;
 }
@@ -754,6 +733,11 @@ static PyObject *call_method(PyObject *a, const char *name, PyObject *args, PyOb
     return found;
 }
 
+static PyObject *copied_to(PyObject *out, PyObject *a) {
+    PyObject *given[] = {out, a};
+    return applied(recording, copy_d_code, copy_D_code, given, 2);
+}
+
 /* a.__array_ufunc__(ufunc, method, *inputs, out=..., ...) */
 static PyObject *ufunc(PyObject *a, PyObject *args, PyObject *how) {
     PyObject *codes = NULL, *out = NULL, *found, *given[OPERANDS];
@@ -766,7 +750,7 @@ static PyObject *ufunc(PyObject *a, PyObject *args, PyObject *how) {
         given[0] = out ? PyTuple_GetItem(out, 0) : Py_None;
         for (Py_ssize_t k = 2; k < count; k++) given[k - 1] = PyTuple_GetItem(args, k);
         int real = (int)PyLong_AsLong(PyTuple_GetItem(codes, 0)), complex = (int)PyLong_AsLong(PyTuple_GetItem(codes, 1));
-        found = real == MATMUL ? matmul(recording, given, 3) : applied(recording, real, complex, given, (int)count - 1);
+        found = real == matmul_code ? matmul(recording, given, 3) : applied(recording, real, complex, given, (int)count - 1);
         if (found != Py_NotImplemented) return found;
         Py_DECREF(found);
     }
@@ -799,7 +783,7 @@ static PyObject *taken(PyObject *a, PyObject *key) {
     if (found == Py_None) { Py_DECREF(found); return PyObject_CallMethod(a, "_rare_take", "(O)", key); }
     const Py_ssize_t n = PyTuple_Check(key) ? PyTuple_Size(key) : 0;
     if (!found || ((const Array *)found)->nd || key == Py_Ellipsis || (n && PyTuple_GetItem(key, n - 1) == Py_Ellipsis)) return found;
-    PyObject *given[] = {Py_None, found}, *value = applied(recording, copy_d_code, copy_D_code, given, 2); /* an entry is a value */
+    PyObject *value = copied_to(Py_None, found); /* an entry is a value */
     Py_DECREF(found);
     return value;
 }
@@ -809,18 +793,14 @@ static int put(PyObject *a, PyObject *key, PyObject *value) {
     if (!value) { PyErr_SetString(PyExc_ValueError, "arrays keep their entries"); return -1; }
     PyObject *found = places(a, key), *done = NULL;
     if (found == Py_None) done = PyObject_CallMethod(a, "_rare_put", "(OO)", key, value);
-    else if (found) {
-        PyObject *given[] = {found, value};
-        done = applied(recording, copy_d_code, copy_D_code, given, 2);
-    }
+    else if (found) done = copied_to(found, value);
     Py_XDECREF(found); Py_XDECREF(done);
     return done ? 0 : -1;
 }
 
 /* a.copy(...) */
 static PyObject *copy(PyObject *a, PyObject *args, PyObject *how) {
-    PyObject *given[] = {Py_None, a};
-    return recording ? applied(recording, copy_d_code, copy_D_code, given, 2) : call_method(a, "_refuse", args, how);
+    return recording ? copied_to(Py_None, a) : call_method(a, "_refuse", args, how);
 }
 
 static PyMethodDef WRITTEN_METHODS[] = {
@@ -852,9 +832,7 @@ PyObject *written_type(PyObject *module) {
 
 static PyObject *made(Tape *t, PyObject *const *args, Py_ssize_t count) {
     View v = {NULL, 8, 0, {0}, {0}};
-    if (count < 2 || !PyTuple_Check(args[0]) || (v.nd = (int)PyTuple_Size(args[0])) > MOST) {
-        refuse(t, "such an array"); return NULL;
-    }
+    if (count < 2 || !PyTuple_Check(args[0]) || (v.nd = (int)PyTuple_Size(args[0])) > MOST) return refused(t, "such an array");
     for (int d = 0; d < v.nd; d++) v.shape[d] = PyLong_AsLongLong(PyTuple_GetItem(args[0], d));
     v.item = PyLong_AsLongLong(args[1]);
     if (PyErr_Occurred() || place(t, &v, count > 2 ? FIXED | INPUT : 0)) return NULL;
@@ -868,22 +846,20 @@ static PyObject *knows(Tape *t, PyObject *a) {
 }
 
 static PyObject *reads(Tape *t, PyObject *a) {
-    View v;
-    if (viewed(t, a, &v)) return NULL;
-    return PyBool_FromLong(known(t, v.at) && t->pieces[piece_at(t, v.at)].read);
+    const Piece *piece = piece_of(t, a);
+    return PyBool_FromLong(piece && piece->read);
 }
 
 static PyObject *waive(Tape *t, PyObject *a) {
-    View v;
-    if (viewed(t, a, &v)) return NULL;
-    if (known(t, v.at)) t->pieces[piece_at(t, v.at)].flags |= USED;
+    Piece *piece = piece_of(t, a);
+    if (piece) piece->flags |= USED;
     Py_RETURN_NONE;
 }
 
 /* End the tape: keep some operations, by a byte for each, and return their memory. */
 static PyObject *rows(Tape *t, PyObject *kept) {
     i64 n = 0;
-    if (!PyByteArray_Check(kept)) { PyErr_SetString(PyExc_TypeError, "rows"); return NULL; }
+    if (!PyByteArray_Check(kept)) return misused("rows");
     for (i64 k = 0; k < t->count && k < PyByteArray_Size(kept); k++)
         if (PyByteArray_AsString(kept)[k] && n++ < k) t->ops[n - 1] = t->ops[k];
     t->count = n; t->ended = 1;
@@ -910,15 +886,12 @@ static int begin(Tape *t, PyObject *args, PyObject *how) {
     if (t->type || !PyArg_ParseTuple(args, "OOOO!O!", given, given + 1, given + 2, &PyTuple_Type, given + 3, &PyDict_Type, given + 4)) return -1;
     t->type = Py_NewRef(given[0]); t->refused = Py_NewRef(given[1]); t->copy = Py_NewRef(given[2]);
     t->dtypes = Py_NewRef(given[3]); t->codes = Py_NewRef(given[4]);
-    t->memory = (PyTypeObject *)PyType_FromSpec(&MEMORY);
-    t->constants = PyDict_New();
-    return t->memory && t->constants ? 0 : -1;
+    return (t->constants = PyDict_New()) ? 0 : -1;
 }
 
 static void end(Tape *t) {
     PyTypeObject *type = Py_TYPE((PyObject *)t);
     Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->copy); Py_XDECREF(t->constants); Py_XDECREF(t->dtypes); Py_XDECREF(t->codes);
-    Py_XDECREF((PyObject *)t->memory);
     for (int k = 0; k < t->n_blocks; k++) { free(t->blocks[k].base); free(t->blocks[k].piece); }
     free(t->ops); free(t->touched); free(t->pieces); free(t->left);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(t);

@@ -29,33 +29,26 @@ typedef void (*Inner)(char **at, const i64 *step, const i64 *row, i64 n, i64 row
             for (int k = 0; k < OPERANDS; k++) at[k] += row[k];                                              \
         }                                                                                                    \
     }
+/* EXPR of a and b one after another, from p and q to o, at steps that the compiler knows where they are constants */
+#define GET(T, p, step) (*(const T *)((p) + i * (step)))
+#define EACH(TO, T, EXPR, TO_STEP, STEP, B)                                                                  \
+    for (i = 0; i < n; i++) { const T a = GET(T, p, STEP), b = B; (void)b; *(TO *)(o + i * (TO_STEP)) = EXPR; }
 #define BINARY(NAME, TO, T, EXPR)                                                                            \
     ROWS_OF(NAME, 3,                                                                                         \
-        if (step[0] == sizeof(TO) && step[1] == sizeof(T) && step[2] == sizeof(T)) {                         \
-            TO *o = (TO *)at[0]; const T *p = (const T *)at[1]; const T *q = (const T *)at[2];               \
-            IVDEP for (i = 0; i < n; i++) { T a = p[i]; T b = q[i]; o[i] = EXPR; }                           \
-        } else if (step[0] == sizeof(TO) && step[1] == sizeof(T) && step[2] == 0) {                          \
-            TO *o = (TO *)at[0]; const T *p = (const T *)at[1]; const T b = *(T *)at[2];                     \
-            IVDEP for (i = 0; i < n; i++) { T a = p[i]; o[i] = EXPR; }                                       \
-        } else if (step[0] == sizeof(TO) && step[1] == 0 && step[2] == sizeof(T)) {                          \
-            TO *o = (TO *)at[0]; const T *q = (const T *)at[2]; const T a = *(T *)at[1];                     \
-            IVDEP for (i = 0; i < n; i++) { T b = q[i]; o[i] = EXPR; }                                       \
-        } else {                                                                                             \
-            for (i = 0; i < n; i++) { T a = AT(T, 1, i); T b = AT(T, 2, i); AT(TO, 0, i) = EXPR; }           \
-        })
+        char *o = at[0]; const char *p = at[1]; const char *q = at[2];                                       \
+        const int plain = step[0] == sizeof(TO), first = step[1] == sizeof(T), second = step[2] == sizeof(T); \
+        if (plain && first && second) IVDEP EACH(TO, T, EXPR, sizeof(TO), sizeof(T), GET(T, q, sizeof(T)))   \
+        else if (plain && first && !step[2]) IVDEP EACH(TO, T, EXPR, sizeof(TO), sizeof(T), *(const T *)q)   \
+        else if (plain && !step[1] && second) IVDEP EACH(TO, T, EXPR, sizeof(TO), 0, GET(T, q, sizeof(T)))   \
+        else EACH(TO, T, EXPR, step[0], step[1], GET(T, q, step[2])))
 #define UNARY(NAME, TO, T, EXPR)                                                                             \
     ROWS_OF(NAME, 2,                                                                                         \
-        TO *o = (TO *)at[0]; const T *p = (const T *)at[1];                                                  \
-        if (step[0] == sizeof(TO) && step[1] == sizeof(T)) {                                                 \
-            IVDEP for (i = 0; i < n; i++) { T a = p[i]; o[i] = EXPR; }                                       \
-        } else if (step[0] == sizeof(TO) && step[1] == 2 * sizeof(T)) {                                      \
-            IVDEP for (i = 0; i < n; i++) { T a = p[2 * i]; o[i] = EXPR; }                                   \
-        } else if (step[0] == sizeof(TO) && step[1] == 0) {                                                  \
-            const T a = *p; const TO all = EXPR;                                                             \
-            for (i = 0; i < n; i++) o[i] = all;                                                              \
-        } else {                                                                                             \
-            for (i = 0; i < n; i++) { T a = AT(T, 1, i); AT(TO, 0, i) = EXPR; }                              \
-        })
+        char *o = at[0]; const char *p = at[1];                                                              \
+        const int plain = step[0] == sizeof(TO);                                                             \
+        if (plain && step[1] == sizeof(T)) IVDEP EACH(TO, T, EXPR, sizeof(TO), sizeof(T), 0)                 \
+        else if (plain && step[1] == 2 * sizeof(T)) IVDEP EACH(TO, T, EXPR, sizeof(TO), 2 * sizeof(T), 0)    \
+        else if (plain && !step[1]) { const T a = *(const T *)p; const TO all = EXPR; for (i = 0; i < n; i++) ((TO *)o)[i] = all; } \
+        else EACH(TO, T, EXPR, step[0], step[1], 0))
 #define LANES 32
 /* out op= a, where out may stand still: then several partial results, which do not wait for one another */
 #define REDUCE(NAME, T, EXPR)                                                                                \
@@ -123,6 +116,9 @@ UNARY(sqr_d, double, double, a *a)
 UNARY(sqrt_d, double, double, sqrt(a))
 UNARY(tan_d, double, double, tan(a))
 UNARY(exp_d, double, double, exp(a))
+UNARY(sinh_d, double, double, sinh(a))
+UNARY(cosh_d, double, double, cosh(a))
+UNARY(abs_D, double, cplx, cabs(a))
 UNARY(rint_d, double, double, rint(a))
 UNARY(sign_d, double, double, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a)
 UNARY(neg_D, cplx, cplx, -a)
@@ -160,26 +156,16 @@ static inline double grow(double a) {
     memcpy(&scale, &power, sizeof scale);
     return scale * (1.0 - ((rest - x * c / (2.0 - c)) - most));
 }
-static inline double odd(double a) { /* hyperbolic sine */
-    const double once = grow(fabs(a)), z = a * a;
-    const double near = a + a * z * (1 / 6.0 + z * (1 / 120.0 + z * (1 / 5040.0 + z * (1 / 362880.0 + z * (1 / 39916800.0 + z * (1 / 6227020800.0))))));
-    return z < 0.25 ? near : copysign(0.5 * (once - 1.0 / once), a);
-}
-static inline double even(double a) { const double once = grow(fabs(a)); return 0.5 * (once + 1.0 / once); }
-/* EXPR of numbers that are all PLAIN; OTHER if one is not */
-#define PLAINLY(NAME, T, PLAIN, EXPR, OTHER)                                                                 \
+/* a wave of numbers that are all near; as the C library has it if one is not */
+#define WAVE(NAME, QUARTERS, OTHER)                                                                          \
     ROWS_OF(NAME, 2,                                                                                         \
-        double *o = (double *)at[0]; const T *p = (const T *)at[1];                                          \
-        int far = step[0] != 8 || step[1] != sizeof(T);                                                      \
-        if (!far) IVDEP for (i = 0; i < n; i++) { const T a = p[i]; far |= !PLAIN; }                       \
-        if (far) for (i = 0; i < n; i++) { const T a = AT(T, 1, i); AT(double, 0, i) = PLAIN ? EXPR : OTHER; }              \
-        else IVDEP for (i = 0; i < n; i++) { const T a = p[i]; o[i] = EXPR; })
-static inline double square(cplx a) { return creal(a) * creal(a) + cimag(a) * cimag(a); }
-PLAINLY(sin_d, double, (fabs(a) < FAR), wave(a, 0), sin(a))
-PLAINLY(cos_d, double, (fabs(a) < FAR), wave(a, 1), cos(a))
-PLAINLY(sinh_d, double, (fabs(a) < 700.0), odd(a), sinh(a))
-PLAINLY(cosh_d, double, (fabs(a) < 700.0), even(a), cosh(a))
-PLAINLY(abs_D, cplx, ((square(a) > 1e-280) & (square(a) < 1e300)), sqrt(square(a)), cabs(a))
+        double *o = (double *)at[0]; const double *p = (const double *)at[1];                                \
+        int far = step[0] != 8 || step[1] != 8;                                                              \
+        if (!far) IVDEP for (i = 0; i < n; i++) far |= !(fabs(p[i]) < FAR);                                  \
+        if (!far) IVDEP for (i = 0; i < n; i++) o[i] = wave(p[i], QUARTERS);                                 \
+        else for (i = 0; i < n; i++) { const double a = AT(double, 1, i); AT(double, 0, i) = fabs(a) < FAR ? wave(a, QUARTERS) : OTHER(a); })
+WAVE(sin_d, 0, sin)
+WAVE(cos_d, 1, cos)
 ROWS_OF(exp_D, 2,
     double *o = (double *)at[0]; const double *p = (const double *)at[1];
     int far = step[0] != 16 || step[1] != 16;
@@ -215,7 +201,7 @@ ROWS_OF(sadd_d, 3, for (i = 0; i < n; i++) INTO(double) += AT(double, 1, i);)
 #define LISTED(f, k) f,
 static const Inner TABLE[] = {ELEMENTWISE(LISTED)};
 #define TOLD(f, k) {#f, k},
-const Kind KINDS[] = {ELEMENTWISE(TOLD)};
+const Kind KINDS[] = {ELEMENTWISE(TOLD) OTHERS(TOLD)};
 
 /* to[i, j] = from[i, j], rows of the one and columns of the other contiguous: in squares of vectors */
 typedef double vec __attribute__((vector_size(32), aligned(8)));
@@ -254,12 +240,9 @@ static inline void elementwise(const Op *o, Inner inner) {
         char *here[OPERANDS];
         memcpy(here, at, sizeof here);
         inner(here, step, row, o->shape[last], o->shape[rows]);
-        for (d = rows - 1; d >= 0; d--) {
-            for (int k = 0; k < OPERANDS; k++) at[k] += o->step[k][d];
-            if (++count[d] < o->shape[d]) break;
-            for (int k = 0; k < OPERANDS; k++) at[k] -= o->step[k][d] * o->shape[d];
-            count[d] = 0;
-        }
+        for (d = rows - 1; d >= 0 && ++count[d] == o->shape[d]; count[d--] = 0)
+            for (int k = 0; k < OPERANDS; k++) at[k] -= o->step[k][d] * (o->shape[d] - 1);
+        for (int k = 0; k < OPERANDS && d >= 0; k++) at[k] += o->step[k][d];
     }
 }
 
@@ -385,43 +368,43 @@ static int matmul(const Op *o) {
 /* o = v a + w b, or o += that */
 static inline __attribute__((always_inline)) void combine(
     char *o, const char *a, const char *b, i64 to, i64 from, i64 n, double v, double w, i64 sets) {
-    if (sets && w == 0.0) { IVDEP for (i64 j = 0; j < n; j++) *(double *)(o + j * to) = v * *(double *)(a + j * from); }
-    else if (sets) {
-        IVDEP for (i64 j = 0; j < n; j++) *(double *)(o + j * to) = v * *(double *)(a + j * from) + w * *(double *)(b + j * from);
-    } else {
-        IVDEP for (i64 j = 0; j < n; j++) *(double *)(o + j * to) += v * *(double *)(a + j * from) + w * *(double *)(b + j * from);
-    }
+#define COMBINED(OP, EXPR) IVDEP for (i64 i = 0; i < n; i++) *(double *)(o + i * to) OP EXPR
+    if (sets && w == 0.0) COMBINED(=, v * GET(double, a, from));
+    else if (sets) COMBINED(=, v * GET(double, a, from) + w * GET(double, b, from));
+    else COMBINED(+=, v * GET(double, a, from) + w * GET(double, b, from));
 }
 
 /* out, weights, b, places; shape: pairs of entries, columns; steps: rows and columns of out and of b; places: of out,
  * of b, of b, whether out is set (2: to zero), and in how many rows: out[i, j] = w b[i, j] + w' b'[i, j], or out[i, j] += that */
-WIDE static void sparse(const Op *o) {
-    const i64 pairs = o->shape[0], *to = o->step[0], *from = o->step[2];
-    const double *weights = (const double *)o->at[1];
-    const i64 *places = (const i64 *)o->at[3];
-    for (i64 k = 0; k < pairs; k++, places += 5, weights += 2) {
+WIDE static int sparse(const Op *o) {
+    const i64 *to = o->step[0], *from = o->step[2], *places = (const i64 *)o->at[3];
+    const double *w = (const double *)o->at[1];
+    for (i64 k = 0; k < o->shape[0]; k++, places += 5, w += 2) {
         char *c = o->at[0] + places[0];
         const char *a = o->at[2] + places[1], *b = o->at[2] + places[2];
-        i64 n[2] = {places[4], o->shape[1]};
+        const i64 n[2] = {places[4], o->shape[1]}, sets = places[3];
         const int in = n[0] < (to[0] == 8 && from[0] == 8 ? 4 : n[1]), out = !in; /* what is gone through inside */
         for (i64 i = 0; i < n[out]; i++, c += to[out], a += from[out], b += from[out]) {
-            if (places[3] == 2) for (i64 j = 0; j < n[in]; j++) *(double *)(c + j * to[in]) = 0.0;
-            else if (to[in] == 8 && from[in] == 8) combine(c, a, b, 8, 8, n[in], weights[0], weights[1], places[3]);
-            else if (to[in] == 8) combine(c, a, b, 8, from[in], n[in], weights[0], weights[1], places[3]);
-            else combine(c, a, b, to[in], from[in], n[in], weights[0], weights[1], places[3]);
+            if (sets == 2) for (i64 j = 0; j < n[in]; j++) *(double *)(c + j * to[in]) = 0.0;
+            else if (to[in] == 8 && from[in] == 8) combine(c, a, b, 8, 8, n[in], w[0], w[1], sets);
+            else if (to[in] == 8) combine(c, a, b, 8, from[in], n[in], w[0], w[1], sets);
+            else combine(c, a, b, to[in], from[in], n[in], w[0], w[1], sets);
         }
     }
+    return 0;
 }
 
 /* out, a, b, places; shape: products, columns; places: of out, of a, of b, and whether out is set: products of rows */
-WIDE static void products(const Op *o) {
-    const i64 n = o->shape[1], *places = (const i64 *)o->at[3];
+WIDE static int products(const Op *o) {
+    const i64 *places = (const i64 *)o->at[3];
     for (i64 k = 0; k < o->shape[0]; k++, places += 4) {
         double *to = (double *)(o->at[0] + places[0]);
         const double *a = (const double *)(o->at[1] + places[1]), *b = (const double *)(o->at[2] + places[2]);
-        if (places[3]) { IVDEP for (i64 j = 0; j < n; j++) to[j] = a[j] * b[j]; }
+        const i64 n = o->shape[1];
+        if (places[3]) IVDEP for (i64 j = 0; j < n; j++) to[j] = a[j] * b[j];
         else IVDEP for (i64 j = 0; j < n; j++) to[j] += a[j] * b[j];
     }
+    return 0;
 }
 
 /* ---------------------------------------------------------------- Python */
@@ -435,14 +418,13 @@ static void tell_failure(const char *why) {
 }
 
 int operate(const Op *o) {
+    static int (*const WHOLE[])(const Op *) = {matmul, sparse, products, resolve, resolve, resolve, resolve};
     int failed = 0;
     if (o->code == copy_d_code && o->ndim == 2 && o->step[0][1] == 8 && o->step[1][0] == 8)
         turned(o->at[0], o->step[0][0], o->at[1], o->step[1][1], o->shape[0], o->shape[1]);
-    else if (o->code < MATMUL) elementwise(o, TABLE[o->code]);
-    else if (o->code == SPARSE) sparse(o);
-    else if (o->code == PRODUCTS) products(o);
-    else failed = o->code == MATMUL ? matmul(o) : resolve(o);
-    if (failed > 0) tell_failure(o->code == MODES ? "Eigenvalues did not converge" : "Singular matrix");
+    else if (o->code < matmul_code) elementwise(o, TABLE[o->code]);
+    else failed = WHOLE[o->code - matmul_code](o);
+    if (failed > 0) tell_failure(o->code == modes_code ? "Eigenvalues did not converge" : "Singular matrix");
     else if (failed) PyErr_NoMemory();
     return failed;
 }
@@ -451,12 +433,10 @@ int operate(const Op *o) {
 static int replay(const Py_buffer *ops, PyObject *calls) {
     const Op *o = ops->buf, *end = o + ops->len / sizeof(Op);
     for (; o < end; o++) {
-        if (o->code < CALL) { if (operate(o)) return -1; }
-        else {
-            PyObject *done = PyObject_CallNoArgs(PyList_GetItem(calls, o->more));
-            if (!done) return -1;
-            Py_DECREF(done);
-        }
+        if (o->code != call_code) { if (operate(o)) return -1; continue; }
+        PyObject *one = PyList_GetItem(calls, o->more), *done = one ? PyObject_CallNoArgs(one) : NULL;
+        if (!done) return -1;
+        Py_DECREF(done);
     }
     return 0;
 }
@@ -514,17 +494,14 @@ static PyMethodDef METHODS[] = {
 };
 
 static int fill(PyObject *module) {
-    PyObject *codes = Py_BuildValue("{sisisisisi}", "matmul", MATMUL, "factor", FACTOR, "solve", SOLVE, "basis", BASIS, "modes", MODES);
-    int failed = !codes;
-    for (int k = 0; k < MATMUL && !failed; k++) {
+    PyObject *codes = PyDict_New(), *tape = tape_type(module), *written = written_type(module);
+    int failed = !codes || !tape || !written || PyModule_AddObjectRef(module, "CODES", codes) || PyModule_AddObjectRef(module, "Tape", tape) ||
+                 PyModule_AddObjectRef(module, "Written", written) || PyModule_AddIntConstant(module, "SOURCE", SOURCE);
+    for (int k = 0; k < CODES && !failed; k++) {
         PyObject *code = PyLong_FromLong(k);
         failed = !code || PyDict_SetItemString(codes, KINDS[k].name, code);
         Py_XDECREF(code);
     }
-    failed = failed || PyModule_AddObjectRef(module, "CODES", codes);
-    PyObject *tape = failed ? NULL : tape_type(module), *written = tape ? written_type(module) : NULL;
-    failed = !written || PyModule_AddObjectRef(module, "Tape", tape) || PyModule_AddObjectRef(module, "Written", written) ||
-             PyModule_AddIntConstant(module, "SOURCE", SOURCE);
     Py_XDECREF(codes); Py_XDECREF(tape); Py_XDECREF(written);
     return failed ? -1 : 0;
 }

@@ -51,13 +51,18 @@ _Static_assert(sizeof(Op) == 256 && sizeof(void *) == 8, "a machine with address
     X(radd_d, "dd") X(radd_D, "DD") X(rmax_d, "dd") X(rmin_d, "dd") X(scatter_d, "ddi") X(scatter_D, "DDi")  \
     X(sadd_d, "ddi")
 
+/* the others, which mean what stands where they are done; D also real */
+#define OTHERS(X)                                                                                            \
+    X(matmul, "ddd") X(sparse, "dddi") X(products, "dddi") X(factor, "DD") X(solve, "DDD") X(basis, "dd")    \
+    X(modes, "dd") X(call, "") X(uses, "")
+
 #define NAMED(f, k) f##_code,
-enum { ELEMENTWISE(NAMED) MATMUL, SPARSE, PRODUCTS, FACTOR, SOLVE, BASIS, MODES, CALL, USES, CODES };
+enum { ELEMENTWISE(NAMED) OTHERS(NAMED) CODES };
 typedef struct { const char *name, *kinds; } Kind;
 extern const Kind KINDS[];
 
 int operate(const Op *o);
-int resolve(const Op *o); /* operations from FACTOR on */
+int resolve(const Op *o); /* operations from factor on */
 double *workspace(i64 numbers);
 PyObject *tape_type(PyObject *module);
 PyObject *written_type(PyObject *module);

@@ -382,7 +382,7 @@ int resolve(const Op *o) {
     for (i64 p = 0; p < n[2]; p++) for (i64 q = 0; q < n[3]; q++) {
         char *at[3];
         for (int k = 0; k < 3; k++) at[k] = o->at[k] + p * o->step[k][2] + q * o->step[k][3];
-        if (DO[o->code - FACTOR](o, at[0], at[1], at[2], spare)) return 1;
+        if (DO[o->code - factor_code](o, at[0], at[1], at[2], spare)) return 1;
     }
     return 0;
 }

@@ -86,14 +86,11 @@ def _round(tape: Recorder, a: Any, decimals: int = 0) -> Any:
 
 def _factors(tape: Recorder, a: Any) -> Any:
     """Write down the factors of matrices, which `_solution` reads; see ``_resolve.c``."""
-    *batch, n, _ = a.shape
-    return tape.core.resolve(CODES["factor"], tape.core.new((*batch, 2 * n + 2, -n % 4 + n), a.itemsize), a)
+    return tape.core.resolve(CODES["factor"], a)
 
 
 def _solution(tape: Recorder, factors: Any, b: Any) -> Any:
-    batch = np.broadcast_shapes(factors.shape[:-2], b.shape[:-2])
-    out = tape.core.new((*batch, *b.shape[-2:]), factors.itemsize)
-    return tape.core.resolve(CODES["solve"], out, factors, b)
+    return tape.core.resolve(CODES["solve"], factors, b)
 
 
 def _solve(tape: Recorder, a: Any, b: Any) -> Any:
@@ -131,14 +128,14 @@ def _eigh(tape: Recorder, a: Any) -> Any:
     n = a.shape[-1]
     if a.dtype != REAL or n > LARGE or a.ndim != 2:
         return tape.called(np.linalg.eigh, (a,), {})
-    found = tape.core.resolve(CODES["modes"], tape.core.new((n + 1, n), a.itemsize), a)
+    found = tape.core.resolve(CODES["modes"], a)
     return found[0], found[1:].T
 
 
 def _qr(tape: Recorder, a: Any, mode: str = "reduced") -> Any:
     if a.dtype != REAL or a.ndim != 2 or mode != "complete":
         return tape.called(np.linalg.qr, (a, mode), {})
-    Q = tape.core.resolve(CODES["basis"], tape.core.new((len(a), len(a)), a.itemsize), a)
+    Q = tape.core.resolve(CODES["basis"], a)
     return Q, Q.T @ a
 
 

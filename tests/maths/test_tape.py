@@ -329,6 +329,28 @@ def test_values_go_through_any_number_of_rounds():
         assert plain(chain[0])[0] == max(k - rounds + 1, 0)
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        lambda tape, x: np.linalg.solve(x, x[:, :1]),
+        lambda tape, x: np.linalg.solve(x[:, :2], x[:2, :1]),
+        lambda tape, x: np.linalg.solve(x[:2], x[:, :1]),
+        lambda tape, x: np.linalg.inv(x),
+        lambda tape, x: np.linalg.inv(x[:2]) @ x[:, :1],
+        lambda tape, x: np.linalg.eigh(x),
+        lambda tape, x: x.sum(axis=0, initial=np.zeros(5)),
+        lambda tape, x: np.matmul(x[:2], x[:2, :1], out=np.linalg.inv(x[:2])[:, :1]),
+        lambda tape, x: tape.core.new((1 << 40, 1 << 40), 8),
+        lambda tape, x: tape.core.new((-1,), 8),
+    ],
+)
+def test_what_would_reach_beyond_memory_is_refused(wrong):
+    tape = Recorder()
+    x = tape.input(np.zeros((3, 2)))
+    with recording(tape), pytest.raises(Refused):
+        wrong(tape, x)
+
+
 def test_numbers_of_other_types_are_refused_before_they_are_written():
     tape = Recorder()
     numbers = tape.input(np.arange(1000.0)).view(np.int64)
