@@ -19,7 +19,7 @@
 enum { FIXED = 1, INPUT = 2, ALIVE = 4, USED = 8 };
 
 typedef struct { char *at; i64 item; int nd; i64 shape[MOST], step[MOST]; } View;
-typedef struct { char *at; i64 size; int item, flags, read, program; } Piece;
+typedef struct { char *at; i64 size; int item, flags, read, program, next; } Piece; /* next: of those to be used anew */
 typedef struct { char *base, *low, *high; int32_t *piece; } Block;
 typedef struct { int32_t of[OPERANDS]; } Pieces;
 typedef struct {
@@ -29,7 +29,7 @@ typedef struct {
     char *next;
     Op *ops; Pieces *touched; i64 count, room, room_touched;
     Piece *pieces; i64 n_pieces, room_pieces;
-    int32_t *left; i64 n_left, room_left; /* pieces to be used anew */
+    int left; /* the first piece to be used anew, -1 if there is none */
 } Tape;
 
 /* NumPy's arrays, as its binary interface has them: how they begin, and what it offers */
@@ -96,7 +96,7 @@ static int add_block(Tape *t, i64 size) {
 
 /* Give memory to an array of which item, nd and shape are told. */
 static int place(Tape *t, View *v, int flags) {
-    i64 bytes = v->item, grain = GRAIN, k;
+    i64 bytes = v->item, grain = GRAIN;
     for (int d = v->nd - 1; d >= 0; d--) {
         v->step[d] = bytes;
         if (v->shape[d] < 0 || __builtin_mul_overflow(bytes, v->shape[d], &bytes) || bytes > LARGEST) return refuse(t, "too much memory");
@@ -104,10 +104,11 @@ static int place(Tape *t, View *v, int flags) {
     while (16 * grain < bytes) grain *= 2;
     i64 size = bytes < GRAIN ? GRAIN : (bytes + grain - 1) / grain * grain;
     if (grown((void **)&t->pieces, t->n_pieces, &t->room_pieces, sizeof(Piece))) return -1;
-    for (k = flags & FIXED ? -1 : t->n_left - 1; k >= 0 && t->pieces[t->left[k]].size != size; k--) ;
-    if (k >= 0) {
-        v->at = t->pieces[t->left[k]].at;
-        t->left[k] = t->left[--t->n_left];
+    int *anew = &t->left;
+    while (*anew >= 0 && t->pieces[*anew].size != size) anew = &t->pieces[*anew].next;
+    if (!(flags & FIXED) && *anew >= 0) {
+        v->at = t->pieces[*anew].at;
+        *anew = t->pieces[*anew].next;
     } else {
         if ((!t->n_blocks || t->next + size > t->blocks[t->n_blocks - 1].high) && add_block(t, size)) return -1;
         v->at = t->next;
@@ -116,17 +117,17 @@ static int place(Tape *t, View *v, int flags) {
     if ((flags & (FIXED | INPUT)) != FIXED) memset(v->at, 0xff, size); /* no numbers */
     Block *b = t->blocks;
     while (v->at < b->low || v->at >= b->high) b++;
-    for (k = 0; k < size / GRAIN; k++) b->piece[(v->at - b->low) / GRAIN + k] = (int32_t)t->n_pieces;
-    t->pieces[t->n_pieces++] = (Piece){v->at, size, (int)v->item, flags, 0, t->program};
+    for (i64 k = 0; k < size / GRAIN; k++) b->piece[(v->at - b->low) / GRAIN + k] = (int32_t)t->n_pieces;
+    t->pieces[t->n_pieces++] = (Piece){v->at, size, (int)v->item, flags, 0, t->program, -1};
     return 0;
 }
 
 /* Let memory be used anew, but not by other programs: what one leaves to others must outlast that it is repeated. */
 static void leave(Tape *t, int32_t piece) {
-    const Piece *p = &t->pieces[piece];
+    Piece *p = &t->pieces[piece];
     if (p->program != t->program || p->flags & FIXED) return;
-    if (!grown((void **)&t->left, t->n_left, &t->room_left, sizeof(int32_t))) t->left[t->n_left++] = piece;
-    else PyErr_Clear();
+    p->next = t->left;
+    t->left = piece;
 }
 
 /* Note that no array refers to a piece any more. */
@@ -533,40 +534,36 @@ static int sparse(const Tape *t, const View *a) {
 /* Write down a product with a constant matrix a that is mostly zero, two entries of a row at once, and at once rows
  * that go on as the one before them; see _replay.c. */
 static int sparse_product(Tape *t, View o, View a, View b) {
-    i64 most = a.shape[0], pairs = 0, before = 0, i, j, k;
-    for (i = 0; i < a.shape[0]; i++) for (j = 0; j < a.shape[1]; j++) most += entry(&a, i, j) != 0.0;
-    View w = {NULL, 8, 1, {2 * most}, {0}}, p = {NULL, 8, 1, {5 * most}, {0}};
-    if (place(t, &w, FIXED) || place(t, &p, FIXED)) return -1;
-    double (*weights)[2] = (void *)w.at;
-    i64 (*places)[5] = (void *)p.at;
-    for (i = 0; i < a.shape[0]; i++) {
+    i64 most = a.shape[0], pairs = 0, before = 0;
+    for (i64 i = 0; i < a.shape[0]; i++) for (i64 j = 0; j < a.shape[1]; j++) most += entry(&a, i, j) != 0.0;
+    View table = {NULL, sizeof(Pair), 1, {most}, {0}};
+    if (place(t, &table, FIXED)) return -1;
+    Pair *all = (Pair *)table.at;
+    for (i64 i = 0; i < a.shape[0]; i++) {
         i64 found = 0, last = pairs;
-        for (j = 0; j < a.shape[1]; j++) {
-            if (entry(&a, i, j) == 0.0 && (found || j + 1 < a.shape[1])) continue; /* one at least: it sets out */
-            k = pairs + found / 2;
-            if (found % 2 == 0) {
-                weights[k][1] = 0.0; places[k][0] = i * o.step[0]; places[k][2] = j * b.step[0];
-                places[k][3] = found == 0; places[k][4] = 1;
-            }
-            weights[k][found % 2] = entry(&a, i, j); places[k][1 + found % 2] = j * b.step[0];
+        for (i64 j = 0; j < a.shape[1]; j++) {
+            const double x = entry(&a, i, j);
+            if (x == 0.0 && (found || j + 1 < a.shape[1])) continue; /* one at least: it sets out */
+            Pair *one = &all[last + found / 2];
+            if (found % 2 == 0) *one = (Pair){{0.0, 0.0}, {0, j * b.step[0]}, i * o.step[0], found == 0, 1};
+            one->weight[found % 2] = x; one->from[found % 2] = j * b.step[0];
             found++;
         }
-        if (weights[last][0] == 0.0) places[last][3] = 2;
-        pairs += (found + 1) / 2;
+        if (all[last].weight[0] == 0.0) all[last].sets = 2;
+        pairs = last + (found + 1) / 2;
         int goes_on = i > 0 && pairs - last == last - before;
-        for (k = before; k < last && goes_on; k++) {
-            const i64 *one = places[k], *other = places[k + last - before], ahead = one[4] * b.step[0];
-            goes_on = one[3] == other[3] && (one[3] == 2 || (other[1] == one[1] + ahead && other[2] == one[2] + ahead &&
-                                                             !memcmp(weights[k], weights[k + last - before], sizeof *weights)));
+        for (const Pair *one = all + before; one < all + last && goes_on; one++) {
+            const Pair *other = one + (last - before);
+            const i64 ahead = one->rows * b.step[0];
+            goes_on = one->sets == other->sets && (one->sets == 2 || !memcmp(one->weight, other->weight, sizeof one->weight)) &&
+                      (one->sets == 2 || (other->from[0] == one->from[0] + ahead && other->from[1] == one->from[1] + ahead));
         }
         if (!goes_on) { before = last; continue; }
-        for (k = before; k < last; k++) places[k][4]++;
+        for (i64 k = before; k < last; k++) all[k].rows++;
         pairs = last;
     }
-    for (int x = 0; x < (o.item == 16 ? 2 : 1); x++) {
-        View one = part(o, x), other = part(b, x);
-        Op op = {sparse_code, 2, {pairs, o.shape[1]}, {one.at, w.at, other.at, p.at},
-                 {{o.step[0], o.step[1]}, {0}, {b.step[0], b.step[1]}}, 0};
+    for (int x = 0; x < o.item / 8; x++) {
+        Op op = {sparse_code, 2, {pairs, o.shape[1]}, {part(o, x).at, part(b, x).at, table.at}, {{o.step[0], o.step[1]}, {b.step[0], b.step[1]}}, 0};
         if (append(t, &op)) return -1;
     }
     return 0;
@@ -619,20 +616,22 @@ static PyObject *row_products(Tape *t, PyObject *const *args, Py_ssize_t count) 
     for (int k = 0; k < 4; k++) if (k % 2 ? viewed(t, args[k], &v[k]) : operand(t, args[k], &v[k])) return NULL;
     for (int k = 0; k < 4; k += 2) {
         if (v[k].nd != 2 || v[k].item != 8 || v[k + 1].nd != 1 || v[k + 1].step[0] != 8 || v[k].shape[1] != v[0].shape[1] ||
-            v[k + 1].shape[0] != v[1].shape[0]) return refused(t, "products of such rows");
+            v[k + 1].shape[0] != v[1].shape[0] || v[1].shape[0] % groups) return refused(t, "products of such rows");
         if (v[k].step[1] != 8 && copied(t, &v[k], copy_d_code, 8)) return NULL;
     }
     const i64 products = v[1].shape[0], rows = products / groups, n = v[0].shape[1];
-    View o = {NULL, 8, 2, {rows, n}, {0}}, p = {NULL, 8, 1, {4 * products}, {0}};
-    if (place(t, &o, 0) || place(t, &p, FIXED)) return NULL;
-    i64 (*places)[4] = (void *)p.at;
+    View o = {NULL, 8, 2, {rows, n}, {0}}, table = {NULL, sizeof(RowProduct), 1, {products}, {0}};
+    if (place(t, &o, 0) || place(t, &table, FIXED)) return NULL;
     for (i64 k = 0; k < products; k++) {
-        const i64 row = k / groups, from = k % groups * rows + row;
-        places[k][0] = 8 * n * row; places[k][3] = k % groups == 0;
-        for (int one = 0; one < 2; one++)
-            places[k][1 + one] = v[2 * one].step[0] * ((i64 *)v[2 * one + 1].at)[from];
+        RowProduct *one = (RowProduct *)table.at + k;
+        *one = (RowProduct){{0}, 8 * n * (k / groups), k % groups == 0};
+        for (int x = 0; x < 4; x += 2) {
+            const i64 row = ((const i64 *)v[x + 1].at)[k % groups * rows + k / groups];
+            if (row < 0 || row >= v[x].shape[0]) return refused(t, "rows beyond a matrix");
+            one->from[x / 2] = row * v[x].step[0];
+        }
     }
-    Op op = {products_code, 2, {products, n}, {o.at, v[0].at, v[2].at, p.at}, {{0}}, 0};
+    Op op = {products_code, 2, {products, n}, {o.at, v[0].at, v[2].at, table.at}, {{0}}, 0};
     PyObject *out = array_of(t, &o);
     if (out && append(t, &op)) Py_CLEAR(out);
     return out;
@@ -683,7 +682,7 @@ static PyObject *call(Tape *t, PyObject *const *args, Py_ssize_t count) {
     return PyErr_Occurred() || append(t, &op) ? NULL : Py_NewRef(Py_None);
 }
 
-/* live(outputs...) -> a byte for each operation: whether outputs, inputs or calls need it */
+/* live(outputs...) -> a byte for each operation: whether outputs, inputs or calls need it; and the memory of those */
 static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
     PyObject *found = PyByteArray_FromStringAndSize(NULL, t->count);
     if (!found) return NULL;
@@ -708,11 +707,17 @@ static PyObject *live(Tape *t, PyObject *const *args, Py_ssize_t count) {
                 if (of[k] >= 0) t->pieces[of[k]].read = 1;
             more |= kept[i] != before;
         }
-    for (i64 i = 0; i < t->count && found; i++) { /* NumPy itself asks nobody before it reads a condition, as in b[c > 0] */
+    i64 n = 0;
+    for (i64 i = 0; i < t->count; i++) {
         const Piece *piece = t->touched[i].of[0] < 0 ? NULL : &t->pieces[t->touched[i].of[0]];
-        if (piece && piece->item == 1 && !(piece->flags & (ALIVE | USED))) { refuse(t, "a condition that only others read"); Py_CLEAR(found); }
+        if (piece && piece->item == 1 && !(piece->flags & (ALIVE | USED))) { /* NumPy itself asks nobody before it reads it, as in b[c > 0] */
+            Py_DECREF(found);
+            return refused(t, "a condition that only others read");
+        }
+        if (kept[i]) t->ops[n++] = t->ops[i];
     }
-    return found;
+    t->count = n; t->ended = 1;
+    return Py_BuildValue("NN", found, PyMemoryView_FromMemory((char *)t->ops, n * sizeof(Op), PyBUF_READ));
 }
 
 /* ---------------------------------------------------------------- arrays that write down what is done with them */
@@ -856,19 +861,9 @@ static PyObject *waive(Tape *t, PyObject *a) {
     Py_RETURN_NONE;
 }
 
-/* End the tape: keep some operations, by a byte for each, and return their memory. */
-static PyObject *rows(Tape *t, PyObject *kept) {
-    i64 n = 0;
-    if (!PyByteArray_Check(kept)) return misused("rows");
-    for (i64 k = 0; k < t->count && k < PyByteArray_Size(kept); k++)
-        if (PyByteArray_AsString(kept)[k] && n++ < k) t->ops[n - 1] = t->ops[k];
-    t->count = n; t->ended = 1;
-    return PyMemoryView_FromMemory((char *)t->ops, n * sizeof(Op), PyBUF_READ);
-}
-
 static PyObject *cut(Tape *t, PyObject *none) {
     t->program++;
-    t->n_left = 0;
+    t->left = -1;
     return PyLong_FromLongLong(t->count);
 }
 
@@ -886,6 +881,7 @@ static int begin(Tape *t, PyObject *args, PyObject *how) {
     if (t->type || !PyArg_ParseTuple(args, "OOOO!O!", given, given + 1, given + 2, &PyTuple_Type, given + 3, &PyDict_Type, given + 4)) return -1;
     t->type = Py_NewRef(given[0]); t->refused = Py_NewRef(given[1]); t->copy = Py_NewRef(given[2]);
     t->dtypes = Py_NewRef(given[3]); t->codes = Py_NewRef(given[4]);
+    t->left = -1;
     return (t->constants = PyDict_New()) ? 0 : -1;
 }
 
@@ -893,7 +889,7 @@ static void end(Tape *t) {
     PyTypeObject *type = Py_TYPE((PyObject *)t);
     Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->copy); Py_XDECREF(t->constants); Py_XDECREF(t->dtypes); Py_XDECREF(t->codes);
     for (int k = 0; k < t->n_blocks; k++) { free(t->blocks[k].base); free(t->blocks[k].piece); }
-    free(t->ops); free(t->touched); free(t->pieces); free(t->left);
+    free(t->ops); free(t->touched); free(t->pieces);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(t);
     Py_DECREF(type);
 }
@@ -908,11 +904,10 @@ static PyMethodDef METHODS[] = {
     {"row_products", FAST(row_products), "Write down products of rows; return them, or sums of them."},
     {"resolve", FAST(resolved), "Write down an operation on matrices; return what it writes."},
     {"call", FAST(call), "Write down a call of Python."},
-    {"live", FAST(live), "Return which operations lead to outputs."},
+    {"live", FAST(live), "Keep the operations that lead to outputs; the last thing to be asked for."},
     {"knows", (PyCFunction)knows, METH_O, "Return whether an array lies in the memory."},
     {"reads", (PyCFunction)reads, METH_O, "Return whether a live operation reads an array."},
     {"waive", (PyCFunction)waive, METH_O, "Take note that no operation need read a condition."},
-    {"rows", (PyCFunction)rows, METH_O, "Return the operations that are kept; the last thing to be asked for."},
     {"cut", (PyCFunction)cut, METH_NOARGS, "End a program; return the number of operations."},
     {"keep", (PyCFunction)keep, METH_O, "Forget operations but for the first."},
     {NULL, NULL, 0, NULL},

@@ -12,6 +12,9 @@
 #define CMPLX(x, y) ((double complex){x, y})
 #endif
 typedef double complex cplx;
+typedef double num_d; /* what the kinds of _replay.h stand for */
+typedef cplx num_D;
+typedef char num_b;
 
 #define UNROLL _Pragma("GCC unroll 8")
 #define IVDEP _Pragma("GCC ivdep")
@@ -29,49 +32,51 @@ typedef void (*Inner)(char **at, const i64 *step, const i64 *row, i64 n, i64 row
             for (int k = 0; k < OPERANDS; k++) at[k] += row[k];                                              \
         }                                                                                                    \
     }
-/* EXPR of a and b one after another, from p and q to o, at steps that the compiler knows where they are constants */
+/* what a function of _replay.h finds one after another, from p and q to o, at steps that the compiler knows where they
+ * are constants; T is the type that is written, F the one that is read */
 #define GET(T, p, step) (*(const T *)((p) + i * (step)))
-#define EACH(TO, T, EXPR, TO_STEP, STEP, B)                                                                  \
-    for (i = 0; i < n; i++) { const T a = GET(T, p, STEP), b = B; (void)b; *(TO *)(o + i * (TO_STEP)) = EXPR; }
-#define BINARY(NAME, TO, T, EXPR)                                                                            \
+#define EACH(STEP, VALUE) for (i = 0; i < n; i++) *(T *)(o + i * (STEP)) = VALUE;
+#define BINARY(NAME, TO, FROM, EXPR)                                                                         \
+    static inline num_##TO NAME##_of(num_##FROM a, num_##FROM b) { return EXPR; }                            \
     ROWS_OF(NAME, 3,                                                                                         \
+        typedef num_##TO T; typedef num_##FROM F;                                                            \
         char *o = at[0]; const char *p = at[1]; const char *q = at[2];                                       \
-        const int plain = step[0] == sizeof(TO), first = step[1] == sizeof(T), second = step[2] == sizeof(T); \
-        if (plain && first && second) IVDEP EACH(TO, T, EXPR, sizeof(TO), sizeof(T), GET(T, q, sizeof(T)))   \
-        else if (plain && first && !step[2]) IVDEP EACH(TO, T, EXPR, sizeof(TO), sizeof(T), *(const T *)q)   \
-        else if (plain && !step[1] && second) IVDEP EACH(TO, T, EXPR, sizeof(TO), 0, GET(T, q, sizeof(T)))   \
-        else EACH(TO, T, EXPR, step[0], step[1], GET(T, q, step[2])))
-#define UNARY(NAME, TO, T, EXPR)                                                                             \
+        const int plain = step[0] == sizeof(T), first = step[1] == sizeof(F), second = step[2] == sizeof(F); \
+        if (plain && first && second) IVDEP EACH(sizeof(T), NAME##_of(GET(F, p, sizeof(F)), GET(F, q, sizeof(F)))) \
+        else if (plain && first && !step[2]) IVDEP EACH(sizeof(T), NAME##_of(GET(F, p, sizeof(F)), *(const F *)q)) \
+        else if (plain && !step[1] && second) IVDEP EACH(sizeof(T), NAME##_of(*(const F *)p, GET(F, q, sizeof(F)))) \
+        else EACH(step[0], NAME##_of(GET(F, p, step[1]), GET(F, q, step[2]))))
+#define UNARY(NAME, TO, FROM, EXPR)                                                                          \
+    static inline num_##TO NAME##_of(num_##FROM a) { return EXPR; }                                          \
     ROWS_OF(NAME, 2,                                                                                         \
+        typedef num_##TO T; typedef num_##FROM F;                                                            \
         char *o = at[0]; const char *p = at[1];                                                              \
-        const int plain = step[0] == sizeof(TO);                                                             \
-        if (plain && step[1] == sizeof(T)) IVDEP EACH(TO, T, EXPR, sizeof(TO), sizeof(T), 0)                 \
-        else if (plain && step[1] == 2 * sizeof(T)) IVDEP EACH(TO, T, EXPR, sizeof(TO), 2 * sizeof(T), 0)    \
-        else if (plain && !step[1]) { const T a = *(const T *)p; const TO all = EXPR; for (i = 0; i < n; i++) ((TO *)o)[i] = all; } \
-        else EACH(TO, T, EXPR, step[0], step[1], 0))
-#define LANES 32
+        const int plain = step[0] == sizeof(T);                                                              \
+        if (plain && step[1] == sizeof(F)) IVDEP EACH(sizeof(T), NAME##_of(GET(F, p, sizeof(F))))            \
+        else if (plain && step[1] == 2 * sizeof(F)) IVDEP EACH(sizeof(T), NAME##_of(GET(F, p, 2 * sizeof(F)))) \
+        else if (plain && !step[1]) { const T all = NAME##_of(*(const F *)p); EACH(sizeof(T), all) }         \
+        else EACH(step[0], NAME##_of(GET(F, p, step[1]))))
 /* out op= a, where out may stand still: then several partial results, which do not wait for one another */
-#define REDUCE(NAME, T, EXPR)                                                                                \
-    static inline T NAME##_of(T r, T a) { return EXPR; }                                                     \
+#define LANES 32
+#define REDUCE(NAME, TO, FROM, EXPR)                                                                         \
+    static inline num_##TO NAME##_of(num_##TO r, num_##FROM a) { return EXPR; }                              \
     ROWS_OF(NAME, 2,                                                                                         \
+        typedef num_##TO T;                                                                                  \
+        char *o = at[0]; const char *p = at[1];                                                              \
         if (step[0] == 0 && step[1] == sizeof(T)) {                                                          \
-            T p[LANES];                                                                                      \
-            const T *q = (const T *)at[1];                                                                   \
-            i64 lanes = n < LANES ? n : LANES;                                                               \
-            memcpy(p, q, lanes * sizeof(T));                                                                 \
-            for (i = LANES; i + LANES <= n; i += LANES) IVDEP for (int k = 0; k < LANES; k++) p[k] = NAME##_of(p[k], q[i + k]); \
-            IVDEP for (int k = 0; k < n - i; k++) p[k] = NAME##_of(p[k], q[i + k]);                          \
-            for (i64 half; lanes > 1; lanes = half) {                                                        \
+            T part[LANES];                                                                                   \
+            const T *a = (const T *)p;                                                                       \
+            i64 lanes = n < LANES ? n : LANES, half;                                                         \
+            memcpy(part, a, lanes * sizeof(T));                                                              \
+            for (i = LANES; i + LANES <= n; i += LANES) IVDEP for (int k = 0; k < LANES; k++) part[k] = NAME##_of(part[k], a[i + k]); \
+            IVDEP for (int k = 0; k < n - i; k++) part[k] = NAME##_of(part[k], a[i + k]);                    \
+            for (; lanes > 1; lanes = half) {                                                                \
                 half = (lanes + 1) / 2;                                                                      \
-                IVDEP for (i64 k = 0; k < lanes - half; k++) p[k] = NAME##_of(p[k], p[k + half]);            \
+                IVDEP for (i64 k = 0; k < lanes - half; k++) part[k] = NAME##_of(part[k], part[k + half]);   \
             }                                                                                                \
-            *(T *)at[0] = NAME##_of(*(T *)at[0], p[0]);                                                      \
-        } else if (step[0] == sizeof(T) && step[1] == sizeof(T)) {                                           \
-            T *o = (T *)at[0]; const T *p = (const T *)at[1];                                                \
-            IVDEP for (i = 0; i < n; i++) o[i] = NAME##_of(o[i], p[i]);                                      \
-        } else {                                                                                             \
-            for (i = 0; i < n; i++) AT(T, 0, i) = NAME##_of(AT(T, 0, i), AT(T, 1, i));                       \
-        })
+            *(T *)o = NAME##_of(*(T *)o, part[0]);                                                           \
+        } else if (step[0] == sizeof(T) && step[1] == sizeof(T)) IVDEP EACH(sizeof(T), NAME##_of(GET(T, o, sizeof(T)), GET(T, p, sizeof(T)))) \
+        else EACH(step[0], NAME##_of(GET(T, o, step[0]), GET(T, p, step[1]))))
 
 static inline cplx mul(cplx a, cplx b) {
     double x = creal(a), y = cimag(a), u = creal(b), v = cimag(b);
@@ -87,47 +92,9 @@ static inline cplx quo(cplx a, cplx b) {
 static inline double larger(double a, double b) { return ((a >= b) | (a != a)) ? a : b; }
 static inline double smaller(double a, double b) { return ((a <= b) | (a != a)) ? a : b; }
 
-BINARY(add_d, double, double, a + b)
-BINARY(sub_d, double, double, a - b)
-BINARY(mul_d, double, double, a * b)
-BINARY(div_d, double, double, a / b)
-BINARY(max_d, double, double, larger(a, b))
-BINARY(min_d, double, double, smaller(a, b))
-BINARY(pow_d, double, double, pow(a, b))
-BINARY(hyp_d, double, double, hypot(a, b))
-BINARY(at2_d, double, double, atan2(a, b))
-BINARY(add_D, cplx, cplx, a + b)
-BINARY(sub_D, cplx, cplx, a - b)
-BINARY(mul_D, cplx, cplx, mul(a, b))
-BINARY(div_D, cplx, cplx, quo(a, b))
-BINARY(lt_d, char, double, a < b)
-BINARY(le_d, char, double, a <= b)
-BINARY(gt_d, char, double, a > b)
-BINARY(ge_d, char, double, a >= b)
-BINARY(eq_d, char, double, a == b)
-BINARY(ne_d, char, double, a != b)
-UNARY(copy_d, double, double, a)
-UNARY(copy_D, cplx, cplx, a)
-UNARY(copy_b, char, char, a)
-UNARY(cast_D, cplx, double, a)
-UNARY(neg_d, double, double, -a)
-UNARY(abs_d, double, double, fabs(a))
-UNARY(sqr_d, double, double, a *a)
-UNARY(sqrt_d, double, double, sqrt(a))
-UNARY(tan_d, double, double, tan(a))
-UNARY(exp_d, double, double, exp(a))
-UNARY(sinh_d, double, double, sinh(a))
-UNARY(cosh_d, double, double, cosh(a))
-UNARY(abs_D, double, cplx, cabs(a))
-UNARY(rint_d, double, double, rint(a))
-UNARY(sign_d, double, double, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a)
-UNARY(neg_D, cplx, cplx, -a)
-UNARY(sqr_D, cplx, cplx, mul(a, a))
-UNARY(conj_D, cplx, cplx, CMPLX(creal(a), -cimag(a)))
-REDUCE(radd_d, double, r + a)
-REDUCE(radd_D, cplx, r + a)
-REDUCE(rmax_d, double, larger(r, a))
-REDUCE(rmin_d, double, smaller(r, a))
+BINARIES(BINARY)
+UNARIES(UNARY)
+REDUCTIONS(REDUCE)
 
 /* sine of a + quarters pi / 2 within 1 ulp, |a| < FAR: reduced by parts of pi / 2, then series of fdlibm */
 #define FAR 1e5
@@ -176,15 +143,7 @@ ROWS_OF(exp_D, 2,
         o[2 * i] = size * wave(a, 1); o[2 * i + 1] = size * wave(a, 0);
     })
 
-/* numbers are chosen by their bits: that needs no branches */
-typedef i64 bits __attribute__((may_alias));
-#define CHOSEN(X, Y) for (i = 0; i < n; i++) { const i64 mask = -(i64)c[i], x = X, y = Y; o[i] = (x & mask) | (y & ~mask); }
-ROWS_OF(where_d, 4,
-    bits *o = (bits *)at[0]; const char *c = at[1]; const bits *p = (const bits *)at[2]; const bits *q = (const bits *)at[3];
-    const int plain = step[0] == 8 && step[1] == 1;
-    if (plain && step[2] == 8 && step[3] == 8) IVDEP CHOSEN(p[i], q[i])
-    else if (plain && step[2] == 8 && step[3] == 0) { const i64 all = *q; IVDEP CHOSEN(p[i], all) }
-    else for (i = 0; i < n; i++) AT(double, 0, i) = AT(char, 1, i) ? AT(double, 2, i) : AT(double, 3, i);)
+ROWS_OF(where_d, 4, for (i = 0; i < n; i++) AT(double, 0, i) = AT(char, 1, i) ? AT(double, 2, i) : AT(double, 3, i);)
 ROWS_OF(where_D, 4, for (i = 0; i < n; i++) AT(cplx, 0, i) = AT(char, 1, i) ? AT(cplx, 2, i) : AT(cplx, 3, i);)
 
 /* out, a, places: out[i] = a[i + places[i]], places in bytes; and the other way round */
@@ -198,10 +157,12 @@ ROWS_OF(scatter_d, 3, for (i = 0; i < n; i++) INTO(double) = AT(double, 1, i);)
 ROWS_OF(scatter_D, 3, for (i = 0; i < n; i++) INTO(cplx) = AT(cplx, 1, i);)
 ROWS_OF(sadd_d, 3, for (i = 0; i < n; i++) INTO(double) += AT(double, 1, i);)
 
-#define LISTED(f, k) f,
-static const Inner TABLE[] = {ELEMENTWISE(LISTED)};
+#define LISTED(f, ...) f,
+static const Inner TABLE[] = {BINARIES(LISTED) UNARIES(LISTED) CHOICES(LISTED) REDUCTIONS(LISTED) SCATTERS(LISTED)};
 #define TOLD(f, k) {#f, k},
-const Kind KINDS[] = {ELEMENTWISE(TOLD) OTHERS(TOLD)};
+#define TOLD_2(f, to, from, ...) {#f, #to #from},
+#define TOLD_3(f, to, from, ...) {#f, #to #from #from},
+const Kind KINDS[] = {BINARIES(TOLD_3) UNARIES(TOLD_2) CHOICES(TOLD) REDUCTIONS(TOLD_2) SCATTERS(TOLD) OTHERS(TOLD)};
 
 /* to[i, j] = from[i, j], rows of the one and columns of the other contiguous: in squares of vectors */
 typedef double vec __attribute__((vector_size(32), aligned(8)));
@@ -212,19 +173,19 @@ typedef i64 order __attribute__((vector_size(32)));
 #define MIXED(a, b, ...) __builtin_shuffle(a, b, (order){__VA_ARGS__})
 #endif
 WIDE static void turned(char *to, i64 row, const char *from, i64 column, i64 m, i64 n) {
-    i64 i = 0, j;
-    for (; i + 4 <= m; i += 4) {
-        for (j = 0; j + 4 <= n; j += 4) {
-            const char *p = from + i * 8 + j * column;
-            char *q = to + i * row + j * 8;
-            const vec a = *(const vec *)p, b = *(const vec *)(p + column), c = *(const vec *)(p + 2 * column), d = *(const vec *)(p + 3 * column);
-            const vec e = MIXED(a, b, 0, 4, 2, 6), f = MIXED(a, b, 1, 5, 3, 7), g = MIXED(c, d, 0, 4, 2, 6), h = MIXED(c, d, 1, 5, 3, 7);
-            *(vec *)q = MIXED(e, g, 0, 1, 4, 5); *(vec *)(q + row) = MIXED(f, h, 0, 1, 4, 5);
-            *(vec *)(q + 2 * row) = MIXED(e, g, 2, 3, 6, 7); *(vec *)(q + 3 * row) = MIXED(f, h, 2, 3, 6, 7);
+    for (i64 i = 0; i < m; i += 4) for (i64 j = 0; j < n; j += 4) {
+        const char *p = from + i * 8 + j * column;
+        char *q = to + i * row + j * 8;
+        if (i + 4 > m || j + 4 > n) {
+            for (i64 k = 0; k < 4 && i + k < m; k++)
+                for (i64 l = 0; l < 4 && j + l < n; l++) *(double *)(q + k * row + l * 8) = *(const double *)(p + k * 8 + l * column);
+            continue;
         }
-        for (; j < n; j++) for (int k = 0; k < 4; k++) *(double *)(to + (i + k) * row + j * 8) = *(const double *)(from + (i + k) * 8 + j * column);
+        const vec a = *(const vec *)p, b = *(const vec *)(p + column), c = *(const vec *)(p + 2 * column), d = *(const vec *)(p + 3 * column);
+        const vec e = MIXED(a, b, 0, 4, 2, 6), f = MIXED(a, b, 1, 5, 3, 7), g = MIXED(c, d, 0, 4, 2, 6), h = MIXED(c, d, 1, 5, 3, 7);
+        *(vec *)q = MIXED(e, g, 0, 1, 4, 5); *(vec *)(q + row) = MIXED(f, h, 0, 1, 4, 5);
+        *(vec *)(q + 2 * row) = MIXED(e, g, 2, 3, 6, 7); *(vec *)(q + 3 * row) = MIXED(f, h, 2, 3, 6, 7);
     }
-    for (; i < m; i++) for (j = 0; j < n; j++) *(double *)(to + i * row + j * 8) = *(const double *)(from + i * 8 + j * column);
 }
 
 static inline void elementwise(const Op *o, Inner inner) {
@@ -248,7 +209,6 @@ static inline void elementwise(const Op *o, Inner inner) {
 
 /* ---------------------------------------------------------------- products of matrices */
 
-/* shape: m, k, n, batch, batch; steps: out (i, -, j), a (i, k, -), b (-, k, j); more: 0 set, 1 add, -1 subtract */
 /* Return memory for numbers that nobody needs afterwards, where lines of the cache begin; NULL if there is none. */
 double *workspace(i64 numbers) {
     static char *memory;
@@ -309,7 +269,6 @@ typedef double wider __attribute__((vector_size(64), aligned(8)));
 static inline __attribute__((always_inline)) void placed(double *to, i64 step, const double *out, i64 n, i64 mode) {
     const i64 s = step / 8;
     if (mode == 0) for (i64 j = 0; j < n; j++) to[j * s] = out[j];
-    else if (s == 1) { IVDEP for (i64 j = 0; j < n; j++) to[j] += mode * out[j]; }
     else for (i64 j = 0; j < n; j++) to[j * s] += mode * out[j];
 }
 PRODUCT(product, vec, 3, WIDE)
@@ -349,6 +308,7 @@ WIDE static void small(const Op *o) {
     }
 }
 
+/* shape: m, k, n, batch, batch; steps: out (i, -, j), a (i, k, -), b (-, k, j); more: 0 set, 1 add, -1 subtract */
 static int matmul(const Op *o) {
     const i64 m = o->shape[0], kk = o->shape[1], n = o->shape[2], packs = o->step[2][2] != 8;
     const int wide = n >= 8 && HAS_WIDER;
@@ -374,34 +334,33 @@ static inline __attribute__((always_inline)) void combine(
     else COMBINED(+=, v * GET(double, a, from) + w * GET(double, b, from));
 }
 
-/* out, weights, b, places; shape: pairs of entries, columns; steps: rows and columns of out and of b; places: of out,
- * of b, of b, whether out is set (2: to zero), and in how many rows: out[i, j] = w b[i, j] + w' b'[i, j], or out[i, j] += that */
+/* out, b, pairs; shape: pairs, columns; steps: rows and columns */
 WIDE static int sparse(const Op *o) {
-    const i64 *to = o->step[0], *from = o->step[2], *places = (const i64 *)o->at[3];
-    const double *w = (const double *)o->at[1];
-    for (i64 k = 0; k < o->shape[0]; k++, places += 5, w += 2) {
-        char *c = o->at[0] + places[0];
-        const char *a = o->at[2] + places[1], *b = o->at[2] + places[2];
-        const i64 n[2] = {places[4], o->shape[1]}, sets = places[3];
+    const i64 *to = o->step[0], *from = o->step[1];
+    const Pair *pair = (const Pair *)o->at[2];
+    for (i64 k = 0; k < o->shape[0]; k++, pair++) {
+        char *c = o->at[0] + pair->out;
+        const char *a = o->at[1] + pair->from[0], *b = o->at[1] + pair->from[1];
+        const double v = pair->weight[0], w = pair->weight[1];
+        const i64 n[2] = {pair->rows, o->shape[1]}, sets = pair->sets;
         const int in = n[0] < (to[0] == 8 && from[0] == 8 ? 4 : n[1]), out = !in; /* what is gone through inside */
         for (i64 i = 0; i < n[out]; i++, c += to[out], a += from[out], b += from[out]) {
             if (sets == 2) for (i64 j = 0; j < n[in]; j++) *(double *)(c + j * to[in]) = 0.0;
-            else if (to[in] == 8 && from[in] == 8) combine(c, a, b, 8, 8, n[in], w[0], w[1], sets);
-            else if (to[in] == 8) combine(c, a, b, 8, from[in], n[in], w[0], w[1], sets);
-            else combine(c, a, b, to[in], from[in], n[in], w[0], w[1], sets);
+            else if (to[in] == 8 && from[in] == 8) combine(c, a, b, 8, 8, n[in], v, w, sets);
+            else if (to[in] == 8) combine(c, a, b, 8, from[in], n[in], v, w, sets);
+            else combine(c, a, b, to[in], from[in], n[in], v, w, sets);
         }
     }
     return 0;
 }
 
-/* out, a, b, places; shape: products, columns; places: of out, of a, of b, and whether out is set: products of rows */
+/* out, a, b, products of rows; shape: products, columns */
 WIDE static int products(const Op *o) {
-    const i64 *places = (const i64 *)o->at[3];
-    for (i64 k = 0; k < o->shape[0]; k++, places += 4) {
-        double *to = (double *)(o->at[0] + places[0]);
-        const double *a = (const double *)(o->at[1] + places[1]), *b = (const double *)(o->at[2] + places[2]);
-        const i64 n = o->shape[1];
-        if (places[3]) IVDEP for (i64 j = 0; j < n; j++) to[j] = a[j] * b[j];
+    const RowProduct *one = (const RowProduct *)o->at[3];
+    for (i64 k = 0, n = o->shape[1]; k < o->shape[0]; k++, one++) {
+        double *to = (double *)(o->at[0] + one->out);
+        const double *a = (const double *)(o->at[1] + one->from[0]), *b = (const double *)(o->at[2] + one->from[1]);
+        if (one->sets) IVDEP for (i64 j = 0; j < n; j++) to[j] = a[j] * b[j];
         else IVDEP for (i64 j = 0; j < n; j++) to[j] += a[j] * b[j];
     }
     return 0;

@@ -37,29 +37,37 @@ typedef struct {
 } Op;
 _Static_assert(sizeof(Op) == 256 && sizeof(void *) == 8, "a machine with addresses of 8 bytes");
 
-/* elementwise operations: what they write and read, d real, D complex, b truth, i places in bytes; those from
- * radd_d on go through what they read and write where they are told */
-#define ELEMENTWISE(X)                                                                                       \
-    X(add_d, "ddd") X(sub_d, "ddd") X(mul_d, "ddd") X(div_d, "ddd") X(max_d, "ddd") X(min_d, "ddd")          \
-    X(pow_d, "ddd") X(hyp_d, "ddd") X(at2_d, "ddd") X(add_D, "DDD") X(sub_D, "DDD") X(mul_D, "DDD")          \
-    X(div_D, "DDD") X(lt_d, "bdd") X(le_d, "bdd") X(gt_d, "bdd") X(ge_d, "bdd") X(eq_d, "bdd")               \
-    X(ne_d, "bdd") X(copy_d, "dd") X(copy_D, "DD") X(copy_b, "bb") X(cast_D, "Dd") X(neg_d, "dd")            \
-    X(abs_d, "dd") X(sqr_d, "dd") X(sqrt_d, "dd") X(sin_d, "dd") X(cos_d, "dd") X(tan_d, "dd")               \
-    X(exp_d, "dd") X(sinh_d, "dd") X(cosh_d, "dd") X(rint_d, "dd") X(sign_d, "dd") X(neg_D, "DD")            \
-    X(sqr_D, "DD") X(conj_D, "DD") X(exp_D, "DD")                                                            \
-    X(abs_D, "dD") X(where_d, "dbdd") X(where_D, "DbDD") X(gather_d, "ddi") X(gather_D, "DDi")               \
-    X(radd_d, "dd") X(radd_D, "DD") X(rmax_d, "dd") X(rmin_d, "dd") X(scatter_d, "ddi") X(scatter_D, "DDi")  \
-    X(sadd_d, "ddi")
-
-/* the others, which mean what stands where they are done; D also real */
+/* Elementwise operations: what they write and read (d real, D complex, b truth, i places in bytes), and what that is. */
+#define BINARIES(X)                                                                                          \
+    X(add_d, d, d, a + b) X(sub_d, d, d, a - b) X(mul_d, d, d, a * b) X(div_d, d, d, a / b)                  \
+    X(max_d, d, d, larger(a, b)) X(min_d, d, d, smaller(a, b)) X(pow_d, d, d, pow(a, b))                     \
+    X(at2_d, d, d, atan2(a, b)) X(add_D, D, D, a + b) X(sub_D, D, D, a - b) X(mul_D, D, D, mul(a, b))        \
+    X(div_D, D, D, quo(a, b)) X(lt_d, b, d, a < b) X(le_d, b, d, a <= b) X(gt_d, b, d, a > b)                \
+    X(ge_d, b, d, a >= b) X(eq_d, b, d, a == b) X(ne_d, b, d, a != b)
+#define UNARIES(X)                                                                                           \
+    X(copy_d, d, d, a) X(copy_D, D, D, a) X(copy_b, b, b, a) X(cast_D, D, d, a) X(neg_d, d, d, -a)           \
+    X(abs_d, d, d, fabs(a)) X(sqr_d, d, d, a * a) X(sqrt_d, d, d, sqrt(a)) X(tan_d, d, d, tan(a))            \
+    X(exp_d, d, d, exp(a)) X(sinh_d, d, d, sinh(a)) X(cosh_d, d, d, cosh(a)) X(rint_d, d, d, rint(a))        \
+    X(sign_d, d, d, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a) X(abs_D, d, D, cabs(a))                   \
+    X(neg_D, D, D, -a) X(sqr_D, D, D, mul(a, a)) X(conj_D, D, D, CMPLX(creal(a), -cimag(a)))
+#define CHOICES(X)                                                                                           \
+    X(sin_d, "dd") X(cos_d, "dd") X(exp_D, "DD") X(where_d, "dbdd") X(where_D, "DbDD") X(gather_d, "ddi") X(gather_D, "DDi")
+/* those from here on go through what they read and write where they are told */
+#define REDUCTIONS(X) X(radd_d, d, d, r + a) X(radd_D, D, D, r + a) X(rmax_d, d, d, larger(r, a)) X(rmin_d, d, d, smaller(r, a))
+#define SCATTERS(X) X(scatter_d, "ddi") X(scatter_D, "DDi") X(sadd_d, "ddi")
+/* The others, which mean what stands where they are done; D also real. */
 #define OTHERS(X)                                                                                            \
-    X(matmul, "ddd") X(sparse, "dddi") X(products, "dddi") X(factor, "DD") X(solve, "DDD") X(basis, "dd")    \
+    X(matmul, "ddd") X(sparse, "ddi") X(products, "dddi") X(factor, "DD") X(solve, "DDD") X(basis, "dd")    \
     X(modes, "dd") X(call, "") X(uses, "")
-
-#define NAMED(f, k) f##_code,
-enum { ELEMENTWISE(NAMED) OTHERS(NAMED) CODES };
+#define NAMED(f, ...) f##_code,
+enum { BINARIES(NAMED) UNARIES(NAMED) CHOICES(NAMED) REDUCTIONS(NAMED) SCATTERS(NAMED) OTHERS(NAMED) CODES };
 typedef struct { const char *name, *kinds; } Kind;
 extern const Kind KINDS[];
+
+/* two entries of a row of a sparse matrix, and rows after it that go on as it does: what they add to out or set it to (2:
+ * to zero); and a product of two rows likewise; places in bytes */
+typedef struct { double weight[2]; i64 from[2], out, sets, rows; } Pair;
+typedef struct { i64 from[2], out, sets; } RowProduct;
 
 int operate(const Op *o);
 int resolve(const Op *o); /* operations from factor on */

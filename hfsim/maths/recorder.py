@@ -20,7 +20,6 @@ _NAMES = {
     np.maximum: "max",
     np.minimum: "min",
     np.power: "pow",
-    np.hypot: "hyp",
     np.arctan2: "at2",
     np.less: "lt",
     np.less_equal: "le",

@@ -60,6 +60,8 @@ def _cumsum(tape: Recorder, a: Any, axis: int | None = None) -> Any:
 def _bincount(tape: Recorder, places: Any, weights: Any = None, minlength: int = 0) -> Any:
     if isinstance(places, Traced) or weights is None:
         raise Refused("places that depend on the state")
+    if places.min(initial=0) < 0:
+        raise Refused("places before the first one")
     out = np.zeros(max(minlength, int(places.max(initial=-1)) + 1))
     tape.core.apply(*codes("sadd"), out, weights, tape.keep(8 * places.astype(np.int64)))
     return out

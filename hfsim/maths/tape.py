@@ -172,8 +172,8 @@ class Tape:
 
     def programs(self, *outputs: np.ndarray) -> list[Program]:
         """Return all programs without operations that lead to no output, no input and no call."""
-        kept = self.core.live(*outputs)
-        rows = np.frombuffer(self.core.rows(kept), dtype=np.int64).reshape(-1, WORDS)
+        kept, found = self.core.live(*outputs)
+        rows = np.frombuffer(found, dtype=np.int64).reshape(-1, WORDS)
         cuts, memory = [kept.count(1, 0, cut) for cut in self._cuts], (self.core, self._kept)
         return [Program(rows[first:last], self.calls, memory) for first, last in pairwise(cuts)]
 
