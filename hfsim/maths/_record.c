@@ -19,7 +19,7 @@
 enum { FIXED = 1, INPUT = 2, ALIVE = 4, USED = 8 };
 
 typedef struct { char *at; i64 item; int nd; i64 shape[MOST], step[MOST]; } View;
-typedef struct { char *at; i64 size; int item, flags, read, program, next; } Piece; /* next: of those to be used anew */
+typedef struct { char *at; i64 size; int item, flags, read, program; } Piece;
 typedef struct { char *base, *low, *high; int32_t *piece; } Block;
 typedef struct { int32_t of[OPERANDS]; } Pieces;
 typedef struct {
@@ -29,7 +29,7 @@ typedef struct {
     char *next;
     Op *ops; Pieces *touched; i64 count, room, room_touched;
     Piece *pieces; i64 n_pieces, room_pieces;
-    int left; /* the first piece to be used anew, -1 if there is none */
+    int32_t *left; i64 n_left, room_left; /* pieces to be used anew */
 } Tape;
 
 /* NumPy's arrays, as its binary interface has them: how they begin, and what it offers */
@@ -96,7 +96,7 @@ static int add_block(Tape *t, i64 size) {
 
 /* Give memory to an array of which item, nd and shape are told. */
 static int place(Tape *t, View *v, int flags) {
-    i64 bytes = v->item, grain = GRAIN;
+    i64 bytes = v->item, grain = GRAIN, k;
     for (int d = v->nd - 1; d >= 0; d--) {
         v->step[d] = bytes;
         if (v->shape[d] < 0 || __builtin_mul_overflow(bytes, v->shape[d], &bytes) || bytes > LARGEST) return refuse(t, "too much memory");
@@ -104,11 +104,10 @@ static int place(Tape *t, View *v, int flags) {
     while (16 * grain < bytes) grain *= 2;
     i64 size = bytes < GRAIN ? GRAIN : (bytes + grain - 1) / grain * grain;
     if (grown((void **)&t->pieces, t->n_pieces, &t->room_pieces, sizeof(Piece))) return -1;
-    int *anew = &t->left;
-    while (*anew >= 0 && t->pieces[*anew].size != size) anew = &t->pieces[*anew].next;
-    if (!(flags & FIXED) && *anew >= 0) {
-        v->at = t->pieces[*anew].at;
-        *anew = t->pieces[*anew].next;
+    for (k = flags & FIXED ? -1 : t->n_left - 1; k >= 0 && t->pieces[t->left[k]].size != size; k--) ;
+    if (k >= 0) {
+        v->at = t->pieces[t->left[k]].at;
+        t->left[k] = t->left[--t->n_left];
     } else {
         if ((!t->n_blocks || t->next + size > t->blocks[t->n_blocks - 1].high) && add_block(t, size)) return -1;
         v->at = t->next;
@@ -117,17 +116,17 @@ static int place(Tape *t, View *v, int flags) {
     if ((flags & (FIXED | INPUT)) != FIXED) memset(v->at, 0xff, size); /* no numbers */
     Block *b = t->blocks;
     while (v->at < b->low || v->at >= b->high) b++;
-    for (i64 k = 0; k < size / GRAIN; k++) b->piece[(v->at - b->low) / GRAIN + k] = (int32_t)t->n_pieces;
-    t->pieces[t->n_pieces++] = (Piece){v->at, size, (int)v->item, flags, 0, t->program, -1};
+    for (k = 0; k < size / GRAIN; k++) b->piece[(v->at - b->low) / GRAIN + k] = (int32_t)t->n_pieces;
+    t->pieces[t->n_pieces++] = (Piece){v->at, size, (int)v->item, flags, 0, t->program};
     return 0;
 }
 
 /* Let memory be used anew, but not by other programs: what one leaves to others must outlast that it is repeated. */
 static void leave(Tape *t, int32_t piece) {
-    Piece *p = &t->pieces[piece];
+    const Piece *p = &t->pieces[piece];
     if (p->program != t->program || p->flags & FIXED) return;
-    p->next = t->left;
-    t->left = piece;
+    if (!grown((void **)&t->left, t->n_left, &t->room_left, sizeof(int32_t))) t->left[t->n_left++] = piece;
+    else PyErr_Clear();
 }
 
 /* Note that no array refers to a piece any more. */
@@ -863,7 +862,7 @@ static PyObject *waive(Tape *t, PyObject *a) {
 
 static PyObject *cut(Tape *t, PyObject *none) {
     t->program++;
-    t->left = -1;
+    t->n_left = 0;
     return PyLong_FromLongLong(t->count);
 }
 
@@ -881,7 +880,6 @@ static int begin(Tape *t, PyObject *args, PyObject *how) {
     if (t->type || !PyArg_ParseTuple(args, "OOOO!O!", given, given + 1, given + 2, &PyTuple_Type, given + 3, &PyDict_Type, given + 4)) return -1;
     t->type = Py_NewRef(given[0]); t->refused = Py_NewRef(given[1]); t->copy = Py_NewRef(given[2]);
     t->dtypes = Py_NewRef(given[3]); t->codes = Py_NewRef(given[4]);
-    t->left = -1;
     return (t->constants = PyDict_New()) ? 0 : -1;
 }
 
@@ -889,7 +887,7 @@ static void end(Tape *t) {
     PyTypeObject *type = Py_TYPE((PyObject *)t);
     Py_XDECREF(t->type); Py_XDECREF(t->refused); Py_XDECREF(t->copy); Py_XDECREF(t->constants); Py_XDECREF(t->dtypes); Py_XDECREF(t->codes);
     for (int k = 0; k < t->n_blocks; k++) { free(t->blocks[k].base); free(t->blocks[k].piece); }
-    free(t->ops); free(t->touched); free(t->pieces);
+    free(t->ops); free(t->touched); free(t->pieces); free(t->left);
     ((freefunc)PyType_GetSlot(type, Py_tp_free))(t);
     Py_DECREF(type);
 }
