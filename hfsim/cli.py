@@ -73,13 +73,11 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the sub-command; where there is none of that name, tell the nearest."""
+        """Find the sub-command; where there is none of that name, tell the nearest, or what runs a deck."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
-            from hfsim.deck.source import nearest
-
-            if close := nearest(args[0], COMMANDS):
+            if close := _meant(args[0]):
                 message = f"{error.message.rstrip('.')} (did you mean '{close}'?)"
                 raise click.UsageError(message, ctx) from None
             raise
@@ -102,6 +100,16 @@ class LazyGroup(click.Group):
             from hfsim.commands import report_error
 
             ctx.exit(report_error(error))
+
+
+def _meant(word: str) -> str:
+    """Return what a word that is no sub-command may mean: a deck to run, or the nearest sub-command."""
+    from hfsim.deck.source import nearest
+    from hfsim.scene.shipped import shipped_cases
+
+    if word.endswith((".yaml", ".yml")) or word in shipped_cases():
+        return f"hfsim run {word}"
+    return nearest(word, COMMANDS)
 
 
 def _tell_version(context: click.Context, option: click.Parameter, wanted: bool) -> None:

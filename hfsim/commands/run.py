@@ -264,10 +264,15 @@ def _folders(names: Sequence[str], decks: Sequence[str], output: Path | None) ->
     plain = [folder_name(name, "" if output else ".out") for name in names]
     for number, name in enumerate(plain):
         first = plain.index(name)
-        if first != number:
-            raise FolderError(
-                f"{decks[first]} and {decks[number]} would both write to {name}: rename one deck"
-            )
+        if first == number:
+            continue
+        one, other = decks[first], decks[number]
+        if Path(one).resolve() == Path(other).resolve():
+            raise FolderError(f"{one} is named twice")
+        folder = (output or Path()) / name
+        raise FolderError(
+            f"{one} and {other} would both write to {folder}, after the 'name' in them: change one"
+        )
     return [(output or Path()) / name for name in plain]
 
 

@@ -133,6 +133,8 @@ _LONGEST = 100
 """Characters of a quantity."""
 
 _QUANTITY = re.compile(r"\s*([-+]?(?:\.\d+|\d+\.?\d*)(?:[eE][-+]?\d+)?)\s*(.*?)\s*\Z", re.ASCII)
+_NUMBER_GOES_ON = re.compile(r"[-+.\d_,eE]*[.\d_,]|[eE][-+]?(?![\w%])", re.ASCII)
+"""What follows a number and is no unit: more of what numbers are made of, or an exponent without digits."""
 
 
 class UnitError(ValueError):
@@ -188,7 +190,11 @@ def parse_quantity(text: str, dimension: str) -> float:
         raise UnitError(f"{expected}, not the text '{text}'", f"without quotes, {number} is taken in SI")
     factor = _factor(unit, dimension)
     if factor is None:
-        raise UnitError(f"{expected}, '{unit}' is {_kind_of(unit)}", _known_units(dimension, unit))
+        kind, more = _kind_of(unit), _NUMBER_GOES_ON.match(text, match.start(2))
+        if more and not kind:
+            raise UnitError(f"{expected}, '{text[: more.end()].strip()}' is no number")
+        what = kind or "not a known unit"
+        raise UnitError(f"{expected}, '{unit}' is {what}", _known_units(dimension, unit))
     try:
         return float(Decimal(number) * Decimal(factor))
     except (ArithmeticError, OverflowError) as error:
@@ -235,4 +241,4 @@ def _kind_of(unit: str) -> str:
     for dimension in UNITS:
         if _factor(unit, dimension) is not None:
             return f"a unit of {dimension.replace('_', ' ')}"
-    return "not a known unit"
+    return ""

@@ -94,6 +94,23 @@ def test_of_an_unknown_name_the_nearest_is_told(here, words, meant):
     assert refused.exit_code == 2 and f"(did you mean '{meant}'?)" in refused.stderr
 
 
+@pytest.mark.parametrize("deck", ["case.yaml", "gone.yml", "pendulum"])
+def test_a_deck_in_the_place_of_a_command_is_told_what_runs_it(here, deck):
+    (here / "case.yaml").write_text(DECK)
+    refused = call(deck)
+    assert refused.exit_code == 2 and f"(did you mean 'hfsim run {deck}'?)" in refused.stderr
+
+
+def test_a_deck_named_twice_is_told_as_that(here):
+    (here / "a.yaml").write_text(DECK)
+    (here / "b.yaml").write_text(DECK)
+    twice = call("run", "a.yaml", "./a.yaml")
+    assert twice.exit_code == 2 and "a.yaml is named twice" in twice.stderr
+    alike = call("run", "a.yaml", "b.yaml")
+    assert alike.exit_code == 2
+    assert "would both write to pendulum.out, after the 'name' in them" in alike.stderr
+
+
 def test_an_interruption_while_the_program_is_imported_leaves_no_traceback(here):
     (here / "click.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
     path = os.pathsep.join([str(here), str(Path(hfsim.__file__).parents[1])])

@@ -223,6 +223,28 @@ def test_what_is_no_length(text):
         parse_quantity(text, "length")
 
 
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("1e3e3", "1e3e3"), ("12..5", "12..5"), ("12..5 cm", "12..5"), ("1e3e3m", "1e3e3"),
+        ("1_000", "1_000"), ("1,5 m", "1,5"), ("1.2.3", "1.2.3"), ("3 4 cm", "3 4"), ("1e", "1e"),
+        ("2e- m", "2e-"), ("1e2.5", "1e2.5"),
+    ],
+)  # fmt: skip
+def test_what_is_no_number_is_not_told_as_a_unit(text, number):
+    with pytest.raises(UnitError) as refused:
+        parse_quantity(text, "length")
+    assert str(refused.value) == f"must be a length [m], '{number}' is no number"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit"), [("5 em", "em"), ("5eV", "eV"), ("2 1/s", "1/s"), ("1 m m", "m m")]
+)
+def test_what_is_no_unit_is_told_as_that(text, unit):
+    with pytest.raises(UnitError, match=f"'{unit}' is (not a known unit|a unit of)"):
+        parse_quantity(text, "length")
+
+
 @pytest.mark.parametrize("length", ["1e9999 m", "1e9999", "1" + "0" * 400])
 def test_numbers_too_large_are_refused(length):
     (problem,) = problems(SMALL.replace("length: 2", f"length: {length}"))
