@@ -43,11 +43,11 @@ def check(decks: tuple[str, ...], overrides: tuple[str, ...], talk: Talk) -> Non
 
 
 def _check_one(argument: str, overrides: tuple[str, ...], talk: Talk) -> int:
-    from hfsim.simulate import check as assemble
+    from hfsim.output.api import checked
 
     try:
         loaded = load_numbered(argument, overrides, talk)
-        facts = assemble(loaded)
+        facts = checked(loaded)
     except HfsimError as error:
         code = report_error(error)
         talk.facts({"deck": argument, "ok": False, "error": str(error)})

@@ -356,6 +356,16 @@ def check(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> dict[str, 
     Raises
     ------
     DeckError, DeckNotFoundError
-        If it cannot be assembled.
+        If it cannot be assembled, or not be swept as it says itself.
     """
-    return pipeline.check(load(deck, changes).with_numbers())
+    return checked(load(deck, changes).with_numbers())
+
+
+def checked(loaded: LoadedDeck) -> dict[str, Any]:
+    """Return what `check` does of a deck that is loaded."""
+    facts = pipeline.check(loaded)
+    if loaded.deck.sweep is not None:
+        from hfsim.output.sweep import check_sweep
+
+        facts["warnings"] = [*facts["warnings"], *check_sweep(loaded)]
+    return facts

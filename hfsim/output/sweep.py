@@ -166,7 +166,7 @@ def wanted_of(
     ------
     SweepError, DeckError
     """
-    wrong = Refusals()
+    wrong = Refusals(loaded, asked.left_to(loaded))
     if not asked.sensitivity:
         asked = asked.completed(loaded)
     elif not asked.vary or asked.table is not None or asked.sample is not None:
@@ -186,11 +186,26 @@ def wanted_of(
         with wrong.gathered():
             values = readable(asked.vary, random=True)[0] if plan is None else plan.by_path
             refuse_values(common, values, note)
-    wrong.tell(loaded)
+    wrong.tell()
     if plan is None:
         plan, differences = plan_differences(setting, numbers)
-    refuse_unbuilt(setting, plan)
+    with wrong.gathered():
+        refuse_unbuilt(setting, plan)
+    wrong.tell()
     return Wanted(loaded, plan, setting, keep, source, differences)
+
+
+def check_sweep(loaded: LoadedDeck) -> list[str]:
+    """Refuse what a deck says of its own sweep, as the sweep would before it runs; return its notes.
+
+    Raises
+    ------
+    SweepError, DeckError
+    """
+    notes: list[str] = []
+    if loaded.deck.sweep is not None:
+        wanted_of(Asked(many=True), loaded, notes.append)
+    return notes
 
 
 def perform(

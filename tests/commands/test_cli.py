@@ -39,6 +39,7 @@ class FakeDeck:
     output = types.SimpleNamespace(plots=True, shapes=False)
     channels = ("b1.tip.x", "b1.tip.y", "constraint.position")
     bodies = types.MappingProxyType({})
+    sweep = None
 
     def __init__(self, path, overrides):
         self.name = Path(path).read_text().strip()

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.sweep.plan import SAMPLERS, TABLE, VARY, Plan, grid, refusal, sample, table
-from hfsim.studies.sweep.study import collecting, read_collected
+from hfsim.studies.sweep.study import COLLECT, collecting, read_collected
 from hfsim.studies.sweep.work import Setting
 
 MANY = 100_000
@@ -51,6 +51,13 @@ class Asked:
     diagnosis: bool = False
     limit: float | None = None
     sensitivity: bool = False
+
+    def left_to(self, loaded: LoadedDeck) -> tuple[str, ...]:
+        """Return the options whose place the deck's own entry ``sweep`` takes."""
+        if loaded.deck.sweep is None or self.sensitivity:
+            return ()
+        runs = () if self.vary or self.table is not None else (VARY, TABLE)
+        return runs if self.collect else (*runs, COLLECT)
 
     def completed(self, loaded: LoadedDeck) -> Asked:
         """Return the same with what the deck says where this says nothing."""

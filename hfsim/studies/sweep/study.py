@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
@@ -18,7 +18,7 @@ from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
 from hfsim.studies.collect import channels_of
 from hfsim.studies.farm import Executor, Outcome, Task
-from hfsim.studies.sweep.plan import VARY, Plan
+from hfsim.studies.sweep.plan import TABLE, VARY, Plan
 from hfsim.studies.sweep.work import LOST, Keep, Row, Setting, row_without, solve_row
 
 _TRIES = 3
@@ -78,10 +78,22 @@ def collecting(setting: Setting, quantities: Sequence[Quantity], loaded: LoadedD
 # --- before anything runs ------------------------------------------------------------------------
 
 
-class Refusals:
-    """All that is wrong with what is asked for: gathered, and then told at once."""
+_ENTRIES = {VARY: "vary", TABLE: "runs", COLLECT: "collect"}
+"""What decks have under ``sweep`` for these options."""
 
-    def __init__(self) -> None:
+
+class Refusals:
+    """All that is wrong with what is asked for: gathered, and then told at once.
+
+    Parameters
+    ----------
+    loaded : LoadedDeck
+    own : collection of str
+        Options whose place the deck's own entry ``sweep`` takes: what is wrong with them stands there.
+    """
+
+    def __init__(self, loaded: LoadedDeck, own: Collection[str] = ()) -> None:
+        self._loaded, self._own = loaded, own
         self._problems: list[DeckProblem] = []
         self._texts: dict[str, str] = {}
 
@@ -91,10 +103,22 @@ class Refusals:
         try:
             yield
         except DeckError as error:
-            self._problems += error.problems
+            self._problems += map(self._placed, error.problems)
             self._texts |= error.others
 
-    def tell(self, loaded: LoadedDeck) -> None:
+    def _placed(self, problem: DeckProblem) -> DeckProblem:
+        if problem.file not in self._own:
+            return problem
+        vary = self._loaded.deck.sweep.vary
+        entry = _ENTRIES[problem.file if vary or problem.file == COLLECT else TABLE]
+        if problem.path in vary:
+            path, message = ("sweep", entry, problem.path), problem.message
+        else:
+            path = ("sweep", entry)
+            message = f"{problem.path}: {problem.message}" if problem.path else problem.message
+        return self._loaded.source.problem(path, message, problem.hint, on_key=True)
+
+    def tell(self) -> None:
         """Raise all of it; do nothing where there is none.
 
         Raises
@@ -102,7 +126,8 @@ class Refusals:
         DeckError
         """
         if self._problems:
-            raise DeckError(loaded.source.file, self._problems, loaded.source.text, self._texts)
+            source = self._loaded.source
+            raise DeckError(source.file, self._problems, source.text, self._texts)
 
 
 def refuse_entries(loaded: LoadedDeck, paths: Iterable[str]) -> None:
