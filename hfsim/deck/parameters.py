@@ -111,11 +111,11 @@ class _Values:
 
     def _take(self, name: str, value: object) -> None:
         if isinstance(value, str):
-            number = quantity_of_any_kind(value)
-            if number is None:
+            found = quantity_of_any_kind(value)
+            if found is None:
                 self._refuse(name, f"must be a number, not '{value}'", f"a unit, or \"${{{value.strip()}}}\"")
                 return
-            value = number
+            value = found[0]
         if isinstance(value, bool) or not isinstance(value, int | float):
             self._refuse(name, "must be a number, text with a unit or an expression")
         elif not math.isfinite(value):

@@ -6,9 +6,11 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
 from hfsim.deck.source import did_you_mean
+from hfsim.deck.units import quantity_of_any_kind
 
 Value: TypeAlias = "float | str"
 """A number, or a word such as a method's name."""
@@ -122,6 +124,18 @@ class Values:
     def numeric(self) -> bool:
         """Whether all values are numbers."""
         return all(not isinstance(value, str) for value in self.listed)
+
+    @cached_property
+    def quantities(self) -> dict[Value, tuple[float, str]]:
+        """Texts with a unit in SI, and the SI unit; none unless all texts have one."""
+        texts = (value for value in self.listed if isinstance(value, str))
+        found = {text: quantity_of_any_kind(text) for text in texts}
+        sound: dict[Value, tuple[float, str]] = {text: one for text, one in found.items() if one}
+        return sound if len(sound) == len(found) else {}
+
+    def in_si(self, value: Value) -> Value:
+        """Return a value as tables have it: a text with a unit in SI where all texts have one."""
+        return self.quantities[value][0] if value in self.quantities else value
 
     def at(self, share: float) -> Value:
         """Return the value below which a share of all is, 0 < share < 1; those of a list count alike."""

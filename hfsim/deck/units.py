@@ -208,11 +208,17 @@ def words_of_units() -> dict[str, float]:
     return {unit: float(factor) for unit, factor in units if unit.isalnum() and unit.isascii()}
 
 
-def quantity_of_any_kind(text: str) -> float | None:
-    """Return a quantity with a unit in SI, whatever it measures; None where it is none."""
+def quantity_of_any_kind(text: str) -> tuple[float, str] | None:
+    """Return a quantity with a unit in SI, whatever it measures, and the SI unit; None where it is none.
+
+    Examples
+    --------
+    >>> quantity_of_any_kind("50 cm"), quantity_of_any_kind("gauss")
+    ((0.5, 'm'), None)
+    """
     for dimension in UNITS:
         with suppress(UnitError):
-            return parse_quantity(text, dimension)
+            return parse_quantity(text, dimension), SI_UNITS[dimension]
     return None
 
 

@@ -355,9 +355,10 @@ def _shown(sweep: Sweep, name: str) -> str:
         words = list(dict.fromkeys(values.tolist()))
         return f"{name}: {', '.join(written(word) for word in words[:_TOLD])}"
     low, high, count = values.min(), values.max(), plural(len(np.unique(values)), "value")
+    unit = f" {sweep.units[name]}" if sweep.units.get(name) else ""
     if low < high and number(low) == number(high):
-        return f"{name}: {count} about {number(low)}, at most {high - low:.2g} apart"
-    return f"{name}: {count} from {number(low)} to {number(high)}"
+        return f"{name}: {count} about {number(low)}{unit}, at most {high - low:.2g} apart"
+    return f"{name}: {count} from {number(low)} to {number(high)}{unit}"
 
 
 def _failures(sweep: Sweep) -> list[str]:

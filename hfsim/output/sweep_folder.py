@@ -150,7 +150,7 @@ class SweepFolder:
             yield (",".join(map(cell, head)) + "\n").encode()
             for number, row in enumerate(self.rows()):
                 if row is not None:
-                    values = [written(value) for value in self.plan.row(number)]
+                    values = [written(value) for value in self.plan.told(number)]
                     told = [row.get(key) for key in (*early, *extra, last)]
                     cells = map(cell, [number + 1, *values, *row["collected"], *told])
                     yield (",".join(cells) + "\n").encode()

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import math
 import os
 import pickle
 import random
@@ -490,7 +491,7 @@ def test_ranges_are_told_of_what_has_one(wheel, monkeypatch):
     told = call("pendulum", *fails, "--no-plots", "-o", "failed").stdout
     assert "2 failed" in told and more not in told
     told = call("wheel.yaml", "--vary", f"{STIFF}=200,200.00001", "--no-plots", "-o", "near").stdout
-    assert more in told and "2 values about 200, at most 1e-05 apart" in told
+    assert more in told and "2 values about 200 N m/rad, at most 1e-05 apart" in told
 
 
 def test_what_is_varied_is_drawn_with_its_unit():
@@ -503,3 +504,39 @@ def test_what_is_varied_is_drawn_with_its_unit():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("bodies.hub.mass [kg]", f"{STIFF} [N m/rad]")
     words = hfsim.sweep(parse_deck(WHEEL), {"solve.model": "exact, linear"}, ["frequency(1)"])
     assert words.units == {"solve.model": ""}
+
+
+def test_texts_with_units_are_numbers_in_si(wheel):
+    texts = {"bodies.hub.mass": ["500 g", "2 kg", 1.5], "parameters.rate": ["180 deg/s", "1 rad/s"]}
+    deck = WHEEL.replace("angular_velocity: 1.0", 'angular_velocity: "${rate}"') + "parameters: {rate: 1}\n"
+    (wheel / "wheel.yaml").write_text(deck)
+    found = hfsim.sweep("wheel.yaml", texts, ["max(hub.angle)"], output="written")
+    assert found["bodies.hub.mass"].tolist() == [0.5, 0.5, 2.0, 2.0, 1.5, 1.5]
+    assert found["parameters.rate"][:2] == pytest.approx([math.pi, 1.0], rel=1e-15)
+    assert found["max(hub.angle)"][:2] == pytest.approx([math.pi / 10, 0.1], rel=1e-6)
+    assert found.units == {"bodies.hub.mass": "kg", "parameters.rate": "rad/s"}
+    assert [float(row["bodies.hub.mass"]) for row in rows_of("written")] == [0.5, 0.5, 2.0, 2.0, 1.5, 1.5]
+    mixed = hfsim.sweep("wheel.yaml", {"solve.coordinates": ["auto", "absolute"]}, ["max(hub.angle)"])
+    assert mixed["solve.coordinates"].tolist() == ["auto", "absolute"]
+
+
+def test_texts_with_units_are_drawn_on_an_axis_of_numbers():
+    from hfsim.output.plots.sweep import _response
+
+    found = hfsim.sweep(parse_deck(WHEEL), {"bodies.hub.mass": "2 kg, 500 g"}, ["max(hub.angle)"])
+    axes = _response(found, "bodies.hub.mass", "max(hub.angle)").axes[0]
+    assert axes.get_xlabel() == "bodies.hub.mass [kg]"
+    assert axes.lines[0].get_xdata().tolist() == [0.5, 2.0]
+
+
+def test_a_derivative_is_taken_at_a_text_with_a_unit(wheel):
+    path = "initial.hub.angular_velocity"
+    told = call("wheel.yaml", "--sensitivity", f"--vary={path}=180 deg/s", "--collect", "max(hub.angle)")
+    assert told.exit_code == 0
+    facts = json.loads((wheel / "wheel.sweep/sweep.json").read_text())
+    assert facts["plan"]["values"][path] == pytest.approx(math.pi)
+
+
+def test_ranges_are_told_with_units(wheel):
+    told = call("wheel.yaml", "--vary", "bodies.hub.mass=500 g,2 kg", "--no-plots").stdout
+    assert "bodies.hub.mass: 2 values from 0.5 to 2 kg" in told

@@ -73,6 +73,10 @@ class Plan:
         """Return the values of a run; runs count from 0."""
         return self._row(number)
 
+    def told(self, number: int) -> tuple[Value, ...]:
+        """Return the values of a run as tables have them; see `Values.in_si`."""
+        return tuple(one.in_si(value) for one, value in zip(self.values, self.row(number), strict=True))
+
     def overrides(self, number: int) -> tuple[str, ...]:
         """Return what a run sets, ``KEY=VALUE``."""
         pairs = zip(self.paths, self.row(number), strict=True)

@@ -115,17 +115,23 @@ def gathered(
             column[k] = told.setdefault(row[key] or "", row[key] or "")  # each text once
     columns = {**_varied(plan), **numbers, **words}
     deck, data = loaded.deck, loaded.source.data
-    units = {path: unit_of(deck, path_in(data, path)) for path in plan.paths}
+    units = {path: unit_of(deck, path_in(data, path)) or _unit_of_texts(plan, path) for path in plan.paths}
     return Sweep(deck.name, status, plan, columns, tuple(collected), missing, units)
+
+
+def _unit_of_texts(plan: Plan, path: str) -> str:
+    """Return the SI unit of values that are texts with one, as those of parameters may be."""
+    units = {unit for _, unit in plan.by_path[path].quantities.values()}
+    return units.pop().strip("-") if len(units) == 1 else ""
 
 
 def _varied(plan: Plan) -> dict[str, Array]:
     """Return the values of what is varied, by path."""
     found: dict[str, Array] = {}
     for path, values in zip(plan.paths, plan.values, strict=True):
-        found[path] = np.empty(plan.count, dtype=float if values.numeric else object)
+        found[path] = np.empty(plan.count, dtype=float if values.numeric or values.quantities else object)
     for k in range(plan.count):
-        row: tuple[Value, ...] = plan.row(k)
+        row: tuple[Value, ...] = plan.told(k)
         for path, value in zip(plan.paths, row, strict=True):
             found[path][k] = value
     return found

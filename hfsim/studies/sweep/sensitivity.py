@@ -153,12 +153,13 @@ def _number(loaded: LoadedDeck, path: str, text: str) -> float | tuple[str, str]
         try:
             return float(text)
         except ValueError:
-            return f"'{text}' is not one number", "--sensitivity takes one, or the deck's own"
+            found = quantity_of_any_kind(text)
+            wrong = f"'{text}' is not one number", "--sensitivity takes one, or the deck's own"
+            return wrong if found is None else found[0]
     data: Any = loaded.source.data if path.startswith("parameters.") else loaded.deck.resolved()
     value = entry_at(data, path_in(data, path))
     if isinstance(value, str) and path.startswith("parameters."):
-        found = quantity_of_any_kind(value)
-        value = found if isinstance(found, float) else value
+        value = (quantity_of_any_kind(value) or (value,))[0]
     if isinstance(value, bool) or not isinstance(value, int | float):
         return "the deck has no number there", f"write --vary {path}=NUMBER"
     return float(value)

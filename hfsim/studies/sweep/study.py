@@ -110,12 +110,13 @@ class Refusals:
         if problem.file not in self._own:
             return problem
         vary = self._loaded.deck.sweep.vary
-        entry = _ENTRIES[problem.file if vary or problem.file == COLLECT else TABLE]
+        option = problem.file if vary or problem.file == COLLECT else TABLE
+        path: tuple[str, ...] = ("sweep", _ENTRIES[option])
+        message = problem.message
         if problem.path in vary:
-            path, message = ("sweep", entry, problem.path), problem.message
-        else:
-            path = ("sweep", entry)
-            message = f"{problem.path}: {problem.message}" if problem.path else problem.message
+            path += (problem.path,)
+        elif problem.path:
+            message = f"{problem.path}: {message}"
         return self._loaded.source.problem(path, message, problem.hint, on_key=True)
 
     def tell(self) -> None:
