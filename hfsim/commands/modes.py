@@ -125,7 +125,7 @@ def read_rates(text: str | None) -> tuple[float, ...]:
     if text is None:
         return ()
     try:
-        values = parse_values(text)[0]
+        values = parse_values(text, "rad/s")[0]
     except AxisError as error:
         raise click.UsageError(f"--spin: {error}") from None
     rates = tuple(value for value in values if isinstance(value, float))

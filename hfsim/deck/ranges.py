@@ -133,6 +133,12 @@ class Values:
         sound: dict[Value, tuple[float, str]] = {text: one for text, one in found.items() if one}
         return sound if len(sound) == len(found) else {}
 
+    @property
+    def unit(self) -> str:
+        """The SI unit of texts with one; empty where they have none, or several."""
+        units = {unit.strip("-") for _, unit in self.quantities.values()}
+        return units.pop() if len(units) == 1 else ""
+
     def in_si(self, value: Value) -> Value:
         """Return a value as tables have it: a text with a unit in SI where all texts have one."""
         return self.quantities[value][0] if value in self.quantities else value

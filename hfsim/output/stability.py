@@ -32,16 +32,17 @@ _LIST = (
 )
 
 
-def _axis_columns(result: StabilityMap) -> list[Column]:
+def _axis_columns(result: StabilityMap, heads: Iterable[str]) -> list[Column]:
     def value_on(axis: int) -> Callable[[MapPoint], object]:
         return lambda point: point.values[axis]
 
-    return [Column(name, value_on(i), _word) for i, (name, _, _) in enumerate(result.axes)]
+    return [Column(head, value_on(i), _word) for i, head in enumerate(heads)]
 
 
 def map_columns(result: StabilityMap) -> list[Column]:
     """Return the columns of ``stability.csv``: the axes, then what each point has."""
-    return [*_axis_columns(result), *_POINT, Column("overrides", lambda p: " ".join(p.overrides))]
+    names = (axis.name for axis in result.axes)
+    return [*_axis_columns(result, names), *_POINT, Column("overrides", lambda p: " ".join(p.overrides))]
 
 
 def map_facts(result: StabilityMap) -> dict[str, Any]:
@@ -59,7 +60,7 @@ def map_facts(result: StabilityMap) -> dict[str, Any]:
     return {
         "name": result.name,
         "status": result.status,
-        "axes": [{"name": n, "values": v, "logarithmic": logarithmic} for n, v, logarithmic in result.axes],
+        "axes": [asdict(axis) for axis in result.axes],
         "bounds": asdict(result.bounds),
         "reference_model": TRUTH_MODEL,
         "seconds": result.seconds,
@@ -91,7 +92,8 @@ def _tables(result: StabilityMap) -> list[str]:
     if len(result.axes) == 2:
         return [_grid(result, model, method) for model, method in result.rows()]
     reached = [p for p in result.points if p.outcome != _LEFT]
-    return [table([*_POINT[:2], *_axis_columns(result), *_LIST], reached)] if reached else []
+    axes = _axis_columns(result, (axis.label for axis in result.axes))
+    return [table([*_POINT[:2], *axes, *_LIST], reached)] if reached else []
 
 
 def _word(value: Any) -> str:
@@ -99,15 +101,16 @@ def _word(value: Any) -> str:
 
 
 def _grid(result: StabilityMap, model: str, method: str) -> str:
-    (down, rows, _), (across, columns, _) = result.axes
+    down, across = result.axes
+    rows, columns = down.values, across.values
     points = result.points_of(model, method)
-    head = [f"{down} \\ {across}", *map(_word, columns)]
+    head = [f"{down.label} \\ {across.label}", *map(_word, columns)]
     lines = [[_word(r), *(points[r, c].outcome for c in columns)] for r in rows]
     return f"{model}, {method}\n" + as_table([head, *lines])
 
 
 def _boundaries(result: StabilityMap, ending: str) -> str:
-    name = result.axes[0][0]
+    name = result.axes[0].label
     columns = [
         *_POINT[:2],
         Column(f"{name}: last", "below", ".5g"),
@@ -128,5 +131,6 @@ def _reasons(result: StabilityMap, verbose: bool) -> Iterable[str]:
         if p.outcome in ("accurate", _LEFT) or (key in told and not verbose):
             continue
         told.add(key)
-        at = [f"{name} {_word(value)}" for (name, _, _), value in zip(result.axes, p.values, strict=True)]
+        places = zip(result.axes, p.values, strict=True)
+        at = [" ".join(filter(None, (axis.name, _word(value), axis.unit))) for axis, value in places]
         yield wrapped(f"{', '.join([p.model, p.method, *at])}: {p.outcome}: {p.verdict.reason}")

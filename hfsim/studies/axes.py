@@ -42,6 +42,8 @@ class Axis:
         Whether it changes how the scene is solved and not the scene: references are shared along it.
     logarithmic : bool
         Whether its middle is the geometric mean.
+    unit : str
+        SI unit of its values, as far as they say it or the kind of axis does.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Axis:
     overrides: Callable[[Deck, Value], tuple[str, ...]]
     solver_only: bool = False
     logarithmic: bool = False
+    unit: str = ""
 
     @property
     def numeric(self) -> bool:
@@ -72,25 +75,28 @@ class Axis:
         return replace(self, values=tuple(values))
 
 
-def parse_values(text: str) -> tuple[tuple[Value, ...], bool]:
-    """Return the values that a text means and whether they are spaced logarithmically.
+def parse_values(text: str, unit: str | None = None) -> tuple[tuple[Value, ...], bool, str]:
+    """Return the values that a text means, whether they are spaced logarithmically, and their SI unit.
 
     Parameters
     ----------
     text : str
-        ``log(first, last, count)``, ``lin(first, last, count)`` or values between commas.
+        ``log(first, last, count)``, ``lin(first, last, count)`` or values between commas; those with units
+        are taken to SI.
+    unit : str, optional
+        SI unit that values with units must have.
 
     Raises
     ------
     AxisError
-        If it is none of these.
+        If it is none of these, or of another unit.
 
     Examples
     --------
     >>> parse_values("log(1, 100, 3)")
-    ((1.0, 10.0, 100.0), True)
-    >>> parse_values("2, 4, 8"), parse_values("gauss,gear")
-    (((2.0, 4.0, 8.0), False), (('gauss', 'gear'), False))
+    ((1.0, 10.0, 100.0), True, '')
+    >>> parse_values("2 cm, 1 m"), parse_values("gauss,gear")
+    (((0.02, 1.0), False, 'm'), (('gauss', 'gear'), False, ''))
     """
     try:
         found = read_values(text, _MOST)
@@ -98,7 +104,9 @@ def parse_values(text: str) -> tuple[tuple[Value, ...], bool]:
         raise AxisError(str(error)) from None
     if found.kind:
         raise AxisError(f"'{text}' is random; an axis has values, random ones are for hfsim sweep")
-    return found.listed, found.logarithmic
+    if unit is not None and found.quantities and found.unit != unit:
+        raise AxisError(f"'{text}': values are {f'in {unit}' if unit else 'numbers'}")
+    return tuple(map(found.in_si, found.listed)), found.logarithmic, found.unit
 
 
 # --- kinds of axes -------------------------------------------------------------------------------
@@ -116,9 +124,9 @@ def vary(text: str) -> Axis:
     path = path.strip()
     if not equals or not path:
         raise AxisError(f"'{text}': write PATH=log(first,last,count), PATH=lin(...) or PATH=a,b,c")
-    numbers, logarithmic = parse_values(values)
+    numbers, logarithmic, unit = parse_values(values)
     solver = path.startswith("solve.") and path not in ("solve.duration", "solve.model")
-    return Axis(path, numbers, lambda deck, value: (f"{path}={written(value)}",), solver, logarithmic)
+    return Axis(path, numbers, lambda deck, value: (f"{path}={written(value)}",), solver, logarithmic, unit)
 
 
 _Changes: TypeAlias = Callable[[Deck, float], Iterator[tuple[str, object]]]
@@ -126,14 +134,16 @@ _Changes: TypeAlias = Callable[[Deck, float], Iterator[tuple[str, object]]]
 
 
 def _named(name: str, changes: _Changes) -> Callable[[str], Axis]:
+    unit = "s" if name == "step" else ""
+
     def read(text: str) -> Axis:
-        values, logarithmic = parse_values(text)
+        values, logarithmic, _ = parse_values(text, unit)
 
         def overrides(deck: Deck, value: Value) -> tuple[str, ...]:
             assert not isinstance(value, str)
             return tuple(f"{path}={json.dumps(new)}" for path, new in changes(deck, value))
 
-        axis = Axis(name, values, overrides, name == "step", logarithmic)
+        axis = Axis(name, values, overrides, name == "step", logarithmic, unit)
         if not axis.numeric or min(v for v in values if not isinstance(v, str)) <= 0.0:
             raise AxisError(f"'{text}': values of {name} are positive numbers")
         return axis

@@ -9,6 +9,7 @@ import time
 from dataclasses import replace
 from pathlib import Path
 
+import click
 import numpy as np
 import pytest
 from click.testing import CliRunner
@@ -23,6 +24,7 @@ from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.studies.axes import NAMED, AxisError, parse_values, point_overrides, vary
 from hfsim.studies.farm import Farm, Here, JobLostError, Task
+from hfsim.studies.stability.mapper import Mapper
 from hfsim.studies.stability.maps import stability_map
 from hfsim.studies.stability.results import Plan
 from hfsim.studies.stability.trials import Job, solve_point, solve_reference
@@ -152,10 +154,10 @@ def test_no_worker_outlives_its_study(tmp_path, number):
 
 
 def test_values_are_spaced_as_asked():
-    values, logarithmic = parse_values("log(1e5, 1e12, 8)")
+    values, logarithmic, _ = parse_values("log(1e5, 1e12, 8)")
     assert values == pytest.approx([10.0**k for k in range(5, 13)]) and logarithmic
-    assert parse_values("lin(0,1,3)") == ((0.0, 0.5, 1.0), False)
-    assert parse_values("[2, 4]") == ((2.0, 4.0), False)
+    assert parse_values("lin(0,1,3)") == ((0.0, 0.5, 1.0), False, "")
+    assert parse_values("[2, 4]") == ((2.0, 4.0), False, "")
 
 
 @pytest.mark.parametrize("text", ["", "1,,2", "log(0,1,3)", "log(1,2,x)", "lin(1,2,0)", "nan", "inf,1"])
@@ -322,6 +324,48 @@ def test_a_map_puts_every_point_into_a_class():
         if p.outcome == "accurate":
             assert p.verdict.time_error < 1e-2 and p.verdict.model_error == 0.0
     assert result.points[-1].overrides[-1] == "solve.step=1.0"
+
+
+def test_axes_have_their_units_in_tables_and_pictures():
+    from hfsim.output.plots.stability import _map_figure, _strips_figure
+
+    axes = vary("springs.coil.stiffness=50 N m/rad,0.1 kN m/rad"), NAMED["step"]("50 ms, 0.1")
+    found = stability_map(parse_deck(WHEEL), plan(*axes, methods=("gauss",)))
+    assert [axis.values for axis in found.axes] == [(50.0, 100.0), (0.05, 0.1)]
+    labels = ["springs.coil.stiffness [N m/rad]", "step [s]"]
+    text = map_text(found, Path("out"))
+    assert f"{labels[0]} \\ {labels[1]}" in text
+    panel = _map_figure(found).axes[0]
+    assert [panel.get_ylabel(), panel.get_xlabel()] == labels
+    strip = stability_map(parse_deck(WHEEL), plan(vary("solve.duration=0.1,0.2"), methods=("gauss",)))
+    assert _strips_figure(strip).axes[0].get_xlabel() == "solve.duration [s]"
+    assert "solve.duration [s]" in map_text(strip, Path("out"))
+    axis = vary("solve.coordinates=auto,absolute")
+    (words,) = stability_map(parse_deck(WHEEL), plan(axis, methods=("gauss",))).axes
+    assert (words.values, words.label) == (("auto", "absolute"), "solve.coordinates")
+
+
+@pytest.mark.parametrize(("axis", "text"), [("step", "1 kg, 2 kg"), ("stiffness", "1 m, 2 m")])
+def test_values_of_another_unit_are_no_values_of_an_axis(axis, text):
+    with pytest.raises(AxisError, match="values are"):
+        NAMED[axis](text)
+
+
+def test_rates_may_have_units():
+    from hfsim.commands.modes import read_rates
+
+    assert read_rates("60 rpm, 30 rpm") == pytest.approx((np.pi, 2 * np.pi))
+    with pytest.raises(click.UsageError, match="in rad/s"):
+        read_rates("1 kg, 2 kg")
+
+
+def test_a_map_that_is_not_finished_has_points_of_all_models(monkeypatch):
+    """Models come before methods: what there is time for is told of each."""
+    asked = []
+    monkeypatch.setattr(Mapper, "compute", lambda self, wanted: asked.extend(wanted) or {})
+    stability_map(parse_deck(WHEEL), plan(methods=("gauss", "gear"), models=("linear", "exact")))
+    rows = [("linear", "gauss"), ("exact", "gauss"), ("linear", "gear"), ("exact", "gear")]
+    assert [(model, method) for _, model, method in asked] == rows
 
 
 def test_a_refused_value_is_a_point_and_a_hopeless_map_is_refused():

@@ -60,7 +60,7 @@ def _map_figure(result: StabilityMap) -> Figure:
     methods = list(dict.fromkeys(method for _, method in result.rows()))
     figure = new_figure((2.6 + 2.9 * len(methods), 1.2 + 2.3 * len(models)))
     panels = figure.subplots(len(models), len(methods), squeeze=False, sharex=True, sharey=True)
-    (y_name, ys, _), (x_name, xs, _) = result.axes
+    ys, xs = (axis.values for axis in result.axes)
     for i, model in enumerate(models):
         for j, method in enumerate(methods):
             axes: Axes = panels[i, j]
@@ -70,9 +70,9 @@ def _map_figure(result: StabilityMap) -> Figure:
             axes.set_title(f"{model}, {method}", fontsize=10)
             _value_ticks(axes, xs, "x")
             _value_ticks(axes, ys, "y")
-        panels[i, 0].set_ylabel(y_name)
+        panels[i, 0].set_ylabel(result.axes[0].label)
     for axes in panels[-1]:
-        axes.set_xlabel(x_name)
+        axes.set_xlabel(result.axes[1].label)
     figure.suptitle(f"{result.name}: where methods and models hold", fontsize=12, x=0.01, ha="left")
     _class_legend(figure, result)
     return figure
@@ -80,7 +80,7 @@ def _map_figure(result: StabilityMap) -> Figure:
 
 def _strips_figure(result: StabilityMap) -> Figure:
     """Draw one strip for each model and method along the one axis."""
-    rows, (name, values, _) = result.rows(), result.axes[0]
+    rows, values = result.rows(), result.axes[0].values
     figure = new_figure((min(14.0, 4.2 + 0.55 * len(values)), 1.6 + 0.42 * len(rows)))
     axes = figure.subplots()
     classes = []
@@ -91,7 +91,7 @@ def _strips_figure(result: StabilityMap) -> Figure:
     _value_ticks(axes, values, "x")
     axes.set_yticks(range(len(rows)), [f"{model}, {method}" for model, method in rows])
     axes.invert_yaxis()
-    axes.set_xlabel(name)
+    axes.set_xlabel(result.axes[0].label)
     set_title(figure, f"{result.name}: where methods and models hold")
     _class_legend(figure, result)
     return figure

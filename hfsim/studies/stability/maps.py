@@ -10,7 +10,9 @@ from collections.abc import Iterable, Sequence
 from itertools import product
 from typing import Any
 
+from hfsim.deck.overrides import unit_of
 from hfsim.deck.ranges import Value
+from hfsim.deck.source import path_in
 from hfsim.errors import DeckError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
@@ -18,7 +20,7 @@ from hfsim.studies.axes import Axis, point_overrides
 from hfsim.studies.farm import Executor
 from hfsim.studies.stability.bisection import bisected
 from hfsim.studies.stability.mapper import Mapper
-from hfsim.studies.stability.results import Boundary, MapPoint, Plan, StabilityMap, Wanted
+from hfsim.studies.stability.results import Boundary, MapAxis, MapPoint, Plan, StabilityMap, Wanted
 
 
 def coarse_first(count: int) -> list[int]:
@@ -77,14 +79,17 @@ def stability_map(
     """
     _refuse_hopeless(loaded, plan)
     mapper = Mapper(loaded, plan, report, executor)
-    rows = list(product(plan.models, plan.methods))
+    rows = [(model, method) for method in plan.methods for model in plan.models]
     found = mapper.compute((values, *row) for values in _coarse_cells(plan.axes) for row in rows)
     boundaries: tuple[Boundary, ...] = ()
     if bisect is not None and not mapper.interrupted:
         boundaries = bisected(mapper, plan, found, bisect, ending)
     left = any(p.outcome == "not computed" for p in found.values())
     status = "interrupted" if mapper.interrupted else "over budget" if left else "done"
-    axes = tuple((axis.name, _along(axis, found, i), axis.logarithmic) for i, axis in enumerate(plan.axes))
+    axes = tuple(
+        MapAxis(axis.name, _along(axis, found, i), axis.logarithmic, axis.unit or _unit(loaded, axis.name))
+        for i, axis in enumerate(plan.axes)
+    )
     return StabilityMap(
         name=loaded.deck.name, status=status, axes=axes, bounds=plan.bounds, seconds=plan.seconds,
         used=mapper.used, points=_in_order(found.values(), plan), boundaries=boundaries,
@@ -103,6 +108,10 @@ def _along(axis: Axis, found: dict[Wanted, MapPoint], index: int) -> tuple[Value
     if not axis.numeric:
         return axis.values
     return tuple(sorted({values[index] for values, _, _ in found}, key=float))
+
+
+def _unit(loaded: LoadedDeck, path: str) -> str:
+    return unit_of(loaded.deck, path_in(loaded.source.data, path))
 
 
 def _refuse_hopeless(loaded: LoadedDeck, plan: Plan) -> None:

@@ -101,6 +101,31 @@ class Boundary:
 
 
 @dataclass(frozen=True)
+class MapAxis:
+    """An axis of a map that was made.
+
+    Attributes
+    ----------
+    name : str
+        Key of the deck, or the name of a scaling.
+    values : tuple of float or str
+    logarithmic : bool
+    unit : str
+        SI unit of the values; empty where there is none.
+    """
+
+    name: str
+    values: tuple[Value, ...]
+    logarithmic: bool = False
+    unit: str = ""
+
+    @property
+    def label(self) -> str:
+        """Name and unit."""
+        return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+
+@dataclass(frozen=True)
 class StabilityMap:
     """Everything a study found.
 
@@ -110,7 +135,7 @@ class StabilityMap:
         Name of the deck.
     status : str
         ``done``, ``over budget`` or ``interrupted``.
-    axes : tuple of (name, values, whether logarithmic)
+    axes : tuple of MapAxis
     bounds : Bounds
     seconds, used : float
         Wall time allowed and used [s].
@@ -121,7 +146,7 @@ class StabilityMap:
 
     name: str
     status: str
-    axes: tuple[tuple[str, tuple[Value, ...], bool], ...]
+    axes: tuple[MapAxis, ...]
     bounds: Bounds
     seconds: float
     used: float

@@ -115,14 +115,10 @@ def gathered(
             column[k] = told.setdefault(row[key] or "", row[key] or "")  # each text once
     columns = {**_varied(plan), **numbers, **words}
     deck, data = loaded.deck, loaded.source.data
-    units = {path: unit_of(deck, path_in(data, path)) or _unit_of_texts(plan, path) for path in plan.paths}
+    units = {
+        path: unit_of(deck, path_in(data, path)) or values.unit for path, values in plan.by_path.items()
+    }
     return Sweep(deck.name, status, plan, columns, tuple(collected), missing, units)
-
-
-def _unit_of_texts(plan: Plan, path: str) -> str:
-    """Return the SI unit of values that are texts with one, as those of parameters may be."""
-    units = {unit for _, unit in plan.by_path[path].quantities.values()}
-    return units.pop().strip("-") if len(units) == 1 else ""
 
 
 def _varied(plan: Plan) -> dict[str, Array]:
