@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.integrators import Trajectory
+from hfsim.marching.rounding import ROUNDING
 from hfsim.maths.arrays import Array, random_signs
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.system import System
@@ -22,7 +23,12 @@ INNER_POINTS = 16
 LOOKED_INTO = 500
 """Steps, spread over the run, inside which the kinetic energy is looked at for its range."""
 ROUND_OFF = 1e5
-"""Energy, over what rounding the coordinates does to the energies, from which a drift can be told."""
+"""Energy, over what rounding the coordinates does to the energies, from which a motion is more than that."""
+AT_REST = 1e4
+"""Energy of a motion, over what changes of the coordinates by `ROUNDING` do to the energies, from which the
+drift is a share of it alone."""
+EXPLAINED = 10.0
+"""Drift, over the same, that such changes explain."""
 
 FAR = 1e6
 """Coordinates, over the largest at the start (or 1), beyond which their rounding is no excuse for a drift."""
@@ -78,8 +84,10 @@ def energies_of(system: System, t: Array, x: Array, u: Array) -> Array:
     return np.stack([system.kinetic_energy(x, u), system.strain_energy(x), system.potential_energy(t, x)])
 
 
-def rounding_of(system: System, t: Array, x: Array, energies: Array) -> float:
-    """Return by how much stored energies change at most when the last digit of each coordinate does.
+def rounding_of(
+    system: System, t: Array, x: Array, energies: Array, share: float = np.finfo(float).eps
+) -> float:
+    """Return by how much stored energies change at most when each coordinate does by a share of its size.
 
     Parameters
     ----------
@@ -88,8 +96,10 @@ def rounding_of(system: System, t: Array, x: Array, energies: Array) -> float:
     x : ndarray, shape (n_batch, n_x)
     energies : ndarray, shape (3, n_batch)
         Kinetic, strain and potential energy there [J].
+    share : float
+        Of the largest coordinate; without it that of the last digit.
     """
-    last_digit = np.finfo(float).eps * np.maximum(np.abs(x), np.abs(x).max(axis=1, keepdims=True))
+    last_digit = share * np.maximum(np.abs(x), np.abs(x).max(axis=1, keepdims=True))
     largest = 0.0
     for signs in random_signs((ROUNDINGS, *x.shape)):
         rounded = x + last_digit * signs
@@ -103,8 +113,9 @@ class Balance:
 
     The drift is the largest difference between the total energy and its initial value plus the work
     put in since, over the largest of the energies' ranges, those of the kinetic energy inside the steps
-    included: steps may begin and end at rest.  Where nothing moves the energies are round-off, and so is
-    their drift: the range is taken to be at least `ROUND_OFF` times that.
+    included: steps may begin and end at rest.  Where nothing moves, what the energies change by is that of
+    coordinates that are off by `ROUNDING`, which no tolerance is below: no drift up to `EXPLAINED` times
+    that, and beyond it a share of at least `AT_REST` times that.
     """
 
     def __init__(self, system: System) -> None:
@@ -131,7 +142,8 @@ class Balance:
             self._ranges[1] = np.maximum(self._ranges[1], energies.max(axis=1))
             sums[_Sum.FINAL] = total[-1]
             self._raise(_Sum.RESIDUAL, np.abs(total - sums[_Sum.INITIAL] - work[part]).max())
-            self._raise(_Sum.ROUNDING, rounding_of(system, t[near], x[near], energies[:, near]))
+            rounding = rounding_of(system, t[near], x[near], energies[:, near], ROUNDING)
+            self._raise(_Sum.ROUNDING, rounding)
             self._raise(_Sum.POSITION, np.abs(system.residual(t, x)).max(initial=0.0))
             self._raise(_Sum.VELOCITY, np.abs(system.drift(t, x, u)).max(initial=0.0))
         self._raise(_Sum.MOST_WORK, np.abs(work).max())
@@ -147,9 +159,12 @@ class Balance:
         sums, (least, most) = self._sums, self._ranges
         sizes = np.maximum(np.abs(least), np.abs(most))[:2]
         ranges = (most - least).max(), sizes.max(), sums[_Sum.MOST_WORK]
-        scale = float(max(*ranges, sums[_Sum.INNER], ROUND_OFF * sums[_Sum.ROUNDING]))
+        scale, least_scale = float(max(*ranges, sums[_Sum.INNER])), AT_REST * float(sums[_Sum.ROUNDING])
+        residual = float(sums[_Sum.RESIDUAL])
+        if scale < least_scale:
+            residual, scale = max(0.0, residual - EXPLAINED * float(sums[_Sum.ROUNDING])), least_scale
         return {
-            "energy_drift": _share(float(sums[_Sum.RESIDUAL]), scale),
+            "energy_drift": _share(residual, scale),
             "energy_initial": float(sums[_Sum.INITIAL]),
             "energy_final": float(sums[_Sum.FINAL]),
             "work_done": float(sums[_Sum.WORK]),
