@@ -18,7 +18,7 @@ MAX_STATES = 4000
 """States looked at in one batch."""
 
 INNER_POINTS = 16
-"""Gauss points in a step at which power is looked at: as many as the longest steps have stages."""
+"""Gauss points in a step at which power is looked at, at least: as many as the steps have stages."""
 
 LOOKED_INTO = 500
 """Steps, spread over the run, inside which the kinetic energy is looked at for its range."""
@@ -44,7 +44,7 @@ class StepSamples(NamedTuple):
     ----------
     t : ndarray, shape (n_steps + 1,)
     q, v : ndarray, shape (n_steps + 1, n)
-    inner : ndarray, shape (n_steps, INNER_POINTS)
+    inner : ndarray, shape (n_steps, n_points)
         Gauss points of each step; ``weights`` [s] of the same shape.
     """
 
@@ -58,8 +58,8 @@ class StepSamples(NamedTuple):
 
 def step_samples(trajectory: Trajectory) -> StepSamples:
     """Collect the states at the ends of the steps."""
-    places, weights = gauss_legendre(INNER_POINTS)
     segments = trajectory.segments
+    places, weights = gauss_legendre(max([INNER_POINTS, *(len(s.series) for s in segments)]))
     t = trajectory.step_ends()
     h = np.diff(t)[:, None]
     return StepSamples(
@@ -211,7 +211,7 @@ def _inner_kinetic(system: System, steps: StepSamples) -> float:
     if not len(steps.inner):
         return 0.0
     chosen = slice(None, None, 1 + len(steps.inner) // LOOKED_INTO)
-    middle = steps.inner[chosen, :: INNER_POINTS // 4].ravel()
+    middle = steps.inner[chosen, :: steps.inner.shape[1] // 4].ravel()
     q, v = steps.trajectory.at(middle)
     x, u = system.absolute(q), system.absolute_velocity(q, v)
     return float(system.kinetic_energy(x, u).max())
@@ -235,7 +235,7 @@ def _work(system: System, steps: StepSamples) -> Array:
         q, v = system.project(times, q, v)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
         try:
-            powers.append(system.power(times, x, u).reshape(-1, INNER_POINTS))
+            powers.append(system.power(times, x, u).reshape(-1, steps.inner.shape[1]))
         except np.linalg.LinAlgError:
             return np.full(len(steps.t), np.nan)
     gained = np.sum(np.concatenate(powers) * steps.weights, axis=1) if powers else np.zeros(0)

@@ -89,7 +89,7 @@ def cost_columns(comparison: Comparison) -> tuple[Column, ...]:
         Column("CPU: solve", _solve),
         *(time_of(phase) for phase in _PHASES if any(phase in m.cpu_s for m in comparison.models)),
         Column("time error", lambda model: None if model.time_error is None else percent(model.time_error)),
-        Column("worst difference", worst),
+        Column("worst beyond time error", worst),
     )
 
 

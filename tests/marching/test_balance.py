@@ -87,6 +87,23 @@ def test_weight_on_what_holds_it_does_not_drift():
     assert drift(HUNG) == 0.0
 
 
+SHAKEN = """
+hfsim: 1
+gravity: [0.0, -9.81]
+bodies: {bar: {type: rigid, mass: 0.1, inertia: 1.0e-3, points: {foot: [-0.15, 0.0]}}}
+joints:
+  shake: {type: motion, between: [ground, bar.foot], hinged: true,
+          y: {type: sine, amplitude: 5 mm, frequency: 30 Hz}}
+initial: {bar: {angle: 80 deg}}
+solve: {duration: 3.0, method: gauss, stages: 20}
+"""
+
+
+def test_the_work_of_a_shaker_is_counted_as_finely_as_its_steps_are_solved():
+    """Steps of two periods, whose error 20 stages keep at 1e-6: 16 points of power told a drift of 8e-5."""
+    assert drift(SHAKEN) < 1e-5
+
+
 @pytest.mark.parametrize("angle", [0.5, 1e-6])
 def test_energy_that_is_lost_is_told_however_small_the_motion(angle):
     lossy = ["solve.method=radau", "solve.stages=1", "solve.step=0.01"]
