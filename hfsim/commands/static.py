@@ -54,8 +54,9 @@ def static(
     """Find where the scene of a DECK comes to rest, under the loads that act at t = 0 or --at T.
 
     Loads and weight are put on in steps, and a scene that nothing holds at first, such as a pendulum, is
-    let down to where it hangs. Results are those of a run with one row: history.csv, summary.json, pictures;
-    --set output.shapes=true writes the shapes. Rates, dampers and friction count for nothing.
+    let down to where it hangs. Results are those of a run with one row, in '<deck name>.static' or -o DIR:
+    history.csv, summary.json, pictures; --set output.shapes=true writes the shapes. Rates, dampers and
+    friction count for nothing.
 
     With --path a row for each point of the path from no load to the whole load, which may turn round on the
     way; with --buckling the smallest load factors at which the scene gives way.
@@ -104,7 +105,7 @@ def _do(
     name, provenance = loaded.deck.name, Provenance.of(loaded, argument, overrides)
     folder: RunFolder | None = None
     if to.output != Path("-"):
-        folder = claim(to.output or Path(folder_name(name, ".out")), to.force)
+        folder = claim(to.output or Path(folder_name(name, ".static")), to.force)
         if folder.replaces:
             talk.note(f"{folder.path}: replacing {folder.replaces}")
     log = RunLog(talk.detail)

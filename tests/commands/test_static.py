@@ -6,6 +6,7 @@ import pytest
 from click.testing import CliRunner
 
 import hfsim
+from hfsim.cli import app
 from hfsim.commands.static import static
 
 
@@ -22,7 +23,7 @@ def call(*arguments):
 def test_the_folder_is_that_of_a_run_with_one_row(here):
     done = call("pendulum", "--vtk", "--set", "output.shapes=csv")
     assert done.exit_code == 0 and "equilibrium, stable" in done.stdout
-    folder = here / "pendulum.out"
+    folder = here / "pendulum.static"
     summary = json.loads((folder / "summary.json").read_text())
     assert summary["kind"] == summary["method"] == "static" and summary["stable"] is True
     rows = (folder / "history.csv").read_text().splitlines()
@@ -37,6 +38,14 @@ def test_the_folder_is_that_of_a_run_with_one_row(here):
     again = call("pendulum", "--force", "--no-plots", "--json")
     assert again.exit_code == 0 and json.loads(again.stdout)["kind"] == "static"
     assert not (folder / "plots" / "shapes.png").exists()
+
+
+def test_a_run_and_an_equilibrium_of_one_deck_have_folders_of_their_own(here):
+    run = ["run", "pendulum", "--no-plots", "--set", "solve.duration=0.01"]
+    assert CliRunner().invoke(app, run).exit_code == 0
+    assert call("pendulum", "--no-plots").exit_code == 0
+    paths = [here / f"pendulum.{kind}/summary.json" for kind in ("out", "static")]
+    assert [json.loads(path.read_text()).get("kind") for path in paths] == [None, "static"]
 
 
 def test_rows_go_to_standard_output(here):
@@ -54,7 +63,7 @@ def test_what_nothing_holds_ends_with_exit_code_3_and_is_kept(here):
     done = call("flying_spaghetti", "--no-plots")
     assert done.exit_code == 3
     assert "nothing holds what the loads push: noodle: floats" in done.stderr
-    summary = json.loads((here / "flying_spaghetti.out" / "summary.json").read_text())
+    summary = json.loads((here / "flying_spaghetti.static" / "summary.json").read_text())
     assert summary["status"] == "failed" and summary["failure"]["item"] == "bodies.noodle"
     assert summary["stable"] is None and summary["load"] == 0.0
 

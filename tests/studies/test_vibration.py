@@ -434,6 +434,19 @@ def test_the_command_writes_what_it_tells(tmp_path):
         assert np.linalg.svd(value**2 * M + value * C + K)[1][-1] < 1e-7 * np.abs(K).max()
 
 
+def test_curves_of_a_campbell_diagram_go_through_their_crossings(monkeypatch, tmp_path):
+    from hfsim.output.plots import modes as pictures
+
+    drawn = {}
+    monkeypatch.setattr(pictures, "save", lambda figures, folder: drawn.update(figures) or [])
+    found = hfsim.campbell(parse_deck(blade("linear", 1, 3000.0, 3)), np.linspace(0.0, 5.0, 3), count=2)
+    pictures.draw_campbell(found, tmp_path)
+    curve = drawn["campbell"].axes[0].lines[0].get_xydata()
+    crossings = [(one.rate, one.frequency) for one in found.crossings if one.track == 1]
+    assert crossings and all((np.abs(curve - one).max(axis=1) == 0.0).any() for one in crossings)
+    assert (np.diff(curve[:, 0]) >= 0.0).all()
+
+
 def test_the_command_draws_campbell_diagrams_and_says_what_is_unstable(tmp_path):
     deck = tmp_path / "blade.yaml"
     deck.write_text(blade("linear", 1, 70.0, 2))

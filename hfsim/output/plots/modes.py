@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.figures import bare, dress, new_figure, outside_legend, set_title
+from hfsim.output.plots.figures import dress, new_figure, outside_legend, set_title
 from hfsim.output.plots.files import save
 from hfsim.output.plots.space import oblique
 from hfsim.output.plots.style import BLUE, RED, colour
@@ -73,12 +73,10 @@ def _page(found: Modes, modes: Sequence[Mode]) -> Figure:
             axes.set_axis_off()
             _ground_axes(axes, low, high)
         else:
-            bare(axes)
+            dress(axes, "x [m]", "y [m]")
             axes.tick_params(labelsize=8)
-    for axes in () if spatial else panels[-1]:
-        axes.set_xlabel("x [m]", fontsize=8)
-    for axes in () if spatial else panels[:, 0]:
-        axes.set_ylabel("y [m]", fontsize=8)
+            axes.xaxis.label.set(fontsize=8, visible=axes in panels[-1])
+            axes.yaxis.label.set(fontsize=8, visible=axes in panels[:, 0])
     about = found.about
     turning = ", seen from axes that turn" if about.axes_turn else ""
     words = (
@@ -162,7 +160,12 @@ def draw_campbell(result: Campbell, folder: Path) -> list[str]:
     for k, numbers in enumerate(_together(result)):
         values = result.frequencies(numbers[0])
         label = f"mode {numbers[0]}" if len(numbers) == 1 else f"modes {', '.join(map(str, numbers))}"
-        axes.plot(rates, values, color=colour(k), linewidth=1.5, marker="o", markersize=3.0, label=label)
+        own = [one for one in result.crossings if one.track == numbers[0]]
+        every = np.concatenate([rates, [one.rate for one in own]])
+        curve = np.concatenate([values, [one.frequency for one in own]])
+        sorted_places = np.argsort(every, kind="stable")
+        axes.plot(every[sorted_places], curve[sorted_places], color=colour(k), linewidth=1.5, label=label)
+        axes.plot(rates, values, "o", color=colour(k), markersize=3.0)
         top = max(top, float(np.nanmax(values, initial=0.0)))
         tracks = [result.tracks[number - 1] for number in numbers]
         bad = [j for j, modes in enumerate(zip(*tracks, strict=True)) if any(m and m.unstable for m in modes)]
