@@ -12,7 +12,7 @@ from hfsim.commands.check import free_motions
 from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import repeats_option, setting_options, talk_options
 from hfsim.output.talk import Talk
-from hfsim.output.text import Column, table, wrapped
+from hfsim.output.text import Column, plural, table, wrapped
 
 if TYPE_CHECKING:
     from hfsim.scene.loading import LoadedDeck
@@ -85,7 +85,8 @@ def as_text(name: str, facts: Mapping[str, Any], verbose: bool = False) -> str:
     columns = [entry for entry in facts["kept"] if "columns" in entry]
     lines = [
         wrapped(
-            f"model {facts['model']}, {sizes['unknowns']} unknowns, {sizes['multipliers']} multipliers "
+            f"model {facts['model']}, {plural(sizes['unknowns'], 'unknown')}, "
+            f"{plural(sizes['multipliers'], 'multiplier')} "
             f"(with --keep-all: {every['unknowns']}, {every['multipliers']})",
             f"{name}: ",
         ),

@@ -11,7 +11,7 @@ from hfsim.errors import INTERRUPTIONS
 from hfsim.marching.rounding import LEAST, ROUNDING, sizes_of
 from hfsim.maths.kernel import MISSING
 from hfsim.output.talk import Talk, print_error
-from hfsim.output.text import Column, as_table, brief, number, table, wrapped
+from hfsim.output.text import Column, as_table, brief, number, plural, table, wrapped
 from hfsim.parts.channels import is_judged
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     facts = {
         "model": f"{run.model}; {'methods' if ',' in run.method else 'method'} {_method(run, summary)}",
         **_models(summary),
-        "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
+        "size": sizes(summary),
         "steps": _steps(summary),
         "CPU time": _times(summary["cpu_s"]),
         **({"kernel": f"numpy: {MISSING}"} if MISSING else {}),
@@ -87,6 +87,17 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     lines = fact_lines(facts, folder)
     levels = level_table(summary["refinement"]) if summary.get("refinement") else []
     return "\n".join([*lines, *levels, *last_values(run, summary)])
+
+
+def sizes(facts: Mapping[str, Any]) -> str:
+    """Return how many unknowns and multipliers a scene has.
+
+    Examples
+    --------
+    >>> sizes({"unknowns": 1, "multipliers": 0})
+    '1 unknown, 0 multipliers'
+    """
+    return ", ".join(plural(facts[f"{one}s"], one) for one in ("unknown", "multiplier"))
 
 
 def fact_lines(facts: Mapping[str, str], folder: Path | None) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from hfsim.output.report import fact_lines, findings, last_values, tell_doubts
+from hfsim.output.report import fact_lines, findings, last_values, sizes, tell_doubts
 from hfsim.output.talk import Talk, print_error
 from hfsim.output.text import number, plural
 
@@ -38,7 +38,7 @@ def as_text(run: Run, summary: Mapping[str, Any], folder: Path | None) -> str:
     steps, how = summary["steps"], "relaxation step" if summary["relaxed"] else "load step"
     facts = {
         "model": run.model,
-        "size": f"{number(summary['unknowns'])} unknowns, {number(summary['multipliers'])} multipliers",
+        "size": sizes(summary),
         "found by": f"{plural(steps, how)}, {plural(summary['newton_iterations'], 'iteration')}",
         "slowest motion": _slowest(summary["smallest_eigenvalue"]),
         "critical": _critical(summary),

@@ -339,7 +339,8 @@ def sweep_text(sweep: Sweep, path: Path, wall: float, there: int) -> str:
         facts = _range(sweep, name)
         if facts is not None:
             cells = (facts["min"], facts["min_run"], facts["max"], facts["max_run"], facts["mean"])
-            rows.append([name, *(f"{one:.6g}" if isinstance(one, float) else str(one) for one in cells)])
+            label = f"{name} [{sweep.units[name]}]" if sweep.units[name] else name
+            rows.append([label, *(f"{one:.6g}" if isinstance(one, float) else str(one) for one in cells)])
     if rows:
         head = ["collected", "least", "in run", "most", "in run", "mean"]
         lines.append(as_table([head, *rows[:_TOLD]]))

@@ -12,6 +12,7 @@ from hfsim.marching.between import ROUNDING
 from hfsim.marching.solution import Run
 from hfsim.maths.arrays import Array, cumulative
 from hfsim.maths.shapes import gauss_legendre
+from hfsim.parts.channels import kind_of
 
 _SAME = 1e-9
 """Share of the time between two rows, from one of which a time counts as that row's."""
@@ -29,6 +30,15 @@ class CollectError(HfsimError):
     """A run does not have a quantity."""
 
     exit_code = 3
+
+
+_UNITS = {"frequency": "Hz"}
+"""Units of quantities that are not of channels."""
+
+
+def unit_of_quantity(quantity: Quantity) -> str:
+    """Return the SI unit of a quantity; empty where it has none."""
+    return kind_of(quantity.channel).unit if quantity.channel else _UNITS.get(quantity.kind, "")
 
 
 def channels_of(quantities: Iterable[Quantity]) -> tuple[str, ...]:

@@ -499,11 +499,11 @@ def test_what_is_varied_is_drawn_with_its_unit():
 
     vary = {"bodies.hub.mass": "lin(1, 2, 7)", STIFF: "lin(50, 100, 7)"}
     found = hfsim.sweep(parse_deck(WHEEL), vary, ["frequency(1)"])
-    assert found.units == {"bodies.hub.mass": "kg", STIFF: "N m/rad"}
+    assert found.units == {"bodies.hub.mass": "kg", STIFF: "N m/rad", "frequency(1)": "Hz"}
     axes = _over_two(found, list(vary), "frequency(1)").axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("bodies.hub.mass [kg]", f"{STIFF} [N m/rad]")
     words = hfsim.sweep(parse_deck(WHEEL), {"solve.model": "exact, linear"}, ["frequency(1)"])
-    assert words.units == {"solve.model": ""}
+    assert words.units == {"solve.model": "", "frequency(1)": "Hz"}
 
 
 def test_texts_with_units_are_numbers_in_si(wheel):
@@ -514,7 +514,7 @@ def test_texts_with_units_are_numbers_in_si(wheel):
     assert found["bodies.hub.mass"].tolist() == [0.5, 0.5, 2.0, 2.0, 1.5, 1.5]
     assert found["parameters.rate"][:2] == pytest.approx([math.pi, 1.0], rel=1e-15)
     assert found["max(hub.angle)"][:2] == pytest.approx([math.pi / 10, 0.1], rel=1e-6)
-    assert found.units == {"bodies.hub.mass": "kg", "parameters.rate": "rad/s"}
+    assert found.units == {"bodies.hub.mass": "kg", "parameters.rate": "rad/s", "max(hub.angle)": "rad"}
     assert [float(row["bodies.hub.mass"]) for row in rows_of("written")] == [0.5, 0.5, 2.0, 2.0, 1.5, 1.5]
     mixed = hfsim.sweep("wheel.yaml", {"solve.coordinates": ["auto", "absolute"]}, ["max(hub.angle)"])
     assert mixed["solve.coordinates"].tolist() == ["auto", "absolute"]
@@ -540,3 +540,18 @@ def test_a_derivative_is_taken_at_a_text_with_a_unit(wheel):
 def test_ranges_are_told_with_units(wheel):
     told = call("wheel.yaml", "--vary", "bodies.hub.mass=500 g,2 kg", "--no-plots").stdout
     assert "bodies.hub.mass: 2 values from 0.5 to 2 kg" in told
+    assert "  max(hub.angle) [rad]  " in told and "  final(hub.rim.x) [m]  " in told
+
+
+def test_titles_of_pictures_are_not_cut_off(wheel):
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    from hfsim.output.plots.sweep import _effects, _matrix
+
+    vary = {"bodies.hub.mass": "lin(1, 2, 2)", STIFF: "lin(50, 100, 2)"}
+    found = hfsim.sweep(parse_deck(WHEEL), vary, ["max(hub.angle)"])
+    for draw in (_effects, _matrix):
+        figure = draw(found, list(vary), ["max(hub.angle)"])
+        FigureCanvasAgg(figure).draw()
+        title = figure.texts[0].get_window_extent()
+        assert title.x0 >= 0.0 and title.x1 <= figure.bbox.width

@@ -15,7 +15,6 @@ from hfsim.output.plots.figures import new_figure, scaled
 from hfsim.output.plots.files import save
 from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.style import BLUE, RED, TIME_COLOURS, colour, slug
-from hfsim.parts.channels import kind_of
 from hfsim.studies.sweep.effects import groups, main_effects, mean_curve
 from hfsim.studies.sweep.result import Sweep
 from hfsim.studies.sweep.sensitivity import Sensitivity
@@ -56,20 +55,9 @@ def _slug(name: str) -> str:
     return slug(name.replace("(", "_").replace(")", "").replace(", ", "_"))
 
 
-def label_of(name: str) -> str:
-    """Return what is collected with its unit."""
-    if name.startswith("frequency("):
-        return with_unit(name, "Hz")
-    channel = name.split("(")[-1].rstrip(")").split(", ")[-1]
-    try:
-        return with_unit(name, kind_of(channel).unit)
-    except KeyError:
-        return name
-
-
-def _label(sweep: Sweep, path: str) -> str:
-    """Return an entry that is varied, with the unit of its numbers."""
-    return path if sweep[path].dtype == object else with_unit(path, sweep.units.get(path, ""))
+def _label(sweep: Sweep, name: str) -> str:
+    """Return what is varied or collected, with the unit of its numbers."""
+    return name if sweep[name].dtype == object else with_unit(name, sweep.units.get(name, ""))
 
 
 def _title(sweep: Sweep, words: str) -> str:
@@ -90,7 +78,7 @@ def _response(sweep: Sweep, path: str, name: str) -> Figure:
     axes.plot(places[known], values[known], f"o{line}", color=BLUE, markersize=4.5, linewidth=1.4)
     _mark_failed(axes, places[np.isnan(values)])
     _dress(axes, sweep, path, ticks)
-    scaled(axes.yaxis, label_of(name))
+    scaled(axes.yaxis, _label(sweep, name))
     axes.set_title(_title(sweep, f"{name} over {path}"), fontsize=12, loc="left", pad=10)
     return figure
 
@@ -173,7 +161,7 @@ def _curves(sweep: Sweep, path: str, other: str, name: str) -> Figure:
         shown = shown if len(mine) else f"{shown}: no value"
         axes.plot(places[mine], values[mine], "o-", color=own, markersize=4.5, linewidth=1.4, label=shown)
     _dress(axes, sweep, path, ticks)
-    scaled(axes.yaxis, label_of(name))
+    scaled(axes.yaxis, _label(sweep, name))
     axes.set_title(_title(sweep, f"{name} over {path}"), fontsize=12, loc="left", pad=10)
     figure.legend(loc="outside right upper", frameon=False, title=_label(sweep, other).split(".")[-1])
     return figure
@@ -198,7 +186,7 @@ def _heat_map(sweep: Sweep, paths: list[str], name: str) -> Figure:
         else:
             scaled(axis, _label(sweep, path))
     bar = figure.colorbar(mesh, ax=axes, pad=0.02)
-    scaled(bar.ax.yaxis, label_of(name))
+    scaled(bar.ax.yaxis, _label(sweep, name))
     axes.set_title(_title(sweep, name), fontsize=12, loc="left", pad=10)
     return figure
 
@@ -233,14 +221,14 @@ def _matrix(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
             if i == len(names) - 1:
                 axes.set_xlabel(_label(sweep, path), fontsize=9)
             if j == 0:
-                axes.set_ylabel(_short(name), fontsize=9)
+                axes.set_ylabel(_short(sweep, name), fontsize=9)
     figure.suptitle(_title(sweep, "all runs"), fontsize=12, x=0.01, ha="left")
     return figure
 
 
-def _short(name: str) -> str:
+def _short(sweep: Sweep, name: str) -> str:
     """Return a label in two lines where it is long."""
-    label = label_of(name)
+    label = _label(sweep, name)
     return label.replace("(", "(\n", 1) if len(label) > 24 else label
 
 
@@ -280,13 +268,12 @@ def _effects(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
             _dress_panel(axes, sweep, path, ticks)
             share = shares[name][path]
             if share is not None:
-                words = f"{100 * share:.0f} %"
-                axes.text(0.03, 0.9, words, transform=axes.transAxes, fontsize=8, color="0.35")
+                axes.set_title(f"{100 * share:.0f} %", loc="left", fontsize=8, color="0.35")
             if i == len(names) - 1:
                 axes.set_xlabel(_label(sweep, path), fontsize=9)
             if j == 0:
-                axes.set_ylabel(_short(name), fontsize=9)
-    words = "means over each entry, and the share of the variance they explain"
+                axes.set_ylabel(_short(sweep, name), fontsize=9)
+    words = "means, and shares of the variance"
     figure.suptitle(_title(sweep, words), fontsize=12, x=0.01, ha="left")
     return figure
 
@@ -311,7 +298,7 @@ def draw_elasticities(name: str, found: Sequence[Sensitivity], folder: Path) -> 
     axes.axvline(0.0, color="0.3", linewidth=0.8)
     axes.set_yticks(range(len(quantities)), quantities)
     axes.invert_yaxis()
-    axes.set_xlabel("% of the quantity for 1 % of the entry")
+    scaled(axes.xaxis, "% of the quantity for 1 % of the entry")
     axes.grid(True, axis="x", color="0.9", linewidth=0.8)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)

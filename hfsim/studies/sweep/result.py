@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from hfsim.deck.overrides import unit_of
+from hfsim.deck.quantities import read_quantity
 from hfsim.deck.ranges import Value
 from hfsim.deck.source import did_you_mean, path_in
 from hfsim.maths.arrays import Array
 from hfsim.scene.loading import LoadedDeck
+from hfsim.studies.collect import unit_of_quantity
 from hfsim.studies.sweep.plan import Plan
 from hfsim.studies.sweep.work import FACTS, Row
 
@@ -42,7 +44,7 @@ class Sweep:
     missing : int
         Runs that have not been done.
     units : mapping of str to str
-        SI units of what is varied, where it has one.
+        SI units of what is varied and collected, empty where it has none.
     """
 
     name: str
@@ -118,6 +120,7 @@ def gathered(
     units = {
         path: unit_of(deck, path_in(data, path)) or values.unit for path, values in plan.by_path.items()
     }
+    units |= {name: unit_of_quantity(read_quantity(name)) for name in collected}
     return Sweep(deck.name, status, plan, columns, tuple(collected), missing, units)
 
 

@@ -11,16 +11,12 @@ from functools import cached_property
 from hfsim.deck.quantities import Quantity
 from hfsim.errors import DeckError
 from hfsim.marching.stop import Progress, nobody
-from hfsim.parts.channels import kind_of
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.published import RowSpec, VerifySpec
-from hfsim.studies.collect import channels_of
+from hfsim.studies.collect import channels_of, unit_of_quantity
 from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.verify.finders import Answer, Order, answer
 from hfsim.studies.verify.result import FAILED, HELD, MISSED, Row, Verification
-
-_UNITS = {"frequency": "Hz"}
-"""Units of quantities that are not of channels."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,7 @@ class Entry:
 
     def _row(self, row: RowSpec) -> Row:
         said, quantity = self.published, row.quantity
-        unit = kind_of(quantity.channel).unit if quantity.channel else _UNITS.get(quantity.kind, "")
+        unit = unit_of_quantity(quantity)
         grade, bound = row.grade or said.grade or "", said.bound_of(row)
         of = (self.name, str(quantity), row.set, said.study_of(row))
         return Row(*of, row.published, bound, unit, grade, said.source)
