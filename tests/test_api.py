@@ -222,3 +222,25 @@ def test_check_tells_sizes():
 def test_unknown_names_are_no_attributes():
     with pytest.raises(AttributeError, match="hfsim"):
         hfsim.nothing  # noqa: B018
+
+
+def test_what_comes_back_is_told_in_a_line():
+    deck = hfsim.load("pendulum", {"solve.duration": 0.02})
+    assert repr(deck) == "<Deck pendulum: bodies b1; model exact>"
+    found = hfsim.compare(deck, ["linear"], repeats=1)
+    assert repr(found) == f"<Comparison pendulum: linear, exact; verdict {found.verdict}>"
+    assert repr(hfsim.verify("heavy_top")).startswith("<Verification heavy_top: ")
+    assert "1 time," in repr(hfsim.static(deck))
+
+
+def test_names_are_listed_for_who_completes_them():
+    assert set(hfsim.__all__) <= set(dir(hfsim))
+
+
+@pytest.mark.parametrize(
+    ("more", "told"), [({"changes": {"solve.duraton": 1}}, "changes"), ({"model": "x"}, "model")]
+)
+def test_a_bad_argument_is_told_by_its_name(more, told):
+    with pytest.raises(hfsim.DeckError) as refused:
+        hfsim.run("pendulum", **more)
+    assert str(refused.value).startswith(f"{told}: error: solve.")

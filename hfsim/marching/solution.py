@@ -131,7 +131,8 @@ class Run:
 
     def __repr__(self) -> str:
         """Return what it is in a line: its arrays would fill the screen."""
-        sizes = f"{len(self.t)} times, {len(self.channels)} channels"
+        times, channels = len(self.t), len(self.channels)
+        sizes = f"{times} time{'s' * (times != 1)}, {channels} channel{'s' * (channels != 1)}"
         return f"<Run {self.name}: {self.status}, {self.model}, {self.method}, {sizes}>"
 
     def __getitem__(self, name: str) -> ndarray:

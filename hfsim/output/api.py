@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import yaml
 
 from hfsim import simulate as pipeline
+from hfsim.deck.source import Setting
 from hfsim.errors import ArgumentError, UnfinishedRunError
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Progress, nobody
@@ -58,7 +59,14 @@ def load(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> LoadedDeck:
     DeckNotFoundError
         If there is no such file.
     """
-    overrides = [f"{path}={_plain(value)}" for path, value in (changes or {}).items()]
+    return _load(deck, _settings(changes))
+
+
+def _settings(changes: Mapping[str, Any] | None) -> list[Setting]:
+    return [Setting.by("changes", f"{path}={_plain(value)}") for path, value in (changes or {}).items()]
+
+
+def _load(deck: AnyDeck, overrides: Sequence[str]) -> LoadedDeck:
     if isinstance(deck, LoadedDeck):
         return deck.changed(overrides) if overrides else deck
     if isinstance(deck, Mapping):
@@ -132,7 +140,8 @@ def run(
     check_format(plots)
     if after is not None and not after >= 0.0:
         raise ArgumentError(f"after is {after}: estimates and diagnosis take no less than 0 s")
-    loaded = load(deck, {**(changes or {}), **({} if model is None else {"solve.model": model})})
+    own = [] if model is None else [Setting.by("model", f"solve.model={_plain(model)}")]
+    loaded = _load(deck, [*_settings(changes), *own])
     wish: dict[str, Any] = {"error_estimate": error_estimate, "diagnosis": diagnosis, "after": after}
     wish["outlines"] = True
     if output is None:

@@ -43,7 +43,7 @@ def _one_model(result: Limits) -> str:
             "  ",
         ),
         _growing(result),
-        "T: fastest period\n" + table(_TEXT, result.limits),
+        "T: fastest period\n" + table(_TEXT, result.limits, text_last=True),
         *map(wrapped, said + lost),
     ]
     return "\n".join(blocks)

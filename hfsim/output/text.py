@@ -90,7 +90,7 @@ class Column(NamedTuple):
         return "-" if value is None else format(value, self.form)
 
 
-def table(columns: Sequence[Column], rows: Iterable[Any], indent: str = "  ") -> str:
+def table(columns: Sequence[Column], rows: Iterable[Any], indent: str = "  ", text_last: bool = False) -> str:
     """Return rows of any kind as lines with aligned columns, of those that fit; see `as_table`."""
     every = list(rows)
     cells = {column: [column.name, *(column.text(row) for row in every)] for column in columns}
@@ -99,7 +99,7 @@ def table(columns: Sequence[Column], rows: Iterable[Any], indent: str = "  ") ->
         if len(indent) - 2 + sum(widths[one] for one in cells) <= line_width():
             break
         del cells[column]
-    return as_table(list(zip(*cells.values(), strict=True)), indent)
+    return as_table(list(zip(*cells.values(), strict=True)), indent, text_last)
 
 
 def plural(count: int, word: str) -> str:
@@ -115,16 +115,20 @@ def plural(count: int, word: str) -> str:
     return f"{count} {word[:-1]}ies" if word.endswith("y") else f"{count} {word}s"
 
 
-def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
+def as_table(rows: Sequence[Sequence[str]], indent: str = "  ", text_last: bool = False) -> str:
     """Return rows of cells as lines with aligned columns; the first column is left-aligned, the others right.
 
-    Where a terminal has no room for them, long names are cut in the middle, but no numbers.
+    With `text_last` the last one is left-aligned too, as sentences are. Where a terminal has no room for
+    them, long names are cut in the middle, but no numbers.
 
     Examples
     --------
     >>> print(as_table([["model", "cpu"], ["ancf", "0.1 s"]]))
       model    cpu
       ancf   0.1 s
+    >>> print(as_table([["model", "why"], ["ancf", "it is the reference"]], text_last=True))
+      model  why
+      ancf   it is the reference
     """
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     if at_terminal():
@@ -134,6 +138,7 @@ def as_table(rows: Sequence[Sequence[str]], indent: str = "  ") -> str:
     for row in rows:
         first, *others = (cut(cell, width) for cell, width in zip(row, widths, strict=True))
         cells = [first.ljust(widths[0]), *(c.rjust(w) for c, w in zip(others, widths[1:], strict=True))]
+        cells[-1] = others[-1] if text_last else cells[-1]
         lines.append((indent + "  ".join(cells)).rstrip())
     return "\n".join(lines)
 

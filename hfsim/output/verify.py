@@ -122,7 +122,7 @@ _LIST = (
 
 def as_list(entries: Sequence[Entry]) -> str:
     """Return what there is to be verified."""
-    return table(_LIST, entries)
+    return table(_LIST, entries, text_last=True)
 
 
 def list_facts(entries: Sequence[Entry]) -> list[dict[str, Any]]:

@@ -33,6 +33,8 @@ DEFAULT_TARGET = 1e-2
 
 _WORKED_OUT = ("parameters", "include")
 """Keys that nothing is left of when a deck has been read."""
+_NAMED = 6
+"""Bodies that the line on a deck names."""
 _VALUES = ("name", "gravity")
 """Top-level keys of values; those of maps may be left empty, as all their entries may be commented out."""
 
@@ -56,6 +58,12 @@ class LoadedDeck:
     source: DeckSource = field(repr=False, compare=False)
     auto_elements: tuple[str, ...] = ()
     published: "VerifySpec | None" = None
+
+    def __repr__(self) -> str:
+        """Return what it is in a line: its entries would fill the screen."""
+        *first, last = list(self.deck.bodies)[:_NAMED] or ["none"]
+        last += "..." if len(self.deck.bodies) > _NAMED else ""
+        return f"<Deck {self.deck.name}: bodies {', '.join([*first, last])}; model {self.deck.solve.model}>"
 
     @property
     def deck_sha256(self) -> str:

@@ -138,6 +138,11 @@ class Comparison:
     interrupted: bool = False
     runs: Mapping[str, Run] = field(default_factory=dict, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        """Return what it is in a line: its differences would fill the screen."""
+        models = ", ".join(one.model for one in self.models)
+        return f"<Comparison {self.name}: {models}; verdict {self.verdict}>"
+
     def result(self, model: str) -> ModelResult:
         """Return the result of one model.
 

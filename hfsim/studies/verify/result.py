@@ -76,6 +76,11 @@ class Verification:
     seconds: Mapping[str, float] = field(default_factory=dict)
     interrupted: bool = False
 
+    def __repr__(self) -> str:
+        """Return what it is in a line: its rows would fill the screen."""
+        decks = ", ".join(dict.fromkeys(row.deck for row in self.rows))
+        return f"<Verification {decks}: {self.held} of {len(self.rows)} held>"
+
     @property
     def held(self) -> int:
         """How many rows are within their bounds."""
