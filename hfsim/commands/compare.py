@@ -134,6 +134,7 @@ def make_plan(
         If a folder must not be written to.
     """
     from hfsim.output.runfolder import claim, folder_name
+    from hfsim.output.writers import Provenance
     from hfsim.parts.bodies.models import MODELS
     from hfsim.studies.compare import chosen_models, prepare, usual_models
 
@@ -146,7 +147,7 @@ def make_plan(
             raise click.UsageError(f"--require {model}: this model is not compared")
     prepared = prepare(load, chosen, reference, channels, talk.note)
     path = to.output or Path(folder_name(prepared.decks[reference].deck.name, ".compare"))
-    about = {"overrides": list(overrides), "deck": argument}
+    about = Provenance.of(prepared.decks[reference], argument, overrides).facts()
     own = claim(path, to.force, marker="compare.json")
     # where the comparison there may be replaced, so may its runs
     force = to.force or bool(own.replaces)

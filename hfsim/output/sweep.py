@@ -292,6 +292,7 @@ def sweep_facts(sweep: Sweep, wall: float, jobs: int) -> dict[str, Any]:
     """Return a sweep as JSON-ready facts, without its rows."""
     cpu = sweep["cpu_s"]
     return {
+        "name": sweep.name,
         "status": sweep.status,
         "runs": len(sweep),
         "missing": sweep.missing,
