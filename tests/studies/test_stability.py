@@ -250,6 +250,12 @@ def test_classes(trial, truth, exact, outcome):
     assert verdict.cause == outcome or outcome in ("accurate", "wrong", "no result")
 
 
+def test_when_a_point_fails_is_told_once():
+    reasons = "it is not solved", "it grows beyond all scale at t = 0.4 s, fast"
+    told = [classify(Trial("failed", "", one, 0.4), DONE, DONE, Bounds()).reason for one in reasons]
+    assert [one.count("t = 0.4 s") for one in told] == [1, 1]
+
+
 def test_what_is_wrong_has_its_cause():
     """With a small time error it is the model that leaves the truth or loses energy; exact cannot."""
     found = {

@@ -194,7 +194,7 @@ def classify(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verdic
 
 
 def _failed(trial: Trial, truth: Truth, exact: Truth) -> Verdict:
-    at = f"{trial.reason} (t = {trial.end:.4g} s)"
+    at = trial.reason if " at t = " in trial.reason else f"{trial.reason} (t = {trial.end:.4g} s)"
     blamed: Ending = trial
     if trial.kind == "deck":
         outcome, reason = "deck", at
