@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from textwrap import shorten
 from typing import TYPE_CHECKING
 
 from hfsim.output.text import Column, table, wrapped
@@ -16,12 +17,14 @@ LIMIT_COLUMNS = (
 )
 """Columns of ``limits.csv``; steps in fastest periods."""
 
+_REASON = 60
+"""Characters of a reason in the table."""
 _TEXT = (
     Column("method", lambda one: one.title + (f" ({one.stages} stages)" if one.stages else "")),
     Column("longest stable step", lambda one: _longest(one)),
     Column("theory", "predicted", lambda step: "any" if step is None else f"{step:.4g} T"),
-    Column("off by", "deviation", lambda off: "-" if off is None else f"{100 * off:+.2g} %"),
-    Column("what ends it", lambda one: one.reason[:60] or None),
+    Column("off by", "deviation", lambda off: "-" if off is None else f"{100 * off:+.3g} %"),
+    Column("what ends it", lambda one: shorten(one.reason, _REASON, placeholder="...") or None),
 )
 
 

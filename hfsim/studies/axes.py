@@ -106,6 +106,8 @@ def parse_values(text: str, unit: str | None = None) -> tuple[tuple[Value, ...],
         raise AxisError(f"'{text}' is random; an axis has values, random ones are for hfsim sweep")
     if unit is not None and found.quantities and found.unit != unit:
         raise AxisError(f"'{text}': values are {f'in {unit}' if unit else 'numbers'}")
+    if found.quantities and not found.unit and any(unit != "-" for _, unit in found.quantities.values()):
+        raise AxisError(f"'{text}': values of one axis have not several units")
     return tuple(map(found.in_si, found.listed)), found.logarithmic, found.unit
 
 
@@ -126,7 +128,10 @@ def vary(text: str) -> Axis:
         raise AxisError(f"'{text}': write PATH=log(first,last,count), PATH=lin(...) or PATH=a,b,c")
     numbers, logarithmic, unit = parse_values(values)
     solver = path.startswith("solve.") and path not in ("solve.duration", "solve.model")
-    return Axis(path, numbers, lambda deck, value: (f"{path}={written(value)}",), solver, logarithmic, unit)
+    with_unit = f" {unit}" if unit else ""  # which the deck checks
+    return Axis(
+        path, numbers, lambda deck, value: (f"{path}={written(value)}{with_unit}",), solver, logarithmic, unit
+    )
 
 
 _Changes: TypeAlias = Callable[[Deck, float], Iterator[tuple[str, object]]]

@@ -11,12 +11,13 @@ from hfsim.cli import app
 from hfsim.integrators import integrator
 from hfsim.marching.integration import run_integration
 from hfsim.mechanics.modes import LargeModes, modes_by_differences
+from hfsim.output.limits import limits_text
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.studies import limits as module
-from hfsim.studies.limits import LimitJob, limits, measure, theory
-from hfsim.studies.spectra import LimitsError, linearise, spectrum
+from hfsim.studies.limits import Limit, LimitJob, Limits, limits, measure, theory
+from hfsim.studies.spectra import LimitsError, Spectrum, linearise, spectrum
 
 CANTILEVER = """
 hfsim: 1
@@ -191,6 +192,16 @@ def test_every_method_gets_its_share_of_the_budget():
     assert [one.method for one in found.limits] == ["gauss", "explicit", *5 * ["gear"], "generalized_alpha"]
     unfinished = [one for one in found.limits if "within" in one.reason]
     assert unfinished and all(one.longest or one in unfinished for one in found.limits)
+
+
+def test_limits_are_told_in_whole_words_and_plain_numbers(tmp_path):
+    reason = "the motion grows beyond all scale at t = 2.582 s, up to rates of 6e+96: the steps feed it"
+    far = Limit("gear", 3, None, 0.121, 0.1215, reason, 0.05388, "so it is said")
+    first = Spectrum(0.0, 10.0, 1.0, 0.0, 0.0)
+    text = limits_text([Limits("wheel", "exact", (first,), (far,), {})], tmp_path)
+    (row,) = (line for line in text.splitlines() if line.startswith("  gear 3"))
+    assert "  +125 %  the motion grows" in row and row.endswith("up to...")
+    assert len(row) <= 110
 
 
 def test_theory():

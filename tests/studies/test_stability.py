@@ -357,6 +357,12 @@ def test_values_of_another_unit_are_no_values_of_an_axis(axis, text):
         NAMED[axis](text)
 
 
+@pytest.mark.parametrize("values", ["1 kg, 2 kg", "1 s, 2 kg"])
+def test_values_of_another_unit_are_refused_by_the_deck(values):
+    with pytest.raises((DeckError, AxisError), match=r"is a unit of mass|several units"):
+        stability_map(parse_deck(WHEEL), plan(vary(f"solve.duration={values}")))
+
+
 def test_rates_may_have_units():
     from hfsim.commands.modes import read_rates
 
