@@ -113,17 +113,20 @@ class Values:
         A key of `DISTRIBUTIONS`; empty for a list.
     numbers : tuple of float
         Of the distribution.
+    si_unit : str
+        Of the numbers of a range, where it states units: its values are texts with it.
     """
 
     listed: tuple[Value, ...]
     logarithmic: bool = False
     kind: str = ""
     numbers: tuple[float, ...] = ()
+    si_unit: str = ""
 
     @property
     def numeric(self) -> bool:
-        """Whether all values are numbers."""
-        return all(not isinstance(value, str) for value in self.listed)
+        """Whether all values are numbers, or texts with a unit."""
+        return all(not isinstance(self.in_si(value), str) for value in self.listed)
 
     @cached_property
     def quantities(self) -> dict[Value, tuple[float, str]]:
@@ -137,17 +140,19 @@ class Values:
     def unit(self) -> str:
         """The SI unit of texts with one; empty where they have none, or several."""
         units = {unit.strip("-") for _, unit in self.quantities.values()}
-        return units.pop() if len(units) == 1 else ""
+        return units.pop() if len(units) == 1 else self.si_unit
 
     def in_si(self, value: Value) -> Value:
         """Return a value as tables have it: a text with a unit in SI where all texts have one."""
+        if isinstance(value, str) and self.si_unit:
+            return float(value.removesuffix(self.si_unit))
         return self.quantities[value][0] if value in self.quantities else value
 
     def at(self, share: float) -> Value:
         """Return the value below which a share of all is, 0 < share < 1; those of a list count alike."""
         if not self.kind:
             return self.listed[min(int(share * len(self.listed)), len(self.listed) - 1)]
-        return float(f"{DISTRIBUTIONS[self.kind].at(share, self.numbers):.{_DIGITS}g}")
+        return _with_unit(f"{DISTRIBUTIONS[self.kind].at(share, self.numbers):.{_DIGITS}g}", self.si_unit)
 
 
 def read_values(text: str, most: int = MOST) -> Values:
@@ -192,20 +197,39 @@ def _called(name: str, parts: list[str], text: str, most: int) -> Values:
     if name not in forms:
         raise RangeError(f"'{text}': there is no '{name}'", did_you_mean(name, forms))
     form = forms[name]
-    try:
-        numbers = [float(part) for part in parts]
-    except ValueError:
+    numbers, unit = _numbers(parts, len(parts) - (name in _SPACED or name == "lognormal"))
+    if name == "integers" and unit:
         numbers = []
     if len(numbers) != 1 + form.count(",") or not all(map(math.isfinite, numbers)):
-        raise RangeError(f"'{text}': {name} takes {1 + form.count(',')} numbers", f"write {form}")
+        count = 1 + form.count(",")
+        raise RangeError(f"'{text}': {name} takes {count} numbers, in one unit or none", f"write {form}")
     if name in DISTRIBUTIONS:
         if wrong := DISTRIBUTIONS[name].wrong(numbers):
             raise RangeError(f"'{text}': {form}: {wrong}")
-        return Values((), False, name, tuple(numbers))
-    return Values(_spaced(name, numbers, text, most), name == "log")
+        return Values((), False, name, tuple(numbers), unit)
+    return Values(_spaced(name, numbers, text, most, unit), name == "log", si_unit=unit)
 
 
-def _spaced(name: str, numbers: Sequence[float], text: str, most: int) -> tuple[Value, ...]:
+def _numbers(parts: Sequence[str], alike: int) -> tuple[list[float], str]:
+    """Return the numbers of a range and their SI unit; none where not the first `alike` have it, but 0."""
+    pairs: list[tuple[float, str]] = []
+    for part in parts:
+        try:
+            pairs.append((float(part), ""))
+        except ValueError:
+            value, unit = quantity_of_any_kind(part) or (math.nan, "")
+            pairs.append((value, unit.strip("-")))
+    units = {unit for value, unit in pairs[:alike] if unit or value}
+    if len(units) > 1 or any(unit for _, unit in pairs[alike:]):
+        return [], ""
+    return [value for value, _ in pairs], units.pop() if units else ""
+
+
+def _with_unit(number: str, unit: str) -> Value:
+    return f"{number} {unit}" if unit else float(number)
+
+
+def _spaced(name: str, numbers: Sequence[float], text: str, most: int, unit: str) -> tuple[Value, ...]:
     first, last, count = numbers
     if count != int(count) or not 1 <= count <= most:
         raise RangeError(f"'{text}': the count is a whole number from 1 to {most}")
@@ -214,7 +238,7 @@ def _spaced(name: str, numbers: Sequence[float], text: str, most: int) -> tuple[
     import numpy as np
 
     space = np.geomspace if name == "log" else np.linspace
-    return tuple(dict.fromkeys(float(f"{x:.{_DIGITS}g}") for x in space(first, last, int(count))))
+    return tuple(dict.fromkeys(_with_unit(f"{x:.{_DIGITS}g}", unit) for x in space(first, last, int(count))))
 
 
 def _between_commas(text: str) -> list[str]:

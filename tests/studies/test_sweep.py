@@ -520,6 +520,47 @@ def test_texts_with_units_are_numbers_in_si(wheel):
     assert mixed["solve.coordinates"].tolist() == ["auto", "absolute"]
 
 
+@pytest.mark.parametrize(
+    ("text", "share", "value"),
+    [
+        ("lin(80 cm, 1.6 m, 3)", 0.5, 1.2),
+        ("log(1 GPa, 100 GPa, 3)", 0.5, 1e10),
+        ("uniform(-90 deg, 90 deg)", 0.75, math.pi / 4),
+        ("normal(1 m, 2 cm)", 0.5, 1.0),
+        ("lognormal(7 MPa, 0.2)", 0.5, 7e6),
+        ("lin(5 %, 15 %, 3)", 0.5, 0.1),
+        ("lin(0, 90 deg, 3)", 0.5, math.pi / 4),
+    ],
+)
+def test_ranges_may_have_units(text, share, value):
+    found = read_values(text)
+    assert found.in_si(found.at(share)) == pytest.approx(value, rel=1e-11)
+    assert all(isinstance(found.in_si(one), float) for one in found.listed)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "lin(1 m, 2 kg, 3)", "lin(1 m, 2, 3)", "lin(1 m, 2 m, 3 m)", "lin(1 qq, 2 qq, 3)",
+        "lognormal(1, 2 m)", "integers(1 m, 2 m)",
+    ],
+)  # fmt: skip
+def test_ranges_have_one_unit_where_one_is_meant(text):
+    with pytest.raises(RangeError):
+        read_values(text)
+
+
+def test_a_range_with_units_is_swept_and_checked(wheel):
+    path = "initial.hub.angular_velocity"
+    found = hfsim.sweep("wheel.yaml", {path: "lin(60 rpm, 120 rpm, 2)"}, ["max(hub.angle)"])
+    assert found[path] == pytest.approx([2 * math.pi, 4 * math.pi]) and found.units[path] == "rad/s"
+    assert found["max(hub.angle)"] == pytest.approx([math.pi / 5, 2 * math.pi / 5], rel=1e-6)
+    drawn = hfsim.sweep("wheel.yaml", {path: "normal(60 rpm, 3 rpm)"}, ["max(hub.angle)"], sample=3)
+    assert drawn[path].dtype == float and abs(drawn[path] - 2 * math.pi).max() < 2.0
+    with pytest.raises(hfsim.DeckError, match="is a unit of mass"):
+        hfsim.sweep("wheel.yaml", {path: "lin(1 kg, 2 kg, 2)"}, ["max(hub.angle)"])
+
+
 def test_texts_with_units_are_drawn_on_an_axis_of_numbers():
     from hfsim.output.plots.sweep import _response
 

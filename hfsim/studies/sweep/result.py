@@ -128,7 +128,7 @@ def _varied(plan: Plan) -> dict[str, Array]:
     """Return the values of what is varied, by path."""
     found: dict[str, Array] = {}
     for path, values in zip(plan.paths, plan.values, strict=True):
-        found[path] = np.empty(plan.count, dtype=float if values.numeric or values.quantities else object)
+        found[path] = np.empty(plan.count, dtype=float if values.numeric else object)
     for k in range(plan.count):
         row: tuple[Value, ...] = plan.told(k)
         for path, value in zip(plan.paths, row, strict=True):
