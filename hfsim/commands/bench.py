@@ -18,6 +18,7 @@ from hfsim.commands.options import (
     output_options,
     refuse_unknown,
     repeats_option,
+    seconds,
     setting_options,
     talk_options,
     time_option,
@@ -37,7 +38,9 @@ def _words(name: str, words: str) -> Callable[[Any], Any]:
     return click.option(f"--{name}", metavar="A,B,...", callback=lambda _, __, text: names(text), help=words)
 
 
-def _numbers(name: str, kind: type, metavar: str, words: str, what: str = "") -> Callable[[Any], Any]:
+def _numbers(
+    name: str, kind: Callable[[str], float], metavar: str, words: str, what: str = ""
+) -> Callable[[Any], Any]:
     """Return an option that takes positive numbers separated by commas."""
 
     def read(_: click.Context, __: click.Parameter, text: str | None) -> tuple[float, ...]:
@@ -64,7 +67,7 @@ _DEGREES = (
 @click.argument("deck", metavar="[DECK]", required=False)
 @_words("methods", "Methods; all without it.")
 @_numbers("tolerances", float, "X,Y,...", "Tolerances; 1e-3 to 1e-10 by decades without it.")
-@_numbers("steps", float, "X,Y,...", "Fixed steps [s] in their place.")
+@_numbers("steps", seconds, "X,Y,...", "Fixed steps [s] in their place.")
 @_words("models", "Models; the deck's without it.")
 @_numbers("elements", int, "N,M,...", _ELEMENTS, "element counts")
 @click.option("--separation", is_flag=True, help=_SEPARATION)

@@ -12,7 +12,7 @@ import click
 
 from hfsim.commands import import_libraries
 from hfsim.commands.decks import load_numbered
-from hfsim.commands.options import Finite, Place, output_options, setting_options, talk_options
+from hfsim.commands.options import Place, moment_option, output_options, setting_options, talk_options
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk
 
@@ -32,12 +32,7 @@ _COUNT = 12
     show_default=True,
     help="State: the deck's start, the equilibrium next to it, or the steady rotation at its rates.",
 )
-@click.option(
-    "--at",
-    type=Finite(min=0.0),
-    metavar="T",
-    help="Instead: the state of a run at this time [s].",
-)
+@moment_option("Instead: the state of a run at this time [s].")
 @click.option(
     "--count", type=click.IntRange(min=1, max=2000), default=_COUNT, show_default=True, help="Modes told."
 )

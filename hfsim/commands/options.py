@@ -7,6 +7,7 @@ import math
 import os
 import re
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
@@ -151,6 +152,41 @@ def parse_budget(text: str) -> float:
     if value <= 0.0:
         raise click.BadParameter(f"'{text}' is no time; write e.g. 60s or 2min")
     return value
+
+
+def seconds(text: str) -> float:
+    """Return a time in seconds, with a unit or without.
+
+    Examples
+    --------
+    >>> seconds("20 ms"), seconds("0.5")
+    (0.02, 0.5)
+
+    Raises
+    ------
+    ValueError
+        If it is none.
+    """
+    from hfsim.deck.units import parse_quantity
+
+    try:
+        return float(text)
+    except ValueError:
+        return parse_quantity(text, "time")
+
+
+def moment_option(words: str, default: str | None = None) -> _Option:
+    """Return the option ``--at``, a time of the scene from 0 on: seconds, or None where none is given."""
+
+    def read(_: click.Context, __: click.Parameter, text: str | None) -> float | None:
+        if text is None:
+            return None
+        with suppress(ValueError):
+            if 0.0 <= seconds(text) < float("inf"):
+                return seconds(text)
+        raise click.BadParameter(f"'{text}' is no time from 0 on; write e.g. 0.5 or 20 ms")
+
+    return click.option("--at", default=default, show_default=True, metavar="T", callback=read, help=words)
 
 
 def time_option(name: str, words: str, default: str | None = None) -> _Option:

@@ -11,7 +11,7 @@ import click
 
 from hfsim.commands import STARTED, import_libraries, report_error, worst
 from hfsim.commands.decks import command_line, load_numbered
-from hfsim.commands.options import Finite, names, output_options, setting_options, talk_options
+from hfsim.commands.options import moment_option, names, output_options, setting_options, talk_options
 from hfsim.output.talk import Destination, Talk
 
 if TYPE_CHECKING:
@@ -24,10 +24,7 @@ if TYPE_CHECKING:
 @click.argument("deck", metavar="DECK")
 @output_options
 @setting_options("model", "keep_all")
-@click.option(
-    "--at", type=Finite(min=0.0), default=0.0, show_default=True, metavar="T",
-    help="Time at which loads and drivers are taken [s].",
-)
+@moment_option("Time at which loads and drivers are taken [s].", "0")
 @click.option("--path", is_flag=True, help="Follow the load by arc length, through limit points.")
 @click.option("--buckling", is_flag=True, help="Find the load factors at which the scene gives way.")
 @click.option(

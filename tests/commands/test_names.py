@@ -1,5 +1,6 @@
 """What names on the command line may be: empty, no text, pipes."""
 
+import json
 import os
 import subprocess
 import sys
@@ -78,6 +79,24 @@ def test_a_deck_in_the_place_of_a_model_is_told_where_it_goes(here):
     refused = call("compare", "hub_beams_soft")
     assert refused.exit_code == 2 and "no model 'hub_beams_soft'" in refused.stderr
     assert "a deck goes with --case" in refused.stderr
+
+
+@pytest.mark.parametrize("command", ["static", "modes"])
+def test_a_time_may_have_its_unit(here, command):
+    assert call(command, "pendulum", "--at", "10 ms", "-o", "unit", "--no-plots").exit_code == 0
+    assert call(command, "pendulum", "--at", "0.01", "-o", "none", "--no-plots").exit_code == 0
+    found = [next(Path(name).glob("*.csv")).read_text() for name in ("unit", "none")]
+    assert found[0] == found[1]
+    for wrong in ("-1", "1 kg", "nan"):
+        refused = call(command, "pendulum", "--at", wrong, "-o", "other")
+        assert refused.exit_code == 2 and "is no time" in refused.stderr
+
+
+def test_steps_may_have_their_unit(here):
+    short = ("--set", "solve.duration=0.01", "--methods", "gauss", "--no-plots", "-o", "out", "--json")
+    told = call("bench", "pendulum", "--steps", "1 ms,0.002", *short)
+    assert told.exit_code == 0
+    assert {point["step"] for point in json.loads(told.stdout)["points"]} == {0.001, 0.002}
 
 
 @pytest.mark.parametrize(
