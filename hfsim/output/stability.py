@@ -132,5 +132,5 @@ def _reasons(result: StabilityMap, verbose: bool) -> Iterable[str]:
             continue
         told.add(key)
         places = zip(result.axes, p.values, strict=True)
-        at = [" ".join(filter(None, (axis.name, _word(value), axis.unit))) for axis, value in places]
+        at = [f"{axis.name} {_word(value)} {axis.unit}".rstrip(" -") for axis, value in places]
         yield wrapped(f"{', '.join([p.model, p.method, *at])}: {p.outcome}: {p.verdict.reason}")

@@ -43,7 +43,7 @@ class Axis:
     logarithmic : bool
         Whether its middle is the geometric mean.
     unit : str
-        SI unit of its values, as far as they say it or the kind of axis does.
+        SI unit of its values, as far as they say it or the kind of axis does; ``-`` of factors and counts.
     """
 
     name: str
@@ -148,7 +148,7 @@ def _named(name: str, changes: _Changes) -> Callable[[str], Axis]:
             assert not isinstance(value, str)
             return tuple(f"{path}={json.dumps(new)}" for path, new in changes(deck, value))
 
-        axis = Axis(name, values, overrides, name == "step", logarithmic, unit)
+        axis = Axis(name, values, overrides, name == "step", logarithmic, unit or "-")
         if not axis.numeric or min(v for v in values if not isinstance(v, str)) <= 0.0:
             raise AxisError(f"'{text}': values of {name} are positive numbers")
         return axis

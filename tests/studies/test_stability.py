@@ -346,6 +346,8 @@ def test_axes_have_their_units_in_tables_and_pictures():
     strip = stability_map(parse_deck(WHEEL), plan(vary("solve.duration=0.1,0.2"), methods=("gauss",)))
     assert _strips_figure(strip).axes[0].get_xlabel() == "solve.duration [s]"
     assert "solve.duration [s]" in map_text(strip, Path("out"))
+    (scaled,) = stability_map(parse_deck(WHEEL), plan(NAMED["stiffness"]("1,2"), methods=("gauss",))).axes
+    assert scaled.label == "stiffness [-]", "a factor"
     axis = vary("solve.coordinates=auto,absolute")
     (words,) = stability_map(parse_deck(WHEEL), plan(axis, methods=("gauss",))).axes
     assert (words.values, words.label) == (("auto", "absolute"), "solve.coordinates")
