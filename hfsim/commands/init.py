@@ -58,4 +58,4 @@ def starters() -> dict[str, str]:
 
 def _about(deck: str) -> str:
     """Return what the comment of a deck begins with."""
-    return re.split(r"[:;(.]", deck.splitlines()[0].lstrip("# "))[0].strip()
+    return re.split(r"[:;(]|\.(?!\d)", deck.splitlines()[0].lstrip("# "))[0].strip()

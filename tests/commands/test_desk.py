@@ -39,6 +39,13 @@ def test_every_deck_that_init_knows_is_right_and_told(name):
     assert text.startswith("# ")
 
 
+def test_decks_are_told_apart():
+    lines = call("init", "--list").stdout.splitlines()
+    listed = dict(line.split(maxsplit=1) for line in lines)
+    assert len(set(listed.values())) == len(listed)
+    assert listed["pendulum_3d"].endswith("section 7.1 in space")
+
+
 def test_a_deck_that_is_there_is_not_replaced():
     Path("swing.yaml").write_text("mine")
     refused = call("init", "swing")
