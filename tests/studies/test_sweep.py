@@ -576,6 +576,9 @@ def test_a_derivative_is_taken_at_a_text_with_a_unit(wheel):
     assert told.exit_code == 0
     facts = json.loads((wheel / "wheel.sweep/sweep.json").read_text())
     assert facts["plan"]["values"][path] == pytest.approx(math.pi)
+    asked = ("--sensitivity", f"--vary={path}=2 kg", "--collect", "max(hub.angle)", "-o", "other")
+    refused = call("wheel.yaml", *asked)
+    assert refused.exit_code == 2 and "'2 kg' is not one number in rad/s" in refused.stderr
 
 
 def test_ranges_are_told_with_units(wheel):

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.deck.overrides import why_unset
+from hfsim.deck.overrides import unit_of, why_unset
 from hfsim.deck.ranges import Value
 from hfsim.deck.source import entry_at, path_in
 from hfsim.deck.units import quantity_of_any_kind
@@ -154,8 +154,11 @@ def _number(loaded: LoadedDeck, path: str, text: str) -> float | tuple[str, str]
             return float(text)
         except ValueError:
             found = quantity_of_any_kind(text)
-            wrong = f"'{text}' is not one number", "--sensitivity takes one, or the deck's own"
-            return wrong if found is None else found[0]
+            unit = unit_of(loaded.deck, path_in(loaded.source.data, path))
+            if found and (path.startswith("parameters.") or found[1].strip("-") == unit):
+                return found[0]
+            what = f"one number in {unit}" if unit else "one number"
+            return f"'{text}' is not {what}", "--sensitivity takes one, or the deck's own"
     data: Any = loaded.source.data if path.startswith("parameters.") else loaded.deck.resolved()
     value = entry_at(data, path_in(data, path))
     if isinstance(value, str) and path.startswith("parameters."):
