@@ -476,7 +476,7 @@ def test_the_command_writes_tables_and_a_picture(tmp_path):
              "gauss,explicit", "--models", "exact", "-o", out)  # fmt: skip
     result = call(*order)
     assert result.exit_code == 0, result.output
-    for words in ("exact, explicit", "stiffness \\ step", "accurate", "bounds: error 0.01"):
+    for words in ("exact, explicit", "stiffness [-] \\ step [s]", "accurate", "bounds: error 0.01"):
         assert words in result.stdout
     assert (out / "plots/stability.png").stat().st_size > 5000
     facts = json.loads((out / "stability.json").read_text())
