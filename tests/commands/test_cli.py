@@ -431,14 +431,19 @@ def test_a_bad_command_line_gives_2(scene, arguments):
     [
         ["compare", "linear", "--case", "case.yaml", "--max-error", "nan"],
         ["stability", "case.yaml", "--max-drift", "inf"],
-        ["modes", "case.yaml", "--at", "inf"],
-        ["static", "case.yaml", "--at", "nan"],
     ],
 )
 def test_numbers_that_are_not_finite_are_refused(scene, arguments):
     """A comparison by a bound that is no number told that its reference had stopped."""
     done = call(*arguments)
     assert done.exit_code == 2 and "is not finite" in done.output
+
+
+@pytest.mark.parametrize("moment", ["inf", "nan", "-1", "soon", "2 m"])
+@pytest.mark.parametrize("command", ["modes", "static"])
+def test_moments_that_are_no_time_are_refused(scene, command, moment):
+    done = call(command, "case.yaml", "--at", moment)
+    assert done.exit_code == 2 and f"'{moment}' is no time from 0 on" in done.output
 
 
 def python(*arguments):
