@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, cumulative
+from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.mechanics.body import Load, Place, VectorBody
@@ -19,7 +19,7 @@ from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.folded import FoldedBody
-from hfsim.parts.bodies.planar_rigid_beam import POINTS
+from hfsim.parts.bodies.rigid_line import strained
 
 
 @frozen
@@ -111,44 +111,21 @@ class SpatialRigidBeam(VectorBody):
         return FoldedBody(self.name, slice(0, 0), self.points, pose, self._mass.sum() * self.beam.gravity)
 
     def statics(self, x: Array, u: Array, ax: Array, loads: Iterable[Load]) -> Deformation:
-        """Return stretch and bending by inertia, weight and loads: N / EA and M / EI.
-
-        N and, across, M are resultants of everything beyond a place:
-
-            M(x) = sum m_p + (x_p - x) F_p + int_x^L f(s) (s - x) ds        f = rho A (g - r'')
+        """Return stretch and bending by inertia, weight and loads.
 
         Along the axis, r'' goes linearly from the root's to the tip's.
         """
-        length, root = self._length, self.marker(self.origin)
+        root = self.marker(self.origin)
         frame = root.turned(x, np.eye(3))
-        ends = self.beam.gravity - self.vectors(ax)
-        f0, f1 = np.moveaxis(ends @ frame, 1, 0)
-        places = np.linspace(0.0, length, POINTS)
-        # integrals over the rest of the beam of rho A (f0 + slope s), and of that times s - x
-        slope, (m0, m1, m2) = (f1 - f0) / length, self.beam.mesh.masses_beyond(places)
-        N = np.outer(f0[:, 0], m0) + np.outer(slope[:, 0], places * m0 + m1)
-        M = m1[:, None] * f0[:, None, 1:] + (places * m1 + m2)[:, None] * slope[:, None, 1:]
+        first, last = np.moveaxis((self.beam.gravity - self.vectors(ax)) @ frame, 1, 0)
+        slope = (last - first) / self._length
+        return strained(self.beam.mesh, first, slope, self._on_line(frame, loads), root.spin(x, u))
+
+    def _on_line(self, frame: Array, loads: Iterable[Load]) -> Iterator[tuple[float, Array, Array]]:
+        """Yield where loads are, their forces, and moments by what they bend, in body axes."""
         for marker, force in loads:
             assert isinstance(marker, VectorMarker)
-            at = marker.place_row[1] * length
-            at_ends = force.reshape(len(x), 2, 3) @ frame
-            whole = at_ends.sum(axis=1)
-            moment = length * at_ends[:, 1, 1:] - at * whole[:, 1:]
-            beyond = at > places
-            N += whole[:, :1] * beyond
-            levers = (at - places)[:, None] * whole[:, None, 1:]
-            M += (moment[:, None] + levers) * beyond[:, None]
-        weights = np.full(POINTS, length / (POINTS - 1))
-        weights[[0, -1]] *= 0.5
-        section = self.beam.mesh.at(places)
-        curvature = M / np.asarray(section.bending_stiffness)[..., None]
-        bent = cumulative(curvature.swapaxes(0, 1), places).swapaxes(0, 1)
-        return Deformation(
-            places=places,
-            weights=weights,
-            axial=N / section.axial_stiffness,
-            slope=bent,
-            curvature=curvature,
-            tip=np.einsum("bxd,x->bd", bent, weights),
-            spin=root.spin(x, u),
-        )
+            at = marker.place_row[1] * self._length
+            ends = force.reshape(len(force), 2, 3) @ frame
+            whole = ends.sum(axis=1)
+            yield at, whole, self._length * ends[:, 1, 1:] - at * whole[:, 1:]
