@@ -13,6 +13,9 @@ _STILL = 1e-9
 class LawSpec(Spec):
     """Base of all laws a deck may state."""
 
+    type: str
+    """Kind of law."""
+
     value_keys: ClassVar[tuple[str, ...]] = ()
     """Keys that measure what the law drives."""
 

@@ -31,7 +31,6 @@ class ConstantSpec(LawSpec):
     value_keys = ("value",)
 
     type: Literal["constant"]
-    """Kind of law."""
 
     value: Number
     """Value [SI of what the law drives]."""
@@ -63,7 +62,6 @@ class ConstantRateSpec(LawSpec):
     begin_key = "delay"
 
     type: Literal["constant_rate"]
-    """Kind of law."""
 
     rate: Number
     """Rate [SI of what the law drives, per s]."""
@@ -101,7 +99,6 @@ class TableSpec(LawSpec):
     value_keys = ("values",)
 
     type: Literal["table"] = "table"
-    """Kind of law."""
 
     times: Annotated[tuple[Time, ...], MinLen(2)] = ()
     """Times of the points, increasing [s]."""
@@ -185,7 +182,6 @@ class SmoothStepSpec(LawSpec):
     value_keys = ("from", "to")
 
     type: Literal["smooth_step"]
-    """Kind of law."""
 
     from_: Annotated[Number, Field(alias="from")]
     """Value until the start [SI of what the law drives]."""
@@ -216,7 +212,6 @@ class SpinUpSpec(LawSpec):
     rate_keys = ("rate",)
 
     type: Literal["spin_up"]
-    """Kind of law."""
 
     rate: Number
     """Rate that is reached [SI of what the law drives, per s]."""
@@ -238,7 +233,6 @@ class SineSpec(LawSpec):
     value_keys = ("amplitude", "offset")
 
     type: Literal["sine"]
-    """Kind of law."""
 
     amplitude: Number
     """Amplitude [SI of what the law drives]."""
@@ -265,7 +259,6 @@ class ExpressionSpec(LawSpec):
     """An expression of t [s] in SI: numbers with units, parameters, + - * / ** and functions of `math`."""
 
     type: Literal["expression"] = "expression"
-    """Kind of law."""
 
     expression: Annotated[str, ReadBy(read_text, type="string")]
     """The expression; its value is in SI of what the law drives."""

@@ -6,7 +6,7 @@ Checks and rules ask these facts; they know no kind of body, joint, spring or lo
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from hfsim.deck.fields import split_point
+from hfsim.deck.fields import Between, split_point
 from hfsim.deck.spec import Around, Complaint, Spec
 from hfsim.maths.arrays import Array
 
@@ -62,8 +62,11 @@ class BodySpec(Spec):
 class JointSpec(Spec):
     """Base of joints."""
 
-    if TYPE_CHECKING:
-        between: tuple[str, str]
+    type: str
+    """Kind of joint."""
+
+    between: Between
+    """The two points, [A, B]."""
 
     meets: ClassVar[bool] = False
     """Whether its two points stay together."""
@@ -138,10 +141,12 @@ class SpringSpec(Spec):
 class LoadSpec(Spec):
     """Base of loads."""
 
+    type: str
+    """Kind of load."""
+
     if TYPE_CHECKING:
         at: str
         law: LawSpec | None
-
         follower: bool
 
     carries: ClassVar[bool] = False

@@ -26,7 +26,6 @@ class DistributedSpec(LoadSpec):
     carries = True
 
     type: Literal["distributed"]
-    """Kind of load."""
 
     on: str
     """Beam it acts on."""

@@ -16,7 +16,6 @@ class ForceSpec(LoadSpec):
     carries = True
 
     type: Literal["force"]
-    """Kind of load."""
 
     at: str
     """Point it acts on."""

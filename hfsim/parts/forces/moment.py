@@ -17,7 +17,6 @@ class MomentSpec(LoadSpec):
     vectors = ("moment",)
 
     type: Literal["moment"]
-    """Kind of load."""
 
     at: str
     """Point it acts on."""

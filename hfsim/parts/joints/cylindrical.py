@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
-from hfsim.deck.fields import Axis, Between
+from hfsim.deck.fields import Axis
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
 from hfsim.mechanics.constraints import Held, Shift
@@ -21,10 +21,6 @@ class CylindricalSpec(JointSpec):
     spatial = turns = follows_start = True
 
     type: Literal["cylindrical"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     axis: Axis | None = None
     """Axis in A's frame [-]; [0, 0, 1] without it."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from hfsim.deck.fields import Axis, Between, Orientation
+from hfsim.deck.fields import Axis, Orientation
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
 from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
@@ -20,10 +20,6 @@ class DriverSpec(DrivenSpec):
     follows_start = True
 
     type: Literal["driver"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     angle: AngleLaw | None = None
     """Angle of B's frame relative to A's over time [rad]; or give the position."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from hfsim.deck.fields import Angle, Between, Orientation, degrees_as_radians
+from hfsim.deck.fields import Angle, Orientation, degrees_as_radians
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
@@ -17,10 +17,6 @@ class FixedSpec(JointSpec):
     meets = welds = True
 
     type: Literal["fixed"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     angle: Angle = 0.0
     """Angle of B's frame relative to A's at the joint, in space about z [rad]."""

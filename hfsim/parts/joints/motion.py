@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Angle, Axis, Between, Orientation, degrees_as_radians
+from hfsim.deck.fields import Angle, Axis, Orientation, degrees_as_radians
 from hfsim.deck.law_specs import AngleLaw, PositionLaw
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
@@ -24,10 +24,6 @@ class MotionSpec(DrivenSpec):
     spatial = ("z", "axis", "orientation")
 
     type: Literal["motion"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     x: PositionLaw | None = None
     """Place of B along A's first axis over time [m]; zero without it."""

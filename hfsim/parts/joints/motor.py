@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Literal
 
-from hfsim.deck.fields import Axis, Between, Force, Moment
+from hfsim.deck.fields import Axis, Force, Moment
 from hfsim.deck.law_specs import ScaleLaw
 from hfsim.deck.spec import Complaint
 from hfsim.maths.arrays import Array
@@ -16,10 +16,6 @@ class MotorSpec(ActuatorSpec):
     """Turns B against A by a torque about an axis, or pushes it along one by a force; it holds nothing."""
 
     type: Literal["motor"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     torque: Moment | None = None
     """Torque on B about the axis, its opposite on A [N m]; or give the force. In space the axis turns with A

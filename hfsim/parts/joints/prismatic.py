@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
-from hfsim.deck.fields import Angle, Axis, Between, Orientation, degrees_as_radians
+from hfsim.deck.fields import Angle, Axis, Orientation, degrees_as_radians
 from hfsim.deck.spec import Around, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import across
@@ -15,17 +15,13 @@ if TYPE_CHECKING:
     from hfsim.mechanics.resistances import Resistance
 
 
-class PrismaticSpec(SlidingResistanceSpec, JointSpec):
+class PrismaticSpec(JointSpec, SlidingResistanceSpec):
     """Point B slides along an axis through A; the frames there keep their relative angle."""
 
     vectors = ("axis",)
     spatial = ("orientation",)
 
     type: Literal["prismatic"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     axis: Axis | None = None
     """Direction of sliding in A's frame [-]; without it the first axis, in space [0, 0, 1]."""

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Literal
 
-from hfsim.deck.fields import Axis, Between
+from hfsim.deck.fields import Axis
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift, Turn
 from hfsim.parts.resistances import TurningResistanceSpec
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from hfsim.mechanics.resistances import Resistance
 
 
-class RevoluteSpec(TurningResistanceSpec, JointSpec):
+class RevoluteSpec(JointSpec, TurningResistanceSpec):
     """Two points stay together, the bodies may turn; in space about an axis that both share.
 
     What resists the turn knows its angle as a driver of the same points and axis has it.
@@ -23,10 +23,6 @@ class RevoluteSpec(TurningResistanceSpec, JointSpec):
     meets = turns = follows_start = True
 
     type: Literal["revolute"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     axis: Axis | None = None
     """Axis in A's frame, in space [-]; [0, 0, 1] without it."""

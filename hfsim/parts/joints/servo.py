@@ -7,7 +7,6 @@ from typing import Any, Literal
 
 from hfsim.deck.fields import (
     Axis,
-    Between,
     Damping,
     PositiveForce,
     PositiveMoment,
@@ -29,10 +28,6 @@ class ServoSpec(ActuatorSpec):
     """
 
     type: Literal["servo"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     angle: AngleLaw | None = None
     """Angle that B's frame is to have relative to A's over time [rad]; or give the position."""

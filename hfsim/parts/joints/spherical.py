@@ -2,7 +2,6 @@
 
 from typing import Literal
 
-from hfsim.deck.fields import Between
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift
 from hfsim.parts.specs import JointSpec
@@ -15,10 +14,6 @@ class SphericalSpec(JointSpec):
     meets = True
 
     type: Literal["spherical"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     def held(self, facing: Array | None = None) -> tuple[Held, ...]:
         """Return what the joint holds."""

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from hfsim.deck.fields import Angle, Axis, Between, Orientation, entries
+from hfsim.deck.fields import Angle, Axis, Orientation, entries
 from hfsim.deck.spec import Before, Complaint
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.constraints import Held, Shift
@@ -24,10 +24,6 @@ class UniversalSpec(JointSpec):
     meets = swings = True
 
     type: Literal["universal"]
-    """Kind of joint."""
-
-    between: Between
-    """The two points, [A, B]."""
 
     axes: TwoAxes = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
     """Axis fixed in A and axis fixed in B, both in A's frame where no angle has changed yet [-]."""
