@@ -19,7 +19,7 @@ from hfsim.output.plots.ink import DPI, Ink, text_width
 from hfsim.output.plots.letters import plain
 from hfsim.output.plots.panel import Arrow, Curve, Note, Strokes
 from hfsim.output.plots.run import draw_run
-from hfsim.output.plots.space import oblique, oblique_shapes, spatial_path, spatial_shapes
+from hfsim.output.plots.space import oblique, oblique_shapes, shapes_figure, track_figure
 from hfsim.output.plots.style import colour
 from hfsim.output.plots.tracks import apart
 from hfsim.scene.loading import parse_deck
@@ -63,7 +63,7 @@ def test_a_run_in_space_has_its_pictures(run, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
 
 
-@pytest.mark.parametrize("draw", [spatial_path, spatial_shapes])
+@pytest.mark.parametrize("draw", [track_figure, shapes_figure])
 def test_views_share_one_scale_and_stand_in_line(run, draw):
     views = {(panel.across.label[0], panel.upward.label[0]): panel for panel in draw(run).panels}
     assert set(views) == {("x", "y"), ("x", "z"), ("y", "z")}
@@ -77,7 +77,7 @@ def test_views_share_one_scale_and_stand_in_line(run, draw):
 
 
 def test_paths_are_the_channels(run):
-    for panel in spatial_path(run).panels:
+    for panel in track_figure(run).panels:
         names = panel.across.label[0], panel.upward.label[0]
         curve = next(line for line in panel.curves if line.label == "whip.tip")
         track = np.array([run[f"whip.tip.{one}"] for one in names])
@@ -119,7 +119,7 @@ def words(panel):
 
 
 def test_shapes_are_the_outlines_of_first_to_last(run):
-    figure = spatial_shapes(run)
+    figure = shapes_figure(run)
     for panel in figure.panels:
         pair = ["xyz".index(one[0]) for one in (panel.across.label, panel.upward.label)]
         segments = [one for thing in strokes(panel) for one in thing.every]
@@ -173,7 +173,7 @@ def test_labels_of_a_narrow_view_do_not_touch(run):
     angle = np.linspace(0.0, 6.0, len(run.t))
     circle = (0.0 * angle, 0.1 + 0.08 * np.sin(angle), 0.12 + 0.08 * np.cos(angle))
     channels = tuple(Channel(f"whip.tip.{k}", "m", one) for k, one in zip("xyz", circle, strict=True))
-    figure = spatial_path(replace(run, channels=channels))
+    figure = track_figure(replace(run, channels=channels))
     for panel in figure.panels:
         left, bottom, right, _ = DPI * np.array(panel.frame)
         below = [box for text, box in written(figure) if text in panel.across.words]
@@ -255,7 +255,7 @@ def test_what_a_failed_run_ends_in_is_marked_as_off_scale(run):
 
 
 def test_each_of_several_bodies_has_its_colour_paler_the_earlier(run):
-    figure = spatial_shapes(run)
+    figure = shapes_figure(run)
     colours = np.array([one.pen.colour for one in strokes(figure.panels[0])])
     hub, whip = colours[0::2], colours[1::2]
     assert hub[-1][:3] == pytest.approx(to_rgb(colour(0))) and whip[-1][:3] == pytest.approx(
@@ -267,7 +267,7 @@ def test_each_of_several_bodies_has_its_colour_paler_the_earlier(run):
         "whip": tuple(whip[-1]),
     }
     alone = replace(run, outlines={"hub": run.outlines["hub"]})
-    assert not spatial_shapes(alone).legend
+    assert not shapes_figure(alone).legend
 
 
 def test_shapes_do_not_pile_up():
@@ -294,8 +294,8 @@ def test_titles_legends_and_labels_stay_apart(run, size):
     other = replace(run, name=name, channels=channels)
     figures = [
         *time_figures(other).values(),
-        spatial_path(other),
-        spatial_shapes(other),
+        track_figure(other),
+        shapes_figure(other),
         oblique_shapes(other),
     ]
     for figure in figures:

@@ -8,10 +8,9 @@ from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget
 from hfsim.output.plots.files import save
 from hfsim.output.plots.history import time_figures
-from hfsim.output.plots.plane import planar_path, planar_shapes
 from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.snapshots import snapshot_figures
-from hfsim.output.plots.space import oblique_shapes, spatial_path, spatial_shapes
+from hfsim.output.plots.space import oblique_shapes, shapes_figure, track_figure
 
 
 def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
@@ -39,8 +38,7 @@ def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
         return draw_static(run, folder)
     run = run.drawn
     figures: dict[str, Sheet | None] = {**time_figures(run)}
+    figures |= {"path": track_figure(run), "shapes": shapes_figure(run)}
     if run.dimension == 3:
-        figures |= {"path": spatial_path(run), "shapes": spatial_shapes(run), "oblique": oblique_shapes(run)}
-    else:
-        figures |= {"path": planar_path(run), "shapes": planar_shapes(run)}
+        figures["oblique"] = oblique_shapes(run)
     return save(figures | dict(snapshot_figures(run)), folder, budget)

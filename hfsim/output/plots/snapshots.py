@@ -12,9 +12,8 @@ from hfsim.output.plots.ink import Colour, Mark, Pen
 from hfsim.output.plots.panel import Curve, Panel, mark_zero
 from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.sheet import Sheet
-from hfsim.output.plots.space import three_views
+from hfsim.output.plots.space import views_of
 from hfsim.output.plots.style import SIZE, TIME_COLOURS, colour, headline, slug
-from hfsim.output.plots.tracks import equal_axes
 from hfsim.parts.channels import kind_of
 
 _HEIGHT, _BETWEEN = 1.5, 0.2
@@ -40,12 +39,7 @@ def _own(shots: list[Snapshot], k: int) -> Colour:
 
 def _shapes(run: Run, shots: list[Snapshot]) -> Sheet:
     every = np.vstack([points for shot in shots for points in shot.points.values()])
-    if every.shape[1] == 3:
-        sheet, views = three_views(every)
-    else:
-        sheet, panel = equal_axes(every)
-        panel.dress("x [m]", "y [m]")
-        views = {(0, 1): panel}
+    sheet, views = views_of(every)
     for pair, panel in views.items():
         for k, shot in enumerate(shots):
             for points in shot.points.values():

@@ -1,4 +1,4 @@
-"""Pictures of motion in space: three views that share their scales, and an oblique one."""
+"""Pictures of motion: in space three views that share their scales, and an oblique one."""
 
 from __future__ import annotations
 
@@ -45,24 +45,24 @@ SHADOW = "0.87"
 """Colour of what lies straight below the bodies."""
 
 
-def spatial_path(run: Run) -> Sheet | None:
-    """Draw the paths of points in three views; None where there are none."""
+def track_figure(run: Run) -> Sheet | None:
+    """Draw the paths of points in all views; None where there are none."""
     tracks = tracks_of(run)
     if not tracks or len(run.t) < 2:
         return None
-    sheet, views = three_views(np.vstack(list(tracks.values())))
+    sheet, views = views_of(np.vstack(list(tracks.values())))
     for pair, panel in views.items():
         draw_tracks(panel, _seen(tracks, pair))
     return sheet.finish(headline(run, track_words(tracks)), list(views.values()))
 
 
-def spatial_shapes(run: Run) -> Sheet | None:
-    """Draw the bodies at some times in three views; None where there are none."""
+def shapes_figure(run: Run) -> Sheet | None:
+    """Draw the bodies at some times in all views; None where there are none."""
     shown = shown_outlines(run)
     if shown is None:
         return None
     times, outlines = shown
-    sheet, views = three_views(_all_points(outlines))
+    sheet, views = views_of(_all_points(outlines))
     for pair, panel in views.items():
         draw_shapes(panel, _seen(outlines, pair), times)
     words = headline(run, "shapes of the bodies")
@@ -84,15 +84,22 @@ def oblique_shapes(run: Run) -> Sheet | None:
 
 
 def _all_points(outlines: Mapping[str, Array]) -> Array:
-    return np.vstack([points.reshape(-1, 3) for points in outlines.values()])
+    return np.vstack([points.reshape(-1, points.shape[-1]) for points in outlines.values()])
 
 
 def _seen(curves: Mapping[str, Array], pair: tuple[int, int]) -> dict[str, Array]:
     return {name: points[..., pair] for name, points in curves.items()}
 
 
-def three_views(points: Array) -> tuple[Sheet, dict[tuple[int, int], Panel]]:
-    """Return a sheet and, by the two coordinates it shows, each view of points (n, 3) [m]."""
+def views_of(points: Array) -> tuple[Sheet, dict[tuple[int, int], Panel]]:
+    """Return a sheet and, by the two coordinates it shows, each view of points (n, n_dim) [m].
+
+    One of the plane, three of space.
+    """
+    if points.shape[1] == 2:
+        sheet, panel = equal_axes(points)
+        panel.dress("x [m]", "y [m]")
+        return sheet, {(0, 1): panel}
     low, high = bounds(points, _THINNEST)
     sizes = high - low
     x, y, z = sizes

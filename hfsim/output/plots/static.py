@@ -14,9 +14,8 @@ from hfsim.output.plots.ink import DASHED, DOTTED, Mark, Pen
 from hfsim.output.plots.panel import Curve, Panel, Strokes
 from hfsim.output.plots.sheet import Sheet
 from hfsim.output.plots.snapshots import snapshot_figures
-from hfsim.output.plots.space import oblique, oblique_axes, three_views
+from hfsim.output.plots.space import oblique, oblique_axes, views_of
 from hfsim.output.plots.style import SIZE, colour, headline
-from hfsim.output.plots.tracks import equal_axes
 
 WORDS = {"limits": "limit point", "branches": "branch"}
 BEFORE = "0.65"
@@ -42,19 +41,14 @@ def draw_static(run: Run, folder: Path) -> list[str]:
     figures: dict[str, Sheet | None] = {}
     if outlines and run.outline_t is not None and len(run.outline_t) > 1:
         every = np.concatenate([points.reshape(-1, run.dimension) for points in outlines.values()])
+        sheet, views = views_of(every)
+        for pair, panel in views.items():
+            _draw(panel, {body: points[..., pair] for body, points in outlines.items()})
+        figures["shapes"] = sheet.finish(headline(run, "at rest"), list(views.values()))
         if run.dimension == 3:
-            sheet, views = three_views(every)
-            for pair, panel in views.items():
-                _draw(panel, {body: points[..., pair] for body, points in outlines.items()})
-            figures["shapes"] = sheet.finish(headline(run, "at rest"), list(views.values()))
             sheet, panel, _ = oblique_axes(every)
             _draw(panel, {body: oblique(points) for body, points in outlines.items()})
             figures["oblique"] = sheet.finish(headline(run, "at rest"), [panel])
-        else:
-            sheet, panel = equal_axes(every)
-            panel.dress("x [m]", "y [m]")
-            _draw(panel, outlines)
-            figures["shapes"] = sheet.finish(headline(run, "at rest"), [panel])
     if len(run.t) > 1:
         figures["path"] = _path(run)
     figures |= {name: figure for name, figure in snapshot_figures(run) if name != "snapshots"}
