@@ -6,7 +6,6 @@ import sys
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -24,6 +23,7 @@ from hfsim.commands.options import (
     time_option,
     timing_workers_options,
 )
+from hfsim.output.pictures import drawn_by
 from hfsim.output.study import Study, time_to_draw
 from hfsim.output.talk import Destination, Talk, print_error
 
@@ -193,15 +193,9 @@ def do_bench(
     ):
         budget = Budget(seconds - drawing, time.process_time, started, progress)
         result = measure(loaded, sweep, budget, executor)
-    tables = {"bench": (COLUMNS, as_rows(result))}
-    study.publish(as_facts(result), tables, as_text(result, study.path), lambda to: _draw(result, to))
+    tables, draw = {"bench": (COLUMNS, as_rows(result))}, drawn_by("bench:draw_bench", result)
+    study.publish(as_facts(result), tables, as_text(result, study.path), draw)
     return _exit_code(result)
-
-
-def _draw(result: Bench, folder: Path) -> list[str]:
-    from hfsim.output.plots.bench import draw_bench
-
-    return draw_bench(result, folder)
 
 
 def _exit_code(result: Bench) -> int:

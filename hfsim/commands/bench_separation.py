@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hfsim.commands.options import refuse_unknown
+from hfsim.output.pictures import drawn_by
 from hfsim.output.study import Study
 from hfsim.output.talk import print_error
 from hfsim.output.text import as_table, wrapped
@@ -61,13 +62,7 @@ def do_separation(plan: Plan) -> int:
     with Progress("matrix separation", sys.stderr, study.talk.quiet) as progress:
         budget = Budget(plan.seconds, time.process_time, plan.started, progress)
         result = measure(plan.elements, plan.kinds, plan.repeats, budget, states=plan.states)
-
-    def draw(folder: Path) -> list[str]:
-        from hfsim.output.plots.separation import draw_separation
-
-        return draw_separation(result, folder)
-
-    tables = {"bench": (CSV_COLUMNS, as_rows(result))}
+    tables, draw = {"bench": (CSV_COLUMNS, as_rows(result))}, drawn_by("separation:draw_separation", result)
     study.publish(as_facts(result), tables, as_text(result, study.path), draw)
     for sentence in result.disagreements:
         print_error(sentence)

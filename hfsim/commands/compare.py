@@ -23,6 +23,7 @@ from hfsim.commands.options import (
     talk_options,
     timing_workers_options,
 )
+from hfsim.output.pictures import drawn_by
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk, print_error
 
@@ -177,16 +178,10 @@ def do_comparison(
     runs = list(comparison.runs.values())
     tables = {"compare": (COLUMNS, as_rows(comparison))}
     text = as_text(comparison, plan.study.path)
-    draw = None if comparison.interrupted else partial(_draw, runs, comparison)
+    draw = None if comparison.interrupted else drawn_by("comparison:draw_comparison", runs, comparison)
     page = partial(_page, comparison, plan.prepared) if report else None
     plan.study.publish(as_facts(comparison), tables, text, draw, page)
     return _exit_code(comparison, require)
-
-
-def _draw(runs: Sequence[Run], comparison: Comparison, folder: Path) -> list[str]:
-    from hfsim.output.plots.comparison import draw_comparison
-
-    return draw_comparison(runs, comparison, folder)
 
 
 def _page(comparison: Comparison, prepared: Prepared, facts: Mapping[str, Any], folder: Path) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +12,7 @@ import click
 from hfsim.commands import import_libraries
 from hfsim.commands.decks import load_numbered
 from hfsim.commands.options import Place, moment_option, output_options, setting_options, talk_options
+from hfsim.output.pictures import drawn_by
 from hfsim.output.study import Study
 from hfsim.output.talk import Destination, Talk
 
@@ -132,25 +132,23 @@ def read_rates(text: str | None) -> tuple[float, ...]:
 def publish_modes(found: Modes, study: Study, as_csv: bool, matrices: Path | None) -> None:
     """Write and tell the modes of one state."""
     from hfsim.output import modes as report
-    from hfsim.output.plots.modes import draw_modes
 
     rows = report.mode_rows(found)
     if matrices is not None:
         write_matrices(found, matrices)
     _publish(
         study, found.facts(), "modes", report.MODE_COLUMNS, rows, as_csv,
-        report.modes_text(found, f"{study.path}/"), partial(draw_modes, found),
+        report.modes_text(found, f"{study.path}/"), drawn_by("modes:draw_modes", found),
     )  # fmt: skip
 
 
 def publish_campbell(result: Campbell, study: Study, as_csv: bool) -> None:
     """Write and tell the modes at several rates."""
     from hfsim.output import modes as report
-    from hfsim.output.plots.modes import draw_campbell
 
     _publish(
         study, result.facts(), "campbell", report.CAMPBELL_COLUMNS, result.rows(), as_csv,
-        report.campbell_text(result, f"{study.path}/"), partial(draw_campbell, result),
+        report.campbell_text(result, f"{study.path}/"), drawn_by("modes:draw_campbell", result),
     )  # fmt: skip
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -28,6 +27,7 @@ from hfsim.commands.options import (
     time_option,
     workers_options,
 )
+from hfsim.output.pictures import drawn_by
 from hfsim.output.study import Study, time_to_draw
 from hfsim.output.talk import Destination, Talk, print_error
 
@@ -228,7 +228,7 @@ def do_map(
         report.map_facts(result),
         {"stability": (report.map_columns(result), result.points)},
         report.map_text(result, study.path, study.talk.verbose, ending),
-        partial(report.draw_map, result),
+        drawn_by("stability:draw_stability", result),
     )
     return _exit_code(result.status)
 

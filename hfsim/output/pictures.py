@@ -33,6 +33,21 @@ def put_pictures(
         _format.reset(before)
 
 
+def drawn_by(where: str, *shown: object) -> Callable[[Path], Iterable[str]]:
+    """Return what draws something by a function of `hfsim.output.plots`, imported when it draws.
+
+    ``where`` names it and its module: ``bench:draw_bench``.
+    """
+
+    def draw(folder: Path) -> Iterable[str]:
+        from pkgutil import resolve_name
+
+        names: Iterable[str] = resolve_name(f"hfsim.output.plots.{where}")(*shown, folder)
+        return names
+
+    return draw
+
+
 def picture_format() -> str:
     """Return the format of the pictures that are drawn now."""
     return _format.get()

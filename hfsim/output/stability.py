@@ -72,13 +72,6 @@ def map_facts(result: StabilityMap) -> dict[str, Any]:
     }
 
 
-def draw_map(result: StabilityMap, folder: Path) -> list[str]:
-    """Draw a map into a folder and return the names of the pictures."""
-    from hfsim.output.plots.stability import draw_stability
-
-    return draw_stability(result, folder)
-
-
 def map_text(result: StabilityMap, folder: Path, verbose: bool = False, ending: str = "accurate") -> str:
     """Return a map as people read it: the classes over the axes, the ends of classes, the reasons."""
     head = f"{result.name}: {result.summary}; {result.used:.3g} s used"

@@ -5,9 +5,8 @@ from __future__ import annotations
 import hashlib
 import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from hfsim import __version__
 from hfsim.deck.ranges import written
 from hfsim.marching.solution import Run
 from hfsim.output.disk import rows_as_text
+from hfsim.output.pictures import drawn_by
 from hfsim.output.runfolder import RunFolder, RunLog, Stopwatch
 from hfsim.output.study import Study, Table
 from hfsim.output.sweep_folder import (
@@ -38,7 +38,6 @@ from hfsim.studies.sweep.plan import Plan, readable, refusal
 from hfsim.studies.sweep.result import Sweep, gathered
 from hfsim.studies.sweep.sensitivity import (
     Differences,
-    Sensitivity,
     plan_differences,
     sensitivities,
     values_of,
@@ -253,12 +252,12 @@ def into_folder(
     facts = sweep_facts(result, wall, executor.jobs)
     text = sweep_text(result, folder.path, wall, folder.there)
     tables: dict[str, Table] = {}
-    draw = partial(draw_sweep, result)
+    draw = drawn_by("sweep:draw", result)
     if wanted.differences is not None:
         found = sensitivities(result, wanted.differences)
         tables["sensitivity"] = SENSITIVITY, found
         text = f"{text}\n{table(SENSITIVITY, found)}"
-        draw = partial(draw_sensitivities, result.name, found)
+        draw = drawn_by("sweep:draw_elasticities", result.name, found)
     Study(KIND, talk, granted, to.plots, about, to.format).publish(
         {**facts, **wanted.identity},
         tables,
@@ -377,17 +376,3 @@ def _failures(sweep: Sweep) -> list[str]:
     if len(found) > _TOLD:
         lines.append(f"  and {len(found) - _TOLD} more reasons (sweep.csv)")
     return lines
-
-
-def draw_sweep(sweep: Sweep, folder: Path) -> list[str]:
-    """Draw the pictures of a sweep into a folder; return their names."""
-    from hfsim.output.plots.sweep import draw
-
-    return draw(sweep, folder)
-
-
-def draw_sensitivities(name: str, found: Sequence[Sensitivity], folder: Path) -> list[str]:
-    """Draw elasticities into a folder; return the names of the files."""
-    from hfsim.output.plots.sweep import draw_elasticities
-
-    return draw_elasticities(name, found, folder)
