@@ -31,20 +31,7 @@ _CPU, _TOTAL = "CPU time of the integration [s]", "largest error, mesh included 
 
 
 def draw_bench(result: Bench, folder: Path) -> list[str]:
-    """Draw error against CPU time for each model and mesh, and the mesh error against the elements.
-
-    Parameters
-    ----------
-    result : Bench
-        What `hfsim.studies.bench.bench` found.
-    folder : Path
-        Where the files go.
-
-    Returns
-    -------
-    list of str
-        File names written.
-    """
+    """Draw error against CPU time of each model and mesh, mesh error over elements; return the files."""
     figures: dict[str, Figure | None] = {}
     for cell in result.cells:
         mesh = f"{cell.elements}" if cell.degree == 3 else f"{cell.elements}_degree_{cell.degree}"

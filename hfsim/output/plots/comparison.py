@@ -39,21 +39,9 @@ _CLIP = 3.0
 
 
 def draw_comparison(runs: Sequence[Run], comparison: Comparison, folder: Path) -> list[str]:
-    """Draw every channel over all models, and each model's error against its cost.
+    """Draw every channel over all models, and each model's error against its cost; return the files.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        The compared runs with finite values only, the reference among them.
-    comparison : Comparison
-        What `hfsim.studies.compare.compare` found.
-    folder : Path
-        Where the files go.
-
-    Returns
-    -------
-    list of str
-        File names written.
+    The runs are those compared, the reference among them, with finite values only.
     """
     truth = next(run for run in runs if run.model == comparison.reference)
     if not len(truth.t):

@@ -32,13 +32,7 @@ _ALIKE = 1e-6
 
 
 def draw_modes(found: Modes, folder: Path) -> list[str]:
-    """Draw all modes, six to a picture: ``modes``, or ``modes_1`` and so on.
-
-    Returns
-    -------
-    list of str
-        File names written.
-    """
+    """Draw all modes, six to a picture: ``modes``, or ``modes_1`` and so on; return the files."""
     pages = [found.modes[k : k + _PANELS] for k in range(0, len(found.modes), _PANELS)]
     names = ["modes"] if len(pages) == 1 else [f"modes_{k}" for k in range(1, len(pages) + 1)]
     return save({name: _page(found, page) for name, page in zip(names, pages, strict=True)}, folder)
@@ -145,13 +139,7 @@ def _together(result: Campbell) -> list[list[int]]:
 
 
 def draw_campbell(result: Campbell, folder: Path) -> list[str]:
-    """Draw ``campbell``: frequencies against rates, with the lines of excitations.
-
-    Returns
-    -------
-    list of str
-        File names written.
-    """
+    """Draw ``campbell``: frequencies against rates, with the lines of excitations; return the file."""
     from hfsim.studies.modes.campbell import ORDERS
 
     figure = new_figure((9.0, 5.2))

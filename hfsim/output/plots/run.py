@@ -14,21 +14,10 @@ from hfsim.output.plots.space import oblique_shapes, shapes_figure, track_figure
 
 
 def draw_run(run: Run, folder: Path, budget: Budget | None = None) -> list[str]:
-    """Draw one run: channels against time, paths of points, shapes of the bodies.
+    """Draw one run with finite values: channels against time, paths of points, shapes of the bodies.
 
-    Parameters
-    ----------
-    run : Run
-        A run with finite values only.
-    folder : Path
-        Where the files go; made if anything is drawn.
-    budget : Budget, optional
-        Time for it; pictures that it does not suffice for are not drawn.
-
-    Returns
-    -------
-    list of str
-        File names written; only plots for which channels or outlines exist, none for an empty run.
+    Return the files: of plots for which channels or outlines exist, none for an empty run. Pictures that the
+    budget does not suffice for are not drawn.
     """
     if not len(run.t):
         return []

@@ -27,20 +27,7 @@ _FORM_STYLES = {
 
 
 def draw_separation(result: SeparationBench, folder: Path) -> list[str]:
-    """Draw the time of each form, and its ratio to the direct one, over the number of elements.
-
-    Parameters
-    ----------
-    result : SeparationBench
-        What `hfsim.studies.separation.measure.measure` found.
-    folder : Path
-        Where the files go.
-
-    Returns
-    -------
-    list of str
-        File names written; none if nothing was measured.
-    """
+    """Draw the time of each form, and its ratio to the direct one, over the elements; return the files."""
     kinds = dict.fromkeys(cell.element for cell in result.cells if cell.forms)
     return save({f"separation_{kind}": _separation_figure(result, kind) for kind in kinds}, folder)
 

@@ -35,20 +35,7 @@ _MOST_LETTERS = 24
 
 
 def draw_stability(result: StabilityMap, folder: Path) -> list[str]:
-    """Draw the classes over the axes, one panel for each model and method.
-
-    Parameters
-    ----------
-    result : StabilityMap
-        What `hfsim.studies.stability.maps.stability_map` found, over one or two axes.
-    folder : Path
-        Where the files go.
-
-    Returns
-    -------
-    list of str
-        File names written.
-    """
+    """Draw the classes over one or two axes, one panel for each model and method; return the files."""
     if not result.axes:
         return []
     draw = _map_figure if len(result.axes) == 2 else _strips_figure

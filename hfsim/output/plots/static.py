@@ -25,17 +25,7 @@ BEFORE = "0.65"
 def draw_static(run: Run, folder: Path) -> list[str]:
     """Draw ``shapes``, in space ``oblique`` too, and ``along_BODY`` for each beam with strains.
 
-    Parameters
-    ----------
-    run : Run
-        With the outlines of the start and of places of rest.
-    folder : Path
-        Where the files go.
-
-    Returns
-    -------
-    list of str
-        File names written.
+    The run has the outlines of the start and of places of rest. Return the files.
     """
     outlines = {body: points for body, points in run.outlines.items() if points.size}
     figures: dict[str, Sheet | None] = {}

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from hfsim.maths.arrays import Array
-from hfsim.output.plots.figures import new_figure, scaled
+from hfsim.output.plots.figures import bare, new_figure, scaled, set_title
 from hfsim.output.plots.files import save
 from hfsim.output.plots.scale import with_unit
 from hfsim.output.plots.style import BLUE, RED, TIME_COLOURS, colour, slug
@@ -76,19 +77,20 @@ def _response(sweep: Sweep, path: str, name: str) -> Figure:
     known = order[~np.isnan(values[order])]
     line = "" if ticks or (sweep.plan.kind == "sample" and len(sweep) > 50) else "-"
     axes.plot(places[known], values[known], f"o{line}", color=BLUE, markersize=4.5, linewidth=1.4)
-    _mark_failed(axes, places[np.isnan(values)])
+    if _mark_failed(axes, places[np.isnan(values)]):
+        axes.legend(frameon=False)
     _dress(axes, sweep, path, ticks)
     scaled(axes.yaxis, _label(sweep, name))
-    axes.set_title(_title(sweep, f"{name} over {path}"), fontsize=12, loc="left", pad=10)
+    set_title(figure, _title(sweep, f"{name} over {path}"))
     return figure
 
 
-def _mark_failed(axes: Axes, places: Array) -> None:
-    """Mark at the lower edge where runs gave nothing."""
+def _mark_failed(axes: Axes, places: Array, size: float = 6.0) -> bool:
+    """Mark at the lower edge where runs gave nothing; return whether some did."""
     if len(places):
-        where = axes.get_xaxis_transform()
-        axes.plot(places, np.full(len(places), 0.02), "x", color=RED, transform=where, label="no value")
-        axes.legend(frameon=False)
+        style: dict[str, Any] = {"color": RED, "markersize": size, "label": "no value"}
+        axes.plot(places, np.full(len(places), 0.02), "x", transform=axes.get_xaxis_transform(), **style)
+    return bool(len(places))
 
 
 def _placed(sweep: Sweep, path: str) -> tuple[Array, list[str]]:
@@ -106,9 +108,8 @@ def _is_logarithmic(sweep: Sweep, path: str) -> bool:
 
 
 def _dress(axes: Axes, sweep: Sweep, path: str, ticks: list[str]) -> None:
-    axes.grid(True, color="0.9", linewidth=0.8)
+    bare(axes)
     axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
     if ticks:
         axes.set_xticks(range(len(ticks)), ticks)
         axes.set_xlim(-0.5, len(ticks) - 0.5)
@@ -162,7 +163,7 @@ def _curves(sweep: Sweep, path: str, other: str, name: str) -> Figure:
         axes.plot(places[mine], values[mine], "o-", color=own, markersize=4.5, linewidth=1.4, label=shown)
     _dress(axes, sweep, path, ticks)
     scaled(axes.yaxis, _label(sweep, name))
-    axes.set_title(_title(sweep, f"{name} over {path}"), fontsize=12, loc="left", pad=10)
+    set_title(figure, _title(sweep, f"{name} over {path}"))
     figure.legend(loc="outside right upper", frameon=False, title=_label(sweep, other).split(".")[-1])
     return figure
 
@@ -187,7 +188,7 @@ def _heat_map(sweep: Sweep, paths: list[str], name: str) -> Figure:
             scaled(axis, _label(sweep, path))
     bar = figure.colorbar(mesh, ax=axes, pad=0.02)
     scaled(bar.ax.yaxis, _label(sweep, name))
-    axes.set_title(_title(sweep, name), fontsize=12, loc="left", pad=10)
+    set_title(figure, _title(sweep, name))
     return figure
 
 
@@ -202,28 +203,39 @@ def _edges(values: Array, logarithmic: bool) -> Array:
 # --- more entries, and samples -------------------------------------------------------------------
 
 
-def _matrix(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
-    """Draw what is collected, in rows, over each entry that is varied, in columns."""
+def _panels(
+    sweep: Sweep, paths: list[str], names: list[str], words: str, fill: Callable[[Axes, str, str], None]
+) -> Figure:
+    """Return a figure of what is collected, in rows, over each entry that is varied, in columns."""
     size = (1.2 + 2.3 * len(paths), 0.9 + 1.7 * len(names))
     figure = new_figure((max(6.0, size[0]), max(3.2, size[1])))
     panels = figure.subplots(len(names), len(paths), squeeze=False, sharex="col", sharey="row")
+    for (j, path), (i, name) in product(enumerate(paths), enumerate(names)):
+        axes: Axes = panels[i, j]
+        fill(axes, path, name)
+        _dress_panel(axes, sweep, path)
+        if i == len(names) - 1:
+            axes.set_xlabel(_label(sweep, path), fontsize=9)
+        if j == 0:
+            axes.set_ylabel(_short(sweep, name), fontsize=9)
+    figure.suptitle(_title(sweep, words), fontsize=12, x=0.01, ha="left")
+    return figure
+
+
+def _matrix(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
+    """Draw all runs."""
     some = np.linspace(0, len(sweep) - 1, min(len(sweep), _POINTS)).astype(int)
-    for j, path in enumerate(paths):
+    dot = 5.0 if len(some) < 500 else 3.0
+
+    def fill(axes: Axes, path: str, name: str) -> None:
         places, ticks = _placed(sweep, path)
         if ticks:
             places = places + np.random.default_rng(1).uniform(-0.15, 0.15, len(places))
-        for i, name in enumerate(names):
-            axes, values = panels[i, j], sweep[name][some]
-            dot = 5.0 if len(some) < 500 else 3.0
-            axes.plot(places[some], values, "o", color=BLUE, markersize=dot, alpha=0.5, markeredgewidth=0.0)
-            _mark_panel(axes, places[some][np.isnan(values)])
-            _dress_panel(axes, sweep, path, ticks)
-            if i == len(names) - 1:
-                axes.set_xlabel(_label(sweep, path), fontsize=9)
-            if j == 0:
-                axes.set_ylabel(_short(sweep, name), fontsize=9)
-    figure.suptitle(_title(sweep, "all runs"), fontsize=12, x=0.01, ha="left")
-    return figure
+        values = sweep[name][some]
+        axes.plot(places[some], values, "o", color=BLUE, markersize=dot, alpha=0.5, markeredgewidth=0.0)
+        _mark_failed(axes, places[some][np.isnan(values)], 4.0)
+
+    return _panels(sweep, paths, names, "all runs", fill)
 
 
 def _short(sweep: Sweep, name: str) -> str:
@@ -232,13 +244,8 @@ def _short(sweep: Sweep, name: str) -> str:
     return label.replace("(", "(\n", 1) if len(label) > 24 else label
 
 
-def _mark_panel(axes: Axes, places: Array) -> None:
-    if len(places):
-        where = axes.get_xaxis_transform()
-        axes.plot(places, np.full(len(places), 0.02), "x", color=RED, markersize=4.0, transform=where)
-
-
-def _dress_panel(axes: Axes, sweep: Sweep, path: str, ticks: list[str]) -> None:
+def _dress_panel(axes: Axes, sweep: Sweep, path: str) -> None:
+    _, ticks = _placed(sweep, path)
     _dress(axes, sweep, path, ticks)
     axes.set_xlabel("")
     axes.tick_params(labelsize=8)
@@ -255,27 +262,18 @@ def _tick(value: float, _: Any) -> str:
 
 def _effects(sweep: Sweep, paths: list[str], names: list[str]) -> Figure:
     """Draw the mean of what is collected over each entry, with the share of the variance that explains."""
-    figure = new_figure((max(6.0, 1.2 + 2.3 * len(paths)), max(3.2, 0.9 + 1.7 * len(names))))
-    panels = figure.subplots(len(names), len(paths), squeeze=False, sharex="col", sharey="row")
     shares = main_effects(sweep)
-    for j, path in enumerate(paths):
+
+    def fill(axes: Axes, path: str, name: str) -> None:
         place, centres = groups(sweep[path])
-        _, ticks = _placed(sweep, path)
-        at = np.arange(len(centres), dtype=float) if ticks else np.array(centres)
-        for i, name in enumerate(names):
-            axes: Axes = panels[i, j]
-            axes.plot(at, mean_curve(sweep[name], place, len(centres)), "o-", color=colour(j), markersize=4.0)
-            _dress_panel(axes, sweep, path, ticks)
-            share = shares[name][path]
-            if share is not None:
-                axes.set_title(f"{100 * share:.0f} %", loc="left", fontsize=8, color="0.35")
-            if i == len(names) - 1:
-                axes.set_xlabel(_label(sweep, path), fontsize=9)
-            if j == 0:
-                axes.set_ylabel(_short(sweep, name), fontsize=9)
-    words = "means, and shares of the variance"
-    figure.suptitle(_title(sweep, words), fontsize=12, x=0.01, ha="left")
-    return figure
+        at = np.arange(len(centres), dtype=float) if _placed(sweep, path)[1] else np.array(centres)
+        own = colour(paths.index(path))
+        axes.plot(at, mean_curve(sweep[name], place, len(centres)), "o-", color=own, markersize=4.0)
+        share = shares[name][path]
+        if share is not None:
+            axes.set_title(f"{100 * share:.0f} %", loc="left", fontsize=8, color="0.35")
+
+    return _panels(sweep, paths, names, "means, and shares of the variance", fill)
 
 
 def draw_elasticities(name: str, found: Sequence[Sensitivity], folder: Path) -> list[str]:
@@ -299,10 +297,9 @@ def draw_elasticities(name: str, found: Sequence[Sensitivity], folder: Path) -> 
     axes.set_yticks(range(len(quantities)), quantities)
     axes.invert_yaxis()
     scaled(axes.xaxis, "% of the quantity for 1 % of the entry")
-    axes.grid(True, axis="x", color="0.9", linewidth=0.8)
+    bare(axes, axis="x")
     axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
     if len(paths) > 1:
         figure.legend(loc="outside lower center", frameon=False, ncols=2)
-    axes.set_title(f"{name}: what entries change", fontsize=12, loc="left", pad=10)
+    set_title(figure, f"{name}: what entries change")
     return save({"sensitivity": figure}, folder)
