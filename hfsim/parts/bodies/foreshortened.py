@@ -10,8 +10,10 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
+from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre, piecewise
 from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.markers import Marker
 from hfsim.parts.bodies.mesh import BeamMesh
 
 NEARLY_SINGULAR = 0.2
@@ -131,6 +133,30 @@ class ForeshortenedBeam(ForcePart):
         xi, w = gauss_legendre(self.mesh.element.degree)
         rows = np.array([self.mesh.shape(start + a * part, 0.0, (1, 0))[2:] for a in xi])
         return np.asarray((rows.T * (w * part)) @ rows)
+
+
+@frozen
+class ForeshortenedMarker(Marker):
+    """A point of the centre line of a beam with foreshortening."""
+
+    beam: ForeshortenedBeam
+    place: float
+    linear_turn: ClassVar[bool] = False
+    linear: ClassVar[bool] = False
+    """The place is foreshortened."""
+
+    @property
+    def columns(self) -> slice:  # type: ignore[override]
+        """Coordinates of the beam."""
+        return self.beam.columns
+
+    def position_stiffness(self, x: Array, force: Array) -> Entries:
+        """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
+        raise NotImplementedError
+
+    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
+        """Refuse, as `position_stiffness`."""
+        raise NotImplementedError
 
 
 def weighted(weights: Array, rows: Array) -> Array:

@@ -11,7 +11,6 @@ import numpy as np
 from hfsim.deck.sections import Fibres
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import normal, rotate
 from hfsim.mechanics.body import Acting, Body, Place
 from hfsim.mechanics.deformation import Deformation
@@ -19,6 +18,7 @@ from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
+from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
 from hfsim.parts.bodies.planar_low_order import PLACE, RIGID, TURN, LowOrderBeam
 
 FIELDS = 8.5
@@ -26,19 +26,10 @@ FIELDS = 8.5
 
 
 @frozen
-class LowOrderMarker(Marker):
+class LowOrderMarker(ForeshortenedMarker):
     """A point of the centre line of a `LowOrderBeam`, its direction along the slope (1 + w', v')."""
 
     beam: LowOrderBeam
-    place: float
-    linear_turn: ClassVar[bool] = False
-    linear: ClassVar[bool] = False
-    """The place is turned with the frame, and foreshortened."""
-
-    @property
-    def columns(self) -> slice:  # type: ignore[override]
-        """Coordinates of the beam."""
-        return self.beam.columns
 
     @cached_property
     def _rows(self) -> tuple[Array, Array, Array]:
@@ -120,14 +111,6 @@ class LowOrderMarker(Marker):
         n = normal(t)
         own = -n[:, 0] * dt[:, 1] ** 2 / square
         return np.asarray(own - 2.0 * np.sum(t * dt, -1) * np.sum(n * dt, -1) / square**2)[:, None]
-
-    def position_stiffness(self, x: Array, force: Array) -> Entries:
-        """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
-        raise NotImplementedError
-
-    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
-        """Refuse, as `position_stiffness`."""
-        raise NotImplementedError
 
 
 @frozen

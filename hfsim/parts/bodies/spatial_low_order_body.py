@@ -16,6 +16,7 @@ from hfsim.mechanics.body import Place
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.parts.bodies.blueprint import Blueprint
+from hfsim.parts.bodies.foreshortened import ForeshortenedMarker
 from hfsim.parts.bodies.planar_low_order_body import FIELDS
 from hfsim.parts.bodies.root_frame import ACROSS, RootFrame, spun_by
 from hfsim.parts.bodies.spatial_linear import SpatialLinearBeam, SpatialLinearElasticForce
@@ -84,23 +85,14 @@ class Foreshortened:
 
 
 @frozen
-class SpatialLowOrderMarker(Marker):
+class SpatialLowOrderMarker(ForeshortenedMarker):
     """A point of the centre line; its one axis is the slope ds'/dx = (1 + w' - 1/2 v'.v', v')."""
 
     beam: SpatialLowOrderBeam
-    place: float
     n_dim: ClassVar[int] = 3
     n_spin: ClassVar[int] = 3
     n_axes: ClassVar[int] = 1
-    linear_turn: ClassVar[bool] = False
     keeps_turns: ClassVar[bool] = False
-    linear: ClassVar[bool] = False
-    """The place is foreshortened."""
-
-    @property
-    def columns(self) -> slice:  # type: ignore[override]
-        """Coordinates of the beam."""
-        return self.beam.columns
 
     @cached_property
     def _vectors(self) -> tuple[Foreshortened, Foreshortened]:
@@ -155,14 +147,6 @@ class SpatialLowOrderMarker(Marker):
         square = np.sum(t * t, axis=-1, keepdims=True)
         stretching = 2.0 * np.sum(t * rate, axis=-1, keepdims=True) / square
         return np.asarray(lever(t, self.axis_bias(x, u, FIRST) - stretching * rate) / square)
-
-    def position_stiffness(self, x: Array, force: Array) -> Entries:
-        """Refuse: scenes with a varying mass matrix are linearised by differences of accelerations."""
-        raise NotImplementedError
-
-    def spin_stiffness(self, x: Array, moment: Array) -> Entries:
-        """Refuse, as `position_stiffness`."""
-        raise NotImplementedError
 
     def axis_stiffness(self, x: Array, a: Array, force: Array) -> Entries:
         """Refuse, as `position_stiffness`."""
