@@ -102,6 +102,10 @@ class Marker:
         """Return vectors (n_dim,), given in its axes, in ground axes, shape (n_batch, n_dim)."""
         return rotate(self.angle(x), a)
 
+    def frame(self, x: Array) -> Array:
+        """Return its axes, of unit length and at right angles, as columns, shape (n_batch, n_dim, n_dim)."""
+        return np.stack([self.turned(x, axis) for axis in np.eye(self.n_dim)], axis=-1)
+
     def axis(self, x: Array, a: Array) -> Array:
         """Return vectors as `turned`, but as long as its own axes are: what joints hold directions of."""
         return self.turned(x, a)

@@ -84,7 +84,7 @@ def _motion(body: Body, x: Array, u: Array) -> tuple[Pose, Twist]:
     """Return where the frame of a body is in one state, (1, n), and how it moves."""
     root = body.marker(body.origin)
     twist = Twist(root.velocity(x, u)[0], root.spin(x, u)[0])
-    turn = root.angle(x) if root.n_dim == 2 else rotation_vector(root.turned(x, np.eye(3))[0])
+    turn = root.angle(x) if root.n_dim == 2 else rotation_vector(root.frame(x)[0])
     return Pose(root.position(x)[0], turn), twist
 
 

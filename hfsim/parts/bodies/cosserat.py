@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import NOTHING, Entries
 from hfsim.maths.rotations import cross, normal, turned
@@ -75,21 +75,6 @@ class CosseratBeam(VectorBeam):
         """Those of the nodes."""
         return self.mesh.undeformed
 
-    @property
-    def positions(self) -> Array:
-        """One for the positions of nodes."""
-        return self.mesh.positions
-
-    @property
-    def banded(self) -> bool:
-        """Whether it has no body frame, with which all its coordinates are coupled."""
-        return not self.framed
-
-    @property
-    def position_columns(self) -> IntArray:
-        """Those of the nodes, unless they are relative to a frame."""
-        return super().position_columns[: 0 if self.framed else None]
-
     def chart(self) -> SectionFrameChart | None:
         """Return the map to the body frame, if it is stepped in that."""
         return SectionFrameChart(self.columns, 1, self.n_dim) if self.framed else None
@@ -144,7 +129,7 @@ class CosseratBeam(VectorBeam):
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return how its line and sections change, in the frame at the root and undeformed sections' axes."""
         root, own, (at, weights) = self.marker(self.origin), self.vectors(x), self.mesh.points
-        frame = np.stack([root.turned(x, axis) for axis in np.eye(self.n_dim)], axis=-1)
+        frame = root.frame(x)
         now, before = _line(self.mesh, own), _line(self.mesh, self.undeformed[None])
         axes = self.mesh.axis.sections(np.append(at, self.mesh.axis.length))[1]
         changes = (a @ frame - b for a, b in zip(now, before, strict=True))

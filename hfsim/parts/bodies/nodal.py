@@ -10,10 +10,9 @@ from typing import ClassVar, Self
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray, cumulative
+from hfsim.maths.arrays import Array, cumulative
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
-from hfsim.maths.rotations import as_complex
 from hfsim.mechanics.body import Place
 from hfsim.mechanics.chart import Chart
 from hfsim.mechanics.deformation import Deformation, size
@@ -23,7 +22,7 @@ from hfsim.mechanics.planar_markers import NodalMarker
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.mesh import BeamMesh
-from hfsim.parts.bodies.planar_frame import FrameChart, relative_nodes
+from hfsim.parts.bodies.planar_frame import FrameChart
 from hfsim.parts.bodies.planar_natural import NaturalBeams, PlanarIncrements
 from hfsim.parts.bodies.vector_beam import VectorBeam
 
@@ -59,11 +58,6 @@ class NodalBeam(VectorBeam):
         return f"positions and slopes of {self.mesh.count} elements", "flexible"
 
     @property
-    def banded(self) -> bool:
-        """Whether it has no body frame, with which all its coordinates are coupled."""
-        return not self.framed
-
-    @property
     def angle_column(self) -> int | None:
         """The one after the origin, if the state has a body frame."""
         return int(self.columns.start) + 2 if self.framed else None
@@ -72,16 +66,6 @@ class NodalBeam(VectorBeam):
     def undeformed(self) -> Array:
         """Those of the nodes."""
         return self.beam.undeformed
-
-    @property
-    def positions(self) -> Array:
-        """One for the positions of nodes."""
-        return self.mesh.positions
-
-    @property
-    def position_columns(self) -> IntArray:
-        """Those of the nodes, unless they are relative to a frame."""
-        return super().position_columns[: 0 if self.framed else None]
 
     def marker(self, place: Place) -> Marker:
         """Return the marker of a material point; its direction is that of the beam's axis there."""
@@ -130,16 +114,16 @@ class NodalBeam(VectorBeam):
         return np.asarray(rows @ self.vectors(x))
 
     def deformation(self, x: Array, u: Array) -> Deformation:
-        """Return that of the nodal vectors in the frame at the root."""
-        axis, positions = self.mesh.axis, self.mesh.positions
-        origin, tangent, z = relative_nodes(self.vectors(x))
-        p = (z - positions * origin) * tangent.conj()
-        spin = (as_complex(self.vectors(u)[:, 1:2]) * tangent.conj()).imag / np.abs(z[:, 1:2])
-        slope, curvature, tip = (p.imag @ rows.T for rows in (axis.slope, axis.curvature, axis.tip))
-        axial = p.real @ axis.slope.T - 1.0
-        return Deformation(
-            axis.places, axis.weights, axial, slope[..., None], curvature[..., None], tip[:, None], spin
-        )
+        """Return how its line changes, in the frame at the root and the axes of undeformed sections."""
+        axis, line, root = self.mesh.axis, self.mesh.line, self.marker(self.origin)
+        p = self.arms(x) @ root.frame(x) - self.undeformed
+        slope, bent, tip = (rows @ p for rows in (axis.slope, axis.curvature, axis.tip))
+        if line is not None:
+            axes = line.sections(np.append(axis.places, self.mesh.length))[1]
+            slope, bent = ((one[..., None, :] @ axes[:-1])[..., 0, :] for one in (slope, bent))
+            tip = tip @ axes[-1]
+        seen = (slope[..., 0], slope[..., 1:], bent[..., 1:], tip[:, 1:])
+        return Deformation(axis.places, axis.weights, *seen, spin=root.spin(x, u))
 
     def deformed(self, pose: Pose, twist: Twist, seen: Deformation) -> tuple[Array, Array]:
         """Return nodal vectors and rates of the bent and stretched beam; sections stay normal to the axis."""

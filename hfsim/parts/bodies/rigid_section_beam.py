@@ -87,8 +87,7 @@ class RigidSectionBeam(Body):
 
     def _frame(self, x: Array) -> Array:
         """Return the body's axes as columns, (n_batch, n_dim, n_dim)."""
-        root = self.marker(self.origin)
-        return np.stack([root.turned(x, axis) for axis in np.eye(self.n_dim)], axis=-1)
+        return self.marker(self.origin).frame(x)
 
     def reference(self, place: Place) -> Place:
         """Return where a point is in the body frame: places count along the line."""

@@ -46,22 +46,6 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         """Return where a point is in the undeformed body frame: places count along the line."""
         return self.beam.reference(place)
 
-    def deformation(self, x: Array, u: Array) -> Deformation:
-        """Return how its line changes, in the frame at the root and the undeformed sections' axes."""
-        line = self.mesh.line
-        if line is None:
-            return super().deformation(x, u)
-        axis, root, vectors = self.mesh.axis, self.marker(self.origin), self.vectors(x)
-        p = (vectors - self.positions[:, None] * vectors[:, :1]) @ root.turned(x, np.eye(3)) - self.undeformed
-        axes = line.sections(np.append(axis.places, self.mesh.length))[1]
-        slope, bent = ((rows @ p)[..., None, :] @ axes[:-1] for rows in (axis.slope, axis.curvature))
-        across = (axis.tip @ p @ axes[-1])[:, 1:]
-        slope, bent = slope[..., 0, :], bent[..., 0, :]
-        spin = root.spin(x, u)
-        return Deformation(
-            axis.places, axis.weights, slope[..., 0], slope[..., 1:], bent[..., 1:], across, spin
-        )
-
     def carried(self) -> Carried | None:
         """Return the vectors of each node with its section vectors, in the frame of the root none."""
         if self.framed:

@@ -21,7 +21,7 @@ class SpatialLinearBeam(LinearBeam, SpatialNodalBeam):
 
     def section_axes(self, x: Array, places: Array) -> Array:
         """Return the axes of the body frame: those of the undeformed sections."""
-        frame = self.marker(self.origin).turned(x, np.eye(3))
+        frame = self.marker(self.origin).frame(x)
         return np.repeat(frame[:, None], len(places), axis=1)
 
     @property

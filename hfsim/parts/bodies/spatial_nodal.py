@@ -9,7 +9,6 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.body import Place
-from hfsim.mechanics.deformation import Deformation
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.spatial_markers import VectorMarker
 from hfsim.parts.bodies.nodal import NodalBeam
@@ -38,18 +37,8 @@ class SpatialNodalBeam(NodalBeam):
         from hfsim.parts.bodies.section_axes import along_the_line
 
         grid = np.union1d(self.outline_places, places)
-        axes = along_the_line(self.marker(self.origin).turned(x, np.eye(3)), self._slopes(x, grid))
+        axes = along_the_line(self.marker(self.origin).frame(x), self._slopes(x, grid))
         return axes[:, np.searchsorted(grid, places)]
-
-    def deformation(self, x: Array, u: Array) -> Deformation:
-        """Return that of the nodal vectors in the frame at the root."""
-        axis, root = self.mesh.axis, self.marker(self.origin)
-        vectors, frame = self.vectors(x), root.turned(x, np.eye(3))
-        p = (vectors - self.positions[:, None] * vectors[:, :1]) @ frame
-        slope, curvature, tip = (rows @ p for rows in (axis.slope, axis.curvature, axis.tip))
-        bent, spin = slope[..., 1:], root.spin(x, u)
-        stretch = slope[..., 0] - 1.0
-        return Deformation(axis.places, axis.weights, stretch, bent, curvature[..., 1:], tip[:, 1:], spin)
 
     def chart(self) -> SpatialFrameChart | None:
         """Return the map to the body frame, if it is stepped in that."""

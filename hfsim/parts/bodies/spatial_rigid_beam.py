@@ -116,7 +116,7 @@ class SpatialRigidBeam(VectorBody):
         Along the axis, r'' goes linearly from the root's to the tip's.
         """
         root = self.marker(self.origin)
-        frame = root.turned(x, np.eye(3))
+        frame = root.frame(x)
         first, last = np.moveaxis((self.beam.gravity - self.vectors(ax)) @ frame, 1, 0)
         slope = (last - first) / self._length
         return strained(self.beam.mesh, first, slope, self._on_line(frame, loads), root.spin(x, u))

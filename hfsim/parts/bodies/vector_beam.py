@@ -8,7 +8,7 @@ import numpy as np
 
 from hfsim.deck.sections import Fibres
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.mechanics.body import Acting, VectorBody
 from hfsim.mechanics.markers import Marker
 
@@ -28,6 +28,7 @@ class VectorBeam(VectorBody):
     """Whether its nodes have section vectors of unit length, so that `widest_turn` tells something."""
 
     if TYPE_CHECKING:
+        framed: bool
 
         @property
         def mesh(self) -> BeamMesh | SectionMesh:
@@ -38,6 +39,21 @@ class VectorBeam(VectorBody):
 
         def section_axes(self, x: Array, places: Array) -> Array:
             """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
+
+    @property
+    def positions(self) -> Array:
+        """One for the positions of nodes."""
+        return self.mesh.positions
+
+    @property
+    def banded(self) -> bool:
+        """Whether it has no body frame, with which all its coordinates are coupled."""
+        return not self.framed
+
+    @property
+    def position_columns(self) -> IntArray:
+        """Those of the nodes, unless they are relative to a frame."""
+        return super().position_columns[: 0 if self.framed else None]
 
     def widest_turn(self, x: Array) -> float:
         """Return the largest angle between sections of neighbouring nodes in a state (1, n) [rad]."""
