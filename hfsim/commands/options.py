@@ -266,12 +266,7 @@ def names(text: str | None) -> tuple[str, ...]:
 
 
 def not_both(resume: bool, force: bool) -> None:
-    """Refuse to go on with what stands there and to replace it.
-
-    Raises
-    ------
-    click.UsageError
-    """
+    """Refuse to go on with what stands there and to replace it: raise `click.UsageError`."""
     if resume and force:
         raise click.UsageError("--resume and --force are one or the other")
 

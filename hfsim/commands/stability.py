@@ -196,12 +196,7 @@ def make_plan(
 
 
 def refuse_bisection(width: float | None, axes: Sequence[Axis]) -> None:
-    """Refuse to bisect along anything but one axis of several numbers.
-
-    Raises
-    ------
-    click.UsageError
-    """
+    """Refuse to bisect along anything but one axis of several numbers: raise `click.UsageError`."""
     if width is None:
         return
     if len(axes) != 1 or not axes[0].numeric or len(axes[0].values) < 2:

@@ -47,13 +47,7 @@ class EnergyWatch:
         self._work = self._most = self._start = self._potential = 0.0
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
-        """Look at a kept state.
-
-        Raises
-        ------
-        SolverFailure
-            If more than `LIMIT` times the energy that there should be has come out of nothing.
-        """
+        """Look at a kept state; fail if `LIMIT` times the energy that there should be has come of nothing."""
         system, time = self.system, np.array([t])
         x = system.absolute(q[None])
         u = system.absolute_velocity(q[None], v[None])
@@ -111,13 +105,7 @@ class PartsWatch:
         self.needed = bool(self._parts)
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
-        """Look at a kept state.
-
-        Raises
-        ------
-        SolverFailure
-            If a part says so.
-        """
+        """Look at a kept state; fail if a part says so."""
         x = self.system.absolute(q[None])
         for part in self._parts:
             failure = part.runaway(t, x)
@@ -135,13 +123,7 @@ class RedundantWatch:
     system: System
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
-        """Look at a kept state.
-
-        Raises
-        ------
-        SolverFailure
-            Naming the joint that has come apart the most.
-        """
+        """Look at a kept state; fail by the joint that has come apart the most."""
         rows = self.system.redundant
         time, x = np.array([t]), self.system.absolute(q[None])
         gaps = [float(np.abs(row.residual(time, x)).max()) for row in rows]
@@ -177,13 +159,7 @@ class RateWatch:
         self._most = FASTEST * max(1.0, float(np.abs(self.start).max(initial=0.0)))
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
-        """Look at a kept state.
-
-        Raises
-        ------
-        SolverFailure
-            If a rate is `FASTEST`, or not finite.
-        """
+        """Look at a kept state; fail if a rate is `FASTEST`, or not finite."""
         if v.dot(v) < self._most**2:  # a quick look
             return
         rate = float(np.abs(v).max())
@@ -211,13 +187,7 @@ class SectionsWatch:
     bodies: Sequence[VectorBeam]
 
     def __call__(self, t: float, q: Array, v: Array) -> None:
-        """Look at a kept state.
-
-        Raises
-        ------
-        SolverFailure
-            Of the body; see `VectorBeam.beyond_mesh`.
-        """
+        """Look at a kept state; fail by a body whose mesh cannot follow, see `VectorBeam.beyond_mesh`."""
         x = self.system.absolute(q[None])
         for body in self.bodies:
             if (lost := body.beyond_mesh(t, x)) is not None:

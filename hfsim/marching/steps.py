@@ -32,12 +32,7 @@ State: TypeAlias = tuple[float, Array, Array]
 
 
 class Steps:
-    """The steps of one scene with the watches over them.
-
-    Attributes
-    ----------
-    problem : Problem
-    """
+    """The steps of one scene with the watches over them."""
 
     def __init__(
         self, problem: Problem, method: Method, start: State, t_end: float, limits: Limits, watches: Watches

@@ -62,12 +62,7 @@ class Modes:
 
 @frozen
 class LargeModes:
-    """A large system near one state, with sparse matrices; damping is left out.
-
-    Attributes
-    ----------
-    equations : Linearized
-    """
+    """A large system near one state, with sparse matrices; damping is left out."""
 
     equations: Linearized
 

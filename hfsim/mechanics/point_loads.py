@@ -55,12 +55,7 @@ class Load(ForcePart):
 
 @frozen
 class PointLoad(Load, PointPart):
-    """A load on the place or the turn of a marker.
-
-    Attributes
-    ----------
-    marker : Marker
-    """
+    """A load on the place or the turn of a marker."""
 
     marker: Marker
     law: Law | None

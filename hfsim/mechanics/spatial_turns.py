@@ -90,10 +90,6 @@ class TorqueAbout(NamedTuple):
     """What a motor turns: B about an axis that A carries, whatever the angle.
 
     Of a line, whose tangent bears no torque about itself, it is the angle about the axis.
-
-    Attributes
-    ----------
-    angle : About
     """
 
     angle: About

@@ -251,12 +251,7 @@ def _present(path: Path, marker: str) -> list[str]:
 
 
 def refuse_unwritable(path: Path) -> None:
-    """Refuse a folder that cannot be made or written to.
-
-    Raises
-    ------
-    FolderError
-    """
+    """Refuse a folder that cannot be made or written to: raise `FolderError`."""
     if path.exists() and not path.is_dir():
         raise FolderError(f"{path} is a file, not a folder")
     nearest = next(place for place in (path, *path.absolute().parents) if place.exists())

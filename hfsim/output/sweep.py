@@ -232,12 +232,7 @@ def into_folder(
     progress: Callable[[float], None],
     resume: bool = False,
 ) -> Sweep:
-    """Do a sweep, write and tell it.
-
-    Raises
-    ------
-    FolderError, ResumeError, WriteError
-    """
+    """Do a sweep, write and tell it; raise `FolderError`, `ResumeError` or `WriteError`."""
     start = time.perf_counter()
     granted, going_on = claim_sweep(to, wanted.loaded.deck.name, resume)
     if going_on:

@@ -94,12 +94,7 @@ class LoadedDeck:
         return self.changed((*numbers, *none))
 
     def changed(self, overrides: Sequence[str]) -> "LoadedDeck":
-        """Return the deck with further overrides, ``KEY=VALUE`` each.
-
-        Raises
-        ------
-        DeckError
-        """
+        """Return the deck with further overrides, ``KEY=VALUE`` each, or raise `DeckError`."""
         return parse_deck(self.source.text, self.source.file, (*self.overrides, *overrides))
 
     @property

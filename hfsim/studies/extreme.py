@@ -99,13 +99,7 @@ class Expectation:
 
 @dataclass(frozen=True)
 class Found:
-    """What a value came out as.
-
-    Attributes
-    ----------
-    channel, source : str
-    expected, value, within : float
-    """
+    """What a value came out as."""
 
     channel: str
     source: str

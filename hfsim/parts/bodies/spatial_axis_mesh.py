@@ -24,10 +24,6 @@ class AxisMesh(BeamMesh):
 
     Nodes are on it, with its tangent and the axes of its sections; between them the undeformed beam is what
     the polynomials of the element make of it.
-
-    Attributes
-    ----------
-    line : Axis
     """
 
     element: Continuum

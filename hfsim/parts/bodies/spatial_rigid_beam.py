@@ -41,10 +41,6 @@ class SpatialRigidBeam(VectorBody):
 
     Every point of its axis is linear in these, and joints at either end hold positions of the state; one
     equation keeps the distance.
-
-    Attributes
-    ----------
-    beam : Blueprint
     """
 
     beam: Blueprint

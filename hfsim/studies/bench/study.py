@@ -206,12 +206,7 @@ class _Points:
     under_way: dict[int, _Series] = field(default_factory=dict)
 
     def run(self) -> None:
-        """Run them.
-
-        Raises
-        ------
-        KeyboardInterrupt
-        """
+        """Run them; raise `KeyboardInterrupt` where a signal ends that."""
         self._hand_out()
         self.executor.serve(self._take)
         if self.executor.interrupted:

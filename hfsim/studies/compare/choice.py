@@ -162,12 +162,7 @@ def _assembled(loaded: LoadedDeck) -> LoadedDeck:
 
 
 def refuse_unjudged(channels: Sequence[str], deck: Deck) -> None:
-    """Refuse to judge by channels that the deck does not have or that are residuals.
-
-    Raises
-    ------
-    ChoiceError
-    """
+    """Refuse to judge by channels that the deck does not have or that are residuals: raise `ChoiceError`."""
     for name in channels:
         if name not in deck.channels:
             raise ChoiceError(f"there is no channel '{name}': {did_you_mean(name, list(deck.channels))}")

@@ -92,10 +92,6 @@ def measure(
         The first cell is measured even if it takes longer; what is left out is told as skipped.
     states : tuple of int
         Beams in a batch; of more than one as many as have `MOST_AT_ONCE` elements together.
-
-    Returns
-    -------
-    SeparationBench
     """
     sizes = [
         (count, batch)

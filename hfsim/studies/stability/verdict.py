@@ -179,10 +179,6 @@ def classify(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verdic
     exact : Truth
         The reference of `exact` with the disturbed run.
     bounds : Bounds
-
-    Returns
-    -------
-    Verdict
     """
     if trial.status == "done":
         found = _completed(trial, truth, exact, bounds)

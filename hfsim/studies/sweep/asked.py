@@ -77,12 +77,7 @@ class Asked:
         )
 
     def plan(self) -> Plan:
-        """Return the runs.
-
-        Raises
-        ------
-        DeckError
-        """
+        """Return the runs, or raise `DeckError`."""
         assert self.sampler is not None and self.seed is not None
         if self.table is not None:
             if self.vary or self.sample is not None:
@@ -108,12 +103,7 @@ class Asked:
         )  # fmt: skip
 
     def collecting(self, setting: Setting, loaded: LoadedDeck) -> Setting:
-        """Return the same with what is collected.
-
-        Raises
-        ------
-        DeckError
-        """
+        """Return the same with what is collected, or raise `DeckError`."""
         if self.sensitivity and not self.collect:
             raise refusal("--sensitivity", "needs --collect: of what derivatives are wanted")
         return collecting(setting, read_collected(self.collect, loaded), loaded)

@@ -120,12 +120,7 @@ class Refusals:
         return self._loaded.source.problem(path, message, problem.hint, on_key=True)
 
     def tell(self) -> None:
-        """Raise all of it; do nothing where there is none.
-
-        Raises
-        ------
-        DeckError
-        """
+        """Raise all of it as one `DeckError`; do nothing where there is none."""
         if self._problems:
             source = self._loaded.source
             raise DeckError(source.file, self._problems, source.text, self._texts)

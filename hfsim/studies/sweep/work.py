@@ -60,12 +60,7 @@ class Setting:
     limit: float = math.inf
 
     def load(self, overrides: tuple[str, ...]) -> LoadedDeck:
-        """Return the deck of a run.
-
-        Raises
-        ------
-        DeckError
-        """
+        """Return the deck of a run, or raise `DeckError`."""
         return parse_deck(self.text, self.file, (*self.overrides, *overrides))
 
 

@@ -72,12 +72,7 @@ class Order:
     bounds: tuple[float, ...]
 
     def load(self) -> LoadedDeck:
-        """Return the deck.
-
-        Raises
-        ------
-        DeckError
-        """
+        """Return the deck, or raise `DeckError`."""
         return parse_deck(self.text, self.file, self.overrides)
 
 
