@@ -17,12 +17,6 @@ from hfsim.scene.shipped import CASES
 DECK = (CASES / "pendulum.yaml").read_text()
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def call(*arguments):
     return CliRunner().invoke(app, arguments)
 

@@ -13,12 +13,6 @@ PLAIN = ("--no-plots", "--no-error-estimate", "--set", "solve.duration=0.1")
 TOO_LONG = ("--set", "solve.method=gauss", "--set", "solve.step=0.5", "--set", "solve.duration=2")
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def call(*arguments):
     return CliRunner().invoke(app, arguments)
 

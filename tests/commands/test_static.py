@@ -10,12 +10,6 @@ from hfsim.cli import app
 from hfsim.commands.static import static
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def call(*arguments):
     return CliRunner().invoke(static, arguments)
 

@@ -18,11 +18,6 @@ from hfsim.maths.traced import Refused, apart, outside, plain, row_products, som
 pytestmark = pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 C = np.random.default_rng(1).standard_normal((5, 7))
 Z = np.random.default_rng(2).standard_normal((4, 7, 2)) @ np.array([1.0, 1.0j])
 SOME = np.array([3, 0, 2])

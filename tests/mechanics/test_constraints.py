@@ -30,11 +30,6 @@ JOINTS = {
 ROWS = {"revolute": 2, "fixed": 3, "prismatic": 2, "driven_angle": 1, "driven_distance": 1, "motion": 3}
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(3)
-
-
 @pytest.fixture(params=list(MARKERS))
 def marker(request):
     return MARKERS[request.param]

@@ -83,11 +83,6 @@ def scene(request):
     return build(parse_deck(SCENES[request.param]))
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(8)
-
-
 def states(scene, rng, count=3):
     """States in which axes are no longer quite orthonormal."""
     q = scene.q + 0.02 * rng.normal(size=(count, scene.system.n))

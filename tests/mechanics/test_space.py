@@ -92,11 +92,6 @@ PAIRS = [
 FACING = rotation(np.array([0.2, -0.5, 0.3]))
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(7)
-
-
 def rigid(rng):
     """Coordinates and rates of a rigid body somewhere."""
     R, spin = rotation(rng.normal(size=3)), rng.normal(size=3)

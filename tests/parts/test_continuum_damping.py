@@ -22,11 +22,6 @@ BEAMS = {
 }
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(11)
-
-
 def damped(beam="plane", axial=0.02, bending=0.02, stations=None, model="ancf", free=True, **material):
     n_dim, more = BEAMS[beam]
     data = deck(None, n_dim, model, element="continuum", elements=2, **more)

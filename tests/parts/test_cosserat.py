@@ -15,11 +15,6 @@ PRINCETON = "{shape: rectangle, height: 12.377e-3, width: 3.2024e-3}"
 ALUMINIUM = "youngs_modulus: 71.7e9, poisson_ratio: 0.31"
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(3)
-
-
 def law_and_vectors(rng, n_dim=3, points=4):
     own = STRAINS[n_dim]
     count, vectors = len(own.which), {2: 3, 3: 5}[n_dim]

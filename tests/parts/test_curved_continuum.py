@@ -27,11 +27,6 @@ DEGREES = [(3, 1), (3, 2), (5, 4)]
 UNITS = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(21)
-
-
 @pytest.fixture(params=[(a, *d) for a in AXES for d in DEGREES], ids=lambda c: "-".join(map(str, c)))
 def mesh(request):
     axis, p, q = request.param

@@ -53,11 +53,6 @@ def rotor(model="exact", **solve):
     return data
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 @pytest.fixture(scope="module")
 def exact():
     return solved(rotor())[0]

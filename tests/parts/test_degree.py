@@ -26,11 +26,6 @@ INERTIA = BeamProperties(mass_per_length=1.7, rotary_inertia=0.05, height=0.3)
 HIGH = [4, 5, 7, 12]
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(29)
-
-
 def bent(element, rng, count=1, size=0.1):
     """Difference vectors of elements that are bent at random, shape (1, count, degree, 2)."""
     straight = element.differences() @ BeamMesh(element, 1, INERTIA).undeformed

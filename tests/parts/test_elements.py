@@ -29,11 +29,6 @@ CABLE = ELEMENTS["cable"](LENGTH)
 OPTIONS = [(strain, bend) for strain in ("green", "engineering") for bend in ("linear", "exact")]
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(7)
-
-
 def undeformed(element):
     return BeamMesh(element, 1, INERTIA).undeformed
 

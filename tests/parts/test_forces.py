@@ -27,11 +27,6 @@ T = np.array([0.7])
 LAW = LinearLaw(0.5, 2.0)
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 @pytest.fixture(params=list(MARKERS))
 def marker(request):
     return MARKERS[request.param]

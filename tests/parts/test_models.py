@@ -47,11 +47,6 @@ KINDS = [(m, f"element: {e}") for m in MODELS for e in ELEMENTS if (m, e) != ("l
 KINDS += [(m, "degree: 5") for m in MODELS]
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(17)
-
-
 def stiffness_of(part, x, u=None):
     """Minus the derivative of a force by the coordinates, as a matrix."""
     u = np.zeros_like(x) if u is None else u

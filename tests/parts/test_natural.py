@@ -24,11 +24,6 @@ solve: {{model: {model}, duration: 1.0}}
 CASES = [(model, degree) for model in ("exact", "ancf") for degree in (3, 4, 6, 9, 12)]
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(41)
-
-
 def scene_of(model, degree):
     return build(parse_deck(DECK.format(model=model, degree=degree)))
 

@@ -31,11 +31,6 @@ STIFFNESS = BeamProperties(
 COUNT, LE = 3, 0.5
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(11)
-
-
 @pytest.fixture(params=[*ELEMENTS, "quintic"])
 def mesh(request):
     element = Cable(LE, degree=5) if request.param == "quintic" else ELEMENTS[request.param](LE)

@@ -17,11 +17,6 @@ ELASTICA = {
 """Case S9: end rotation, shortening and deflection by P L^2 / EI, neither stretched nor sheared."""
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(4)
-
-
 def raised(V):
     """The same vectors in space, with a third section axis across the plane."""
     slope, y, bent = np.moveaxis(np.pad(V, ((0, 0), (0, 0), (0, 0), (0, 1))), -2, 0)

@@ -34,11 +34,6 @@ def rotor(n_dim=3, curve="straight", model="lowOrder", damping=0.0, degree=3, ra
     return ROTOR.format(gravity=gravity, length=length, **numbers)
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 def shortened(mesh, X):
     """The nodal vectors of a line foreshortened from X: integrals of polynomials through the Gauss points."""
     (own, rows), n, le = mesh.point_vectors, mesh.n_dim, mesh.axis.length / mesh.count

@@ -64,11 +64,6 @@ def rotor(curve="straight", **changed):
     return data
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(8)
-
-
 def moved_scene(rng, curve, **changed):
     scene = build(parsed(rotor(curve, **changed)))
     x = scene.system.absolute(scene.q[None])[0]

@@ -21,11 +21,6 @@ CASES = [(p, q, n_dim) for p, q in DEGREES for n_dim in (2, 3)]
 R = rotation(np.array([0.7, -1.1, 0.4]))
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(11)
-
-
 @pytest.fixture(params=CASES, ids=lambda c: f"{c[0]}-{c[1]}-{c[2]}d")
 def element(request):
     p, q, n_dim = request.param

@@ -54,11 +54,6 @@ def rotor(model="linear", **keys):
     return {**data, **keys}
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 def elastic(scene):
     return next(part for part in scene.system.forces if hasattr(part, "stiffness"))
 

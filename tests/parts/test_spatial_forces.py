@@ -19,11 +19,6 @@ TIES = {"type": "rotational", "between": ("a", "b"), "stiffness": 30.0, "rest_an
 AXIS, START = (0.3, -1.0, 0.4), random_state(np.random.default_rng(3))
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 @pytest.fixture(params=["body", "line"])
 def marker(request):
     return MARKERS[request.param]

@@ -28,11 +28,6 @@ output: {channels: [b1.tip.x, b1.tip.y, b1.tip.z]}
 """
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(23)
-
-
 def blocks(q):
     return q[:, CHART.columns].reshape(len(q), 2, VECTORS, 3)
 

@@ -33,11 +33,6 @@ def deck(damping=0.0):
     return parse_deck(BLADE.format(damping=damping, moment=1.0 / 4.9e5, GAMMA=GAMMA))
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(3)
-
-
 def law_and_state(rng, damping=0.0):
     scene = build(deck(damping))
     part = next(one for one in scene.system.forces if isinstance(one, LinearElasticForce))

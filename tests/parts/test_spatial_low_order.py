@@ -73,11 +73,6 @@ def columns(result, *names):
     return np.stack([result[name] for name in names], axis=1)
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(4)
-
-
 def deformed(rng, truncation):
     scene = build(parse_deck(yaml.safe_dump(deck(truncation))))
     x = scene.system.absolute(scene.q[None])

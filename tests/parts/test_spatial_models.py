@@ -70,11 +70,6 @@ def both(model, options="", damping=0.0, duration=0.5, coordinates="auto"):
     return parse_deck(head + PLANE.format(BEAM=BEAM, options=options)), parse_deck(head + space)
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 def points(result, body, n_dim):
     return np.stack([result[f"{body}.tip.{axis}"] for axis in "xyz"[:n_dim]], axis=1)
 

@@ -65,11 +65,6 @@ def turned(q, R, scene):
     return (q.reshape(-1, 3) @ R.T).ravel()
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 def test_carried_increments_are_those_of_turned_frames(rng):
     scene = scene_of()
     natural, n = scene.system.natural, scene.system.n

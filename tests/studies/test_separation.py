@@ -29,11 +29,6 @@ STIFFNESS = BeamProperties(
 )
 
 
-@pytest.fixture
-def rng():
-    return np.random.default_rng(5)
-
-
 def close(a, b, tolerance):
     np.testing.assert_allclose(a, b, rtol=0, atol=tolerance * np.abs(b).max())
 
