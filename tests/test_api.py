@@ -6,6 +6,7 @@ import types
 
 import numpy as np
 import pytest
+from called import call
 
 import hfsim
 
@@ -83,13 +84,11 @@ def test_a_run_that_fails_is_an_exception_that_keeps_what_there_is():
 
 
 def test_results_go_to_a_folder_as_from_the_command_line(tmp_path):
-    from click.testing import CliRunner
 
-    from hfsim.cli import app
 
     run = hfsim.run("pendulum", {"solve.duration": 0.05}, output=tmp_path / "a", plots=False, **QUICK)
     options = ["--set", "solve.duration=0.05", "--no-plots", "--no-error-estimate", "-q"]
-    CliRunner().invoke(app, ["run", "pendulum", "-o", str(tmp_path / "b"), *options])
+    call("run", "pendulum", "-o", str(tmp_path / "b"), *options)
     assert (tmp_path / "a/history.csv").read_bytes() == (tmp_path / "b/history.csv").read_bytes()
     summary = json.loads((tmp_path / "a/summary.json").read_text())
     assert summary["final"] == run.final
@@ -135,13 +134,11 @@ def test_models_are_compared_and_nothing_is_printed(capfd):
 
 
 def test_the_command_finds_what_python_finds(tmp_path):
-    from click.testing import CliRunner
 
-    from hfsim.cli import app
 
     found = hfsim.compare("pendulum", None, {"solve.duration": 0.3}, channels=["b1.tip.x"], repeats=1)
     options = ["--set", "solve.duration=0.3", "--channels", "b1.tip.x", "--no-plots", "-q", "--repeats", "1"]
-    result = CliRunner().invoke(app, ["compare", "--case", "pendulum", "-o", str(tmp_path / "c"), *options])
+    result = call("compare", "--case", "pendulum", "-o", str(tmp_path / "c"), *options)
     assert result.exit_code == 0
     facts = json.loads((tmp_path / "c/compare.json").read_text())
     assert list(facts["models"]) == list(found.runs) == ["linear", "lowOrder", "exact"]

@@ -15,9 +15,9 @@ import click
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import COMMANDS, app
+from hfsim.cli import COMMANDS
 from hfsim.deck.fields import Between
 from hfsim.deck.law_specs import LAWS
 from hfsim.errors import SolverFailure
@@ -162,7 +162,7 @@ def scene_with(kind, name, example):
 
 
 def hfsim(*arguments):
-    done = CliRunner().invoke(app, [str(one) for one in arguments])
+    done = call(*arguments)
     assert done.exit_code == 0, f"hfsim {' '.join(map(str, arguments))}\n{done.output}"
     return done.output
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
 import hfsim.output.api
 import hfsim.output.extras
@@ -22,7 +22,7 @@ import hfsim.studies.compare.choice
 import hfsim.studies.compare.measurements
 import hfsim.studies.compare.study
 import hfsim.trust.validity
-from hfsim.cli import COMMANDS, _end, app
+from hfsim.cli import COMMANDS, _end
 from hfsim.commands.decks import usual_models
 from hfsim.errors import DeckError, DeckProblem
 from hfsim.marching.solution import Channel, Run
@@ -132,10 +132,6 @@ def scene(monkeypatch, tmp_path):
     for name in ("case", "other", "bad"):
         Path(f"{name}.yaml").write_text(name)
     return fake
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def files(folder):
@@ -587,18 +583,18 @@ def test_studies_leave_out_models_that_a_scene_has_not(tmp_path, capsys):
 def test_the_table_of_a_run_fits_and_tells_an_end_once(tmp_path, monkeypatch):
     """A run that a limit of steps ends; two streams make one screen."""
     monkeypatch.chdir(tmp_path)
-    ended = CliRunner().invoke(app, ["run", "pendulum", "--no-plots", "--set", "solve.max_steps=3"])
+    ended = call("run", "pendulum", "--no-plots", "--set", "solve.max_steps=3")
     assert ended.exit_code == 5
     screen = ended.stderr + ended.stdout
     assert screen.count("3 steps were made") == 1
-    done = CliRunner().invoke(app, ["run", "blade", "--no-plots", "--set", "solve.duration=0.02", "--force"])
+    done = call("run", "blade", "--no-plots", "--set", "solve.duration=0.02", "--force")
     assert done.exit_code == 0
     assert max(map(len, (ended.stdout + done.stdout).split("\n"))) <= 110
 
 
 def test_parts_of_the_time_add_up_and_nothing_empty_is_told(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["run", "pendulum", "--no-plots", "--set", "solve.duration=0.05"])
+    done = call("run", "pendulum", "--no-plots", "--set", "solve.duration=0.05")
     (told,) = re.findall(r"CPU time +([\d.]+) s \(([^)]*)\)", done.stdout)
     parts = [float(part.split()[-1]) for part in told[1].split(",")]
     assert sum(parts) == pytest.approx(float(told[0]), abs=5e-4 * (len(parts) + 3))

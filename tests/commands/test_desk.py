@@ -5,9 +5,9 @@ from pathlib import Path
 
 import click
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import COMMANDS, app
+from hfsim.cli import COMMANDS
 from hfsim.commands.init import starters
 from hfsim.output.manual import for_terminal, topics
 from hfsim.scene.loading import parse_deck
@@ -16,10 +16,6 @@ from hfsim.scene.loading import parse_deck
 @pytest.fixture(autouse=True)
 def empty_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, arguments)
 
 
 def test_three_commands_from_an_empty_folder_to_a_picture():

@@ -8,17 +8,12 @@ import threading
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from called import call
 
 import hfsim
-from hfsim.cli import app
 from hfsim.scene.shipped import CASES
 
 DECK = (CASES / "pendulum.yaml").read_text()
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, arguments)
 
 
 @pytest.mark.parametrize("command", [("run", "pendulum"), ("sweep", "pendulum"), ("init",), ("verify",)])

@@ -3,18 +3,13 @@
 import json
 
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.marching import record
 from hfsim.output.plots import motion
 
 PLAIN = ("--no-plots", "--no-error-estimate", "--set", "solve.duration=0.1")
 TOO_LONG = ("--set", "solve.method=gauss", "--set", "solve.step=0.5", "--set", "solve.duration=2")
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, arguments)
 
 
 def run(*arguments):

@@ -5,9 +5,8 @@ import os
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.errors import DeckError
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.simulate import simulate
@@ -120,7 +119,7 @@ def test_every_file_counts_in_the_checksum(deck, file, old, new):
 
 
 def hfsim(*arguments):
-    return CliRunner().invoke(app, arguments)
+    return call(*arguments)
 
 
 def test_a_run_goes_on_with_the_same_files_and_not_with_others(deck, monkeypatch):

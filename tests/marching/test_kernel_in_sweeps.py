@@ -5,10 +5,9 @@ import os
 import threading
 
 import pytest
-from click.testing import CliRunner
+from called import call
 from natively import at_once, native
 
-from hfsim.cli import app
 from hfsim.maths import kernel
 from hfsim.maths.recorder import Recorder
 from hfsim.maths.recording import recording
@@ -28,7 +27,7 @@ SCENE = (
 
 def swept(folder, jobs):
     """Return the rows of a sweep without their times."""
-    told = CliRunner().invoke(app, ["sweep", *SCENE, "--jobs", str(jobs), "-o", str(folder)])
+    told = call("sweep", *SCENE, "--jobs", str(jobs), "-o", str(folder))
     assert told.exit_code == 0, told.output
     with (folder / "sweep.csv").open(newline="") as file:
         return [{key: value for key, value in row.items() if key != "cpu_s"} for row in csv.DictReader(file)]

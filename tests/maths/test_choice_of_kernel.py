@@ -4,9 +4,8 @@ import sys
 from types import SimpleNamespace
 
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.errors import KernelError
 from hfsim.maths import kernel
 
@@ -56,7 +55,7 @@ def test_what_is_no_kernel_is_an_error(wanted, monkeypatch):
 
 
 def test_the_version_tells_the_kernel(monkeypatch):
-    said = CliRunner().invoke(app, ["--version"]).output
+    said = call("--version").output
     assert f", kernel {kernel.KERNEL}" in said
     monkeypatch.setattr(kernel, "MISSING", "it is on holiday")
-    assert "(it is on holiday)\n" in CliRunner().invoke(app, ["--version"]).output
+    assert "(it is on holiday)\n" in call("--version").output

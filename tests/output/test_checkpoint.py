@@ -9,9 +9,8 @@ import time
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.commands import report_error
 from hfsim.marching import record
 from hfsim.marching.stop import SHIELD
@@ -85,7 +84,7 @@ def here(*arguments):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recording, "EVERY", 0.0)
         patch.setattr(record, "BLOCK", 0.01)
-        done = CliRunner().invoke(app, [*RUN, *arguments])
+        done = call(*RUN, *arguments)
     return done.exit_code, done.stderr
 
 
@@ -155,7 +154,7 @@ def test_a_run_that_a_full_disk_ends_goes_on_from_the_rows_that_fitted(tmp_path,
     with monkeypatch.context() as patch:
         patch.setattr(record, "BLOCK", 0.01)
         patch.setattr(History, "add", full)
-        done = CliRunner().invoke(app, [*RUN, "-o", str(tmp_path / "out"), *LONG])
+        done = call(*RUN, "-o", str(tmp_path / "out"), *LONG)
     assert (done.exit_code, len(added)) == (5, 3) and "its last rows are missing" in done.stderr
     rows = (tmp_path / "out/history.csv").read_text().splitlines()[1:]
     assert len(rows) == sum(added[:2])

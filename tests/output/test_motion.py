@@ -6,10 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 from PIL import Image
 
-from hfsim.cli import app
 from hfsim.output.plots import motion
 from hfsim.output.plots.motion import Tempo
 
@@ -32,7 +31,7 @@ SCENES = {
 def animated(scene, tmp_path, monkeypatch, *options):
     monkeypatch.chdir(tmp_path)
     Path("deck.yaml").write_text(DECK.format(**SCENES[scene]))
-    done = CliRunner().invoke(app, ["run", "deck.yaml", "--animate", "--no-plots", "-o", "out", *options])
+    done = call("run", "deck.yaml", "--animate", "--no-plots", "-o", "out", *options)
     assert done.exit_code == 0, done.output
     assert "plots/motion.gif" in json.loads(Path("out/summary.json").read_text())["files"]
     return Image.open(BytesIO(Path("out/plots/motion.gif").read_bytes()))

@@ -3,10 +3,9 @@
 import json
 from html.parser import HTMLParser
 
-from click.testing import CliRunner
+from called import call
 
 import hfsim
-from hfsim.cli import app
 from hfsim.output.plots import comparison as overlays
 from hfsim.scene.shipped import CASES
 
@@ -35,7 +34,7 @@ def test_the_page_of_a_run_is_whole_and_safe(tmp_path):
     deck.write_text("# <script>alert(1)</script> & more\n" + (CASES / "pendulum.yaml").read_text())
     options = ["--report", "--set", "solve.duration=0.05", "--no-diagnosis", "-q", "-o", str(tmp_path / "a")]
     for force in ([], ["--force"]):
-        result = CliRunner().invoke(app, ["run", str(deck), *options, *force])
+        result = call("run", str(deck), *options, *force)
         assert result.exit_code == 0, result.output
     text = (tmp_path / "a/report.html").read_text()
     reader = Reader()
@@ -56,7 +55,7 @@ def test_the_page_of_a_run_is_whole_and_safe(tmp_path):
 def test_the_page_of_a_comparison_has_verdict_tables_and_overlays(tmp_path):
     folder = tmp_path / "a"
     argv = ["compare", "linear", "--case", "pendulum", "--repeats", "1", "--set", "solve.duration=0.05"]
-    result = CliRunner().invoke(app, [*argv, "--report", "-q", "-o", str(folder)])
+    result = call(*argv, "--report", "-q", "-o", str(folder))
     assert result.exit_code == 0, result.output
     reader = Reader()
     reader.feed((folder / "report.html").read_text())

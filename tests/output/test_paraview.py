@@ -8,9 +8,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.output import paraview
 
 DECKS = {
@@ -52,7 +51,7 @@ def series(request, tmp_path, monkeypatch):
 
 
 def go(*options):
-    done = CliRunner().invoke(app, ["run", "deck.yaml", "--vtk", "--no-plots", "-o", "out", *options])
+    done = call("run", "deck.yaml", "--vtk", "--no-plots", "-o", "out", *options)
     assert done.exit_code == 0, done.output
     return sorted(Path("out").glob("*.pvd"))[0]
 
@@ -158,7 +157,7 @@ def test_what_cannot_be_written_is_not_there_and_costs_nothing(series, monkeypat
 
     document = paraview._document
     monkeypatch.setattr(paraview, "_document", full)
-    done = CliRunner().invoke(app, ["run", "deck.yaml", "--vtk", "--no-plots", "-o", "out", "--force"])
+    done = call("run", "deck.yaml", "--vtk", "--no-plots", "-o", "out", "--force")
     summary = json.loads(Path("out/summary.json").read_text())
     assert (done.exit_code, summary["status"]) == (0, "done")
     assert summary["warnings"][-1].startswith("the files for ParaView were not written: ")

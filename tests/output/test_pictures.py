@@ -7,10 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from called import call
 
 import hfsim
-from hfsim.cli import app
 from hfsim.output.pictures import FORMATS, put_pictures
 from hfsim.output.plots.figures import finished, new_figure
 from hfsim.output.plots.files import save
@@ -126,7 +125,7 @@ def test_all_commands_draw_a_scene_with_any_name_in_any_format(tmp_path, monkeyp
         ("stability", "deck.yaml", "--methods", "gauss", "--vary", "name=$a_$,$b_$", "-o", "d"),
     )
     for order in orders:
-        result = CliRunner().invoke(app, [*order, "--format", kind])
+        result = call(*order, "--format", kind)
         assert result.exit_code == 0, result.output
         files = list(Path(order[-1]).rglob("plots/*"))
         assert files and {file.suffix for file in files} == {f".{kind}"}, order

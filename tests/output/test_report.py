@@ -3,10 +3,9 @@
 import json
 
 import pytest
-from click.testing import CliRunner
+from called import call
 
 import hfsim
-from hfsim.cli import app
 from hfsim.marching.solution import Channel
 from hfsim.output.report import error_of
 
@@ -23,7 +22,7 @@ def test_stages_and_orders_are_recorded(tmp_path, method, stages, order):
     settings = {**{f"solve.{key}": value for key, value in method.items()}, "solve.duration": 0.01}
     argv = [word for key, value in settings.items() for word in ("--set", f"{key}={value}")]
     argv += ["--no-error-estimate", "--no-diagnosis", "--no-plots", "-o", str(tmp_path / "a")]
-    told = CliRunner().invoke(app, ["run", "pendulum", *argv])
+    told = call("run", "pendulum", *argv)
     assert told.exit_code == 0, told.output
     summary = json.loads((tmp_path / "a/summary.json").read_text())
     assert (summary["stages"], summary["order"]) == (stages, order)

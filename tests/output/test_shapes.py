@@ -4,10 +4,9 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
 import hfsim
-from hfsim.cli import app
 from hfsim.output.plots.snapshots import snapshot_figures
 from hfsim.scene.loading import parse_deck
 from hfsim.simulate import simulate
@@ -51,7 +50,7 @@ def test_shapes_are_written_where_the_deck_wants_them(scene, tmp_path):
     (tmp_path / "whip.yaml").write_text(SCENES[scene])
     order = ["run", str(tmp_path / "whip.yaml"), "--no-plots", "--no-error-estimate"]
     order += ["-o", str(tmp_path / "out"), "--set"]
-    done = CliRunner().invoke(app, [*order, "output.shapes=csv"])
+    done = call(*order, "output.shapes=csv")
     assert done.exit_code == 0, done.output
     known = run(SCENES[scene])
     with np.load(tmp_path / "out/shapes.npz", allow_pickle=False) as arrays:
@@ -68,7 +67,7 @@ def test_shapes_are_written_where_the_deck_wants_them(scene, tmp_path):
     assert len(rows) == 7 * sum(points.shape[1] for points in known.outlines.values())
     history = np.loadtxt(tmp_path / "out/history.csv", delimiter=",", skiprows=1)
     assert history[:, 1 : 1 + known.dimension] == pytest.approx(tip, abs=1e-14)
-    again = CliRunner().invoke(app, [*order, "output.shapes=false", "--force"])
+    again = call(*order, "output.shapes=false", "--force")
     assert again.exit_code == 0 and not list((tmp_path / "out").glob("shapes.*"))
     assert "shapes.npz" not in json.loads((tmp_path / "out/summary.json").read_text())["files"]
 

@@ -6,9 +6,8 @@ import json
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.errors import DeckError
 from hfsim.mechanics.pose import Pose, Twist
 from hfsim.parts.bodies.models import MODELS
@@ -174,10 +173,10 @@ def test_the_command_line_and_compare_replace_only_what_solve_says(tmp_path):
     deck.write_text(text)
     out = str(tmp_path / "out")
     plain = ["--no-plots", "-o", out]
-    assert CliRunner().invoke(app, ["run", str(deck), "--model", "linear", *plain]).exit_code == 0
+    assert call("run", str(deck), "--model", "linear", *plain).exit_code == 0
     summary = json.loads((tmp_path / "out" / "summary.json").read_text())
     assert (summary["model"], summary["models"]) == ("linear", {"b1": "linear", "b2": "rigid"})
-    done = CliRunner().invoke(app, ["compare", "linear", "exact", "--case", str(deck), *plain, "--force"])
+    done = call("compare", "linear", "exact", "--case", str(deck), *plain, "--force")
     assert done.exit_code == 0
     assert "'b2' is rigid in every run" in done.stderr
 

@@ -5,9 +5,8 @@ import json
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.commands.check import free_motions
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -162,13 +161,13 @@ def deck(tmp_path):
 
 @pytest.mark.parametrize("command", ["check", "plan"])
 def test_commands_tell_free_motions_and_warn(command, deck):
-    result = CliRunner().invoke(app, [command, deck])
+    result = call(command, deck)
     assert result.exit_code == 0
     assert (
         "free motions, bodies taken as rigid: 2\n" in result.stdout and "hub: floats: x, y\n" in result.stdout
     )
     assert "warning: bodies.hub (line 3): floats" in result.stderr
-    (motion,) = json.loads(CliRunner().invoke(app, [command, deck, "--json"]).stdout)["free_motions"]
+    (motion,) = json.loads(call(command, deck, "--json").stdout)["free_motions"]
     assert (motion["body"], motion["number"], motion["text"]) == ("hub", 2, "hub: floats: x, y")
 
 

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.commands.options import parse_budget
 from hfsim.marching.distance import ChannelScale, channel_errors
 from hfsim.marching.stop import Budget
@@ -337,10 +336,6 @@ def test_recommendations_say_what_errors_they_are_of():
 
 
 # --- the command ---------------------------------------------------------------------------------
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 FEW = ("bench", "pendulum", "--set", "solve.duration=0.05", "--methods", "gauss", "--tolerances", "1e-3,1e-5")

@@ -9,9 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.marching.distance import channel_errors
 from hfsim.marching.solution import Channel, Run
 from hfsim.output.comparison import COLUMNS, as_rows, as_text
@@ -320,7 +319,7 @@ FORCES = "output.channels=[b1.tip.x, b1.root.axial_force]"
 
 def called(*arguments):
     short = ("--no-plots", "--set", FORCES, "--set", "solve.duration=0.05")
-    return CliRunner().invoke(app, [*arguments, *short])
+    return call(*arguments, *short)
 
 
 def test_models_side_by_side_give_the_same_but_for_times(tmp_path):
@@ -328,7 +327,7 @@ def test_models_side_by_side_give_the_same_but_for_times(tmp_path):
     for jobs in ("1", "2"):
         folder = tmp_path / jobs
         asked = ["compare", "linear", "--case", "pendulum", "--set", "solve.duration=0.02", "--no-plots"]
-        told = CliRunner().invoke(app, [*asked, "--jobs", jobs, "-o", str(folder)])
+        told = call(*asked, "--jobs", jobs, "-o", str(folder))
         assert told.exit_code == 0, told.output
         rows = csv.DictReader((folder / "compare.csv").read_text().splitlines())
         tables.append([{key: value for key, value in row.items() if "cpu" not in key} for row in rows])
@@ -364,7 +363,7 @@ def test_a_rigid_model_leaves_out_the_internal_forces_that_a_deck_asks_for(tmp_p
 def test_where_internal_forces_are_all_that_is_asked_for_a_rigid_model_is_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     only = ("--set", "output.channels=[b1.root.axial_force]")
-    found = CliRunner().invoke(app, ["compare", "rigid", "exact", "--case", "pendulum", *only])
+    found = call("compare", "rigid", "exact", "--case", "pendulum", *only)
     assert found.exit_code == 2 and "without strains" in found.stderr
 
 

@@ -4,9 +4,8 @@ import json
 from dataclasses import replace
 
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.commands.extreme import FOLDER
 from hfsim.scene.loading import load_deck
 from hfsim.studies.extreme import (
@@ -18,10 +17,6 @@ from hfsim.studies.extreme import (
     read_expectations,
 )
 from hfsim.studies.stability.verdict import Trial, Verdict
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_every_deck_of_the_set_loads_and_has_its_expectation():

@@ -8,15 +8,10 @@ import time
 from dataclasses import replace
 
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.marching.runaway import Watches
 from hfsim.studies.farm import Farm
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def interrupt_at(monkeypatch, owner, name, count):
@@ -105,11 +100,9 @@ def test_a_measured_plan_keeps_what_it_has(wheel, monkeypatch):
 
 @pytest.mark.slow
 def test_plan_tells_what_it_measured_without_warnings():
-    from click.testing import CliRunner
 
-    from hfsim.cli import app
 
-    told = CliRunner().invoke(app, ["plan", "two_beams", "--measure", "--repeats", "1"])
+    told = call("plan", "two_beams", "--measure", "--repeats", "1")
     assert told.exit_code == 0
     assert "measured, CPU" in told.stdout
 

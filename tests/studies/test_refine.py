@@ -7,9 +7,8 @@ from types import SimpleNamespace
 
 import pytest
 import yaml
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.errors import DeckError, Terminated
 from hfsim.marching.distance import channel_errors
 from hfsim.parts.channels import is_judged
@@ -344,10 +343,6 @@ def test_the_deck_refuses_what_does_not_go_together():
 
 
 # --- the command ---------------------------------------------------------------------------------
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def run_pendulum(folder, *arguments):

@@ -12,10 +12,9 @@ from pathlib import Path
 import click
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 from zoo import DEAD_CENTRE
 
-from hfsim.cli import app
 from hfsim.errors import DeckError
 from hfsim.marching.integration import run_integration
 from hfsim.output.stability import map_text
@@ -462,10 +461,6 @@ def test_the_end_of_another_class_is_located():
 
 
 # --- the command ---------------------------------------------------------------------------------
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
 def test_the_command_writes_tables_and_a_picture(tmp_path):

@@ -6,9 +6,8 @@ import json
 import numpy as np
 import pytest
 import yaml
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.deck.quantities import FORMS, QuantityError, read_quantity
 from hfsim.errors import DeckError
 from hfsim.output import api
@@ -47,7 +46,7 @@ def rows_of(text, *settings):
 
 
 def command(*words):
-    return CliRunner().invoke(app, ["verify", *map(str, words)])
+    return call("verify", *map(str, words))
 
 
 # --- quantities ----------------------------------------------------------------------------------

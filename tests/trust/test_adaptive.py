@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -162,7 +161,7 @@ def test_the_command_line_tells_shares_and_changes(tmp_path):
     deck = tmp_path / "case.yaml"
     deck.write_text(GROWING)
     out = tmp_path / "out"
-    done = CliRunner().invoke(app, ["run", str(deck), "--no-error-estimate", "-o", str(out)])
+    done = call("run", str(deck), "--no-error-estimate", "-o", str(out))
     assert done.exit_code == 0
     assert "share of time" in done.stdout and "b1 from rigid to " in done.stdout
     summary = json.loads((out / "summary.json").read_text())
@@ -173,7 +172,7 @@ def test_where_rigid_beams_have_not_what_is_asked_for_it_is_told(tmp_path, monke
     monkeypatch.chdir(tmp_path)
     settings = ("solve.model=auto", "solve.duration=0.02", "output.channels=[b1.tip.x, b1.root.axial_force]")
     options = [word for one in settings for word in ("--set", one)]
-    done = CliRunner().invoke(app, ["run", "pendulum", "--no-plots", *options])
+    done = call("run", "pendulum", "--no-plots", *options)
     assert done.exit_code == 0, done.output
     assert "not rigid: b1.root.axial_force: without strains" in " ".join(done.stdout.split())
     facts = json.loads(next(tmp_path.glob("*.out/summary.json")).read_text())

@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.errors import SolverFailure, Terminated
 from hfsim.marching.distance import channel_errors
 from hfsim.marching.integration import Leg, run_integration
@@ -276,7 +275,7 @@ def test_every_model_has_a_mesh_error(model):
 
 def test_a_mesh_that_is_too_coarse_is_told_with_what_helps(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, ["run", "pendulum", "--no-plots"])
+    result = call("run", "pendulum", "--no-plots")
     summary = json.loads(Path("pendulum.out/summary.json").read_text())
     assert 0.3 < summary["mesh_error_estimate"] < 3.0 and summary["error_estimate"] < 1e-8
     assert summary["limiting_channel"] == summary["mesh_error_estimate_channel"]
@@ -337,7 +336,7 @@ def test_an_interrupted_run_is_told_as_done_with_what_is_missing(monkeypatch, tm
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Stages, "after", struck)
-    result = CliRunner().invoke(app, ["run", "pendulum", "two_beams"])
+    result = call("run", "pendulum", "two_beams")
     assert result.exit_code == 130 and "done, 1 s simulated" in result.stdout
     summary = json.loads(Path("pendulum.out/summary.json").read_text())
     assert (summary["status"], summary["exit_code"]) == ("done", 130)
@@ -393,7 +392,7 @@ def test_fixed_steps_that_fail_at_any_length_are_no_physics_before_free_ones_hav
 
 def test_nothing_is_done_where_no_time_is_allowed(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    result = CliRunner().invoke(app, ["run", "pendulum", "--after", "none"])
+    result = call("run", "pendulum", "--after", "none")
     assert result.exit_code == 0, result.stderr
     summary = json.loads(Path("pendulum.out/summary.json").read_text())
     assert summary["error_estimate_reason"] == summary["diagnosis_reason"] == "no time was allowed for it"
@@ -403,7 +402,7 @@ def test_nothing_is_done_where_no_time_is_allowed(monkeypatch, tmp_path):
 
 @pytest.mark.parametrize("text", ["nine", "-1s", "0"])
 def test_a_bad_time_is_refused(text):
-    assert CliRunner().invoke(app, ["run", "pendulum", "--after", text]).exit_code == 2
+    assert call("run", "pendulum", "--after", text).exit_code == 2
 
 
 def test_progress_covers_all_of_the_work():
@@ -439,7 +438,7 @@ def test_errors_are_told_with_their_channels():
 
 def test_summaries_have_last_values_and_extremes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert CliRunner().invoke(app, ["run", "pendulum", "--no-plots", "--after", "none"]).exit_code == 0
+    assert call("run", "pendulum", "--no-plots", "--after", "none").exit_code == 0
     summary = json.loads(Path("pendulum.out/summary.json").read_text())
     with Path("pendulum.out/history.csv").open() as file:
         names = file.readline().strip().split(",")[1:]
