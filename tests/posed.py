@@ -18,16 +18,16 @@ def axes(R):
 
 
 def matrix(entry):
-    """The orientation (3, 3) that an entry states by x and y, or none."""
-    stated = entry.get("orientation")
-    if stated is None:
-        return np.eye(3)
+    """The orientation (3, 3) that an entry states by x and y or a rotation vector, or none."""
+    stated = entry.get("orientation", {"rotation_vector": [0.0, 0.0, 0.0]})
+    if "rotation_vector" in stated:
+        return rotation(np.array(stated["rotation_vector"]))
     x, y = np.array(stated["x"]), np.array(stated["y"])
     return np.column_stack([x, y, np.cross(x, y)])
 
 
 def moved(deck, R, shift):
-    """A spatial deck turned by a matrix and then shifted, whose bodies all state their orientation by x and y.
+    """A spatial deck turned by a matrix and then shifted, whose bodies all state their orientation as `matrix` reads it.
 
     It may name no point of the ground but those declared.
     """

@@ -3,10 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import posed
 import pytest
 import scipy.linalg
+import yaml
 from cantilevers import cantilever
 from published import misses
+from solved import solved
 
 from hfsim.errors import DeckError
 from hfsim.maths.matrices import dense, is_sparse
@@ -19,56 +22,38 @@ from hfsim.simulate import simulate
 CASES = Path(__file__).parent.parent.parent / "cases"
 DECK = """
 hfsim: 1
-gravity: {gravity}
-materials: {{soft: {{density: 1000.0, youngs_modulus: 1.0e7, poisson_ratio: 0.3}}}}
-sections: {{blade: {{shape: rectangle, width: 0.06, height: 0.03}}}}
-ground: {{points: {{wall: {wall}}}}}
+gravity: [0.0, 0.0, -9.81]
+materials: {soft: {density: 1000.0, youngs_modulus: 1.0e7, poisson_ratio: 0.3}}
+sections: {blade: {shape: rectangle, width: 0.06, height: 0.03}}
+ground: {points: {wall: [0.0, 0.0, 0.0]}}
 bodies:
-  b: {{type: beam, material: soft, section: blade, length: 0.8, elements: 1,
-       points: {{side: [0.4, 0.1, 0.05]}}}}
-  c: {{type: beam, material: soft, section: blade, length: 0.5, elements: 1, degree: 2, section_angle: 0.5}}
-  top: {{type: rigid, mass: 0.5, inertia: [0.001, 0.002, 0.0025], points: {{rim: [0.1, 0.0, 0.05]}}}}
+  b: {type: beam, material: soft, section: blade, length: 0.8, elements: 1,
+       points: {side: [0.4, 0.1, 0.05]}}
+  c: {type: beam, material: soft, section: blade, length: 0.5, elements: 1, degree: 2, section_angle: 0.5}
+  top: {type: rigid, mass: 0.5, inertia: [0.001, 0.002, 0.0025], points: {rim: [0.1, 0.0, 0.05]}}
 joints:
-  hinge: {{type: revolute, between: [ground.wall, b.root], axis: {axis}}}
-  elbow: {{type: universal, between: [b.tip, c.root], axes: [[0, 0, 1], [0, 1, 0]]}}
-  ball: {{type: spherical, between: [b.side, top.rim]}}
+  hinge: {type: revolute, between: [ground.wall, b.root], axis: [0.0, 0.6, 0.8]}
+  elbow: {type: universal, between: [b.tip, c.root], axes: [[0, 0, 1], [0, 1, 0]]}
+  ball: {type: spherical, between: [b.side, top.rim]}
 initial:
-  b: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
-  c: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
-  top: {{orientation: {{rotation_vector: {turn}}}, angular_velocity: {spin}}}
-solve: {{duration: 0.14, tolerance: 1.0e-9, model: {model}}}
+  b: {orientation: {rotation_vector: [0.0, 0.0, 0.0]}, angular_velocity: [0.0, 1.2, 1.6]}
+  c: {orientation: {rotation_vector: [0.0, 0.0, 0.0]}, angular_velocity: [0.0, 1.2, 1.6]}
+  top: {orientation: {rotation_vector: [0.0, 0.0, 0.0]}, angular_velocity: [0.0, 1.2, 1.6]}
+solve: {duration: 0.14, tolerance: 1.0e-9}
 output:
   interval: 0.05
   channels: [c.tip.x, c.tip.y, c.tip.z, top.x, top.y, top.z, c.tip.twist, energy.total]
 """
 
 
-def run(turn=(0.0, 0.0, 0.0), shift=(0.0, 0.0, 0.0), model="exact"):
-    R = rotation(np.array(turn))
-    numbers = {
-        "gravity": R @ [0.0, 0.0, -9.81],
-        "wall": shift,
-        "axis": R @ [0.0, 0.6, 0.8],
-        "turn": turn,
-        "spin": R @ [0.0, 1.2, 1.6],
-    }
-    text = DECK.format(model=model, **{key: [float(a) for a in value] for key, value in numbers.items()})
-    return simulate(parse_deck(text), error_estimate=False)
-
-
 @pytest.fixture(scope="module")
 def level():
-    return run()
-
-
-def table(result):
-    assert result.status == "done"
-    return np.stack([channel.values for channel in result.channels], axis=1)
+    return solved(DECK)
 
 
 def test_a_turned_and_shifted_scene_moves_the_same(level):
-    turn, shift = np.array([0.9, -1.3, 0.4]), np.array([0.3, -2.0, 1.0])
-    a, b, R = table(level), table(run(turn, shift)), rotation(turn)
+    R, shift, a = rotation(np.array([0.9, -1.3, 0.4])), np.array([0.3, -2.0, 1.0]), level[0]
+    b = solved(posed.moved(yaml.safe_load(DECK), R, shift))[0]
     for k in (0, 3):
         assert b[:, k : k + 3] == pytest.approx(a[:, k : k + 3] @ R.T + shift, abs=1e-8)
     assert b[:, 6] == pytest.approx(a[:, 6], abs=1e-8)
@@ -77,11 +62,12 @@ def test_a_turned_and_shifted_scene_moves_the_same(level):
 
 
 def test_exact_and_ancf_are_one(level):
-    assert table(run(model="ancf")) == pytest.approx(table(level), abs=1e-12)
+    ancf = solved(DECK.replace("solve: {", "solve: {model: ancf, "))[0]
+    assert ancf == pytest.approx(level[0], abs=1e-12)
 
 
 def test_joints_hold(level):
-    assert level.statistics["constraint_position"] < 1e-12
+    assert level[1].statistics["constraint_position"] < 1e-12
 
 
 ROOTS = (1.8751040687119612, 4.6940911329741746)
@@ -159,7 +145,8 @@ def test_right_angle_cantilever_to_its_end():
     finer = [f"bodies.{leg}.degree=7" for leg in ("first", "second")]
     settings = [*finer, "solve.duration=30", "solve.tolerance=1.0e-7"]
     run = simulate(load_deck(CASES / "right_angle.yaml", settings), error_estimate=False)
-    moved = table(run)[:, :6] - [0.0, 10.0, 0.0, -10.0, 10.0, 0.0]
+    places = np.stack([channel.values for channel in run.channels[:6]], axis=1)
+    moved = places - [0.0, 10.0, 0.0, -10.0, 10.0, 0.0]
     for t, expected in F8.items():
         assert moved[np.searchsorted(run.t, t - 1e-9)] == pytest.approx(expected, abs=7e-5)
     energy = run.channels[-1].values[run.t >= 2.0]

@@ -1,19 +1,18 @@
 """The fully parameterised element in space: laws of its energy, mass and shapes, and scenes with it."""
 
-import json
-
 import numpy as np
+import posed
 import pytest
+import yaml
 from analytical import gauss, homogeneous_energy
 from beam_laws import DENSITY, HEIGHT, LAMBDA, MU, OWN, WIDTH
 from element_laws import Energy, check_joined, check_slopes, check_undeformed
+from solved import solved
 
-from hfsim.maths.rotations import rotation, rotation_vector
+from hfsim.maths.rotations import rotation
 from hfsim.maths.shapes import gauss_lobatto
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import Continuum, join_laws
-from hfsim.scene.loading import parse_deck
-from hfsim.simulate import simulate
 
 LENGTH = 0.7
 DEGREES = [(3, 1), (3, 2), (5, 4)]
@@ -143,13 +142,11 @@ def test_a_planar_deformation_stores_what_the_planar_element_does(rng):
 # ---------------------------------------------------------------- scenes
 
 BEAM = "type: beam, material: soft, section: bar, element: continuum"
-HEAD = """hfsim: 1
-materials: {{soft: {{density: 900.0, youngs_modulus: 2.0e6, poisson_ratio: {poisson}}}}}
-sections: {{bar: {{shape: rectangle, width: 0.06, height: 0.05}}}}
-solve: {{model: {model}, duration: 0.12, tolerance: 1.0e-11, coordinates: {coordinates}}}
-"""
-PLANE = """
+PLANE = f"""
+hfsim: 1
 gravity: [0.0, -9.81]
+materials: {{soft: {{density: 900.0, youngs_modulus: 2.0e6}}}}
+sections: {{bar: {{shape: rectangle, width: 0.06, height: 0.05}}}}
 bodies:
   b1: {{{BEAM}, elements: 2, length: 1.5, points: {{side: [0.7, 0.02]}}}}
   b2: {{{BEAM}, elements: 1, length: 1.0}}
@@ -157,49 +154,32 @@ joints:
   pin: {{type: revolute, between: [ground, b1.root]}}
   elbow: {{type: fixed, between: [b1.side, b2.root], angle: -0.5}}
 initial: {{b1: {{angle: 0.3, angular_velocity: 2.0}}, b2: {{angle: -0.2}}}}
+solve: {{duration: 0.12, tolerance: 1.0e-11}}
 output: {{interval: 0.04, channels: [b1.tip.x, b1.tip.y, b2.tip.x, b2.tip.y, b1.tip.deflection,
                                     b2.angular_velocity, elbow.moment, energy.total, energy.strain]}}
 """
-SPACE = """
-gravity: {gravity}
-ground: {{points: {{wall: {wall}}}}}
-bodies:
-  b1: {{{BEAM}, elements: 2, length: 1.5, points: {{side: [0.7, 0.02, 0.0]}}}}
-  b2: {{{BEAM}, elements: 1, length: 1.0}}
-joints:
-  pin: {{type: revolute, between: [ground.wall, b1.root], axis: {axis}}}
-  elbow: {{type: fixed, between: [b1.side, b2.root],
-           orientation: {{axis: [0, 0, 1], angle: -0.5}}}}
-initial:
-  b1: {{orientation: {{rotation_vector: {first}}}, angular_velocity: {spin}}}
-  b2: {{orientation: {{rotation_vector: {second}}}}}
-output: {{interval: 0.04, channels: [b1.tip.x, b1.tip.y, b1.tip.z, b2.tip.x, b2.tip.y, b2.tip.z,
-   b1.tip.deflection_y, b1.tip.deflection_z, b2.angular_velocity_x, b2.angular_velocity_y,
-   b2.angular_velocity_z, elbow.moment_x, elbow.moment_y, elbow.moment_z, energy.total, energy.strain]}}
-"""
+VECTORS = "b1.tip.", "b2.tip.", "b2.angular_velocity_", "elbow.moment_"
+
+
+def planar(poisson, model="exact"):
+    deck = yaml.safe_load(PLANE)
+    deck["materials"]["soft"]["poisson_ratio"] = poisson
+    deck["solve"]["model"] = model
+    return deck
 
 
 def spatial(turn, poisson, model="exact", coordinates="auto", tilt=0.0, shift=(0.0, 0.0, 0.0)):
     """The planar scene in a plane of space; with a tilt of its axis and its weight it is no longer planar."""
-
-    def told(vector):
-        return json.dumps((turn @ np.array(vector)).tolist())
-
-    def facing(angle):
-        return json.dumps(rotation_vector(turn @ rotation(np.array([0.0, 0.0, angle]))).tolist())
-
-    text = (HEAD + SPACE).format(
-        BEAM=BEAM, model=model, coordinates=coordinates, poisson=poisson, wall=json.dumps(list(shift)),
-        gravity=told([0.0, -9.81, 9.81 * tilt]), axis=told([0.0, 0.0, 1.0]), first=facing(0.3),
-        second=facing(-0.2), spin=told([0.0, 0.0, 2.0]),
-    )  # fmt: skip
-    return run(text)
+    deck = posed.in_space(planar(poisson, model), np.eye(3), np.zeros(3))
+    deck["gravity"][2] = 9.81 * tilt
+    deck["solve"]["coordinates"] = coordinates
+    others = ["b1.tip.deflection_y", "b1.tip.deflection_z", "energy.total", "energy.strain"]
+    deck["output"]["channels"] = [name + axis for name in VECTORS for axis in "xyz"] + others
+    return run(posed.moved(deck, turn, shift))
 
 
-def run(text):
-    result = simulate(parse_deck(text), error_estimate=False)
-    assert result.status == "done", result.reason
-    return {channel.name: channel.values for channel in result.channels}
+def run(deck):
+    return {channel.name: channel.values for channel in solved(deck)[1].channels}
 
 
 def vector(found, name):
@@ -214,7 +194,7 @@ def tilted():
 @pytest.mark.parametrize("model", ["exact", "ancf"])
 def test_a_planar_scene_in_a_plane_of_space_moves_as_in_the_plane(model):
     """Poisson's ratio zero: the section vector across the plane stays what it is."""
-    plane = run((HEAD + PLANE).format(BEAM=BEAM, model=model, coordinates="auto", poisson=0.0))
+    plane = run(planar(0.0, model))
     found = spatial(R, 0.0, model)
     for name in ("b1.tip.", "b2.tip."):
         flat = np.stack([plane[name + "x"], plane[name + "y"], 0.0 * plane[name + "x"]], axis=1)
@@ -230,7 +210,7 @@ def test_a_planar_scene_in_a_plane_of_space_moves_as_in_the_plane(model):
 
 def test_contraction_across_the_plane_is_what_the_plane_leaves_out():
     """The planar element is in plane strain; in space it may become thinner."""
-    plane = run((HEAD + PLANE).format(BEAM=BEAM, model="exact", coordinates="auto", poisson=0.3))
+    plane = run(planar(0.3))
     found = spatial(np.eye(3), 0.3)
     assert np.abs(found["b2.tip.x"] - plane["b2.tip.x"]).max() > 1e-4
 
