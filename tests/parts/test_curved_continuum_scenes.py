@@ -4,11 +4,12 @@ import numpy as np
 import posed
 import pytest
 import yaml
-from analytical import jacobian
 from beam_laws import (
     FORCE,
     MOMENT,
+    check_force_of_energy,
     check_inertia_of_rigid,
+    check_rigid_motions,
     check_small_loads,
     check_takeover,
     check_told_at_rest,
@@ -118,28 +119,24 @@ def test_rigid_beams_have_the_inertia_of_their_material():
     check_inertia_of_rigid(rotor)
 
 
-def elastic(scene):
-    return next(part for part in scene.system.forces if isinstance(part, LinearElasticForce))
+@pytest.fixture
+def linear():
+    """The scene, its state (n,), and the force of its beam, of a damped material."""
+    data = rotor("linear")
+    data["materials"]["stuff"] |= {"axial_damping": 1.0e-4, "bending_damping": 3.0e-4}
+    scene = build(parsed(data))
+    force = next(part for part in scene.system.forces if isinstance(part, LinearElasticForce))
+    return scene, scene.system.absolute(scene.q[None])[0], force
 
 
-def test_the_linear_force_is_the_derivative_of_its_energy(rng):
-    scene = build(parsed(rotor("linear")))
-    x = scene.system.absolute(scene.q[None])[0]
-    x = x + 0.05 * rng.normal(size=x.shape)
-    out, force = np.zeros((1, len(x))), elastic(scene)
-    force.add_force(np.zeros(1), x[None], 0.0 * out, out)
-    slope = jacobian(lambda y: force.strain_energy(y)[:, None], x)[0]
-    assert out[0] == pytest.approx(-slope, abs=1e-8 * np.abs(slope).max())
+def test_the_linear_force_is_the_derivative_of_its_energy(linear, rng):
+    _, x, force = linear
+    check_force_of_energy(force, x + 0.05 * rng.normal(size=x.shape), rng)
 
 
-def test_no_rigid_motion_is_resisted_by_linear(rng):
-    scene = build(parsed(rotor("linear")))
-    body, x = scene.bodies["b1"], scene.system.absolute(scene.q[None])[0]
-    motions = np.zeros((6, len(x)))
-    motions[:, body.columns] = body.freedoms(x, Pose.level(np.zeros(3)))
-    force = elastic(scene)
-    K = force.stiffness / np.abs(force.stiffness).max()
-    assert np.abs(motions[:, body.columns] @ K).max() < 1e-10
+def test_no_rigid_motion_is_resisted_by_linear(linear, rng):
+    scene, x, force = linear
+    check_rigid_motions(scene.bodies["b1"], force, x, rng)
     assert np.abs(force.displacements(x[None])).max() < 1e-14
 
 
