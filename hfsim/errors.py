@@ -100,7 +100,6 @@ class DeckError(HfsimError):
     ----------
     file, text : str
         The deck.
-    problems : list of DeckProblem
     others : mapping of str to str
         Texts of other files that problems stand in.
     """

@@ -55,7 +55,6 @@ def simulate(
 
     Parameters
     ----------
-    loaded : LoadedDeck
     model : str, optional
         Instead of the deck's.
     progress : callable, optional

@@ -292,8 +292,6 @@ def do_job(
 
     Parameters
     ----------
-    job : Job
-    settings : Settings
     first : bool
         Whether it also pays for starting the program.
     progress : callable, optional

@@ -28,12 +28,10 @@ def run_to_stream(
 
     Parameters
     ----------
-    decks, overrides : sequence of str
     wanted : Extras
         Of which pictures are left out.
     wish : tuple of bool
         Whether errors are estimated, and failures diagnosed.
-    talk : Talk
 
     Raises
     ------

@@ -36,7 +36,6 @@ class ExpressionError(ValueError):
 
     Attributes
     ----------
-    message, hint : str
     start, width : int
         Which piece of the text is wrong, in characters.
     """
@@ -55,7 +54,6 @@ class Node(NamedTuple):
         ``number``, ``name``, ``call``, ``negative``, ``power``, or ``chain``: operations from left to right.
     head : str
         Name, or function, or the operators of a chain, one character each.
-    args : tuple of Node
     value : float
         Of a number, units included.
     start, end : int
@@ -119,7 +117,6 @@ def parsed(text: str, grown: bool = False) -> Node:
 
     Parameters
     ----------
-    text : str
     grown : bool
         Whether numbers have taken the place of names in it.
 
@@ -278,7 +275,6 @@ def evaluated(node: Node, values: Mapping[str, float]) -> float:
 
     Parameters
     ----------
-    node : Node
     values : mapping of str to float
         Of all names in it.
 

@@ -47,7 +47,6 @@ class Text(NamedTuple):
     ----------
     name : str
         As messages show it.
-    text : str
     real : str
         Its one path, whatever it was called.
     """

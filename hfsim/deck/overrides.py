@@ -18,7 +18,6 @@ def override(source: DeckSource, overrides: Sequence[str], spec: type[Spec]) -> 
 
     Parameters
     ----------
-    source : DeckSource
     overrides : sequence of str
         ``KEY=VALUE`` each, KEY dotted, VALUE in YAML.
     spec : type

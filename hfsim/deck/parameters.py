@@ -55,7 +55,6 @@ class _Values:
 
     Attributes
     ----------
-    known : dict of str to float
     bad : set of str
         Parameters without a value, which has been told.
     """

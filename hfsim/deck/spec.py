@@ -61,7 +61,6 @@ class Around(NamedTuple):
         Of the run [s].
     model, elastic_form : str or None
         Of beams that have no model of their own; in which their elastic force is computed.
-    sections : mapping of str to section
     channels : tuple of str or None
         Columns of the output.
     """

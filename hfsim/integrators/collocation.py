@@ -78,8 +78,6 @@ class CollocationMethod:
 
     Attributes
     ----------
-    name : str
-    table : Collocation
     tolerance : float
         Local error per step: metre, radian or slope, relative above 1.
     damping : Damping, optional

@@ -38,8 +38,6 @@ def derivative(
 
     Parameters
     ----------
-    problem : Problem
-    t : float
     q, v : ndarray, shape (n,)
     natural : Increments, optional
         The state's own coordinates without it.
@@ -212,10 +210,8 @@ class SparseDerivative(Derivative):
 
     Attributes
     ----------
-    increments : Increments
     q : ndarray, shape (n,)
         The state it belongs to.
-    at : Linearized
     """
 
     recordable: ClassVar[bool] = False

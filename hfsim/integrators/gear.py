@@ -85,11 +85,8 @@ class GearStepper(Stepper):
 
     Parameters
     ----------
-    method : Gear
-    problem : Problem
     h : float
         Step length.
-    order : int
     differences : ndarray, shape (order + 1 or more, 2, n)
         Backward differences of (q, v) for steps of this length.
     a : ndarray, shape (n,)

@@ -91,7 +91,6 @@ def rounding_of(
 
     Parameters
     ----------
-    system : System
     t : ndarray, shape (n_batch,)
     x : ndarray, shape (n_batch, n_x)
     energies : ndarray, shape (3, n_batch)

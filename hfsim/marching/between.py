@@ -146,7 +146,6 @@ def times_between(path: Trajectory, rows: Array, room: int) -> Array:
 
     Parameters
     ----------
-    path : Trajectory
     rows : ndarray, shape (n_rows,)
         Output times; none is after the last.
     room : int

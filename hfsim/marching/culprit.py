@@ -18,8 +18,6 @@ def non_finite(scene: Scene, t: float, q: Array, v: Array) -> SolverFailure | No
 
     Parameters
     ----------
-    scene : Scene
-    t : float
     q, v : ndarray, shape (n,)
         A state beyond all scale, or not finite itself, is what steps have made of the motion, not the deck:
         the one at the start is looked at in its place, which laws of time alone can spoil.

@@ -54,9 +54,6 @@ class Leg(NamedTuple):
 
     Attributes
     ----------
-    scene : Scene
-    done : Integration
-    record : LegRecord
     begin : float
         When it began [s]; the steps of a run that was put down know only since when it goes on.
     """
@@ -79,7 +76,6 @@ def run_integration(
 
     Parameters
     ----------
-    scene : Scene
     solve : SolveSpec
         How; need not be the scene's own.
     progress : callable, optional

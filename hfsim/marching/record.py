@@ -78,7 +78,6 @@ class Record:
 
         Parameters
         ----------
-        scene : Scene
         lasting : bool
             Whether nothing undoes its steps any more: only then can it have been put down.
         """
@@ -99,8 +98,6 @@ class Record:
 
         Parameters
         ----------
-        path : Trajectory
-        counts : Counts
         memory : callable, optional
             Gives what the steps go on from; without it the leg ends here.
 
@@ -153,7 +150,6 @@ class LegRecord:
 
     Attributes
     ----------
-    scene : Scene
     balance : Balance
     begin_angles : mapping of str to float
         Angles of bodies where its steps begin, or those since it was put down [rad].

@@ -22,7 +22,6 @@ def sizes_of(channels: Sequence[Channel], outlines: Mapping[str, Array] | None =
 
     Parameters
     ----------
-    channels : sequence of Channel
     outlines : mapping of str to ndarray, shape (n_times, n_points, n_dim), optional
         Of its bodies [m].
 

@@ -175,13 +175,7 @@ class RateWatch:
 
 @mutable
 class SectionsWatch:
-    """Ends a run in which an element turns so far from node to node that its shapes mean nothing.
-
-    Attributes
-    ----------
-    system : System
-    bodies : sequence of VectorBeam
-    """
+    """Ends a run in which an element turns so far from node to node that its shapes mean nothing."""
 
     system: System
     bodies: Sequence[VectorBeam]
@@ -199,7 +193,6 @@ class Watches:
 
     Parameters
     ----------
-    system : System
     others : sequence of callable
         Called with every kept state like the watches against models that run away; may raise.
     """

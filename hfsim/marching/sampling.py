@@ -101,9 +101,8 @@ class Outlines(NamedTuple):
     ----------
     t : ndarray, shape (n,)
     points : dict of str to ndarray, shape (n, n_points, n_dim)
-    samples : sequence of SceneSamples
     rows : ndarray of int, shape (n,)
-        Which of all their states each is.
+        Which of all states of the samples each is.
     """
 
     t: Array

@@ -85,10 +85,8 @@ class Strand(NamedTuple):
 
     Attributes
     ----------
-    steps : Steps
     columns : ndarray of int
         Where its state stands in that of the whole scene.
-    bodies : tuple of str
     """
 
     steps: Steps

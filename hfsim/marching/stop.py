@@ -95,7 +95,6 @@ class Budget:
 
     Attributes
     ----------
-    seconds : float
     clock : callable
         Returns a time [s]: wall time, or CPU time, or that of a test.
     start : float

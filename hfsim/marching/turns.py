@@ -20,8 +20,6 @@ def read_states(
 
     Parameters
     ----------
-    scene : Scene
-    trajectory : Trajectory
     times : ndarray, shape (n_times,)
         In order, within the trajectory.
     angles : mapping of str to float, optional

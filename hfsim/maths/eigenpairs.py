@@ -58,9 +58,8 @@ def eigenpairs(pencil: Pencil, count: int) -> Eigenpairs:
 
     Parameters
     ----------
-    pencil : Pencil
     count : int
-        How many of a large one.
+        How many, of a large pencil.
 
     Raises
     ------

@@ -21,7 +21,6 @@ def count_below(pencil: Pencil, bound: float) -> int | None:
     ----------
     pencil : Pencil
         Large, and symmetric.
-    bound : float
 
     Returns
     -------

@@ -128,7 +128,6 @@ class SaddlePoints:
     matrix : sparse array, shape (n, n)
     border : Entries
         Of B; their values do not matter.
-    rows : int
     """
 
     def __init__(self, matrix: Matrix, border: Entries, rows: int) -> None:

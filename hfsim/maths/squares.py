@@ -39,9 +39,8 @@ def slowest_squares(pencil: Pencil, count: int) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    pencil : Pencil
     count : int
-        How many of a large one.
+        How many, of a large pencil.
 
     Raises
     ------

@@ -18,8 +18,6 @@ def acting_on(
 
     Parameters
     ----------
-    system : System
-    columns : slice
     t : ndarray, shape (n_batch,)
     x, u : ndarray, shape (n_batch, n_x)
     multipliers : ndarray, shape (n_batch, n_rows)

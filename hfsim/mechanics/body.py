@@ -174,7 +174,6 @@ class Body:
         ----------
         x, u, a : ndarray, shape (n_batch, n)
             Coordinates, rates and accelerations.
-        acting : Acting
         places : ndarray, shape (n_places,)
             Distances from the root [m]; what acts there itself is before the section, at the tip beyond it.
 

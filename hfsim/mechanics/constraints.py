@@ -99,7 +99,6 @@ class Constraint:
 
     Attributes
     ----------
-    first, second : Marker
     offset : float
         Constant part of what the gap between them is to be.
     law : Law, or None

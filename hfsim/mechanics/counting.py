@@ -56,7 +56,6 @@ class AlongSteps:
 
     Parameters
     ----------
-    system : System, optional
     through : callable, optional
         What functions of states are called through.
     """

@@ -39,7 +39,6 @@ class FreeCoordinates:
 
     Attributes
     ----------
-    reduction : Reduction
     ties : tuple of Tie
         Bodies whose place follows from others, from the ground outwards.
     natural_columns : ndarray of int, shape (n,)
@@ -70,8 +69,6 @@ def eliminate(
 
     Parameters
     ----------
-    bodies : mapping of str to Body
-    constraints : tuple of Constraint
     sparse : bool
         Which kind of matrices to use.
     """

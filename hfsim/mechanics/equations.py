@@ -70,10 +70,8 @@ class Equations:
     ----------
     constant_mass : Matrix, shape (n_x, n_x)
         Zero in the rows of bodies with a variable mass matrix.
-    variable_mass : tuple of VariableMass
-    all_constraints : tuple of Constraint
     reduction : Reduction
-        Which of them it eliminates is left out here.
+        Which of the constraints it eliminates is left out here.
     once : bool
         Factorise matrices that never change once; otherwise in every state, as if they did.
     ballast : Matrix, shape (n_x, n_x), or None

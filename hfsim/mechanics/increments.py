@@ -180,8 +180,6 @@ class NaturalIncrements:
 
     Attributes
     ----------
-    beams : tuple of BodyIncrements
-    reduction : Reduction
     ties : tuple of Tie
         In order from the ground outwards.
     columns : ndarray of int, shape (n,)

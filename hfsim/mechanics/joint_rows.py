@@ -22,7 +22,6 @@ class JointRows:
 
     Attributes
     ----------
-    constraints : tuple of Constraint
     n_x : int
         Number of coordinates.
     sparse : bool

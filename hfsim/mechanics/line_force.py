@@ -25,12 +25,10 @@ class LineForce(Load):
 
     Attributes
     ----------
-    places : tuple of Marker
     forces : ndarray, shape (n_places, n_dim)
         [N]
     cells : ndarray, shape (n_cells + 1,)
         Distances from the root [m] between which places are Gauss points, as many in each cell.
-    follower : bool
     """
 
     places: tuple[Marker, ...]

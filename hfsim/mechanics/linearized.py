@@ -150,7 +150,6 @@ def by_differences(
     ----------
     acceleration : callable
         (t, q, v) -> q'' with a leading batch axis on all of them.
-    t : float
     q, v : ndarray, shape (n,)
     dissipates : bool
         Whether to take differences by v too: gyroscopic terms alone never make a problem stiff.

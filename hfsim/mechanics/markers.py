@@ -241,7 +241,6 @@ class LinearMarker(Marker):
 
     Attributes
     ----------
-    columns : slice
     place_row : ndarray, shape (n_vectors,)
         Shape row of the position.
     """

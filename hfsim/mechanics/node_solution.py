@@ -44,12 +44,10 @@ class NodeSolution:
 
     Attributes
     ----------
-    nodes : tuple of AxesRows
     joints : JointRows
         The other equations.
     rows : ndarray of int, shape (n_joint_rows,)
         Theirs in Phi.
-    reduction : Reduction
     mass : Matrix, shape (n, n)
         Of the free coordinates.
     unconstrained : callable

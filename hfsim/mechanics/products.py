@@ -67,7 +67,6 @@ class Products:
     ----------
     rows : ndarray of int, shape (m,)
         Which rows of Phi they are.
-    equations : sequence of Product
     n : int
         Number of coordinates.
     sparse : bool

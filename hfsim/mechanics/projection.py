@@ -56,7 +56,6 @@ class Projection:
 
     Attributes
     ----------
-    system : Constrained
     through : callable
         What its functions are called through.
     """

@@ -335,7 +335,6 @@ class Control(Resistance):
 
     Attributes
     ----------
-    law : Law
     stiffness, damping : float
         k and d.
     limit : float, or None

@@ -40,7 +40,6 @@ class Slopes:
 
     Attributes
     ----------
-    system : System
     start : (q, v)
         The state (n,) that tells whether bodies spin.
     """

@@ -93,8 +93,6 @@ def small_motions(
 
     Parameters
     ----------
-    system : System
-    t : float
     x, u : ndarray, shape (n_x,)
         Absolute coordinates and rates that fulfil the joints.
     turning : Turning, optional
@@ -131,7 +129,6 @@ def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multiplier
 
     Parameters
     ----------
-    system : System
     t : ndarray, shape (1,)
     x, u, a : ndarray, shape (1, n_x)
     multipliers : ndarray, shape (1, n_rows)

@@ -119,7 +119,6 @@ class FrameMarker(Marker):
 
     Attributes
     ----------
-    columns : slice
     place : tuple of float
         Its place in the frame [m].
     centre : ndarray, shape (3, 3)

@@ -20,7 +20,6 @@ class Subset(Constraint):
 
     Attributes
     ----------
-    whole : Constraint
     kept : tuple of int
         Which of its rows, in order.
     """
@@ -106,7 +105,6 @@ def parted(
 
     Parameters
     ----------
-    constraints : sequence of Constraint
     left_out : mapping of int to sequence of int
         Rows by the number of their constraint.
     """

@@ -42,8 +42,6 @@ class System:
     ----------
     charts : tuple of Chart
         Where state and free coordinates differ.
-    forces : tuple of ForcePart
-    equations : Equations
     natural : NaturalIncrements, CarriedIncrements or None
         Coordinates for Newton corrections; None where the state's own serve.
     keeps_rates, keeps_work : bool

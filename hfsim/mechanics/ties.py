@@ -37,7 +37,6 @@ class Tie(PointPart):
 
     Attributes
     ----------
-    first, second : Marker
     resistances : tuple of Resistance
         Their forces add up.
     """

@@ -81,7 +81,6 @@ class Turning:
 
         Parameters
         ----------
-        bodies : iterable of Body
         spin : array_like, shape (n_spin,)
             Angular velocity in ground axes: one number in the plane [rad/s].
         centre : array_like, shape (n_dim,)
@@ -106,8 +105,6 @@ class Turning:
 
         Parameters
         ----------
-        bodies : sequence of Body
-        equations : Equations
         x : ndarray, shape (n_x,)
 
         Returns
@@ -148,9 +145,6 @@ class Turning:
 
         Parameters
         ----------
-        bodies : sequence of Body
-        equations : Equations
-        t : float
         x, u, a : ndarray, shape (n_x,)
             A state and its accelerations, which tell whether the axis moves on where joints allow that.
         blur : ndarray, shape (n_x,)
@@ -330,7 +324,6 @@ def _split(
 
     Parameters
     ----------
-    equations : Equations
     x, u, a : ndarray, shape (n_x,)
     noise : float
         Twice the energy that accelerations by rounding would be as rates.

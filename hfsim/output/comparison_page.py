@@ -19,9 +19,8 @@ def comparison_page(comparison: Comparison, deck: str, facts: Mapping[str, Any],
 
     Parameters
     ----------
-    comparison : Comparison
     deck : str
-        Its text.
+        The text of the deck.
     facts : mapping
         What ``compare.json`` has, the pictures among its files.
     folder : Path

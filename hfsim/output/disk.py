@@ -78,7 +78,6 @@ class History:
 
     Parameters
     ----------
-    path : Path
     names : sequence of str
         Of the columns after ``t``.
     size : int, optional

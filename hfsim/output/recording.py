@@ -32,10 +32,8 @@ class Recording:
         Granted by `claim`; touched as soon as the scene is assembled.
     name, model : str
         As of `Run`.
-    provenance : Provenance
     watch : Stopwatch
         Gets the phases ``write`` and ``plots``.
-    log : RunLog
     checkpoint : Checkpoint, optional
         From where an older run in this folder goes on.
     """

@@ -21,7 +21,6 @@ class Stream:
     ----------
     stream : TextIO
         Standard output; when its reader goes away, the run ends there.
-    provenance : Provenance
     """
 
     def __init__(self, stream: TextIO, provenance: Provenance) -> None:

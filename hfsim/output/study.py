@@ -62,7 +62,6 @@ class Study:
     ----------
     kind : str
         Name of the study; ``<kind>.json``, written last, tells that what is in the folder is whole.
-    talk : Talk
     folder : RunFolder or None
         Folder granted; None: nothing is written.
     plots : bool

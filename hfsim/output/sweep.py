@@ -61,9 +61,6 @@ class Wanted:
 
     Attributes
     ----------
-    loaded : LoadedDeck
-    plan : Plan
-    setting : Setting
     keep : str
         What is kept of each run: ``nothing``, ``histories`` or ``folders``.
     source : str

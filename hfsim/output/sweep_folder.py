@@ -49,7 +49,6 @@ class SweepFolder:
     ----------
     folder : RunFolder
         Granted by `claim_sweep`.
-    plan : Plan
     facts : mapping
         What the sweep is, JSON-ready: what must be the same when it is gone on with.
     resume : bool

@@ -30,11 +30,8 @@ def acting(
 
     Parameters
     ----------
-    deck : Deck
-    bodies : mapping of str to Body
     marker : callable
         From the name of a point to what holds it.
-    left_out : LeftOut
     x : ndarray, shape (n,)
         Coordinates at the start.
     angles : mapping of str to float

@@ -79,7 +79,6 @@ class Assembly:
         Where these are.
     poses : dict of str to Pose
         The same by body, with full turns.
-    twists : dict of str to Twist
     changes : tuple of Change
         Stated values that were taken as guesses.
     closed : dict of str to Turn

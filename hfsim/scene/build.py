@@ -45,13 +45,10 @@ class Scene:
 
     Attributes
     ----------
-    loaded : LoadedDeck
     model : str
         Of the beams that have none of their own.
     models : dict of str to str
         Model of each beam.
-    system : System
-    bodies : dict of str to Body
     joints : dict of str to tuple of int
         Which constraints of the system each joint is made of.
     q, v : ndarray, shape (n,)
@@ -170,7 +167,6 @@ class Part(NamedTuple):
 
     Attributes
     ----------
-    bodies : tuple of str
     scene : Scene
         The part alone.
     columns : ndarray of int
@@ -191,7 +187,6 @@ def build(loaded: LoadedDeck, model: str | None = None, models: Mapping[str, str
 
     Parameters
     ----------
-    loaded : LoadedDeck
     model : str, optional
         Instead of the deck's ``solve.model``; beams with a model of their own keep it.
     models : mapping of str to str, optional

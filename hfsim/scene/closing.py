@@ -88,10 +88,8 @@ class Linkage:
 
     Attributes
     ----------
-    constraints : tuple of Constraint
     n : int
         Number of coordinates of all frames.
-    n_dim : int
     centres : ndarray, shape (n_bodies, 3, 3), or None
         In space, from which the turns of the frames count, as rotation vectors.
     senses : tuple of Sense

@@ -147,8 +147,6 @@ def problem_of(
 
     Parameters
     ----------
-    scene : Scene
-    t : float
     watch : callable, optional
         Told the load factor and each state that is kept on the way.
     varied : collection of str, optional

@@ -34,7 +34,6 @@ class FreeMotion(NamedTuple):
 
     Attributes
     ----------
-    body : str
     number : int
         How many, independent of each other.
     kind : str
@@ -69,7 +68,6 @@ def free_motions(
 
     Parameters
     ----------
-    assembly : Assembly
     energy : callable
         Rates of the frames (n,) -> kinetic energy of the scene [J].
     lines : collection of str

@@ -47,7 +47,6 @@ class LoadedDeck:
     ----------
     deck : Deck
         With numbers of elements throughout.
-    source : DeckSource
     auto_elements : tuple of str
         Beams whose elements the deck leaves to `hfsim run`; it has a target error then.
     published : VerifySpec or None

@@ -62,7 +62,6 @@ class Rule(NamedTuple):
     ----------
     name : str
         As in ``solve.keep``.
-    leaves_out : str
     when : str
         The condition, in words.
     because : str

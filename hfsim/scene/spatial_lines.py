@@ -92,7 +92,6 @@ def untwisted(assembly: Assembly, held: Linkage, lines: Collection[str]) -> Iter
         With the linkage of joints that hold whole frames.
     held : Linkage
         The same of which joints hold no more than tangents of lines.
-    lines : collection of str
     """
     names, whole = list(assembly.poses), assembly.linkage
     if len(names) > MOST_BODIES:

@@ -26,7 +26,6 @@ class Start:
     ----------
     names : tuple of str
         Of the bodies.
-    initial : mapping of str to InitialSpec
     linkage : Linkage
         Of the frames of the bodies, in this order.
     refuse : callable

@@ -35,7 +35,6 @@ class Axis:
     ----------
     name : str
         Key of the deck, or the name of a scaling.
-    values : tuple of float or str
     overrides : callable
         (deck, value) -> the overrides that this value means for this deck.
     solver_only : bool

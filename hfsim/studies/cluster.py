@@ -167,7 +167,6 @@ class Cluster(Executor):
 
     Attributes
     ----------
-    client : distributed.Client
     texts : dict of str to str
         Files that go with the jobs.
     """

@@ -53,7 +53,6 @@ class Value:
 
     Attributes
     ----------
-    channel : str
     time : float
         [s]; the nearest output time counts.
     value, within : float
@@ -81,7 +80,6 @@ class Expectation:
         A key of `hfsim.studies.stability.verdict.CLASSES`.
     error, drift : float or None
         Bounds on the error against a tighter run and on the energy drift [-].
-    values : tuple of Value
     item : str
         Deck path that must be blamed; empty where none need be.
     sound : bool
@@ -119,11 +117,8 @@ class Case:
 
     Attributes
     ----------
-    expectation : Expectation
-    verdict : Verdict
     trial : Trial
         How the run ended, without its output.
-    found : tuple of Found
     """
 
     expectation: Expectation
@@ -165,10 +160,8 @@ class Extreme:
 
     Attributes
     ----------
-    cases : tuple of Case
     seconds, used : float
         Wall time allowed and used [s].
-    interrupted : bool
     """
 
     cases: tuple[Case, ...]
@@ -278,7 +271,6 @@ def extreme_set(
 
     Parameters
     ----------
-    folder : Path
     expectations : sequence of Expectation
         Of the decks to run.
     seconds : float

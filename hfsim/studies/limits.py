@@ -53,7 +53,6 @@ class Theory:
     ----------
     longest : float or None
         Longest step in periods that a trial run finds stable; None if any step is.
-    words : str
     """
 
     longest: float | None
@@ -144,10 +143,8 @@ class Limit:
 
     Attributes
     ----------
-    method : str
     order : int or None
         Of gear.
-    stages : int or None
     longest, beyond : float or None
         Longest step that was stable and shortest that was not, in fastest periods; None: none found.
     reason : str
@@ -293,13 +290,10 @@ class Limits:
 
     Attributes
     ----------
-    name, model : str
     spectra : tuple of Spectrum
         At the start and along the motion.
-    limits : tuple of Limit
     lost : dict of str to str
         What was not measured, and why.
-    interrupted : bool
     """
 
     name: str
@@ -336,9 +330,6 @@ def limits(
 
     Parameters
     ----------
-    loaded : LoadedDeck
-    model : str
-    methods : tuple of str
     seconds, limit : float
         Wall time all and one method may take [s].
     jobs : int

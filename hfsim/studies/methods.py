@@ -57,15 +57,11 @@ class Probe:
 
     Attributes
     ----------
-    method : str
-    tolerance : float
     outcome : str
         ``reached`` the error asked for; ``inaccurate``; ``outrun`` (stopped: slower than the best so far over
         the margin), ``put off`` (the time for races was used up), ``failed``, ``refused`` (by the scene).
-    reason : str
     against : str
         Method of the mark.
-    unknowns : int
     cpu : float
         CPU time of the integration, as far as it came [s].
     to_beat : float
@@ -100,10 +96,6 @@ class Entry:
 
     Attributes
     ----------
-    method : str
-    tolerance : float
-    scene : Scene
-    done : Integration
     cpu : float
         CPU time of the integration [s].
     error : float
@@ -134,7 +126,6 @@ class Turn:
 
     Attributes
     ----------
-    tolerance : float
     needs : float
         CPU time without which it need not begin [s].
     """

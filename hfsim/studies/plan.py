@@ -42,7 +42,6 @@ class RuleCost:
 
     Attributes
     ----------
-    rule, scene : str
     unknowns, multipliers : (before, after)
     call_us : (before, after)
         CPU time of one call of the accelerations for `STATES` states [us].
@@ -80,7 +79,6 @@ def measure(
 
     Parameters
     ----------
-    loaded : LoadedDeck
     repeats : int
         Runs with and without each rule, in turns; times are medians.
     share : float

@@ -69,8 +69,6 @@ def linearise(scene: Scene, t: float, q: Array, v: Array) -> AnyModes:
 
     Parameters
     ----------
-    scene : Scene
-    t : float
     q, v : ndarray, shape (n,)
 
     Raises

@@ -61,8 +61,6 @@ class Switch(NamedTuple):
     ----------
     time : float
         [s].
-    body, model, next_model : str
-    reason : str
     energy_gained : float
         By the whole scene, all bodies that go over at this time together [J].
     energy_share : float
@@ -84,8 +82,6 @@ class Course:
 
     Attributes
     ----------
-    legs : list of Leg
-    switches : list of Switch
     discarded_steps : int
         Of parts that were gone back over.
     errors : dict of str to float

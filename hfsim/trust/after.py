@@ -40,7 +40,6 @@ class Wish(NamedTuple):
 
     Attributes
     ----------
-    time_error, mesh_error, diagnosis : bool
     seconds : float or None
         CPU time that all of it may take [s]; without it as much as the run, or `AT_LEAST`.
     """
@@ -64,7 +63,6 @@ class Stages:
     ----------
     progress : callable
         Told the share of the whole.
-    wish : Wish
     """
 
     def __init__(self, progress: Progress, wish: Wish) -> None:
@@ -96,10 +94,8 @@ class Aftermath:
     ----------
     run : Compared
         The run.
-    wish : Wish
     clock : PhaseClock
         Gets a phase for each kind of work; knows that of the solution.
-    budget : Budget
     stop : exception or None
         What stopped the run, with its cause as far as it was found.
     facts : dict

@@ -44,7 +44,6 @@ def diagnose(scene: Scene, done: Integration, budget: Budget) -> SolverFailure:
 
     Parameters
     ----------
-    scene : Scene
     done : Integration
         Whose ``stop`` is a `SolverFailure`.
     budget : Budget

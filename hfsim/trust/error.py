@@ -39,11 +39,10 @@ class Second(NamedTuple):
 
     Attributes
     ----------
-    words : str
     update : dict
         Of the deck's ``solve``.
     part : float
-        Share of the distance to it that is the error.
+        Share of the distance between the two that is the error.
     cost : float
         Time that it was seen to take, over that of the run.
     """
@@ -59,8 +58,6 @@ def time_error(run: Compared, budget: Budget, seconds: float) -> Estimate:
 
     Parameters
     ----------
-    run : Compared
-    budget : Budget
     seconds : float
         CPU time of the run [s].
 

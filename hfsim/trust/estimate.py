@@ -60,7 +60,6 @@ class Compared(NamedTuple):
 
     Attributes
     ----------
-    legs : sequence of Leg
     channels : tuple of Channel
         Its whole output.
     """
@@ -99,7 +98,6 @@ def why_not(done: Integration, words: str, seconds: float) -> str:
 
     Parameters
     ----------
-    done : Integration
     words : str
         What is different in it.
     seconds : float

@@ -55,7 +55,6 @@ class Experiments:
 
     Attributes
     ----------
-    scene : Scene
     done : Integration
         The run in question.
     budget : Budget
@@ -195,7 +194,6 @@ def command(loaded: LoadedDeck, changes: dict[str, Any], force: bool = False) ->
 
     Parameters
     ----------
-    loaded : LoadedDeck
     changes : dict
         Deck path to value; they replace overrides already made.
     force : bool

@@ -83,7 +83,6 @@ def disturbed_growth(scene: Scene, done: Integration, solve: SolveSpec, guard: P
 
     Parameters
     ----------
-    scene : Scene
     done : Integration
         The undisturbed run.
     solve : SolveSpec

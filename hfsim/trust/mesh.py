@@ -48,8 +48,6 @@ def mesh_error(run: Compared, budget: Budget, seconds: float) -> Estimate:
 
     Parameters
     ----------
-    run : Compared
-    budget : Budget
     seconds : float
         CPU time of the run [s].
 

@@ -18,8 +18,6 @@ def deformation_of(scene: Scene, body: Body, t: Array, q: Array, v: Array) -> De
 
     Parameters
     ----------
-    scene : Scene
-    body : Body
     t : ndarray, shape (n_times,)
     q, v : ndarray, shape (n_times, n)
         On the constraints.

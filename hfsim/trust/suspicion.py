@@ -38,8 +38,6 @@ def suspect(
 
     Parameters
     ----------
-    scene : Scene
-    done : Integration
     statistics : dict
         With ``energy_drift`` and ``validity``.
     budget : Budget

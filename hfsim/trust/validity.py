@@ -107,7 +107,6 @@ def watch_validity(scene: Scene, times: Array, q: Array, v: Array) -> dict[str, 
 
     Parameters
     ----------
-    scene : Scene
     times : ndarray, shape (n_times,)
     q, v : ndarray, shape (n_times, n)
 
@@ -207,12 +206,10 @@ def tip_error(scene: Scene, name: str, model: str, seen: Deformation, t: Array) 
 
     Parameters
     ----------
-    scene : Scene
     name : str
         Of the beam.
     model : str
         Need not be that of the scene.
-    seen : Deformation
     t : ndarray, shape (n_batch,)
         In order.
     """

@@ -35,7 +35,6 @@ class Pen(NamedTuple):
 
     Attributes
     ----------
-    colour : colour
     width : float
         [points]
     dashes : tuple of float

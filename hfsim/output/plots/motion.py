@@ -71,8 +71,6 @@ class Stage(NamedTuple):
 
     Attributes
     ----------
-    sheet : Sheet
-    panel : Panel
     curves : list of (Pen, ndarray)
         Lines, and the points (n_outlines, n_points, 2) they are drawn through [m].
     trails : list of ndarray

@@ -32,10 +32,8 @@ class Curve(NamedTuple):
     ----------
     points : ndarray, shape (n, 2)
         It is broken where they are not finite.
-    pen : Pen or None
     label : str
         In the legend; none: not there.
-    mark : Mark or None
     ends : bool
         Whether only the first and the last point are marked.
     clipped : bool
@@ -88,16 +86,12 @@ class Note(NamedTuple):
 
     Attributes
     ----------
-    text : str
-    x, y : float
     size : float
         [points]
-    colour : colour
     across, up : str
         Which side of the words is there; see `Ink.words`.
     move : tuple of float
         How far from there [points].
-    inside : bool
     """
 
     text: str

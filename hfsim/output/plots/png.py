@@ -20,7 +20,6 @@ def write_png(path: Path, pixels: Array, dpi: float) -> None:
 
     Parameters
     ----------
-    path : Path
     pixels : ndarray of uint8, shape (height, width, 3 or 4)
         Red, green, blue.
     dpi : float

@@ -31,7 +31,6 @@ class Scale(NamedTuple):
     ----------
     label : str
         With what was taken off the numbers.
-    base, factor : float
     least : float
         What is nearer to zero than this is zero.
     """
@@ -80,7 +79,6 @@ class Axis(NamedTuple):
     ----------
     low, high : float
         Its ends.
-    label : str
     ticks : ndarray
         Where numbers stand.
     words : tuple of str

@@ -33,7 +33,6 @@ class Bar(NamedTuple):
     ----------
     colours : sequence of colours
         From the first time to the last.
-    first, last : float
     """
 
     colours: Sequence[Any]

@@ -128,7 +128,6 @@ class Axis:
 
     Attributes
     ----------
-    shape : Shape
     length : float
         [m].
     section_angle, twist : float

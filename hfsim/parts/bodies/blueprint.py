@@ -29,8 +29,6 @@ class Blueprint(NamedTuple):
         Of the body.
     start : int
         Column of x where its coordinates begin.
-    mesh : BeamMesh
-    measures : Measures
     gravity : ndarray, shape (n_dim,)
         [m/s^2].
     points : dict of str to Place

@@ -40,7 +40,6 @@ class CosseratBeam(VectorBeam):
 
     Attributes
     ----------
-    mesh : SectionMesh
     gravity : ndarray, shape (n_dim,)
         [m/s^2].
     framed : bool

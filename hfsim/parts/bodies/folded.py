@@ -20,7 +20,6 @@ class FoldedBody(Body):
 
     Attributes
     ----------
-    pose : Pose
     weight : ndarray, shape (n_dim,)
         [N].
     """

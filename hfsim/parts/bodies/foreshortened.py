@@ -27,7 +27,6 @@ class ForeshortenedBeam(ForcePart):
 
     Attributes
     ----------
-    name : str
     mesh : BeamMesh
         Of cable elements.
     columns : slice

@@ -75,7 +75,6 @@ class LinearElasticForce(ForcePart):
     ----------
     name : str
         Of the beam.
-    columns : slice
     stiffness, damping : ndarray, shape (n_vectors * n_dim, n_vectors * n_dim)
         Over all relative nodal coordinates [N/m and the like]; damping multiplies their rates.
     undeformed : ndarray, shape (n_vectors, n_dim)

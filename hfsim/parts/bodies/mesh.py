@@ -49,7 +49,6 @@ class BeamMesh:
 
     Attributes
     ----------
-    element : Element
     count : int
         Number of elements.
     properties : BeamProperties or Varied of these

@@ -33,7 +33,6 @@ class NodalBeam(VectorBeam):
 
     Attributes
     ----------
-    beam : Blueprint
     framed : bool
         Whether it is stepped in a body frame and coordinates relative to that.
     """

@@ -25,7 +25,6 @@ def strained(
 
     Parameters
     ----------
-    mesh : BeamMesh
     root, slope : ndarray, shape (n_batch, n_dim)
         Weight less inertia per mass at the root [m/s^2], and by how much it grows along the line [1/s^2].
     loads : iterable of (float, ndarray, ndarray)

@@ -21,7 +21,6 @@ class SectionBlueprint(NamedTuple):
         Of the body.
     start : int
         Column of x where its coordinates begin.
-    mesh : SectionMesh
     gravity : ndarray, shape (n_dim,)
         [m/s^2].
     points : dict of str to Place

@@ -29,10 +29,8 @@ class SectionMesh:
 
     Attributes
     ----------
-    axis : Axis
     count, degree : int
         Number of elements, and of intervals between nodes in each.
-    properties : SectionProperties or Varied of these
     """
 
     axis: Axis

@@ -42,7 +42,6 @@ class Samples:
 
     Attributes
     ----------
-    scene : Sampled
     t : ndarray, shape (n_times,)
     q, v : ndarray, shape (n_times, n)
     turns : dict of str to ndarray, shape (n_times,)

@@ -286,7 +286,6 @@ def green_lagrange(
     weights : ndarray, shape (n_points,)
         Volumes, over the scale [m^3/J].
     undeformed : ndarray, shape (n_vectors, n_dim)
-    properties : BeamProperties
     scale : ndarray, shape (n_elements,)
         [J].
     """

@@ -23,7 +23,6 @@ class ContinuumDamping(MaterialDamping):
 
     Attributes
     ----------
-    of_elements : Connectivity
     of_points : PointLaw
         On the difference vectors of elements, with retardation times in its form [J s].
     """

@@ -70,7 +70,6 @@ class CosseratLaw(RowLaw):
         e0: strains as they are without stress.
     degree : int
         Of the elements: points of different ones depend on different numbers of coordinates.
-    strains : SectionStrains
     """
 
     stiffness: Array
@@ -158,7 +157,6 @@ class SectionDamping(MaterialDamping):
         Of the Gauss points.
     resisting : ndarray, shape (n_strains, n_points)
         Stiffness times retardation times, times length by weight.
-    strains : SectionStrains
     """
 
     elements: Connectivity

@@ -186,7 +186,6 @@ class KelvinVoigtForce(MaterialDamping):
 
     Attributes
     ----------
-    elements : Connectivity
     slope, bend : ndarray, shape (n_points, n_vectors)
         Rows of r' and r'' (times le) at the Gauss points of an element.
     axial, bending : ndarray, shape (n_elements, n_points)

@@ -134,7 +134,6 @@ def model_advice(points: Sequence[Point], words: str, target: float, meshes: boo
         With the error against the exact model as their total one.
     words : str
         The target in words.
-    target : float
     meshes : bool
         Whether meshes are to be named.
     """

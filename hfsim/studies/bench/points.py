@@ -40,7 +40,6 @@ class ChannelError:
 
     Attributes
     ----------
-    channel, unit : str
     max_abs : float
         Largest error over time, in `unit`.
     max_relative, rms_relative : float
@@ -67,7 +66,6 @@ def channel_error(values: Array, truth: Array, scale: ChannelScale, floor: float
     ----------
     values, truth : ndarray, shape (n_times,)
         In the unit of the channel.
-    scale : ChannelScale
     floor : float
         Error of `truth` over the scale [-].
     """
@@ -136,12 +134,10 @@ class Point(_OnMesh):
 
     Attributes
     ----------
-    model : str
     elements : int
         Elements of all beams together.
     degree : int
         Highest of their degrees.
-    method : str
     tolerance, step : float or None
         Which of the two was prescribed.
     status, reason : str
@@ -158,7 +154,6 @@ class Point(_OnMesh):
     exact_error : float or None
         Error against the best reference of the model exact (ancf where exact is not swept), that of the model
         included; None where neither is there [-].
-    channels : tuple of ChannelError
     groups : dict of str to GroupError
         The errors of each group of channels; those above are of the first one.
     """
@@ -217,12 +212,10 @@ class Cell(_OnMesh):
 
     Attributes
     ----------
-    model : str
     elements : int
         Elements of all beams together.
     degree : int
         Highest of their degrees.
-    unknowns : int
     status, reason : str
         ``done``, ``failed`` (there is no reference: the model broke down) or ``over budget``.
     reference : str

@@ -23,8 +23,6 @@ class Bench:
         Span of the scene [s].
     budget, used : float
         Wall time allowed and used [s].
-    cells : tuple of Cell
-    points : tuple of Point
     """
 
     name: str

@@ -40,8 +40,6 @@ def bench(loaded: LoadedDeck, sweep: Sweep, budget: Budget, executor: Executor |
 
     Parameters
     ----------
-    loaded : LoadedDeck
-    sweep : Sweep
     budget : Budget
         The first reference is made even if it takes longer.
     executor : Executor, optional
@@ -94,8 +92,6 @@ class _Series:
 
     Attributes
     ----------
-    work : Work
-    method : str
     levels : list of float
         Those still to run.
     costs : list of float

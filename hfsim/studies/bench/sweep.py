@@ -14,7 +14,6 @@ class Sweep:
 
     Attributes
     ----------
-    methods, models : tuple of str
     tolerances : tuple of float
         Loosest first [-]; not used with `steps`.
     steps : tuple of float

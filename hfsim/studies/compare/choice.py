@@ -122,13 +122,10 @@ def prepare(
 
     Parameters
     ----------
-    load : callable
     models : sequence of str
         The reference among them, see `chosen_models`.
-    reference : str
     channels : sequence of str
         Those that are judged; empty for the usual ones.
-    note : callable
 
     Raises
     ------

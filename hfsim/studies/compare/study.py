@@ -32,7 +32,6 @@ def carry_out(
 
     Parameters
     ----------
-    prepared : Prepared
     max_error : float
         Largest difference of an adequate model, relative to each channel's scale [-].
     repeats : int

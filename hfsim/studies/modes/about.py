@@ -54,12 +54,10 @@ class About:
 
     Attributes
     ----------
-    scene : Scene
     state : str
         ``start``, ``equilibrium``, ``steady`` or ``time``.
     t : float
         Of loads and drivers [s].
-    motions : SmallMotions
     """
 
     scene: Scene
@@ -200,12 +198,10 @@ def about(
 
     Parameters
     ----------
-    loaded : LoadedDeck
     state : str
         One of `STATES`, with which the scene starts.
     at : float, optional
         Instead: the time of a run from there [s].
-    progress : callable, optional
 
     Raises
     ------

@@ -140,7 +140,6 @@ def campbell(
         [rad/s].
     count : int
         Modes followed.
-    progress : callable, optional
 
     Raises
     ------

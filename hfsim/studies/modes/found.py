@@ -52,7 +52,6 @@ class Mode:
         What rounding does to it [1/s].
     change : ndarray of complex, shape (n_x,)
         Of the absolute coordinates, of any size.
-    about : About
     """
 
     number: int
@@ -142,7 +141,6 @@ class Modes:
 
     Attributes
     ----------
-    about : About
     modes : tuple of Mode
         From slow to fast; unstable ones beyond those asked for come last.
     complete : bool or None

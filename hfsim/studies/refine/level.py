@@ -21,10 +21,8 @@ class Level:
 
     Attributes
     ----------
-    number : int
     refined : str
         What was refined to get here; empty for the first.
-    setting : Setting
     status, reason : str
         ``done``, ``failed`` or ``over budget``; why.
     cpu : float

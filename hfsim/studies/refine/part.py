@@ -29,7 +29,6 @@ class Part:
     ----------
     kinds : tuple of str
         Ways to refine it: ``degree``, ``elements``; ``tolerance``.
-    bodies : tuple of str
     changes : list of float
         What each move changed [-]: about the error before it.
     moves : list of (kind, work before, work after)

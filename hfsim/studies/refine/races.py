@@ -62,7 +62,6 @@ class Races:
 
     Attributes
     ----------
-    search : Raced
     start : float
         CPU time at which the search began [s].
     pair : Pair or None
@@ -71,7 +70,6 @@ class Races:
         Methods that are not judged yet.
     ahead : Entry or None
         A method that won on a mesh that has been refined since.
-    probes : list of Probe
     taken : list of str
         The methods that were gone on with, in words; `winner` is the last one.
     used : float

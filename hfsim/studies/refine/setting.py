@@ -27,7 +27,6 @@ class Setting:
     ----------
     mesh : tuple of (body, elements, degree)
         Every beam.
-    tolerance : float
     coordinates, method : str
         As in decks.
     """
@@ -59,7 +58,6 @@ def refined(setting: Setting, kind: str, bodies: Sequence[str]) -> Setting | Non
 
     Parameters
     ----------
-    setting : Setting
     kind : str
         ``elements`` (twice as many), ``degree`` (two more, at most 9) or ``tolerance`` (a 30th).
     bodies : sequence of str

@@ -75,7 +75,6 @@ class NodalLaw(RowLaw):
 
     Attributes
     ----------
-    form : StiffnessForm
     energies : GramLaw
         For the energy, which no form of the stiffness gives.
     differences : ndarray, shape (n_differences, n_vectors)

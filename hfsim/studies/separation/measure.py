@@ -83,7 +83,6 @@ def measure(
 
     Parameters
     ----------
-    elements : tuple of int
     kinds : tuple of str
         Of `beams.KINDS`.
     repeats : int
@@ -129,9 +128,7 @@ class _Way:
 
     Attributes
     ----------
-    form : StiffnessForm
     p : ndarray, shape (n, n_columns)
-    scene : Scene
     """
 
     form: StiffnessForm

@@ -24,7 +24,6 @@ class FormTimes:
 
     Attributes
     ----------
-    form : str
     force, both : Spread
         CPU time of one evaluation of the force, and of force and tangent, for all elements of all states [s].
     run : Spread
@@ -62,7 +61,6 @@ class Cell:
 
     Attributes
     ----------
-    element : str
     elements, states : int
         Of each beam; of beams in the batch.
     status, reason : str
@@ -73,7 +71,6 @@ class Cell:
         Of one run.
     share : float
         Part of the direct run's time that is spent in the elastic force.
-    forms : tuple of FormTimes
     """
 
     element: str
@@ -103,7 +100,6 @@ class SeparationBench:
         ``done``, ``wrong`` (forms disagree) or ``interrupted``.
     budget, used : float
         Wall time allowed and used [s].
-    cells : tuple of Cell
     """
 
     status: str

@@ -54,8 +54,6 @@ def stability_map(
 
     Parameters
     ----------
-    loaded : LoadedDeck
-    plan : Plan
     bisect : float, optional
         Relative width to which the end of a class along the one axis is located.
     report : callable

@@ -21,8 +21,6 @@ class Plan:
     ----------
     axes : tuple of Axis
         None to two.
-    methods, models : tuple of str
-    bounds : Bounds
     seconds : float
         Wall time that all may take [s].
     limit : float
@@ -51,8 +49,6 @@ class MapPoint:
     ----------
     values : tuple of float or str
         On the axes.
-    model, method : str
-    verdict : Verdict
     trial : Trial
         How its run ended.
     overrides : tuple of str
@@ -78,10 +74,8 @@ class Boundary:
 
     Attributes
     ----------
-    model, method : str
     below, above : float
         The last value of one class and the first of the other, as near as was asked for.
-    class_below, class_above : str
     reason : str
         What is wrong on the side that is not accurate.
     """
@@ -135,13 +129,10 @@ class StabilityMap:
         Name of the deck.
     status : str
         ``done``, ``over budget`` or ``interrupted``.
-    axes : tuple of MapAxis
-    bounds : Bounds
     seconds, used : float
         Wall time allowed and used [s].
     points : tuple of MapPoint
         In the order of models, methods and axes.
-    boundaries : tuple of Boundary
     """
 
     name: str

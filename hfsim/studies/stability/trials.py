@@ -46,8 +46,6 @@ class Job:
     ----------
     text, file : str
         The deck as written.
-    overrides : tuple of str
-    model : str
     limit : float
         Wall time it may take [s].
     tolerance : float

@@ -79,8 +79,6 @@ class Truth(Ending):
 
     Attributes
     ----------
-    channels : tuple of Channel
-    scales : tuple of ChannelScale
     growth : float or None
         Factor by which a tiny disturbance grows while the time doubles, at most; None if not asked for.
     """
@@ -100,10 +98,8 @@ class Trial(Ending):
         Time error [-], with `channel`, the worst one.
     drift : float or None
         Energy drift [-].
-    steps : int
     cpu : float
         CPU time of the integration [s].
-    channels : tuple of Channel
     times : ndarray or None
         The output and its times [s].
     """
@@ -129,7 +125,6 @@ class Verdict:
     ----------
     outcome : str
         A key of `CLASSES`.
-    reason : str
     cause : str
         ``numerical``, ``model``, ``physical`` or ``deck``: what makes a point not accurate, or one that is
         suspicious; else empty.
@@ -178,7 +173,6 @@ def classify(trial: Trial, truth: Truth, exact: Truth, bounds: Bounds) -> Verdic
         The reference of its model.
     exact : Truth
         The reference of `exact` with the disturbed run.
-    bounds : Bounds
     """
     if trial.status == "done":
         found = _completed(trial, truth, exact, bounds)

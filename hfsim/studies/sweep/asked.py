@@ -26,13 +26,8 @@ class Asked:
     ----------
     vary : mapping of str to str
         Values by path.
-    sample, seed : int or None
-    sampler : str or None
-    table : Path or None
-    collect : sequence of str
     many : bool
         Whether more than `MANY` runs are meant.
-    error_estimate, mesh_error, diagnosis : bool
     limit : float or None
         Wall time that a run may take [s].
     sensitivity : bool

@@ -35,7 +35,6 @@ class Sweep:
         Of the deck.
     status : str
         ``done`` or ``interrupted``.
-    plan : Plan
     columns : dict of str to ndarray, shape (n_runs,)
         What is varied (words as objects), what is collected (NaN where a run gave nothing), ``status``,
         ``class``, ``reason``, and ``error_estimate``, ``energy_drift``, ``warnings``, ``cpu_s`` [s].

@@ -53,7 +53,6 @@ class Sensitivity:
 
     Attributes
     ----------
-    quantity, path : str
     at, step : float
         Value of the entry, and the longer of both steps.
     value, derivative : float or None

@@ -216,14 +216,10 @@ def do_runs(
 
     Parameters
     ----------
-    setting : Setting
-    plan : Plan
-    executor : Executor
     missing : callable
         Whether a run is to be done, by its number.
     take : callable
         Gets the number of each run, its row and the files kept of it, as they come in.
-    keep : callable, optional
     """
     with suppress(DeckError):
         import_for([setting.load(()).deck.solve.method])  # once here, not in every worker

@@ -34,8 +34,6 @@ class Answer(NamedTuple):
 
     Attributes
     ----------
-    value : float or None
-    time_error : float or None
     reason : str
         Why there is no value.
     """
@@ -57,8 +55,6 @@ class Order:
         Time of the loads at rest [s], or state of the modes.
     text, file : str
         The deck as written.
-    overrides : tuple of str
-    quantities : tuple of Quantity
     bounds : tuple of float
         How far each may be off [SI].
     """

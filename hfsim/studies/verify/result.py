@@ -26,10 +26,8 @@ class Row:
         ``run``, ``static`` or ``modes``.
     published, bound : float
         In the SI unit of the quantity.
-    unit, grade, source : str
     verdict : str
         ``held``, ``missed``, ``failed`` or ``not computed``.
-    found : float or None
     time_error : float or None
         How far the value of a run moved with a tenth of the tolerance, about its error in time.
     reason : str
@@ -68,7 +66,6 @@ class Verification:
         Wall time [s].
     seconds : mapping of str to float
         CPU time of each deck [s].
-    interrupted : bool
     """
 
     rows: tuple[Row, ...]

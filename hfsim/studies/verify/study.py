@@ -25,10 +25,8 @@ class Entry:
 
     Attributes
     ----------
-    name : str
     file : str
         As the user named it.
-    loaded : LoadedDeck
     """
 
     name: str
@@ -125,7 +123,6 @@ def verify(
 
     Parameters
     ----------
-    entries : sequence of Entry
     jobs : int
         Processes at a time.
     report : callable
