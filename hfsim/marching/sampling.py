@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -76,11 +76,9 @@ def sample(scene: Scene, trajectory: Trajectory) -> SceneSamples:
     return samples_at(scene, trajectory, times[times <= trajectory.t_end])
 
 
-def samples_at(
-    scene: Scene, trajectory: Trajectory, times: Array, angles: Mapping[str, float] | None = None
-) -> SceneSamples:
-    """Return samples at sorted times; ``angles`` as in `read_states`."""
-    q, v, turns = read_states(scene, trajectory, times, angles)
+def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> SceneSamples:
+    """Return samples at sorted times."""
+    q, v, turns = read_states(scene, trajectory, times)
     return SceneSamples(scene, times, *scene.system.project(times, q, v), turns)
 
 

@@ -66,17 +66,13 @@ class Workers:
     config: Path | None = None
 
     @contextmanager
-    def executor(
-        self, texts: Mapping[str, str] | None = None, deadline: float = float("inf"), timing: bool = False
-    ) -> Iterator[Executor]:
+    def executor(self, texts: Mapping[str, str] | None = None, timing: bool = False) -> Iterator[Executor]:
         """Yield what does jobs until the end of the block.
 
         Parameters
         ----------
         texts : mapping of str to str, optional
             Files that jobs read, by their names: they go with the jobs.
-        deadline : float
-            As of `Executor`.
         timing : bool
             Whether jobs measure times: a single one at a time is done by this process.
 
@@ -86,11 +82,11 @@ class Workers:
             If there is no such cluster.
         """
         if not self.dask and self.config is None:
-            yield Here(1, deadline) if timing and self.jobs == 1 else Farm(self.jobs, deadline)
+            yield Here() if timing and self.jobs == 1 else Farm(self.jobs)
             return
         _distributed()
         with _quiet(), self._client() as client:
-            yield Cluster(self.jobs, deadline, client=client, texts=dict(texts or {}))
+            yield Cluster(self.jobs, client=client, texts=dict(texts or {}))
 
     @contextmanager
     def _client(self) -> Iterator[Any]:

@@ -43,7 +43,6 @@ class Raced(Protocol):
     """What races need of a search: see `hfsim.studies.refine.search.Search`."""
 
     loaded: LoadedDeck
-    model: str
     target: float
     levels: list[Level]
     current: Level | None
@@ -149,7 +148,7 @@ class Races:
             if search.loaded.deck.solve.coordinates == "frame":
                 why = f"method {method} makes its steps in absolute coordinates"
                 raise search.loaded.problem("solve.coordinates", why)
-            return build(replace(setting, coordinates="absolute").applied(search.loaded), search.model)
+            return build(replace(setting, coordinates="absolute").applied(search.loaded))
 
         def error_of(scene: Scene, done: Integration) -> float:
             found = Level(-1, "", level.setting, scene=scene, done=done)

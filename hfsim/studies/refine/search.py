@@ -40,10 +40,10 @@ _MEMORY_SHARE = 0.8
 class Search:
     """The state of a refinement."""
 
-    def __init__(self, loaded: LoadedDeck, model: str | None, budget: Budget) -> None:
+    def __init__(self, loaded: LoadedDeck, budget: Budget) -> None:
         solve = loaded.deck.solve
         assert solve.target_error is not None
-        self.loaded, self.model, self.budget = loaded, model or solve.model, budget
+        self.loaded, self.budget = loaded, budget
         self.target = solve.target_error
         self.counted = solve.target_channels or tuple(filter(is_judged, loaded.deck.channels))
         self.parts = parts_of(loaded)
@@ -84,7 +84,7 @@ class Search:
 
     def _integrate(self, level: Level) -> None:
         with level.clock.phase("build"):
-            level.scene = scene = build(level.setting.applied(self.loaded), self.model)
+            level.scene = scene = build(level.setting.applied(self.loaded))
         with level.clock.phase("solve"):
             done = run_integration(scene, scene.deck.solve, self.guard())
         level.take(done)
@@ -202,7 +202,8 @@ class Search:
 
     def _in_cheaper_coordinates(self, setting: Setting) -> Setting:
         """Return the setting with those coordinates in which the first part of its motion takes less time."""
-        free = self.loaded.deck.solve.coordinates == "auto" and self.model in ("exact", "linear")
+        solve = self.loaded.deck.solve
+        free = solve.coordinates == "auto" and solve.model in ("exact", "linear")
         free = free and not steps_in_absolute_coordinates(setting.method)
         if not free or setting.vectors < STALE * self.tried_at:
             return replace(setting, coordinates=self.current.setting.coordinates) if self.current else setting
@@ -212,7 +213,7 @@ class Search:
 
     def _cost(self, trial: Setting) -> float:
         """Return the CPU time that the first part of the motion takes [s]."""
-        scene = build(trial.applied(self.loaded), self.model)
+        scene = build(trial.applied(self.loaded))
         span = _TRIAL * scene.deck.solve.duration
         short = scene.deck.solve.model_copy(update={"duration": span, "max_steps": None})
         done, cpu = solved(scene, short, self.guard())

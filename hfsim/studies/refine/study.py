@@ -24,7 +24,6 @@ _FAILURES = 2
 
 def refine(
     loaded: LoadedDeck,
-    model: str | None = None,
     progress: Progress | None = None,
     diagnosis: bool = False,
     after: float | None = None,
@@ -35,8 +34,6 @@ def refine(
     ----------
     loaded : LoadedDeck
         With a target; if it leaves the elements of some beams open, only these are refined.
-    model : str, optional
-        Instead of the deck's.
     progress : callable, optional
         Called with the share of the budget that is used.
     diagnosis : bool
@@ -61,7 +58,7 @@ def refine(
     if progress is not None:
         budget.report = progress
     start = time.process_time()
-    search = Search(loaded, model, budget)
+    search = Search(loaded, budget)
     status, reason = _search(search)
     found = concluded(search, status, reason, time.process_time() - start)
     return found.run(Wish(False, False, diagnosis, after)), found.chosen.setting.applied(loaded)

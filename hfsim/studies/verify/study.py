@@ -100,7 +100,7 @@ _SEARCH = ("target_error", "target_channels")
 """Entries of ``solve`` that let `hfsim run` look for a mesh."""
 
 
-def entry_of(loaded: LoadedDeck, name: str = "") -> Entry:
+def entry_of(loaded: LoadedDeck) -> Entry:
     """Return a deck with its published values.
 
     Raises
@@ -110,7 +110,7 @@ def entry_of(loaded: LoadedDeck, name: str = "") -> Entry:
     """
     if loaded.published is None:
         raise loaded.problem("verify", "missing key: nothing is published of it", "see 'hfsim help verify'")
-    return Entry(name or loaded.deck.name, loaded.source.file, loaded.with_numbers())
+    return Entry(loaded.deck.name, loaded.source.file, loaded.with_numbers())
 
 
 def verify(
