@@ -190,33 +190,27 @@ def assert_follows_reference(case, duration, tolerance, allowed, model):
         assert np.abs(result[name][picked] - rows[:, names.index(column)]).max() < allowed, name
 
 
-@pytest.mark.parametrize("model", ["exact", "ancf"])
-@pytest.mark.parametrize(
-    ("case", "duration", "allowed"),
-    [
-        ("pendulum", 0.5, 2e-10),
-        ("two_beams_relative", 0.1, 1e-9),
-        ("hub_beams", 0.2, 1e-10),
-        ("hub_beams_soft", 0.3, 1e-10),
-    ],
-)
-def test_trajectories_of_an_independent_code(case, duration, allowed, model):
-    assert_follows_reference(case, duration, 1e-11, allowed, model)
+SHORT = [
+    ("pendulum", 0.5, 1e-11, 2e-10),
+    ("two_beams_relative", 0.1, 1e-11, 1e-9),
+    ("hub_beams", 0.2, 1e-11, 1e-10),
+    ("hub_beams_soft", 0.3, 1e-11, 1e-10),
+]
+WHOLE = [
+    ("pendulum", 1.0, 1e-12, 1e-11),
+    ("two_beams_relative", 2.0, 1e-12, 2e-8),
+    ("hub_beams", 5.0, 1e-12, 1e-8),
+    ("hub_beams_soft", 2.0, 1e-12, 1e-9),
+]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("model", ["exact", "ancf"])
 @pytest.mark.parametrize(
-    ("case", "duration", "allowed"),
-    [
-        ("pendulum", 1.0, 1e-11),
-        ("two_beams_relative", 2.0, 2e-8),
-        ("hub_beams", 5.0, 1e-8),
-        ("hub_beams_soft", 2.0, 1e-9),
-    ],
+    ("case", "duration", "tolerance", "allowed"),
+    [*SHORT, *(pytest.param(*row, marks=pytest.mark.slow) for row in WHOLE)],
 )
-def test_whole_trajectories_of_an_independent_code(case, duration, allowed, model):
-    assert_follows_reference(case, duration, 1e-12, allowed, model)
+def test_trajectories_of_an_independent_code(case, duration, tolerance, allowed, model):
+    assert_follows_reference(case, duration, tolerance, allowed, model)
 
 
 # where lowOrder ends ---------------------------------------------------------------------------------

@@ -7,9 +7,8 @@ from typing import ClassVar, Literal
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from called import call
 
-from hfsim.cli import app
 from hfsim.deck.fields import Between
 from hfsim.errors import DeckError
 from hfsim.integrators import Segment, Trajectory, joined
@@ -315,10 +314,6 @@ def test_what_entries_of_new_kinds_say_of_themselves_is_enough(monkeypatch):
     assert scene.left_out["springs"] == ("springs.rope",)
     kept = plan_of(build(parse_deck(deck, overrides=["solve.keep=[springs]"])))["kept"]
     assert "by wish" in next(entry["reason"] for entry in kept if entry["item"] == "springs.rope")
-
-
-def call(*arguments):
-    return CliRunner().invoke(app, [str(a) for a in arguments], catch_exceptions=False)
 
 
 def test_plan_tells_people_and_programs():
