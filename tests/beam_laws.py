@@ -1,8 +1,10 @@
 """Laws that hold for all models of beams, and a fully parameterised beam."""
 
+from itertools import product
+
 import numpy as np
 import pytest
-from analytical import jacobian
+from analytical import gauss, jacobian
 from cantilevers import at_rest, displacement
 from solved import parsed
 
@@ -26,6 +28,13 @@ OWN = BeamProperties(
 )
 FORCE, MOMENT = (30.0, 20.0, 10.0), (0.5, 2.0, -3.0)
 """At the tip of a cantilever."""
+
+
+def box(line, points):
+    """Yield xi, y, z and weight of so many Gauss points a side of the section, along a rule of the line."""
+    sides = (gauss(points, -side / 2, side / 2) for side in (HEIGHT, WIDTH))
+    for (xi, a), (y, b), (z, c) in product(*(list(zip(*rule, strict=True)) for rule in (line, *sides))):
+        yield xi, y, z, a * b * c
 
 
 def check_small_loads(bar, load):

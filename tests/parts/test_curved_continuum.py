@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from analytical import gauss, homogeneous_energy
-from beam_laws import DENSITY, HEIGHT, LAMBDA, MU, OWN, WIDTH
+from beam_laws import DENSITY, LAMBDA, MU, OWN, box
 from cantilevers import at_rest, cantilever, displacement, inside
 from element_laws import Energy, check_joined, check_moved, check_slopes, check_undeformed
 
@@ -50,16 +50,11 @@ def energy_of(mesh, form="gram"):
 def rule(mesh):
     """Yield (element, xi, y, z, volume) of Gauss points of the whole beam."""
     element = mesh.element
-    if element.section_degree == 1:
-        x, wx = gauss(2 * element.degree - 1, 0, 1)
-    else:
-        x, wx = gauss_lobatto(element.degree)
-    (y, wy), (z, wz) = gauss(3, -HEIGHT / 2, HEIGHT / 2), gauss(3, -WIDTH / 2, WIDTH / 2)
+    degree = element.degree
+    line = gauss(2 * degree - 1, 0, 1) if element.section_degree == 1 else gauss_lobatto(degree)
     for e in range(mesh.count):
-        for xi, a in zip(x, wx, strict=True):
-            for eta, b in zip(y, wy, strict=True):
-                for zeta, c in zip(z, wz, strict=True):
-                    yield e, xi, eta, zeta, a * b * c * element.length
+        for *place, weight in box(line, 3):
+            yield e, *place, weight * element.length
 
 
 def gradients(mesh, vectors, e, xi, y=0.0, z=0.0):
@@ -103,15 +98,12 @@ def test_only_rigid_motions_of_the_undeformed_beam_store_nothing(mesh, rng):
 
 
 def test_the_mass_is_that_of_the_undeformed_volume(mesh):
-    M, (y, wy), (z, wz) = 0.0, gauss(4, -HEIGHT / 2, HEIGHT / 2), gauss(4, -WIDTH / 2, WIDTH / 2)
-    x, wx = gauss(16, 0, 1)
+    M, length = 0.0, mesh.element.length
     for e in range(mesh.count):
-        for a, xi in zip(wx, x, strict=True):
-            for eta, b in zip(y, wy, strict=True):
-                for zeta, c in zip(z, wz, strict=True):
-                    N = mesh.shape((e + xi) * mesh.element.length, eta, (0, 0, 0), zeta)
-                    volume = np.linalg.det(gradients(mesh, mesh.undeformed, e, xi, eta, zeta))
-                    M = M + DENSITY * a * b * c * mesh.element.length * volume * np.outer(N, N)
+        for xi, y, z, weight in box(gauss(16, 0, 1), 4):
+            N = mesh.shape((e + xi) * length, y, (0, 0, 0), z)
+            share = np.linalg.det(gradients(mesh, mesh.undeformed, e, xi, y, z))
+            M = M + DENSITY * weight * length * share * np.outer(N, N)
     assert np.abs(mesh.mass - M).max() < 1e-13 * np.abs(M).max()
     assert mesh.vector_masses == pytest.approx(M @ mesh.positions, abs=1e-13)
 

@@ -5,7 +5,7 @@ import posed
 import pytest
 import yaml
 from analytical import gauss, homogeneous_energy
-from beam_laws import DENSITY, HEIGHT, LAMBDA, MU, OWN, WIDTH
+from beam_laws import DENSITY, LAMBDA, MU, OWN, box
 from element_laws import Energy, check_joined, check_slopes, check_undeformed
 from solved import solved
 
@@ -76,15 +76,10 @@ def test_shapes_against_differences(element):
 
 
 def test_mass_is_the_integral_of_the_shapes(element):
-    x, wx = gauss(12, 0, 1)
-    y, wy = gauss(4, -HEIGHT / 2, HEIGHT / 2)
-    z, wz = gauss(4, -WIDTH / 2, WIDTH / 2)
     M = 0.0
-    for xi, a in zip(x, wx, strict=True):
-        for eta, b in zip(y, wy, strict=True):
-            for zeta, c in zip(z, wz, strict=True):
-                N = element.shape(xi, eta, (0, 0), zeta if element.n_dim == 3 else 0.0)
-                M = M + a * b * c * LENGTH * DENSITY * np.outer(N, N)
+    for xi, y, z, weight in box(gauss(12, 0, 1), 4):
+        N = element.shape(xi, y, (0, 0), z if element.n_dim == 3 else 0.0)
+        M = M + weight * LENGTH * DENSITY * np.outer(N, N)
     assert np.abs(element.mass(OWN) - M).max() < 1e-13 * np.abs(M).max()
 
 
@@ -105,16 +100,11 @@ def test_force_and_hessian_are_slopes_of_the_energy(element, kind, rng):
 
 def test_both_laws_are_the_integral_of_the_strains(element, rng):
     """Eq. (20)-(23) from the gradients, lambda/2 tr(e)^2 + mu e:e: exact, or at the Gauss-Lobatto points."""
-    P = bent(element, rng)
-    x, wx = gauss(14, 0, 1) if element.section_degree == 1 else gauss_lobatto(element.degree)
-    y, wy = gauss(5, -HEIGHT / 2, HEIGHT / 2)
-    z, wz = gauss(5, -WIDTH / 2, WIDTH / 2)
-    total = 0.0
-    for xi, a in zip(x, wx, strict=True):
-        for eta, b in zip(y, wy, strict=True):
-            for zeta, c in zip(z, wz, strict=True):
-                F = gradients(element, P, xi, eta, zeta if element.n_dim == 3 else 0.0)
-                total += homogeneous_energy(F, LAMBDA, MU, a * b * c * LENGTH)
+    P, total = bent(element, rng), 0.0
+    line = gauss(14, 0, 1) if element.section_degree == 1 else gauss_lobatto(element.degree)
+    for xi, y, z, weight in box(line, 5):
+        F = gradients(element, P, xi, y, z if element.n_dim == 3 else 0.0)
+        total += homogeneous_energy(F, LAMBDA, MU, weight * LENGTH)
     for kind in ("gram_law", "point_law"):
         assert energy_of(element, kind).energy(P.reshape(1, -1))[0] == pytest.approx(total, rel=1e-12)
 
