@@ -170,15 +170,13 @@ def _roots(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[Com
         return -(VM @ y + shift * (M @ w))
 
     if not pencil.large:
-        from scipy.linalg import eig
-
         onto = solve(np.hstack([-VM, -shift * M]))
         # rates of what constraints forbid are none
         allowed = solve(K + shift * VM)
         below = onto + np.hstack([allowed / shift, np.zeros((n, n))])
-        theta, both = eig(np.vstack([onto, below]))
+        theta, both = np.linalg.eig(np.vstack([onto, below]))
         kept = np.argsort(-np.abs(theta))[: 2 * pencil.free]
-        return shift + 1.0 / theta[kept], both[:n, kept].astype(complex)
+        return (shift + 1.0 / theta[kept]).astype(complex), both[:n, kept].astype(complex)
     from scipy.sparse.linalg import LinearOperator
 
     def apply(one: Array) -> Array:

@@ -128,7 +128,7 @@ class Pencil:
         Raises
         ------
         numpy.linalg.LinAlgError
-            If it is singular.
+            If it is singular; where matrices are dense, when the map is used.
         """
         n, whole = self.n, self._bordered(matrix)
 
@@ -170,16 +170,10 @@ class Pencil:
             except RuntimeError as error:
                 raise np.linalg.LinAlgError(str(error)) from None
             return lambda given: np.asarray(factor.solve(given.astype(whole.dtype)))
-        from scipy.linalg import lu_factor, lu_solve
-
         whole = np.block([[matrix, size * J.T], [size * J, np.zeros((len(J), len(J)))]])
         scale = _equilibrating(whole)
-        factors = lu_factor(whole * np.outer(scale, scale), check_finite=False)
-        if not np.abs(np.diagonal(factors[0])).min(initial=1.0) > 0.0:
-            raise np.linalg.LinAlgError("singular")
-        return lambda given: np.asarray(
-            (lu_solve(factors, (given.T * scale).T, check_finite=False).T * scale).T
-        )
+        whole *= np.outer(scale, scale)
+        return lambda given: np.asarray((np.linalg.solve(whole, (given.T * scale).T).T * scale).T)
 
 
 def _equilibrating(matrix: Array) -> Array:

@@ -146,20 +146,18 @@ def _next_to(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[C
 
 def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
     """Return all eigenvalues 1 / (square - shift) and their vectors."""
-    from scipy.linalg import eig, eigh
-
     M = pencil.matrices[0]
     if pencil.symmetric:
         sizes = np.sqrt(np.where(M.diagonal() > 0.0, M.diagonal(), 1.0))
-        own, axes = eigh(M / np.outer(sizes, sizes))
+        own, axes = np.linalg.eigh(M / np.outer(sizes, sizes))
         if own.min() > -1e-12:
             root = (sizes[:, None] * axes) * np.sqrt(np.maximum(own, 0.0))
             spread = solve(root)
             inverse = root.T @ spread
-            theta, weights = eigh(0.5 * (inverse + inverse.T))
+            theta, weights = np.linalg.eigh(0.5 * (inverse + inverse.T))
             return theta.astype(complex), (spread @ weights).astype(complex)
-    theta, vectors = eig(solve(np.asarray(M)))
-    return theta, vectors.astype(complex)
+    theta, vectors = np.linalg.eig(solve(np.asarray(M)))
+    return theta.astype(complex), vectors.astype(complex)
 
 
 def _large(pencil: Pencil, solve: Any, count: int, seed: int) -> tuple[ComplexArray, ComplexArray]:
