@@ -19,6 +19,7 @@ from hfsim.deck.laws import Law, LinearLaw, SineLaw, SpinUpLaw, SplineLaw, StepL
 from hfsim.deck.reader import Path
 from hfsim.deck.spec import Around, Before, Complaint, OneOf, ReadBy, refuse_all
 from hfsim.deck.units import UnitError, parse_quantity
+from hfsim.maths.piecewise import Piecewise
 
 if TYPE_CHECKING:
     from hfsim.deck.expression_law import ExpressionLaw
@@ -168,12 +169,11 @@ class TableSpec(LawSpec):
 
     def unshifted(self) -> Law:
         """Return the law as if it began at 0."""
-        from scipy.interpolate import CubicSpline, PPoly
+        if self.interpolation == "linear":
+            return SplineLaw(Piecewise.joining(np.array(self.times), np.array(self.values)))
+        from scipy.interpolate import CubicSpline
 
-        if self.interpolation == "cubic":
-            return SplineLaw(CubicSpline(self.times, self.values))
-        slopes = np.diff(self.values) / np.diff(self.times)
-        return SplineLaw(PPoly(np.stack([slopes, self.values[:-1]]), np.array(self.times)))
+        return SplineLaw(Piecewise.of(CubicSpline(self.times, self.values)))
 
 
 class SmoothStepSpec(LawSpec):

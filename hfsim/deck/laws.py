@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.traced import outside
+from hfsim.maths.piecewise import Piecewise
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -21,9 +21,6 @@ class Law(ABC):
 
     Between their breaks, all laws are twice continuously differentiable.
     """
-
-    elementary: ClassVar[bool] = False
-    """Whether derivatives are elementary functions of NumPy alone, which a tape can write down."""
 
     @property
     def period(self) -> float:
@@ -58,8 +55,7 @@ class Law(ABC):
         return self._at(t, 2)
 
     def _at(self, t: ArrayLike, order: int) -> Array:
-        times = np.asarray(t, dtype=float)
-        return self._derivative(times, order) if self.elementary else outside(self._derivative, times, order)
+        return self._derivative(np.asarray(t, dtype=float), order)
 
     @abstractmethod
     def _derivative(self, t: Array, order: int) -> Array:
@@ -70,7 +66,6 @@ class Law(ABC):
 class LinearLaw(Law):
     """start + slope t."""
 
-    elementary: ClassVar[bool] = True
     start: float
     slope: float = 0.0
 
@@ -82,27 +77,23 @@ class LinearLaw(Law):
 
 @dataclass(frozen=True)
 class SplineLaw(Law):
-    """Cubic spline; `spline` is called as SciPy's CubicSpline is."""
+    """A curve through points: a cubic spline, or straight lines."""
 
-    spline: Any
+    curve: Piecewise
 
     def breaks(self, order: int, t_end: float = math.inf) -> Array:
         """Return the points and, between them, where the value turns round."""
-        points = np.asarray(self.spline.x)
-        if order:
-            return points
-        turns = self.spline.derivative().roots(extrapolate=False)
-        return np.concatenate([points, turns[np.isfinite(turns)]])
+        points = self.curve.places
+        return points if order else np.concatenate([points, self.curve.turns()])
 
     def _derivative(self, t: Array, order: int) -> Array:
-        return np.asarray(self.spline(t, order))
+        return self.curve(t, order)
 
 
 @dataclass(frozen=True)
 class StepLaw(Law):
     """From one value to another along 10 x^3 - 15 x^4 + 6 x^5, whose rate and acceleration end at zero."""
 
-    elementary: ClassVar[bool] = True
     low: float
     high: float
     start: float
@@ -129,7 +120,6 @@ class StepLaw(Law):
 class SpinUpLaw(Law):
     """From rest to a constant rate, as rotating beams are commonly spun up (Simo & Vu-Quoc 1986)."""
 
-    elementary: ClassVar[bool] = True
     final_rate: float
     time: float
 
@@ -155,7 +145,6 @@ class SpinUpLaw(Law):
 class SineLaw(Law):
     """offset + amplitude sin(w t + phase)."""
 
-    elementary: ClassVar[bool] = True
     amplitude: float
     w: float
     phase: float
@@ -178,11 +167,6 @@ class ShiftedLaw(Law):
 
     law: Law
     start: float
-
-    @property
-    def elementary(self) -> bool:  # type: ignore[override]
-        """Whether the other is."""
-        return self.law.elementary
 
     @property
     def period(self) -> float:

@@ -37,6 +37,8 @@ _NAMES = {
     np.exp: "exp",
     np.sinh: "sinh",
     np.cosh: "cosh",
+    np.tanh: "tanh",
+    np.log: "log",
     np.sign: "sign",
     np.rint: "rint",
 }

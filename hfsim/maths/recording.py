@@ -99,6 +99,9 @@ def _solve(tape: Recorder, a: Any, b: Any) -> Any:
     """Write down linear equations: large ones as a call of Python."""
     if b.ndim == 1:
         return _solve(tape, a, b[:, None])[..., 0]
+    if a.ndim > 4 and a.shape[:-2] == b.shape[:-2]:
+        flat = [one.reshape(-1, *one.shape[-2:]) for one in map(np.asarray, (a, b))]
+        return _solve(tape, *flat).reshape(b.shape)
     if a.shape[-1] > LARGE or a.ndim > 4 or b.ndim > 4:
         return tape.called(np.linalg.solve, (a, b), {})
     a, b = (tape.cast(np.asarray(one), max(a.dtype, b.dtype)) for one in (a, b))
@@ -117,7 +120,9 @@ class Inverse(Traced):
 
 
 def _inv(tape: Recorder, a: Any) -> Any:
-    if a.shape[-1] > 3 * LARGE or a.ndim > 4:  # it takes LAPACK four times as long as factors
+    if a.ndim > 4:
+        return _inv(tape, a.reshape(-1, *a.shape[-2:])).reshape(a.shape)
+    if a.shape[-1] > 3 * LARGE:  # it takes LAPACK four times as long as factors
         return tape.called(np.linalg.inv, (a,), {})
     factors = _factors(tape, a)
     found = _solution(tape, factors, np.eye(a.shape[-1], dtype=a.dtype)).view(Inverse)
@@ -167,6 +172,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.empty_like: _like("empty"),
     np.ones_like: _like("ones"),
     np.copy: lambda tape, a, **how: a.copy(),
+    np.clip: lambda tape, a, low, high: np.minimum(np.maximum(a, low), high),
     np.full_like: lambda tape, a, value: tape.filled(a.shape, a.itemsize, value),
     np.broadcast_to: lambda tape, a, shape: np.broadcast_to(plain(a), shape).view(Traced),
     np.broadcast_arrays: _broadcast_arrays,

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from hfsim.maths.arrays import Array
-from hfsim.maths.traced import outside
+from hfsim.maths.piecewise import Piecewise
 
 if TYPE_CHECKING:
     from hfsim.deck.laws import Law
@@ -132,17 +132,15 @@ class TableSpring(Resistance):
 
     Attributes
     ----------
-    curve, slope, integral : callable
-        The cubics, their derivatives and integrals, called as SciPy's PPoly is.
+    integral : Piecewise
+        Of the cubics.
     ends : tuple of float
         First and last stretch of the points.
     rest : float
         Where the stretch is zero.
     """
 
-    curve: Any
-    slope: Any
-    integral: Any
+    integral: Piecewise
     ends: tuple[float, float]
     rest: float
 
@@ -154,7 +152,7 @@ class TableSpring(Resistance):
         stretches, forces = np.array(table).T
         curve = PchipInterpolator(stretches, forces)
         ends = float(stretches[0]), float(stretches[-1])
-        return cls(curve, curve.derivative(), curve.antiderivative(), ends, rest)
+        return cls(Piecewise.of(curve.antiderivative()), ends, rest)
 
     def _places(self, s: Array) -> tuple[Array, Array]:
         """Return the stretch kept within the points, and how far it is beyond."""
@@ -164,8 +162,8 @@ class TableSpring(Resistance):
 
     def _stored(self, s: Array) -> Array:
         inside, beyond = self._places(s)
-        straight = (outside(self.curve, inside) + 0.5 * outside(self.slope, inside) * beyond) * beyond
-        return np.asarray(outside(self.integral, inside) + straight)
+        straight = (self.integral(inside, 1) + 0.5 * self.integral(inside, 2) * beyond) * beyond
+        return np.asarray(self.integral(inside) + straight)
 
     def energy(self, s: Array) -> Array:
         """Return the integral of the force from the rest."""
@@ -174,7 +172,7 @@ class TableSpring(Resistance):
     def elastic(self, s: Array) -> Array:
         """Return the force."""
         inside, beyond = self._places(s)
-        return np.asarray(outside(self.curve, inside) + outside(self.slope, inside) * beyond)
+        return np.asarray(self.integral(inside, 1) + self.integral(inside, 2) * beyond)
 
     def force(self, t: Array, s: Array, w: Array) -> Array:
         """Return that."""
@@ -182,7 +180,7 @@ class TableSpring(Resistance):
 
     def slopes(self, t: Array, s: Array, w: Array) -> tuple[Array, Array]:
         """Return the derivative of the curve."""
-        return np.asarray(outside(self.slope, self._places(s)[0])), np.zeros_like(s)
+        return self.integral(self._places(s)[0], 2), np.zeros_like(s)
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from hfsim.integrators import METHODS
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.marching.integration import run_integration
+from hfsim.maths.piecewise import Piecewise
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -129,7 +130,7 @@ def test_a_load_is_seen_that_is_zero_wherever_one_looks_first(name):
     from scipy.interpolate import CubicSpline
 
     humming = SineLaw(1.0, 2.0 * np.pi, 0.0, 0.0)
-    bump = SplineLaw(CubicSpline([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0], [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+    bump = SplineLaw(Piecewise.of(CubicSpline(np.arange(7.0), [0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0])))
     for law in (humming, bump):
         exact, _ = run(pushed(law), CollocationMethod("gauss", gauss(12), 1e-12), [0.0], [0.0], 6.0)
         found, _ = run(pushed(law), FREE[name](1e-7), [0.0], [0.0], 6.0)

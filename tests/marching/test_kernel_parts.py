@@ -1,6 +1,7 @@
 """All that decks can name is recorded, and evaluates to what it does in NumPy, in the plane and in space."""
 
 from copy import deepcopy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,12 +9,15 @@ import yaml
 from natively import both, evaluates_alike, native, states
 from test_totality import CASES, ELBOW, EXAMPLES, SCENE, SPACE, scene_with
 
+from hfsim.integrators._replayed import Replay
 from hfsim.marching.integration import run_integration
+from hfsim.maths import kernel
 from hfsim.maths.replayed import Replayed
 from hfsim.scene.build import build
-from hfsim.scene.loading import parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 
 pytestmark = native
+ROOT = Path(__file__).resolve().parent.parent.parent
 HINGED = {"type": "revolute", "between": ELBOW, "axis": [0, 1, 0]}
 SWAY = {"type": "sine", "amplitude": 0.1, "frequency": 2.0}
 ARM = SCENE["bodies"]["arm"]
@@ -115,6 +119,15 @@ def test_every_part_moves_as_it_does_in_numpy(name, monkeypatch):
     assert one.stop is None and other.stop is None
     assert np.abs(one.trajectory.q - other.trajectory.q).max() <= 1e-9
     assert abs(len(one.trajectory.segments) - len(other.trajectory.segments)) <= 1
+
+
+def test_laws_tables_friction_and_interior_nodes_call_no_python(monkeypatch):
+    monkeypatch.setattr(kernel, "KERNEL", "native")
+    scene = build(load_deck(ROOT / "cases/door.yaml", ["solve.duration=0.5"]))
+    assert run_integration(scene, scene.deck.solve).stop is None
+    kept = [one for kept in scene.recordings.values() for one in kept.values()]
+    steps = [one.recorded for one in kept if isinstance(one, Replay)]
+    assert steps and all(one.calls == [] for one in steps)
 
 
 @pytest.mark.parametrize("name", BEAMS)
