@@ -48,7 +48,8 @@ _Static_assert(sizeof(Op) == 256 && sizeof(void *) == 8, "a machine with address
     X(copy_d, d, d, a) X(copy_D, D, D, a) X(copy_b, b, b, a) X(cast_D, D, d, a) X(neg_d, d, d, -a)           \
     X(abs_d, d, d, fabs(a)) X(sqr_d, d, d, a * a) X(sqrt_d, d, d, sqrt(a)) X(tan_d, d, d, tan(a))            \
     X(exp_d, d, d, exp(a)) X(sinh_d, d, d, sinh(a)) X(cosh_d, d, d, cosh(a)) X(tanh_d, d, d, tanh(a))        \
-    X(log_d, d, d, log(a)) X(rint_d, d, d, rint(a))                                                          \
+    X(log_d, d, d, log(a)) X(asin_d, d, d, asin(a)) X(acos_d, d, d, acos(a)) X(atan_d, d, d, atan(a))        \
+    X(rint_d, d, d, rint(a))                                                                                 \
     X(sign_d, d, d, a > 0 ? 1.0 : a < 0 ? -1.0 : a == 0 ? 0.0 : a) X(abs_D, d, D, cabs(a))                   \
     X(neg_D, D, D, -a) X(sqr_D, D, D, mul(a, a)) X(conj_D, D, D, CMPLX(creal(a), -cimag(a)))
 #define CHOICES(X)                                                                                           \

@@ -76,10 +76,10 @@ class Piecewise:
 
 def _in_pieces(factors: Array, places: Array, x: Array) -> Array:
     """Return values where pieces are looked up."""
-    k: IntArray = np.clip(np.searchsorted(places, x, side="right") - 1, 0, len(places) - 2)
+    k: IntArray = np.searchsorted(places[1:-1], x, side="right")
     return _powers(factors[:, k], x - places[k])
 
 
 def _powers(factors: Array, x: Array) -> Array:
     """Return a sum of factors times powers, by Horner's rule."""
-    return np.asarray(reduce(lambda found, factor: found * x + factor, factors[1:], factors[0] + 0.0 * x))
+    return np.asarray(reduce(lambda found, factor: found * x + factor, factors[1:], factors[0]))

@@ -39,6 +39,9 @@ _NAMES = {
     np.cosh: "cosh",
     np.tanh: "tanh",
     np.log: "log",
+    np.arcsin: "asin",
+    np.arccos: "acos",
+    np.arctan: "atan",
     np.sign: "sign",
     np.rint: "rint",
 }

@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import reduce
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +19,8 @@ from hfsim.maths.traced import Recording, Refused, Traced, is_traced, plain, rec
 
 LONGEST_SUM = 32
 """Terms of a cumulative sum that are written down one by one."""
+MOST_LETTERS = 5
+"""Axes of a product that is summed which are written down."""
 LARGE = 120
 """Linear equations from which LAPACK, called from Python, is faster."""
 
@@ -46,6 +49,20 @@ def _dot(tape: Recorder, a: Any, b: Any) -> Any:
     if {a.ndim, b.ndim} - {1, 2}:
         raise Refused("a product of such shapes")
     return tape.core.matmul(None, a, b)
+
+
+def _einsum(tape: Recorder, subscripts: str, *operands: Any, **how: Any) -> Any:
+    given, _, kept = subscripts.partition("->")
+    letters = kept + "".join(sorted({*given} - {*kept, ","}))
+    if "." in given or len(letters) > MOST_LETTERS:
+        return tape.called(np.einsum, (subscripts, *operands), how)
+
+    def spread(own: str, a: Any) -> Any:
+        ordered = np.transpose(a, [own.index(one) for one in letters if one in own])
+        return ordered[tuple([slice(None) if one in own else None for one in letters])]
+
+    product = reduce(np.multiply, map(spread, given.split(","), operands))
+    return product.sum(axis=tuple(range(len(kept), len(letters))))
 
 
 def _cumsum(tape: Recorder, a: Any, axis: int | None = None) -> Any:
@@ -162,6 +179,7 @@ FUNCTIONS: dict[Any, Callable[..., Any]] = {
     np.where: _where,
     np.dot: _dot,
     np.cumsum: _cumsum,
+    np.einsum: _einsum,
     np.bincount: _bincount,
     np.linalg.solve: _solve,
     np.linalg.inv: _inv,

@@ -65,6 +65,11 @@ def moved(w2, U, x):
     return (U * np.sqrt(w2)) @ (U.T @ x)
 
 
+def many(x, y):
+    return (x[:, :, None] * y[:, None] + 9.0 * np.eye(6)).reshape(1, 1, 7, 6, 6), y.reshape(1, 1, 7, 6, 1)
+
+
+BY_PYTHON = ("Python", "outside", "functions")
 FUNCTIONS = {
     "sums": lambda x, y: x + y[0] - 2.0 * y,
     "powers": lambda x, y: (x**2 + x**3) / (y * y),
@@ -122,6 +127,15 @@ FUNCTIONS = {
     "dyads": lambda x, y: np.outer(x[:, 0], y[0]) + np.kron(x[:1], y[:, :1]) + np.kron(x[0, :3], y[:, :2]),
     "equal numbers": lambda x, y: np.where(np.rint(x) == np.rint(y), x, np.where(np.rint(x) != 0.0, 1.0, y)),
     "rounded": lambda x, y: np.round(3.0 * x) + np.full_like(x, 2.0) * np.broadcast_arrays(x, y[:1])[1],
+    "growth": lambda x, y: np.tanh(x) * np.log(np.abs(y)) + np.clip(x, -0.3, y[0]),
+    "arcs": lambda x, y: np.arcsin(np.sin(x)) + np.arccos(np.cos(y)) * np.arctan(x),
+    "sums of products": lambda x, y: (
+        np.einsum("bi,ij,bj->b", x, y[:6], x)[:, None] * y
+        + np.einsum("bij,jk->bik", x.reshape(7, 2, 3), C[:3, :3]).reshape(7, 6)
+    ),
+    "equations in many axes": lambda x, y: (
+        np.linalg.solve(*many(x, y)) + np.linalg.inv(many(x, y)[0])[..., :1]
+    ),
     "Python": lambda x, y: np.linalg.pinv(x) @ y + np.ptp(x, axis=0),
     "decided": lambda x, y: decided(np.abs(x).max() > 1.0, x, y),
     "outside": lambda x, y: outside(lambda a: np.where(a.max() > 0, a, -a), x) * y,
@@ -174,6 +188,7 @@ def test_what_is_replayed_is_what_numpy_does(name, rng):
     with recording(tape):
         found = function(*inputs)
     tape.cut()
+    assert bool(tape.told) == (name in BY_PYTHON)
     (program,) = tape.programs(found)
     for _ in range(2):
         x, y = rng.standard_normal((2, 7, 6))

@@ -50,9 +50,7 @@ class GramStrainLaw(GramLaw):
     def strains_of(self, v: Array) -> Array:
         """Return e, (n_kinds, n_elements, n_batch), of `component_rows`."""
         (one, other), (matrix, reference) = self.pairs, self._by_pairs
-        products = np.einsum("pim,pim->pm", v[one], v[other])
-        products -= reference
-        e = matrix @ products
+        e = matrix @ ((v[one] * v[other]).sum(axis=1) - reference)
         return np.asarray(e.reshape(len(e), len(self.scale), -1))
 
     @cached_property
@@ -64,7 +62,7 @@ class GramStrainLaw(GramLaw):
 
     def slopes(self, V: Array) -> Array:
         """Return de/dV, shape (..., n_elements, n_kinds, n_vectors * n_dim)."""
-        slopes = 2.0 * np.einsum("kab,...bi->...kai", self._squares[1], V)
+        slopes = 2.0 * (self._squares[1] @ V[..., None, :, :])
         return np.asarray(slopes.reshape(*slopes.shape[:-2], -1))
 
     def _stresses(self, e: Array) -> Array:
