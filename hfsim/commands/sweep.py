@@ -57,7 +57,7 @@ _MANY = 100_000
 )
 @click.option(
     "--keep",
-    type=click.Choice(["nothing", "histories", "folders"]),
+    type=click.Choice(["nothing", "histories", "folders"]),  # hfsim.output.sweep.KEPT
     default="nothing",
     show_default=True,
     help="What is kept of each run beside its row.",

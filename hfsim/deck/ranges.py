@@ -243,6 +243,13 @@ def _spaced(name: str, numbers: Sequence[float], text: str, most: int, unit: str
 
 def _between_commas(text: str) -> list[str]:
     """Return the parts of a text between commas in no brackets; brackets around all are taken off."""
+    words = _split(text)
+    if len(words) == 1 and words[0].startswith("[") and words[0].endswith("]"):
+        return _split(words[0][1:-1])
+    return words
+
+
+def _split(text: str) -> list[str]:
     words, depth = [""], 0
     for char in text:
         depth += (char in "[{(") - (char in "]})")
@@ -250,10 +257,7 @@ def _between_commas(text: str) -> list[str]:
             words.append("")
         else:
             words[-1] += char
-    words = [word.strip() for word in words]
-    if len(words) == 1 and words[0].startswith("[") and words[0].endswith("]"):
-        return _between_commas(words[0][1:-1])
-    return words
+    return [word.strip() for word in words]
 
 
 def _number(word: str) -> Value:

@@ -5,23 +5,26 @@ All of it stands in ``hfsim`` itself, from where it is imported on first use.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
-
-import yaml
+from typing import TYPE_CHECKING, Any
 
 from hfsim import simulate as pipeline
-from hfsim.deck.source import Setting
 from hfsim.errors import ArgumentError, UnfinishedRunError
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Progress, nobody
-from hfsim.output.pictures import FORMATS
+from hfsim.output.arguments import (
+    AnyDeck,
+    deck_text,
+    destination,
+    model_setting,
+    no_deck,
+    settings,
+    several,
+)
 from hfsim.scene.loading import LoadedDeck, load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
 
@@ -31,15 +34,13 @@ if TYPE_CHECKING:
     from hfsim.output.recording import Recording
     from hfsim.output.runfolder import RunFolder, RunLog, Stopwatch
     from hfsim.output.stream import Stream
+    from hfsim.output.talk import Destination
     from hfsim.output.writers import Provenance
     from hfsim.studies.compare import Comparison
     from hfsim.studies.verify import Verification
 
 Deck = LoadedDeck
 """A checked deck: ``deck`` has its entries, ``resolved()`` of it plain data, `changed` gives another one."""
-
-AnyDeck: TypeAlias = "LoadedDeck | Mapping[str, Any] | str | os.PathLike[str]"
-"""A file, the name of a shipped case, a deck's data, or a deck that is loaded."""
 
 
 def load(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> LoadedDeck:
@@ -59,25 +60,17 @@ def load(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> LoadedDeck:
     DeckNotFoundError
         If there is no such file.
     """
-    return _load(deck, _settings(changes))
-
-
-def _settings(changes: Mapping[str, Any] | None) -> list[Setting]:
-    return [Setting.by("changes", f"{path}={_plain(value)}") for path, value in (changes or {}).items()]
+    return _load(deck, settings(changes))
 
 
 def _load(deck: AnyDeck, overrides: Sequence[str]) -> LoadedDeck:
     if isinstance(deck, LoadedDeck):
         return deck.changed(overrides) if overrides else deck
     if isinstance(deck, Mapping):
-        text = yaml.safe_dump(json.loads(_plain(deck)), sort_keys=False, allow_unicode=True)
-        return parse_deck(text, "deck", overrides)
+        return parse_deck(deck_text(deck), "deck", overrides)
+    if not isinstance(deck, str | os.PathLike):
+        raise no_deck(deck)
     return load_deck(find_deck(os.fspath(deck)), overrides)
-
-
-def _plain(value: Any) -> str:
-    """Return JSON, which is YAML too, of plain data and NumPy's numbers and arrays."""
-    return json.dumps(value, default=lambda other: other.tolist())
 
 
 def run(
@@ -137,17 +130,13 @@ def run(
     FolderError, WriteError
         If the folder must not or cannot be written to.
     """
-    check_format(plots)
+    to = destination(output, force, plots)
     if after is not None and not after >= 0.0:
         raise ArgumentError(f"after is {after}: estimates and diagnosis take no less than 0 s")
-    own = [] if model is None else [Setting.by("model", f"solve.model={_plain(model)}")]
-    loaded = _load(deck, [*_settings(changes), *own])
+    loaded = _load(deck, [*settings(changes), *model_setting(model)])
     wish: dict[str, Any] = {"error_estimate": error_estimate, "diagnosis": diagnosis, "after": after}
     wish["outlines"] = True
-    if output is None:
-        result = carry_out(loaded, progress, **wish)
-    else:
-        result = _written(loaded, progress, place(output), force, plots, wish)
+    result = carry_out(loaded, progress, **wish) if to is None else _written(loaded, progress, to, wish)
     result = replace(result, fine=None)  # the steps are many
     if check and result.status == "interrupted":
         raise KeyboardInterrupt(result.reason)
@@ -157,17 +146,12 @@ def run(
 
 
 def _written(
-    loaded: LoadedDeck,
-    progress: Progress | None,
-    output: Path,
-    force: bool,
-    plots: bool | str,
-    wish: Mapping[str, Any],
+    loaded: LoadedDeck, progress: Progress | None, to: Destination, wish: Mapping[str, Any]
 ) -> Run:
     from hfsim.output.recording import Recording
 
     deck = loaded.deck
-    folder, provenance, watch, log, wanted = folder_for(loaded, output, force, plots, wish["after"])
+    folder, provenance, watch, log, wanted = folder_for(loaded, to, wish["after"])
     recording = Recording(folder, deck.name, deck.solve.model, provenance, watch, log)
     try:
         result = carry_out(loaded, progress, recording=recording, **wish)
@@ -177,21 +161,8 @@ def _written(
     return recording.finish(result, wanted)[0]
 
 
-def place(output: str | os.PathLike[str]) -> Path:
-    """Return a folder; an empty name, as of a variable that is not set, is not the current one."""
-    if not os.fspath(output):
-        raise ArgumentError("output is empty: it names no folder; '.' is the current one")
-    return Path(output)
-
-
-def check_format(plots: bool | str) -> None:
-    """Refuse a format that pictures do not have."""
-    if isinstance(plots, str) and plots not in FORMATS:
-        raise ArgumentError(f"plots have no format '{plots}'; there are {', '.join(FORMATS)}")
-
-
 def folder_for(
-    loaded: LoadedDeck, output: Path, force: bool, plots: bool | str, after: float | None = None
+    loaded: LoadedDeck, to: Destination, after: float | None = None
 ) -> tuple[RunFolder, Provenance, Stopwatch, RunLog, Extras]:
     """Return the folder of a run from Python, what it comes from, its clock and log, and what is drawn."""
     from hfsim.output.extras import Extras
@@ -199,9 +170,9 @@ def folder_for(
     from hfsim.output.writers import Provenance
 
     provenance = Provenance.of(loaded, loaded.source.file, loaded.overrides)
-    kind = plots if isinstance(plots, str) else "png"
-    wanted = Extras(bool(plots), after=after, format=kind).of(loaded.deck.output)
-    return claim(output, force), provenance, Stopwatch(cpu_start=time.process_time()), RunLog(), wanted
+    wanted = Extras(to.plots, after=after, format=to.format).of(loaded.deck.output)
+    assert to.output is not None
+    return claim(to.output, to.force), provenance, Stopwatch(cpu_start=time.process_time()), RunLog(), wanted
 
 
 def carry_out(
@@ -311,9 +282,9 @@ def compare(
     if repeats < 1:
         raise ArgumentError(f"repeats is {repeats}: solves are timed once at least")
     base = load(deck, changes)
-    wanted = study.usual_models(base.changed, nobody) if models is None else models
+    wanted = study.usual_models(base.changed, nobody) if models is None else several("models", models)
     chosen = study.chosen_models(wanted, reference)
-    prepared = study.prepare(base.changed, chosen, reference, channels, nobody)
+    prepared = study.prepare(base.changed, chosen, reference, several("channels", channels), nobody)
     found = study.carry_out(prepared, max_error, repeats, Here(), progress, error_estimate)
     if found.interrupted:
         raise KeyboardInterrupt
@@ -350,8 +321,8 @@ def verify(
     from hfsim.studies import verify as study
 
     shipped = study.published_decks()
-    one = isinstance(decks, LoadedDeck | Mapping | str | os.PathLike)
-    named: Sequence[Any] = [decks] if one else list(decks) or list(shipped)  # type: ignore[arg-type]
+    many = isinstance(decks, Iterable) and not isinstance(decks, Mapping | str | bytes)
+    named: Sequence[Any] = list(decks) or list(shipped) if many else [decks]  # type: ignore[arg-type]
     found = (shipped.get(each, each) if isinstance(each, str) else each for each in named)
     result = study.verify([study.entry_of(load(each)) for each in found], jobs, progress or nobody)
     if result.interrupted:

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hfsim.marching.stop import Progress, nobody
-from hfsim.output.api import AnyDeck, load
+from hfsim.output.api import load
+from hfsim.output.arguments import AnyDeck
 
 if TYPE_CHECKING:
     from hfsim.studies.modes import Campbell, Modes

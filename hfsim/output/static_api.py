@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import UnfinishedRunError
-from hfsim.output.api import AnyDeck, check_format, folder_for, load, place
+from hfsim.output.api import folder_for, load
+from hfsim.output.arguments import AnyDeck, destination, several
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
@@ -64,14 +65,14 @@ def static(
     """
     from hfsim.studies.static import Wish, run_static
 
-    check_format(plots)
+    to = destination(output, force, plots)
     loaded = load(deck, changes).with_numbers()
-    to = None if output is None else folder_for(loaded, place(output), force, plots)
-    result = run_static(loaded, Wish(at, path, buckling, None if vary is None else tuple(vary)))
-    if to is not None:
+    folder = None if to is None else folder_for(loaded, to)
+    result = run_static(loaded, Wish(at, path, buckling, None if vary is None else several("vary", vary)))
+    if folder is not None:
         from hfsim.output.recording import save_run
 
-        result, _ = save_run(to[0], result, *to[1:])
+        result, _ = save_run(folder[0], result, *folder[1:])
     if check and result.exit_code:
         raise UnfinishedRunError(result)
     return result

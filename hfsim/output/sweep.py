@@ -34,7 +34,7 @@ from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.farm import Executor
 from hfsim.studies.sweep.asked import Asked
 from hfsim.studies.sweep.effects import main_effects
-from hfsim.studies.sweep.plan import Plan, readable, refusal
+from hfsim.studies.sweep.plan import Plan, readable
 from hfsim.studies.sweep.result import Sweep, gathered
 from hfsim.studies.sweep.sensitivity import (
     Differences,
@@ -106,6 +106,10 @@ class Wanted:
         return facts
 
 
+KEPT = ("nothing", "histories", "folders")
+"""What may be kept of each run beside its row."""
+
+
 def keeper(what: str) -> Keep | None:
     """Return what makes the files that are kept of a run."""
     return {"nothing": None, "histories": keep_history, "folders": keep_folder}[what]
@@ -162,11 +166,12 @@ def wanted_of(
     ------
     SweepError, DeckError
     """
-    wrong = Refusals(loaded, asked.left_to(loaded))
+    wrong = Refusals(loaded, asked.left_to(loaded), asked.called)
     if not asked.sensitivity:
         asked = asked.completed(loaded)
-    elif not asked.vary or asked.table is not None or asked.sample is not None:
-        raise refusal("--sensitivity", "takes --vary PATH for each entry, and no --sample or --table")
+    else:
+        with wrong.gathered():
+            asked.refuse_runs()
     plan, differences, numbers = None, None, dict[str, float]()
     setting = common = asked.setting(loaded)
     with wrong.gathered():
@@ -184,7 +189,10 @@ def wanted_of(
             refuse_values(common, values, note)
     wrong.tell()
     if plan is None:
-        plan, differences = plan_differences(setting, numbers)
+        with wrong.gathered():
+            plan, differences = plan_differences(setting, numbers)
+        wrong.tell()
+    assert plan is not None
     with wrong.gathered():
         refuse_unbuilt(setting, plan)
     wrong.tell()

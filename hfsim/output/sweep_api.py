@@ -2,25 +2,32 @@
 
 from __future__ import annotations
 
-import json
+import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hfsim.deck.ranges import written
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
-from hfsim.output.api import AnyDeck, load, place
-from hfsim.output.sweep import Rows, Wanted, into_folder, perform, wanted_of
-from hfsim.output.talk import Destination, Talk
+from hfsim.output.api import load
+from hfsim.output.arguments import AnyDeck, destination, mapping, one_of, plain, several
+from hfsim.output.sweep import KEPT, Rows, Wanted, into_folder, perform, wanted_of
+from hfsim.output.talk import Talk
 from hfsim.studies.cluster import ClusterLost, Workers
 from hfsim.studies.sweep.asked import Asked
+from hfsim.studies.sweep.plan import SAMPLE, SAMPLER, TABLE, VARY
 from hfsim.studies.sweep.sensitivity import Sensitivity, sensitivities
+from hfsim.studies.sweep.study import COLLECT
 
 if TYPE_CHECKING:
+    from hfsim.output.talk import Destination
     from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.sweep.result import Sweep
+
+_CALLED = {option: option.removeprefix("--") for option in (VARY, TABLE, SAMPLE, SAMPLER, COLLECT)}
+"""What options are called here."""
 
 
 def sweep(
@@ -42,7 +49,7 @@ def sweep(
     force: bool = False,
     resume: bool = False,
     keep: str = "nothing",
-    plots: bool = True,
+    plots: bool | str = True,
     progress: Progress | None = None,
 ) -> Sweep:
     """Run a deck many times with other values of its entries; what ``hfsim sweep`` does.
@@ -70,8 +77,8 @@ def sweep(
     limit : float, optional
         Wall time that a run may take [s].
     output : path, optional
-        Folder that gets what ``hfsim sweep`` writes; nothing is written without it. ``force``, ``resume``,
-        ``keep`` and ``plots`` are as the options.
+        Folder that gets what ``hfsim sweep`` writes; nothing is written without it. ``force``, ``resume``
+        and ``keep`` are as the options, ``plots`` is as of `hfsim.run`.
     progress : callable, optional
         Called with the share of the runs that is done, 0 to 1.
 
@@ -90,17 +97,22 @@ def sweep(
     KeyboardInterrupt
         If the keyboard or a signal ends it.
     """
+    said = mapping("vary", vary, '{"bodies.b1.length": [1.0, 1.2]}')
     asked = Asked(
-        {path: _text(values) for path, values in (vary or {}).items()}, sample, sampler, seed,
-        None if table is None else Path(table), collect, True, error_estimate, mesh_error, limit=limit,
+        {path: _text(values) for path, values in said.items()}, sample, sampler, seed,
+        None if table is None else Path(table), several("collect", collect), True, error_estimate, mesh_error,
+        limit=limit, called=_CALLED,
     )  # fmt: skip
-    work = _Work(jobs, dask, output, force, resume, keep, plots, progress)
+    one_of("keep", keep, KEPT)
+    kept = None if keep == KEPT[0] else keep
+    to = destination(output, force, plots, resume=resume, keep=kept)
+    work = _Work(jobs, dask, to, resume, keep, progress)
     return work.done(asked, load(deck, changes))[0]
 
 
 def sensitivity(
     deck: AnyDeck,
-    vary: Sequence[str] | Mapping[str, float | None],
+    vary: Sequence[str] | Mapping[str, float | str | None],
     collect: Sequence[str],
     changes: Mapping[str, Any] | None = None,
     *,
@@ -110,7 +122,7 @@ def sensitivity(
     output: str | os.PathLike[str] | None = None,
     force: bool = False,
     resume: bool = False,
-    plots: bool = True,
+    plots: bool | str = True,
     progress: Progress | None = None,
 ) -> tuple[Sensitivity, ...]:
     """Find how numbers of a run change with entries of its deck; what ``hfsim sweep --sensitivity`` does.
@@ -120,7 +132,8 @@ def sensitivity(
     deck, changes
         As in `hfsim.load`.
     vary : sequence of str, or mapping
-        Dotted paths, or ``parameters.NAME``; with a number each where it is not the deck's own that counts.
+        Dotted paths, or ``parameters.NAME``; with a number each, or text with a unit, where it is not the
+        deck's own that counts.
     collect : sequence of str
         Numbers of each run: ``"max(b1.tip.x)"``.
     jobs, dask, limit, output, force, resume, plots, progress
@@ -141,10 +154,13 @@ def sensitivity(
     KeyboardInterrupt
         If the keyboard or a signal ends it.
     """
-    values = vary if isinstance(vary, Mapping) else dict.fromkeys(vary)
-    texts = {path: "" if value is None else repr(float(value)) for path, value in values.items()}
-    asked = Asked(texts, collect=collect, many=True, limit=limit, sensitivity=True)
-    work = _Work(jobs, dask, output, force, resume, "nothing", plots, progress)
+    values = vary if isinstance(vary, Mapping) else dict.fromkeys(several("vary", vary))
+    texts = {path: "" if value is None else _one(value) for path, value in values.items()}
+    asked = Asked(
+        texts, collect=several("collect", collect), many=True, limit=limit, sensitivity=True, called=_CALLED
+    )
+    to = destination(output, force, plots, resume=resume)
+    work = _Work(jobs, dask, to, resume, KEPT[0], progress)
     result, wanted = work.done(asked, load(deck, changes))
     assert wanted.differences is not None
     return sensitivities(result, wanted.differences)
@@ -155,25 +171,24 @@ class _Work(NamedTuple):
 
     jobs: int
     dask: str
-    output: str | os.PathLike[str] | None
-    force: bool
+    to: Destination | None
     resume: bool
     keep: str
-    plots: bool
     progress: Progress | None
 
     def done(self, asked: Asked, loaded: LoadedDeck) -> tuple[Sweep, Wanted]:
         """Do what is asked for; return all of its runs, and what they are."""
         if self.jobs < 0:
             raise ArgumentError(f"jobs is {self.jobs}: so many processes do nothing; 0 is all cores")
+        if asked.limit is not None and not asked.limit > 0.0:
+            raise ArgumentError(f"limit is {asked.limit}: a run takes more than 0 s")
         wanted = wanted_of(asked, loaded.with_numbers(), nobody, self.keep)
         told, texts = self.progress or nobody, wanted.loaded.source.texts
         with Workers(self.jobs or os.cpu_count() or 1, self.dask).executor(texts) as executor:
-            if self.output is None:
+            if self.to is None:
                 result = perform(wanted, executor, Rows(wanted.plan), told)
             else:
-                to = Destination(place(self.output), self.force, self.plots)
-                result = into_folder(wanted, executor, to, Talk(quiet=True), told, self.resume)
+                result = into_folder(wanted, executor, self.to, Talk(quiet=True), told, self.resume)
         if executor.lost:
             raise ClusterLost(executor.lost)
         if result.status == "interrupted":
@@ -186,12 +201,16 @@ def _text(values: Any) -> str:
     if isinstance(values, str):
         return values
     values = values.tolist() if hasattr(values, "tolist") else values
-    every = values if isinstance(values, Sequence) else [values]
-    return ", ".join(_one(value) for value in every)
+    every = [*values] if isinstance(values, Iterable) and not isinstance(values, Mapping) else [values]
+    texts = [_one(value) for value in every]
+    alone = len(texts) == 1 and texts[0].startswith("[")
+    return f"[{texts[0]}]" if alone else ", ".join(texts)
 
 
 def _one(value: Any) -> str:
     value = value.tolist() if hasattr(value, "tolist") else value
     if isinstance(value, str):
         return value
-    return written(float(value)) if isinstance(value, int | float) else json.dumps(value)
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return written(float(value))
+    return plain("vary", value)

@@ -8,7 +8,18 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from hfsim.scene.loading import LoadedDeck
-from hfsim.studies.sweep.plan import SAMPLERS, TABLE, VARY, Plan, grid, refusal, sample, table
+from hfsim.studies.sweep.plan import (
+    SAMPLE,
+    SAMPLER,
+    SAMPLERS,
+    TABLE,
+    VARY,
+    Plan,
+    grid,
+    refusal,
+    sample,
+    table,
+)
 from hfsim.studies.sweep.study import COLLECT, collecting, read_collected
 from hfsim.studies.sweep.work import Setting
 
@@ -32,6 +43,8 @@ class Asked:
         Wall time that a run may take [s].
     sensitivity : bool
         Whether derivatives at the values of the deck, or at one value each, are asked for.
+    called : mapping of str to str
+        What options are called where they are no options, but arguments of a function.
     """
 
     vary: Mapping[str, str] = field(default_factory=dict)
@@ -46,6 +59,7 @@ class Asked:
     diagnosis: bool = False
     limit: float | None = None
     sensitivity: bool = False
+    called: Mapping[str, str] = field(default_factory=dict)
 
     def left_to(self, loaded: LoadedDeck) -> tuple[str, ...]:
         """Return the options whose place the deck's own entry ``sweep`` takes."""
@@ -76,18 +90,26 @@ class Asked:
         assert self.sampler is not None and self.seed is not None
         if self.table is not None:
             if self.vary or self.sample is not None:
-                raise refusal(TABLE, "says all: it takes no --vary and no --sample")
+                raise refusal(TABLE, "is all: nothing is varied or sampled beside it")
             plan = table(self.table)
         elif self.sample is not None:
             if self.sampler not in SAMPLERS:
                 known = ", ".join(SAMPLERS)
-                raise refusal("--sampler", f"there is no sampler '{self.sampler}'; there are {known}")
+                raise refusal(SAMPLER, f"there is no sampler '{self.sampler}'; there are {known}")
             plan = sample(self.vary, self.sample, self.sampler, self.seed)
         else:
             plan = grid(self.vary)
         if plan.count > MANY and not self.many:
             raise refusal(VARY, f"{plan.count} runs are many: say --yes if you mean it")
         return plan
+
+    def refuse_runs(self) -> None:
+        """Refuse runs where derivatives are asked for, which have their own; raise `DeckError`."""
+        for option, said in ((TABLE, self.table), (SAMPLE, self.sample)):
+            if said is not None:
+                raise refusal(option, "derivatives have runs of their own")
+        if not self.vary:
+            raise refusal(VARY, "nothing is varied", "name the entries that derivatives are wanted by")
 
     def setting(self, loaded: LoadedDeck) -> Setting:
         """Return what all runs of a deck share, but for what is collected."""
@@ -100,5 +122,5 @@ class Asked:
     def collecting(self, setting: Setting, loaded: LoadedDeck) -> Setting:
         """Return the same with what is collected, or raise `DeckError`."""
         if self.sensitivity and not self.collect:
-            raise refusal("--sensitivity", "needs --collect: of what derivatives are wanted")
+            raise refusal(COLLECT, "nothing is collected", "name what derivatives are wanted of")
         return collecting(setting, read_collected(self.collect, loaded), loaded)

@@ -29,7 +29,7 @@ _INSIDE = 1e-12
 """Shares keep this distance from 0 and 1, where a distribution may have no value."""
 
 
-VARY, TABLE = "--vary", "--table"
+VARY, TABLE, SAMPLE, SAMPLER = "--vary", "--table", "--sample", "--sampler"
 """Options, as what is wrong with them is placed."""
 
 
@@ -98,7 +98,7 @@ def readable(vary: Mapping[str, str], random: bool) -> tuple[dict[str, Values], 
     found, wrong = dict[str, Values](), list[DeckProblem]()
     for path, text in vary.items():
         if not text:
-            hint = "write PATH=lin(first,last,count), PATH=log(...) or PATH=a,b,c"
+            hint = "write lin(first, last, count), log(...) or a, b, c"
             wrong.append(DeckProblem(path, "no values are said", hint, file=VARY))
             continue
         try:
@@ -107,7 +107,7 @@ def readable(vary: Mapping[str, str], random: bool) -> tuple[dict[str, Values], 
             wrong.append(DeckProblem(path, error.message, error.hint, file=VARY))
         else:
             if found[path].kind and not random:
-                hint = "say how many runs: --sample N"
+                hint = f"say how many runs: {SAMPLE} N"
                 wrong.append(DeckProblem(path, f"{text} is random", hint, file=VARY))
     return found, wrong
 
@@ -124,7 +124,7 @@ def read_all(vary: Mapping[str, str], random: bool) -> dict[str, Values]:
     if wrong:
         raise DeckError(VARY, wrong)
     if not found:
-        raise refusal(VARY, "nothing is varied", "say --vary PATH=VALUES, or --table FILE")
+        raise refusal(VARY, "nothing is varied", "name entries with their values, or a table of runs")
     return found
 
 
@@ -277,7 +277,7 @@ def _value(text: str) -> Value:
 
 def _few(count: int) -> int:
     if count < 1:
-        raise refusal("--sample", "a sweep has one run at least")
+        raise refusal(SAMPLE, "a sweep has one run at least")
     if count > MOST_RUNS:
         raise refusal(VARY, f"{count} runs are too many; a sweep has at most {MOST_RUNS}")
     return count

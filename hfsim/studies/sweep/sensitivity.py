@@ -11,6 +11,7 @@ import numpy as np
 
 from hfsim.deck.overrides import unit_of, why_unset
 from hfsim.deck.ranges import Value
+from hfsim.deck.source import Setting as Override
 from hfsim.deck.source import entry_at, path_in
 from hfsim.deck.units import quantity_of_any_kind
 from hfsim.errors import DeckError, DeckProblem
@@ -96,7 +97,7 @@ def values_of(loaded: LoadedDeck, setting: Setting, vary: Mapping[str, str]) -> 
     found, wrong = dict[str, float](), list[DeckProblem]()
     for one in setting.quantities:
         if one.number:
-            why = "--sensitivity is of numbers of runs alone, not of frequencies and the like"
+            why = "derivatives are of numbers of runs alone, not of frequencies and the like"
             wrong.append(DeckProblem(str(one), why, file=COLLECT))
     for path, text in vary.items():
         value = _number(loaded, path, text)
@@ -122,7 +123,7 @@ def plan_differences(setting: Setting, values: dict[str, float]) -> tuple[Plan, 
     SweepError
         If the deck's own run fails.
     """
-    own = tuple(f"{path}={value!r}" for path, value in values.items())
+    own = tuple(Override.by(VARY, f"{path}={value!r}") for path, value in values.items())
     run = simulate(setting.load(own), outlines=False, after=math.inf)
     if run.status != "done":
         raise SweepError(f"the deck's own run gives nothing to differentiate: {run.status}: {run.reason}")
@@ -157,13 +158,13 @@ def _number(loaded: LoadedDeck, path: str, text: str) -> float | tuple[str, str]
             if found and (path.startswith("parameters.") or found[1].strip("-") == unit):
                 return found[0]
             what = f"one number in {unit}" if unit else "one number"
-            return f"'{text}' is not {what}", "--sensitivity takes one, or the deck's own"
+            return f"'{text}' is not {what}", "derivatives are at one value, or at the deck's own"
     data: Any = loaded.source.data if path.startswith("parameters.") else loaded.deck.resolved()
     value = entry_at(data, path_in(data, path))
     if isinstance(value, str) and path.startswith("parameters."):
         value = (quantity_of_any_kind(value) or (value,))[0]
     if isinstance(value, bool) or not isinstance(value, int | float):
-        return "the deck has no number there", f"write --vary {path}=NUMBER"
+        return "the deck has no number there", "say at which one"
     return float(value)
 
 

@@ -90,10 +90,14 @@ class Refusals:
     loaded : LoadedDeck
     own : collection of str
         Options whose place the deck's own entry ``sweep`` takes: what is wrong with them stands there.
+    called : mapping of str to str
+        What options are called where they are no options.
     """
 
-    def __init__(self, loaded: LoadedDeck, own: Collection[str] = ()) -> None:
-        self._loaded, self._own = loaded, own
+    def __init__(
+        self, loaded: LoadedDeck, own: Collection[str] = (), called: Mapping[str, str] | None = None
+    ) -> None:
+        self._loaded, self._own, self._called = loaded, own, called or {}
         self._problems: list[DeckProblem] = []
         self._texts: dict[str, str] = {}
 
@@ -108,7 +112,10 @@ class Refusals:
 
     def _placed(self, problem: DeckProblem) -> DeckProblem:
         if problem.file not in self._own:
-            return problem
+            hint = problem.hint
+            for option, name in self._called.items():
+                hint = hint.replace(option, name)
+            return replace(problem, hint=hint, file=self._called.get(problem.file, problem.file))
         vary = self._loaded.deck.sweep.vary
         option = problem.file if vary or problem.file == COLLECT else TABLE
         path: tuple[str, ...] = ("sweep", _ENTRIES[option])

@@ -1,0 +1,141 @@
+"""What calls from Python take, and what is said of what they do not take."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from hfsim.deck.source import Setting, did_you_mean
+from hfsim.errors import ArgumentError
+from hfsim.output.pictures import FORMATS
+from hfsim.scene.loading import LoadedDeck
+
+if TYPE_CHECKING:
+    from hfsim.output.talk import Destination
+
+AnyDeck: TypeAlias = "LoadedDeck | Mapping[str, Any] | str | os.PathLike[str]"
+"""A file, the name of a shipped case, a deck's data, or a deck that is loaded."""
+
+
+def deck_text(deck: Mapping[str, Any]) -> str:
+    """Return the data of a deck as YAML."""
+    import yaml
+
+    return yaml.safe_dump(json.loads(plain("an entry of deck", deck)), sort_keys=False, allow_unicode=True)
+
+
+def settings(changes: Mapping[str, Any] | None) -> list[Setting]:
+    """Return changes as overrides of a deck."""
+    pairs = mapping("changes", changes, '{"bodies.b1.length": 2.0}').items()
+    return [Setting.by("changes", f"{path}={plain(f'changes: {path}', value)}") for path, value in pairs]
+
+
+def mapping(argument: str, value: Mapping[str, Any] | None, example: str) -> Mapping[str, Any]:
+    """Return a map of entries of a deck; None stands for an empty one.
+
+    Raises
+    ------
+    ArgumentError
+        If it is none.
+    """
+    if not isinstance(value, Mapping | None):
+        raise ArgumentError(f"{argument} is {_a(value)}: it maps entries to values, {example}")
+    return value or {}
+
+
+def model_setting(model: str | None) -> list[Setting]:
+    """Return a model that is asked for as an override."""
+    return [] if model is None else [Setting.by("model", f"solve.model={plain('model', model)}")]
+
+
+def plain(what: str, value: Any) -> str:
+    """Return JSON, which is YAML too, of plain data and NumPy's numbers and arrays."""
+
+    def plainer(one: Any) -> Any:
+        if hasattr(one, "tolist"):
+            return one.tolist()
+        raise ArgumentError(f"{what} is {_a(one)}: a deck has numbers, text, lists and maps")
+
+    return json.dumps(value, default=plainer)
+
+
+def no_deck(value: object) -> ArgumentError:
+    """Return what refuses something that is no deck."""
+    return ArgumentError(
+        f"deck is {_a(value)}: give a file, the name of a shipped case, the data of a deck as a mapping, "
+        "or what hfsim.load returns"
+    )
+
+
+def _a(value: object) -> str:
+    return "None" if value is None else f"of type {type(value).__name__}"
+
+
+def several(argument: str, names: Sequence[str] | str | None) -> tuple[str, ...]:
+    """Return names; a text is one of them, None stands for none.
+
+    Raises
+    ------
+    ArgumentError
+        If they are no texts.
+    """
+    if names is None or isinstance(names, str):
+        return () if names is None else (names,)
+    if not isinstance(names, Iterable):
+        raise ArgumentError(f"{argument} is {_a(names)}: it is a sequence of texts")
+    found = tuple(names)
+    if wrong := [name for name in found if not isinstance(name, str)]:
+        raise ArgumentError(f"{argument} has an entry {_a(wrong[0])}: it is a sequence of texts")
+    return found
+
+
+def one_of(argument: str, name: str, known: Sequence[str]) -> None:
+    """Refuse a word that is not known."""
+    if name not in known:
+        raise ArgumentError(f"{argument} is {name!r}: {did_you_mean(str(name), known)}")
+
+
+def check_format(plots: bool | str) -> None:
+    """Refuse a format that pictures do not have."""
+    if isinstance(plots, str) and plots not in FORMATS:
+        raise ArgumentError(f"plots have no format '{plots}'; there are {', '.join(FORMATS)}")
+
+
+def destination(
+    output: str | os.PathLike[str] | None, force: bool, plots: bool | str, **also: object
+) -> Destination | None:
+    """Return where results go; None where they are to be written nowhere.
+
+    Parameters
+    ----------
+    plots : bool or str
+        Whether pictures are drawn, or their format.
+    also : object
+        Other arguments that say what is written.
+
+    Raises
+    ------
+    ArgumentError
+        If there is no such folder or format, or something is said of what is written, and no folder.
+    """
+    check_format(plots)
+    if output is not None:
+        from hfsim.output.talk import Destination
+
+        return Destination(place(output), force, bool(plots), plots if isinstance(plots, str) else FORMATS[0])
+    for name, value in {"force": force, **also}.items():
+        if value:
+            raise ArgumentError(f"{name}={value!r} is of results in a folder: name it, output=FOLDER")
+    return None
+
+
+def place(output: str | os.PathLike[str]) -> Path:
+    """Return a folder; an empty name, as of a variable that is not set, is not the current one."""
+    if not isinstance(output, str | os.PathLike):
+        raise ArgumentError(f"output is {_a(output)}: it is the path of a folder")
+    if not os.fspath(output):
+        raise ArgumentError("output is empty: it names no folder; '.' is the current one")
+    return Path(output)
