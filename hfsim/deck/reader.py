@@ -54,6 +54,10 @@ for _name, _pattern in _SCALARS.items():
 _NUMBERS = {kind: re.compile(_SCALARS[kind]) for kind in ("int", "float")}
 
 
+_WHOLE, _REST = re.compile(r"[-+]?[0-9]+"), re.compile(r"[0-9]+([eE][-+]?[0-9]+)?(\s*[^\s\d].*)?")
+"""What stands before a decimal comma and after it, a unit included."""
+
+
 class Mark(NamedTuple):
     """Where a piece of text stands: line and column from 1, width, and the file, empty for the deck's own."""
 
@@ -132,7 +136,9 @@ class Reader:
         """Add the entries of a map to those read so far, which win."""
         merged: list[yaml.Node] = []
         lines: dict[str, int] = {}
-        for key_node, value_node in node.value:
+        for at, (key_node, value_node) in enumerate(node.value):
+            if at and node.flow_style and self._is_rest(node.value[at - 1], key_node, value_node, path):
+                continue
             key = self._read_key(key_node, path)
             if key is None:
                 continue
@@ -148,6 +154,23 @@ class Reader:
                 data[key] = self._read(value_node, (*path, key))
         for other in merged:
             self._merge(other, path, data)
+
+    def _is_rest(
+        self, before: tuple[yaml.Node, yaml.Node], key: yaml.Node, value: yaml.Node, path: Path
+    ) -> bool:
+        """Tell whether a key is what follows the decimal comma of a number, and refuse that."""
+        name, number = before
+        marks = number.end_mark, key.start_mark
+        close = marks[0].line == marks[1].line and marks[0].column + 1 == marks[1].column
+        if value.start_mark.index != value.end_mark.index or not close:
+            return False
+        if not (_WHOLE.fullmatch(str(number.value)) and _REST.fullmatch(str(key.value))):
+            return False
+        text, meant = (f"{number.value}{sign}{key.value}" for sign in ",.")
+        mark = _mark(number)._replace(width=len(text))
+        message = f"'{text}' is read as two entries"
+        self._note(mark, (*path, str(name.value)), message, f"did you mean '{meant}'?")
+        return True
 
     def _merge(self, node: yaml.Node, path: Path, data: dict[str, Any]) -> None:
         """Take over from another map the keys that are not given here."""
@@ -175,7 +198,9 @@ class Reader:
             return self._refuse(node, path, f"'{node.value}' is no {kind}")
 
     def _refuse(self, node: yaml.Node, path: Path, message: str, hint: str = "") -> None:
-        mark = _mark(node)
+        self._note(_mark(node), path, message, hint)
+
+    def _note(self, mark: Mark, path: Path, message: str, hint: str) -> None:
         problem = DeckProblem(dotted(path), message, hint, mark.line, mark.column, mark.width)
         self._problems.setdefault((mark, message), problem)
 

@@ -136,6 +136,8 @@ _QUANTITY = re.compile(r"\s*([-+]?(?:\.\d+|\d+\.?\d*)(?:[eE][-+]?\d+)?)\s*(.*?)\
 _NUMBER_GOES_ON = re.compile(r"[-+.\d_,eE]*[.\d_,]|[eE][-+]?(?![\w%])", re.ASCII)
 """What follows a number and is no unit: more of what numbers are made of, or an exponent without digits."""
 
+_DECIMAL_COMMA = re.compile(r"\A([-+]?[0-9]+),([0-9]+(?![.,_\d]))", re.ASCII)
+
 
 class UnitError(ValueError):
     """Text that is no quantity of the dimension asked for; ``hint`` says what would be."""
@@ -192,7 +194,9 @@ def parse_quantity(text: str, dimension: str) -> float:
     if factor is None:
         kind, more = _kind_of(unit), _NUMBER_GOES_ON.match(text, match.start(2))
         if more and not kind:
-            raise UnitError(f"{expected}, '{text[: more.end()].strip()}' is no number")
+            meant = _DECIMAL_COMMA.sub(r"\1.\2", text.strip())
+            hint = "" if meant == text.strip() else f"did you mean '{meant}'?"
+            raise UnitError(f"{expected}, '{text[: more.end()].strip()}' is no number", hint)
         what = kind or "not a known unit"
         raise UnitError(f"{expected}, '{unit}' is {what}", _known_units(dimension, unit))
     try:

@@ -543,3 +543,25 @@ def test_a_key_without_a_value_is_refused_but_not_one_of_a_map():
     parse_deck(left.replace("step: ,", "step: null,"))
     parse_deck(left, overrides=["solve.step=0.01"])
     parse_deck(f"{SMALL}springs:\n  # coil: {{}}\n")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "column", "message", "hint"),
+    [
+        ("length: 2", "length: 1,5 m", 67, "'1,5 m' is read as two entries", "did you mean '1.5 m'?"),
+        ("length: 2", "length: 1,5", 67, "'1,5' is read as two entries", "did you mean '1.5'?"),
+        (
+            "solve: {duration: 2}", "solve:\n  duration: 1,5 s", 13,
+            "must be a time [s], '1,5' is no number", "did you mean '1.5 s'?",
+        ),
+    ],
+)  # fmt: skip
+def test_a_decimal_comma_is_told(old, new, column, message, hint):
+    (problem,) = problems(SMALL.replace(old, new))
+    assert (problem.column, problem.message, problem.hint) == (column, message, hint)
+
+
+def test_what_is_no_decimal_comma_is_read_or_told_as_before():
+    assert parse_source("map: {a: 1, b: 2,c: 3}\nlist: [1,5, 2]").data["list"] == [1, 5, 2]
+    (problem,) = problems(SMALL.replace("length: 2", "length: 2, 5 m"))
+    assert (problem.path, problem.message) == ("bodies.arm.5 m", "unknown key")
