@@ -16,10 +16,15 @@ if TYPE_CHECKING:
     from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
     from hfsim.marching.solution import Run
     from hfsim.output.api import Deck, check, compare, load, run, verify
+    from hfsim.output.bench_api import bench, separation
     from hfsim.output.modes_api import campbell, modes
+    from hfsim.output.stability_api import limits, stability
     from hfsim.output.static_api import static
     from hfsim.output.sweep_api import sensitivity, sweep
+    from hfsim.studies.bench import Bench
     from hfsim.studies.compare import Comparison
+    from hfsim.studies.limits import Limits
+    from hfsim.studies.stability.results import StabilityMap
     from hfsim.studies.sweep.result import Sweep
     from hfsim.studies.verify import Verification
 
@@ -30,17 +35,24 @@ _PLACES = {
     **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
     **dict.fromkeys(("campbell", "modes"), "hfsim.output.modes_api"),
     "Run": "hfsim.marching.solution",
+    "Bench": "hfsim.studies.bench",
     "Comparison": "hfsim.studies.compare",
+    "Limits": "hfsim.studies.limits",
+    "StabilityMap": "hfsim.studies.stability.results",
     "Sweep": "hfsim.studies.sweep.result",
     "Verification": "hfsim.studies.verify",
+    **dict.fromkeys(("bench", "separation"), "hfsim.output.bench_api"),
+    **dict.fromkeys(("limits", "stability"), "hfsim.output.stability_api"),
     "static": "hfsim.output.static_api",
     **dict.fromkeys(("sensitivity", "sweep"), "hfsim.output.sweep_api"),
 }
 """Where each public name stands."""
 
 __all__ = [
-    "Comparison", "Deck", "DeckError", "HfsimError", "Run", "Sweep", "UnfinishedRunError", "Verification",
-    "campbell", "check", "compare", "load", "modes", "run", "sensitivity", "static", "sweep", "verify",
+    "Bench", "Comparison", "Deck", "DeckError", "HfsimError", "Limits", "Run", "StabilityMap", "Sweep",
+    "UnfinishedRunError", "Verification",
+    "bench", "campbell", "check", "compare", "limits", "load", "modes", "run", "sensitivity", "separation",
+    "stability", "static", "sweep", "verify",
 ]  # fmt: skip
 
 

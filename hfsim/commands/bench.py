@@ -5,17 +5,15 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from hfsim.commands import bench_separation
 from hfsim.commands.decks import assemble, load_numbered, without_blind_channels
 from hfsim.commands.options import (
+    as_usage,
     names,
     output_options,
-    refuse_unknown,
     repeats_option,
     seconds,
     setting_options,
@@ -23,7 +21,6 @@ from hfsim.commands.options import (
     time_option,
     timing_workers_options,
 )
-from hfsim.output.pictures import drawn_by
 from hfsim.output.study import Study, time_to_draw
 from hfsim.output.talk import Destination, Talk, print_error
 
@@ -116,26 +113,20 @@ def bench(
                  "--models": models, "--set": overrides, "--jobs": workers.jobs > 1,
                  "--dask": workers.dask or workers.config}  # fmt: skip
         _refuse_given(unfit, "does not go with --separation")
-        plan = bench_separation.Plan(
-            elements=elements or bench_separation.ELEMENTS,
-            states=states or bench_separation.STATES,
-            kinds=bench_separation.known_kinds(element),
-            repeats=repeats, seconds=budget, started=started,
-            study=Study.claim("bench", to, "separation", talk),
-        )  # fmt: skip
-        raise click.exceptions.Exit(bench_separation.do_separation(plan))
+        study = Study.claim("bench", to, "separation", talk)
+        asked = elements, element, states, repeats
+        raise click.exceptions.Exit(do_separation(asked, budget, started, study))
     _refuse_given({"--element": element, "--states": states}, "goes with --separation only")
     if deck is None:
         raise click.UsageError("Missing argument 'DECK' (or --separation)")
-    if tolerances and steps:
-        raise click.UsageError("give --tolerances or --steps, not both")
     overrides = (*overrides, *without_blind_channels(deck, overrides, models, talk))
     loaded = load_numbered(deck, overrides, talk)
     assemble(loaded)
     from hfsim.output.writers import Provenance
     from hfsim.studies.bench import Sweep
 
-    sweep = complete(Sweep(methods, models, tolerances, steps, elements, degrees, repeats), loaded)
+    with as_usage():
+        sweep = Sweep(methods, models, tolerances, steps, elements, degrees, repeats).completed(loaded)
     about = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("bench", to, loaded.deck.name, talk, about)
     raise click.exceptions.Exit(do_bench(loaded, sweep, workers, budget, started, study))
@@ -147,42 +138,13 @@ def _refuse_given(options: Mapping[str, object], why: str) -> None:
             raise click.UsageError(f"{name} {why}")
 
 
-def complete(sweep: Sweep, loaded: LoadedDeck) -> Sweep:
-    """Return what is varied with the defaults filled in where nothing is named.
-
-    Raises
-    ------
-    click.UsageError
-        If a name is unknown or a number out of range.
-    """
-    from hfsim.integrators import METHODS
-    from hfsim.parts.bodies.models import MODELS
-
-    refuse_unknown("method", sweep.methods, METHODS)
-    refuse_unknown("model", sweep.models, MODELS)
-    solve = loaded.deck.solve
-    if any(tolerance > 0.1 for tolerance in sweep.tolerances):
-        raise click.UsageError("a tolerance above 0.1 says nothing")
-    if any(not 3 <= degree <= 12 for degree in sweep.degrees):
-        raise click.UsageError("degrees go from 3 to 12")
-    if any(step > solve.duration for step in sweep.steps):
-        raise click.UsageError(f"a step is longer than the run, {solve.duration:g} s")
-    return replace(
-        sweep,
-        methods=sweep.methods or tuple(METHODS),
-        models=sweep.models or (solve.model,),
-        tolerances=sweep.tolerances or type(sweep).tolerances,
-    )
-
-
 def do_bench(
     loaded: LoadedDeck, sweep: Sweep, workers: Workers, seconds: float, started: float, study: Study
 ) -> int:
     """Run the study, write and tell it, and return the exit code."""
     from hfsim.marching.stop import Budget
-    from hfsim.output.bench import COLUMNS, as_rows, as_text
+    from hfsim.output.bench import publish_bench
     from hfsim.output.progress import Progress
-    from hfsim.studies.bench import as_facts
     from hfsim.studies.bench import bench as measure
 
     study.begin()
@@ -193,9 +155,41 @@ def do_bench(
     ):
         budget = Budget(seconds - drawing, time.process_time, started, progress)
         result = measure(loaded, sweep, budget, executor)
-    tables, draw = {"bench": (COLUMNS, as_rows(result))}, drawn_by("bench:draw_bench", result)
-    study.publish(as_facts(result), tables, as_text(result, study.path), draw)
+    publish_bench(result, study)
     return _exit_code(result)
+
+
+def do_separation(
+    asked: tuple[tuple[int, ...], tuple[str, ...], tuple[int, ...], int],
+    seconds: float,
+    started: float,
+    study: Study,
+) -> int:
+    """Time the forms of the elastic force, write and tell that, and return the exit code.
+
+    Parameters
+    ----------
+    asked : tuple
+        Numbers of elements, their kinds, beams in a batch, and how often each is timed.
+    """
+    from hfsim.marching.stop import Budget
+    from hfsim.output.progress import Progress
+    from hfsim.output.separation import publish_separation
+    from hfsim.studies.separation.measure import known_kinds, measure
+
+    elements, named, states, repeats = asked
+    with as_usage():
+        kinds = known_kinds(named)
+    study.begin()
+    with Progress("matrix separation", sys.stderr, study.talk.quiet) as progress:
+        budget = Budget(seconds, time.process_time, started, progress)
+        result = measure(elements, kinds, repeats, budget, states)
+    publish_separation(result, study)
+    for sentence in result.disagreements:
+        print_error(sentence)
+    if result.status == "interrupted":
+        print_error("interrupted; what was measured until then is kept")
+    return {"done": 0, "wrong": 4, "interrupted": 130}[result.status]
 
 
 def _exit_code(result: Bench) -> int:

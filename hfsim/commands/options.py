@@ -6,8 +6,8 @@ import functools
 import math
 import os
 import re
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, cast
 
@@ -271,18 +271,20 @@ def not_both(resume: bool, force: bool) -> None:
         raise click.UsageError("--resume and --force are one or the other")
 
 
-def refuse_unknown(kind: str, given: Sequence[str], known: Iterable[str], more: str = "") -> None:
-    """Refuse names that are not known.
+@contextmanager
+def as_usage() -> Iterator[None]:
+    """Tell of arguments that cannot be meant so as of a bad command line: raise `click.UsageError`."""
+    from hfsim.errors import ArgumentError
 
-    Raises
-    ------
-    click.UsageError
-        Naming the first unknown one and the nearest known one, or all of these.
-    """
-    from hfsim.deck.source import nearest
+    try:
+        yield
+    except ArgumentError as error:
+        raise click.UsageError(str(error)) from None
 
-    for name in given:
-        if name not in known:
-            close = nearest(name, known)
-            hint = f" (did you mean '{close}'?)" if close else f"; there are {', '.join(known)}{more}"
-            raise click.UsageError(f"there is no {kind} '{name}'{hint}")
+
+def refuse_unknown(kind: str, given: Iterable[str], known: Iterable[str], more: str = "") -> None:
+    """Refuse names that are not known; see `hfsim.deck.source.refuse_unknown`."""
+    from hfsim.deck.source import refuse_unknown as refuse
+
+    with as_usage():
+        refuse(kind, given, known, more)

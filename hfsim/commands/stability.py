@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,15 +19,14 @@ from hfsim.commands.decks import (
 from hfsim.commands.options import (
     POSITIVE,
     Finite,
+    as_usage,
     names,
     output_options,
-    refuse_unknown,
     setting_options,
     talk_options,
     time_option,
     workers_options,
 )
-from hfsim.output.pictures import drawn_by
 from hfsim.output.study import Study, time_to_draw
 from hfsim.output.talk import Destination, Talk, print_error
 
@@ -36,14 +35,15 @@ if TYPE_CHECKING:
     from hfsim.studies.axes import Axis
     from hfsim.studies.cluster import Workers
     from hfsim.studies.farm import Executor
+    from hfsim.studies.stability.asked import Asked
     from hfsim.studies.stability.results import Plan
 
-_MOST_AXES = 2
+def _option(name: str) -> str:
+    return f"--scale-{name}" if name in ("stiffness", "speed") else f"--{name}"
 
 
 def _named_axis(name: str, words: str) -> Callable[[Any], Any]:
-    option = name if name in ("amplitude", "slenderness", "step", "elements") else f"scale-{name}"
-    return click.option(f"--{option}", name, metavar="VALUES", help=words)
+    return click.option(_option(name), name, metavar="VALUES", help=words)
 
 
 def _bound(name: str, default: float, words: str) -> Callable[[Any], Any]:
@@ -121,111 +121,64 @@ def stability(
     solved by gauss at tolerance 1e-8, the model error the distance of that solution to exact's. A failed
     point is a result (exit code 0). Results go to '<deck name>.stability' or to -o DIR.
     """  # fmt: skip
+    from hfsim.output.writers import Provenance
+    from hfsim.studies.stability.asked import Asked
+
     started = time.perf_counter()
     overrides = (*overrides, *without_blind_channels(deck, overrides, names(models), talk))
     loaded = with_numbers(load_decks([str(find_deck(deck, talk))], overrides, talk, lambda _: None)[0], talk)
-    axes = read_axes(vary, named)
-    drawing = time_to_draw(to.plots, budget)
-    spent = time.perf_counter() - started
-    chosen = names(models) or (() if measure else usual_models(deck, overrides, talk))
-    plan = make_plan(
-        axes, names(methods), chosen, (max_error, max_drift), budget - drawing - spent, limit, workers.jobs
-    )
-    refuse_bisection(bisect, axes)
-    if measure and axes:
-        raise click.UsageError("--limits takes no axis; change the deck with --set")
-    from hfsim.output.writers import Provenance
-
+    with as_usage():
+        bounds = {"max_error": max_error, "max_drift": max_drift, "budget": budget, "limit": limit}
+        asked = Asked(
+            read_axes(vary, named), names(methods), names(models), bisect=bisect, ending=ending, **bounds
+        )
+        if measure and asked.axes:
+            raise click.UsageError("--limits takes no axis; change the deck with --set")
+        usual = () if asked.models or measure else usual_models(deck, overrides, talk)
+        spent = time.perf_counter() - started + time_to_draw(to.plots, budget)
+        plan = asked.plan(usual, workers.jobs, spent)
     about = Provenance.of(loaded, deck, overrides).facts()
     study = Study.claim("stability", to, loaded.deck.name, talk, about)
     with workers.executor(loaded.source.texts) as executor:
         if measure:
-            raise click.exceptions.Exit(do_limits(loaded, plan, study, names(models), executor))
-        raise click.exceptions.Exit(do_map(loaded, plan, study, bisect, ending, executor))
+            raise click.exceptions.Exit(do_limits(loaded, plan, study, asked.models, executor))
+        raise click.exceptions.Exit(do_map(loaded, plan, study, asked, executor))
 
 
-def read_axes(vary: Sequence[str], named: dict[str, str | None]) -> tuple[Axis, ...]:
-    """Return the axes asked for.
-
-    Raises
-    ------
-    click.UsageError
-        If one cannot be read or there are more than two.
-    """
+def read_axes(vary: Sequence[str], named: Mapping[str, str | None]) -> tuple[Axis, ...]:
+    """Return the axes asked for."""
     from hfsim.studies import axes
+    from hfsim.studies.stability.asked import axes_of
 
-    try:
-        found = [axes.vary(text) for text in vary]
-        found += [axes.NAMED[name](text) for name, text in named.items() if text is not None]
-    except axes.AxisError as error:
-        raise click.UsageError(str(error)) from None
-    if len(found) > _MOST_AXES:
-        raise click.UsageError(f"{len(found)} axes; a map has one or two")
-    if len({axis.name for axis in found}) < len(found):
-        raise click.UsageError(f"two axes vary {found[0].name}")
-    return tuple(found)
+    said: list[tuple[str, Callable[[str], Axis], str]] = [("--vary", axes.vary, text) for text in vary]
+    said += [(_option(name), axes.NAMED[name], text) for name, text in named.items() if text is not None]
+    return axes_of(said)
 
 
-def make_plan(
-    axes: tuple[Axis, ...],
-    methods: tuple[str, ...],
-    models: tuple[str, ...],
-    bounds: tuple[float, float],
-    seconds: float,
-    limit: float,
-    jobs: int,
-) -> Plan:
-    """Return what is mapped, with the defaults filled in.
-
-    Raises
-    ------
-    click.UsageError
-        If a name is unknown.
-    """
-    from hfsim.integrators import METHODS
-    from hfsim.parts.bodies.models import MODELS
-    from hfsim.studies.stability.results import Plan
-    from hfsim.studies.stability.verdict import Bounds
-
-    refuse_unknown("method", methods, [*METHODS, "auto"])
-    refuse_unknown("model", models, MODELS)
-    return Plan(
-        axes=axes, methods=methods or tuple(METHODS), models=models,
-        bounds=Bounds(*bounds), seconds=max(seconds, 0.0), limit=limit, jobs=jobs,
-    )  # fmt: skip
-
-
-def refuse_bisection(width: float | None, axes: Sequence[Axis]) -> None:
-    """Refuse to bisect along anything but one axis of several numbers: raise `click.UsageError`."""
-    if width is None:
-        return
-    if len(axes) != 1 or not axes[0].numeric or len(axes[0].values) < 2:
-        raise click.UsageError("--bisect needs one axis with two numbers or more")
-    if axes[0].name == "elements":
-        raise click.UsageError("--bisect needs an axis without gaps, not elements")
-
-
-def do_map(
-    loaded: LoadedDeck, plan: Plan, study: Study, bisect: float | None, ending: str, executor: Executor
-) -> int:
+def do_map(loaded: LoadedDeck, plan: Plan, study: Study, asked: Asked, executor: Executor) -> int:
     """Run the study, write and tell it, and return the exit code."""
-    from hfsim.output import stability as report
     from hfsim.output.progress import Progress
-    from hfsim.studies.axes import AxisError
+    from hfsim.output.stability import publish_map
     from hfsim.studies.stability.maps import stability_map
 
-    with Progress(f"{loaded.deck.name}, stability", sys.stderr, study.talk.quiet) as progress:
-        try:
-            result = stability_map(loaded, plan, bisect, progress, ending, executor)
-        except AxisError as error:
-            raise click.UsageError(str(error)) from None
-    study.publish(
-        report.map_facts(result),
-        {"stability": (report.map_columns(result), result.points)},
-        report.map_text(result, study.path, study.talk.verbose, ending),
-        drawn_by("stability:draw_stability", result),
-    )
+    with as_usage(), Progress(f"{loaded.deck.name}, stability", sys.stderr, study.talk.quiet) as progress:
+        result = stability_map(loaded, plan, asked.bisect, progress, asked.ending, executor)
+    publish_map(result, study, asked.ending)
     return _exit_code(result.status)
+
+
+def do_limits(
+    loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, ...], executor: Executor
+) -> int:
+    """Measure the longest stable steps with the models named, or the deck's; return the exit code."""
+    from hfsim.output.limits import publish_limits
+    from hfsim.studies.limits import limits_of_models
+
+    wanted = models or (loaded.deck.solve.model,)
+    results = limits_of_models(
+        loaded, wanted, plan.methods, plan.seconds, plan.limit, plan.jobs, executor
+    )
+    return _exit_code(publish_limits(results, study))
 
 
 def _exit_code(status: str) -> int:
@@ -233,27 +186,3 @@ def _exit_code(status: str) -> int:
         print_error("interrupted; what was computed until then is kept")
         return 130
     return 0
-
-
-def do_limits(
-    loaded: LoadedDeck, plan: Plan, study: Study, models: tuple[str, ...], executor: Executor
-) -> int:
-    """Measure the longest stable steps with the models named, or the deck's; return the exit code."""
-    from hfsim.output import limits as report
-    from hfsim.studies.limits import limits
-
-    deadline = time.perf_counter() + plan.seconds
-    results, wanted = [], models or (loaded.deck.solve.model,)
-    for k, model in enumerate(wanted):
-        share = (deadline - time.perf_counter()) / (len(wanted) - k)
-        results.append(limits(loaded, model, plan.methods, share, plan.limit, plan.jobs, executor))
-        if results[-1].interrupted:
-            break
-    status = "interrupted" if results[-1].interrupted else "done"
-    rows = [{"model": result.model, **one.facts()} for result in results for one in result.limits]
-    study.publish(
-        {"status": status, "results": [result.facts() for result in results]},
-        {"limits": (report.LIMIT_COLUMNS, rows)},
-        report.limits_text(results, study.path),
-    )
-    return _exit_code(status)

@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from hfsim.deck.reader import LARGEST, Mark, Path, dotted, parse
-from hfsim.errors import MOST_PROBLEMS, DeckError, DeckProblem
+from hfsim.errors import MOST_PROBLEMS, ArgumentError, DeckError, DeckProblem
 from hfsim.maths.frozen import mutable
 
 COMPARED = 200
@@ -73,6 +73,21 @@ def did_you_mean(word: str, known: Collection[str]) -> str:
         return f"did you mean '{close}'?"
     more = [f"and {len(known) - _LISTED} more"] if len(known) > _LISTED else []
     return f"known: {', '.join([*islice(known, _LISTED), *more])}" if known else ""
+
+
+def refuse_unknown(kind: str, given: Iterable[str], known: Iterable[str], more: str = "") -> None:
+    """Refuse names that are not known.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the first unknown one and the nearest known one, or all of these.
+    """
+    for name in given:
+        if name not in known:
+            close = nearest(name, known)
+            hint = f" (did you mean '{close}'?)" if close else f"; there are {', '.join(known)}{more}"
+            raise ArgumentError(f"there is no {kind} '{name}'{hint}")
 
 
 @mutable

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from hfsim.deck.ranges import written
 from hfsim.deck.source import Setting, did_you_mean
 from hfsim.errors import ArgumentError
 from hfsim.output.pictures import FORMATS
@@ -15,6 +17,8 @@ from hfsim.scene.loading import LoadedDeck
 
 if TYPE_CHECKING:
     from hfsim.output.talk import Destination
+    from hfsim.studies.cluster import Workers
+    from hfsim.studies.farm import Executor
 
 AnyDeck: TypeAlias = "LoadedDeck | Mapping[str, Any] | str | os.PathLike[str]"
 """A file, the name of a shipped case, a deck's data, or a deck that is loaded."""
@@ -96,6 +100,75 @@ def one_of(argument: str, name: str, known: Sequence[str]) -> None:
     """Refuse a word that is not known."""
     if name not in known:
         raise ArgumentError(f"{argument} is {name!r}: {did_you_mean(str(name), known)}")
+
+
+def positive(**given: float | None) -> None:
+    """Refuse what is not a positive number; None stands for a default."""
+    for argument, value in given.items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if value is not None and not (number and 0.0 < value < math.inf):
+            raise ArgumentError(f"{argument}: {value} is no positive number")
+
+
+def numbers(argument: str, values: Any, kind: type[float] = float) -> tuple[Any, ...]:
+    """Return positive numbers, each once; a number alone is one of them.
+
+    Raises
+    ------
+    ArgumentError
+        If one is not positive, or not whole where `kind` is int.
+    """
+    values = values.tolist() if hasattr(values, "tolist") else values
+    many = isinstance(values, Iterable) and not isinstance(values, str)
+    every = tuple(dict.fromkeys(values if many else [values]))
+    for one in every:
+        number = isinstance(one, int | float) and not isinstance(one, bool)
+        if not (number and 0.0 < one < math.inf and kind(one) == one):
+            what = "whole number above 0" if kind is int else "positive number"
+            raise ArgumentError(f"{argument}: {one!r} is no {what}")
+    return tuple(map(kind, every))
+
+
+def values_text(argument: str, values: Any) -> str:
+    """Return the values of an entry as text, as the command line has them."""
+    if isinstance(values, str):
+        return values
+    values = values.tolist() if hasattr(values, "tolist") else values
+    every = [*values] if isinstance(values, Iterable) and not isinstance(values, Mapping) else [values]
+    texts = [value_text(argument, value) for value in every]
+    alone = len(texts) == 1 and texts[0].startswith("[")
+    return f"[{texts[0]}]" if alone else ", ".join(texts)
+
+
+def value_text(argument: str, value: Any) -> str:
+    """Return one value of an entry as text."""
+    value = value.tolist() if hasattr(value, "tolist") else value
+    if isinstance(value, str):
+        return value
+    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+        return written(float(value))
+    return plain(argument, value)
+
+
+def workers(jobs: int, dask: str, dask_config: str | os.PathLike[str] | None) -> Workers:
+    """Return where jobs are done; 0 jobs stand for all cores."""
+    from hfsim.studies.cluster import Workers
+
+    if jobs < 0:
+        raise ArgumentError(f"jobs is {jobs}: so many processes do nothing; 0 is all cores")
+    if dask and dask_config is not None:
+        raise ArgumentError("dask and dask_config are one or the other")
+    return Workers(jobs or os.cpu_count() or 1, dask, None if dask_config is None else Path(dask_config))
+
+
+def finished(status: str, executor: Executor) -> None:
+    """Raise what has ended a study before its end: a cluster that was lost, or a signal."""
+    from hfsim.studies.cluster import ClusterLost
+
+    if executor.lost:
+        raise ClusterLost(executor.lost)
+    if status == "interrupted":
+        raise KeyboardInterrupt
 
 
 def check_format(plots: bool | str) -> None:

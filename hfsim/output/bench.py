@@ -5,14 +5,29 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hfsim.marching.distance import group_of
+from hfsim.output.pictures import drawn_by
 from hfsim.output.text import Column, as_table, brief, table, wrapped
 from hfsim.parts.channels import kind_of
-from hfsim.studies.bench import Bench, Cell, Point, mesh_words, observed_order, pareto, recommend, tidy
+from hfsim.studies.bench import (
+    Bench,
+    Cell,
+    Point,
+    as_facts,
+    mesh_words,
+    observed_order,
+    pareto,
+    recommend,
+    tidy,
+)
 from hfsim.studies.bench.points import ChannelError
+from hfsim.studies.bench.result import OF_POINT
 from hfsim.studies.timing import Spread
+
+if TYPE_CHECKING:
+    from hfsim.output.study import Study
 
 _NO_ORDER = 0.5
 """Order, from the coarsest to the finest mesh, below which a channel does not converge."""
@@ -43,16 +58,11 @@ def _of_channel(name: str) -> Callable[[Row], object]:
     return lambda row: row.error and getattr(row.cell, name).get(row.error.channel)
 
 
-_OF_POINT = (
-    "model", "elements", "degree", "method", "tolerance", "step", "status", "reason", "cpu", "cpu_min",
-    "cpu_max", "repeats", "steps", "rejected", "newton_iterations", "evaluations", "factorisations",
-    "energy_drift", "error", "rms_error", "worst_channel", "below_floor", "total_error", "exact_error",
-)  # fmt: skip
 _OF_CELL = ("unknowns", "mesh_error", "model_error", "floor")
 _OF_ERROR = ("unit", "max_abs", "max_relative", "rms_relative", "below_floor", "judged")
 
 COLUMNS = (
-    *(Column(name, f"point.{name}") for name in _OF_POINT),
+    *(Column(name, f"point.{of}") for name, of in OF_POINT.items()),
     *(Column(name, f"cell.{name}") for name in _OF_CELL),
     Column("channel", _of_error("channel")),
     *(Column(f"channel_{name}", _of_error(name)) for name in _OF_ERROR),
@@ -61,6 +71,14 @@ COLUMNS = (
     Column("channel_group", lambda row: row.error and group_of(row.error.unit)),
 )
 """Columns of ``bench.csv``."""
+
+
+
+def publish_bench(result: Bench, study: Study) -> None:
+    """Write and tell a bench."""
+    tables, draw = {"bench": (COLUMNS, as_rows(result))}, drawn_by("bench:draw_bench", result)
+    study.publish(as_facts(result), tables, as_text(result, study.path), draw)
+
 
 # --- text ----------------------------------------------------------------------------------------
 

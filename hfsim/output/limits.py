@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from hfsim.output.text import Column, table, wrapped
 
 if TYPE_CHECKING:
+    from hfsim.output.study import Study
     from hfsim.studies.limits import Limit, Limits
 
 LIMIT_COLUMNS = (
@@ -26,6 +27,18 @@ _TEXT = (
     Column("off by", "deviation", lambda off: "-" if off is None else f"{100 * off:+.3g} %"),
     Column("what ends it", lambda one: shorten(one.reason, _REASON, placeholder="...") or None),
 )
+
+
+def publish_limits(results: Sequence[Limits], study: Study) -> str:
+    """Write and tell what was found with each model; return ``done`` or ``interrupted``."""
+    status = "interrupted" if results[-1].interrupted else "done"
+    rows = [{"model": result.model, **one.facts()} for result in results for one in result.limits]
+    study.publish(
+        {"status": status, "results": [result.facts() for result in results]},
+        {"limits": (LIMIT_COLUMNS, rows)},
+        limits_text(results, study.path),
+    )
+    return status
 
 
 def limits_text(results: Sequence[Limits], folder: Path) -> str:

@@ -8,20 +8,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hfsim.output.pictures import drawn_by
 from hfsim.output.text import Column, as_table, brief, plural, table, wrapped
 
 if TYPE_CHECKING:
+    from hfsim.output.study import Study
     from hfsim.studies.stability.results import MapPoint, StabilityMap
 
 _LEFT = "not computed"
-_FACTS = ("time_error", "model_error", "energy_drift", "growth", "channel", "cause", "item", "reason")
-_POINT = (
-    Column("model"),
-    Column("method"),
-    Column("class", "outcome"),
-    *(Column(name, f"trial.{name}") for name in ("status", "end", "steps", "cpu")),
-    *(Column(name, f"verdict.{name}") for name in _FACTS),
-)
+_WHOSE = (Column("model"), Column("method"))
 _LIST = (
     Column("class", "outcome"),
     Column("time error", "verdict.time_error", brief),
@@ -39,37 +34,35 @@ def _axis_columns(result: StabilityMap, heads: Iterable[str]) -> list[Column]:
     return [Column(head, value_on(i), _word) for i, head in enumerate(heads)]
 
 
-def map_columns(result: StabilityMap) -> list[Column]:
-    """Return the columns of ``stability.csv``: the axes, then what each point has."""
-    names = (axis.name for axis in result.axes)
-    return [*_axis_columns(result, names), *_POINT, Column("overrides", lambda p: " ".join(p.overrides))]
-
-
 def map_facts(result: StabilityMap) -> dict[str, Any]:
     """Return a map as JSON-ready facts (``stability.json``)."""
     from hfsim.studies.stability.verdict import CLASSES, TRUTH_MODEL
 
-    points = [
-        {
-            "values": p.values,
-            **{column.name: column.value(p) for column in _POINT},
-            "overrides": p.overrides,
-        }
-        for p in result.points
-    ]
+    points = [{"values": p.values, **p.facts(), "overrides": p.overrides} for p in result.points]
     return {
         "name": result.name,
         "status": result.status,
         "axes": [asdict(axis) for axis in result.axes],
         "bounds": asdict(result.bounds),
         "reference_model": TRUTH_MODEL,
-        "seconds": result.seconds,
-        "used": result.used,
+        "budget_s": result.seconds,
+        "wall_s": result.used,
         "counts": result.counts(),
         "classes": CLASSES,
         "points": points,
         "boundaries": [{**asdict(b), "width": b.width} for b in result.boundaries],
     }
+
+
+def publish_map(result: StabilityMap, study: Study, ending: str) -> None:
+    """Write a map and tell it; `ending` is the class whose end was located, if any was."""
+    rows = result.table()
+    study.publish(
+        map_facts(result),
+        {"stability": (list(rows[0]) if rows else [], rows)},
+        map_text(result, study.path, study.talk.verbose, ending),
+        drawn_by("stability:draw_stability", result),
+    )
 
 
 def map_text(result: StabilityMap, folder: Path, verbose: bool = False, ending: str = "accurate") -> str:
@@ -86,7 +79,7 @@ def _tables(result: StabilityMap) -> list[str]:
         return [_grid(result, model, method) for model, method in result.rows()]
     reached = [p for p in result.points if p.outcome != _LEFT]
     axes = _axis_columns(result, (axis.label for axis in result.axes))
-    return [table([*_POINT[:2], *axes, *_LIST], reached)] if reached else []
+    return [table([*_WHOSE, *axes, *_LIST], reached)] if reached else []
 
 
 def _word(value: Any) -> str:
@@ -105,7 +98,7 @@ def _grid(result: StabilityMap, model: str, method: str) -> str:
 def _boundaries(result: StabilityMap, ending: str) -> str:
     name = result.axes[0].label
     columns = [
-        *_POINT[:2],
+        *_WHOSE,
         Column(f"{name}: last", "below", ".5g"),
         Column("first", "above", ".5g"),
         Column("class", "class_below"),

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hfsim.deck.ranges import written
-from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.output.api import load
-from hfsim.output.arguments import AnyDeck, destination, mapping, one_of, plain, several
+from hfsim.output.arguments import (
+    AnyDeck,
+    destination,
+    finished,
+    mapping,
+    one_of,
+    positive,
+    several,
+    value_text,
+    values_text,
+    workers,
+)
 from hfsim.output.sweep import KEPT, Rows, Wanted, into_folder, perform, wanted_of
 from hfsim.output.talk import Talk
-from hfsim.studies.cluster import ClusterLost, Workers
 from hfsim.studies.sweep.asked import Asked
 from hfsim.studies.sweep.plan import SAMPLE, SAMPLER, TABLE, VARY
 from hfsim.studies.sweep.sensitivity import Sensitivity, sensitivities
@@ -24,6 +31,7 @@ from hfsim.studies.sweep.study import COLLECT
 if TYPE_CHECKING:
     from hfsim.output.talk import Destination
     from hfsim.scene.loading import LoadedDeck
+    from hfsim.studies.cluster import Workers
     from hfsim.studies.sweep.result import Sweep
 
 _CALLED = {option: option.removeprefix("--") for option in (VARY, TABLE, SAMPLE, SAMPLER, COLLECT)}
@@ -42,6 +50,7 @@ def sweep(
     table: str | os.PathLike[str] | None = None,
     jobs: int = 0,
     dask: str = "",
+    dask_config: str | os.PathLike[str] | None = None,
     error_estimate: bool = True,
     mesh_error: bool = False,
     limit: float | None = None,
@@ -70,8 +79,9 @@ def sweep(
         CSV file that has the runs, paths in its first row.
     jobs : int
         Processes; 0 for all cores.
-    dask : str
-        Instead: the address of a scheduler of dask.distributed, or ``"local"``.
+    dask, dask_config : str, path
+        Instead: the address of a scheduler of dask.distributed or ``"local"``, or a file that says what
+        cluster is started.
     error_estimate, mesh_error : bool
         Whether errors of time and mesh are measured.
     limit : float, optional
@@ -99,14 +109,14 @@ def sweep(
     """
     said = mapping("vary", vary, '{"bodies.b1.length": [1.0, 1.2]}')
     asked = Asked(
-        {path: _text(values) for path, values in said.items()}, sample, sampler, seed,
+        {path: values_text("vary", values) for path, values in said.items()}, sample, sampler, seed,
         None if table is None else Path(table), several("collect", collect), True, error_estimate, mesh_error,
         limit=limit, called=_CALLED,
     )  # fmt: skip
     one_of("keep", keep, KEPT)
     kept = None if keep == KEPT[0] else keep
     to = destination(output, force, plots, resume=resume, keep=kept)
-    work = _Work(jobs, dask, to, resume, keep, progress)
+    work = _Work(workers(jobs, dask, dask_config), to, resume, keep, progress)
     return work.done(asked, load(deck, changes))[0]
 
 
@@ -118,6 +128,7 @@ def sensitivity(
     *,
     jobs: int = 0,
     dask: str = "",
+    dask_config: str | os.PathLike[str] | None = None,
     limit: float | None = None,
     output: str | os.PathLike[str] | None = None,
     force: bool = False,
@@ -136,7 +147,7 @@ def sensitivity(
         deck's own that counts.
     collect : sequence of str
         Numbers of each run: ``"max(b1.tip.x)"``.
-    jobs, dask, limit, output, force, resume, plots, progress
+    jobs, dask, dask_config, limit, output, force, resume, plots, progress
         As in `hfsim.sweep`.
 
     Returns
@@ -155,12 +166,12 @@ def sensitivity(
         If the keyboard or a signal ends it.
     """
     values = vary if isinstance(vary, Mapping) else dict.fromkeys(several("vary", vary))
-    texts = {path: "" if value is None else _one(value) for path, value in values.items()}
+    texts = {path: "" if value is None else value_text("vary", value) for path, value in values.items()}
     asked = Asked(
         texts, collect=several("collect", collect), many=True, limit=limit, sensitivity=True, called=_CALLED
     )
     to = destination(output, force, plots, resume=resume)
-    work = _Work(jobs, dask, to, resume, KEPT[0], progress)
+    work = _Work(workers(jobs, dask, dask_config), to, resume, KEPT[0], progress)
     result, wanted = work.done(asked, load(deck, changes))
     assert wanted.differences is not None
     return sensitivities(result, wanted.differences)
@@ -169,8 +180,7 @@ def sensitivity(
 class _Work(NamedTuple):
     """How a sweep is done, and where its results go; see `sweep`."""
 
-    jobs: int
-    dask: str
+    workers: Workers
     to: Destination | None
     resume: bool
     keep: str
@@ -178,39 +188,13 @@ class _Work(NamedTuple):
 
     def done(self, asked: Asked, loaded: LoadedDeck) -> tuple[Sweep, Wanted]:
         """Do what is asked for; return all of its runs, and what they are."""
-        if self.jobs < 0:
-            raise ArgumentError(f"jobs is {self.jobs}: so many processes do nothing; 0 is all cores")
-        if asked.limit is not None and not asked.limit > 0.0:
-            raise ArgumentError(f"limit is {asked.limit}: a run takes more than 0 s")
+        positive(limit=asked.limit)
         wanted = wanted_of(asked, loaded.with_numbers(), nobody, self.keep)
         told, texts = self.progress or nobody, wanted.loaded.source.texts
-        with Workers(self.jobs or os.cpu_count() or 1, self.dask).executor(texts) as executor:
+        with self.workers.executor(texts) as executor:
             if self.to is None:
                 result = perform(wanted, executor, Rows(wanted.plan), told)
             else:
                 result = into_folder(wanted, executor, self.to, Talk(quiet=True), told, self.resume)
-        if executor.lost:
-            raise ClusterLost(executor.lost)
-        if result.status == "interrupted":
-            raise KeyboardInterrupt
+        finished(result.status, executor)
         return result, wanted
-
-
-def _text(values: Any) -> str:
-    """Return values as the command line has them."""
-    if isinstance(values, str):
-        return values
-    values = values.tolist() if hasattr(values, "tolist") else values
-    every = [*values] if isinstance(values, Iterable) and not isinstance(values, Mapping) else [values]
-    texts = [_one(value) for value in every]
-    alone = len(texts) == 1 and texts[0].startswith("[")
-    return f"[{texts[0]}]" if alone else ", ".join(texts)
-
-
-def _one(value: Any) -> str:
-    value = value.tolist() if hasattr(value, "tolist") else value
-    if isinstance(value, str):
-        return value
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        return written(float(value))
-    return plain("vary", value)

@@ -10,11 +10,13 @@ import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
+from functools import partial, reduce
 from itertools import product
 from typing import Any, TypeAlias
 
 from hfsim.deck.ranges import RangeError, Value, read_values, written
+from hfsim.deck.source import Setting
+from hfsim.errors import ArgumentError
 from hfsim.parts.bodies.beam import BeamSpec
 from hfsim.scene.loading import LoadedDeck, parse_deck
 from hfsim.scene.schema import Deck
@@ -23,7 +25,7 @@ _MOST = 1000
 """Values of one axis at most."""
 
 
-class AxisError(ValueError):
+class AxisError(ArgumentError):
     """An axis that cannot be read, or that changes nothing in this deck."""
 
 
@@ -125,12 +127,23 @@ def vary(text: str) -> Axis:
     path = path.strip()
     if not equals or not path:
         raise AxisError(f"'{text}': write PATH=log(first,last,count), PATH=lin(...) or PATH=a,b,c")
+    return vary_path(path)(values)
+
+
+def vary_path(path: str, by: str = "--vary") -> Callable[[str], Axis]:
+    """Return what reads the axis of one entry of a deck, which is asked for by an option or argument."""
+    return partial(_varied, path, by)
+
+
+def _varied(path: str, by: str, values: str) -> Axis:
     numbers, logarithmic, unit = parse_values(values)
     solver = path.startswith("solve.") and path not in ("solve.duration", "solve.model")
     with_unit = f" {unit}" if unit else ""  # which the deck checks
-    return Axis(
-        path, numbers, lambda deck, value: (f"{path}={written(value)}{with_unit}",), solver, logarithmic, unit
-    )
+
+    def overrides(deck: Deck, value: Value) -> tuple[str, ...]:
+        return (Setting.by(by, f"{path}={written(value)}{with_unit}"),)
+
+    return Axis(path, numbers, overrides, solver, logarithmic, unit)
 
 
 _Changes: TypeAlias = Callable[[Deck, float], Iterator[tuple[str, object]]]

@@ -12,8 +12,9 @@ for backward differentiation.  Measured is the growth of a small disturbance in 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
+from hfsim.studies.columns import Columns, as_columns
 from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
 
@@ -285,8 +287,8 @@ def _energies(scene: Scene, t: float, q: Array, v: Array) -> tuple[float, float]
 
 
 @dataclass(frozen=True)
-class Limits:
-    """What a model of a scene can stand.
+class Limits(Columns):
+    """What a model of a scene can stand; ``found["longest"]`` is a column of its methods.
 
     Attributes
     ----------
@@ -302,6 +304,15 @@ class Limits:
     limits: tuple[Limit, ...]
     lost: dict[str, str]
     interrupted: bool = False
+
+    def __repr__(self) -> str:
+        """Return what it is in a line: its spectra would fill the screen."""
+        return f"<Limits {self.name}, {self.model}: {', '.join(one.title for one in self.limits)}>"
+
+    @cached_property
+    def columns(self) -> dict[str, Array]:  # type: ignore[override]
+        """What is known of each method, and of each order of one, as columns."""
+        return as_columns([one.facts() for one in self.limits])
 
     def facts(self) -> dict[str, Any]:
         """Return it as plain data, times in seconds and steps in fastest periods."""
@@ -364,6 +375,25 @@ def limits(
     spectra = found["spectra"].value if "spectra" in found else None
     measured = [found[key].value for key in wanted if key in found and found[key].value is not None]
     return Limits(loaded.deck.name, model, spectra or (start,), tuple(measured), lost, farm.interrupted)
+
+
+def limits_of_models(
+    loaded: LoadedDeck,
+    models: Sequence[str],
+    methods: tuple[str, ...],
+    seconds: float,
+    limit: float,
+    jobs: int,
+    executor: Executor | None = None,
+) -> list[Limits]:
+    """Do the same with several models, which share the time; fewer where a signal ends that."""
+    deadline, found = time.perf_counter() + seconds, list[Limits]()
+    for k, model in enumerate(models):
+        share = (deadline - time.perf_counter()) / (len(models) - k)
+        found.append(limits(loaded, model, methods, share, limit, jobs, executor))
+        if found[-1].interrupted:
+            break
+    return found
 
 
 def _title(key: Any) -> str:

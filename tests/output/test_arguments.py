@@ -93,7 +93,7 @@ def test_a_text_is_one_name(deck):
         ({"vary": VARY, "sample": 2, "sampler": "x"}, "sampler: error: "),
         ({"vary": VARY, "table": "runs.csv"}, "table: error: is all: nothing is varied"),
         ({"vary": VARY, "keep": "folder"}, "keep is 'folder': did you mean 'folders'?"),
-        ({"vary": VARY, "limit": -1.0}, "limit is -1.0"),
+        ({"vary": VARY, "limit": -1.0}, "limit: -1.0 is no positive number"),
     ],
 )
 def test_what_is_wrong_with_a_sweep_is_told_by_its_argument(options, told, deck):

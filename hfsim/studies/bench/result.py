@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
+from hfsim.maths.arrays import Array
 from hfsim.studies.bench.advice import pareto, recommendations
 from hfsim.studies.bench.points import Cell, Point
+from hfsim.studies.columns import Columns, as_columns
+from hfsim.studies.timing import in_files
+
+_NAMES = (
+    "model", "elements", "degree", "method", "tolerance", "step", "status", "reason", "cpu", "cpu_min",
+    "cpu_max", "repeats", "steps", "rejected", "newton_iterations", "evaluations", "factorisations",
+    "energy_drift", "error", "rms_error", "worst_channel", "below_floor", "total_error", "exact_error",
+)  # fmt: skip
+OF_POINT = in_files({name: name for name in _NAMES})
+"""What tables have of a point, by the keys that it has there."""
 
 
 @dataclass(frozen=True)
-class Bench:
-    """Everything a study found.
+class Bench(Columns):
+    """Everything a study found; ``found["error"]`` is a column of its points.
 
     Attributes
     ----------
@@ -22,7 +34,7 @@ class Bench:
     duration : float
         Span of the scene [s].
     budget, used : float
-        Wall time allowed and used [s].
+        CPU time allowed and used [s].
     """
 
     name: str
@@ -32,6 +44,22 @@ class Bench:
     used: float
     cells: tuple[Cell, ...]
     points: tuple[Point, ...]
+
+    def __repr__(self) -> str:
+        """Return what it is in a line: its points would fill the screen."""
+        done = sum(point.status == "done" for point in self.points)
+        return f"<Bench {self.name}: {self.status}, {done} of {len(self.points)} points; {self._best}>"
+
+    @property
+    def _best(self) -> str:
+        return next(iter(self.recommendations), "nothing to recommend")
+
+    @cached_property
+    def columns(self) -> dict[str, Array]:  # type: ignore[override]
+        """A row for each point, as columns: an array each by name."""
+        return as_columns(
+            [{key: getattr(p, name) for key, name in OF_POINT.items()} for p in self.points]
+        )
 
     def points_of(self, cell: Cell) -> list[Point]:
         """Return the points of one cell."""
@@ -62,4 +90,8 @@ def as_facts(result: Bench) -> dict[str, Any]:
     fronts = [pareto(result.points_of(cell)) for cell in result.cells]
     facts = [[{key: getattr(p, key) for key in keys} for p in front] for front in fronts]
     groups = next((cell.groups for cell in result.cells if cell.groups), ())
-    return {**asdict(result), "pareto": facts, "groups": groups, "recommendations": result.recommendations}
+    found = in_files(asdict(result))
+    found["cpu_s"] = found.pop("used")
+    for part in ("cells", "points"):
+        found[part] = [in_files(one) for one in found[part]]
+    return {**found, "pareto": facts, "groups": groups, "recommendations": result.recommendations}

@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+from hfsim.deck.source import refuse_unknown
+from hfsim.errors import ArgumentError
+from hfsim.integrators import METHODS
 from hfsim.parts.bodies import BeamSpec
+from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.loading import LoadedDeck
+
+TOLERANCES = tuple(10.0**-k for k in range(3, 11))
+"""Those that are tried where none are named."""
+LOOSEST = 0.1
 
 
 @dataclass(frozen=True)
@@ -28,11 +36,37 @@ class Sweep:
 
     methods: tuple[str, ...]
     models: tuple[str, ...]
-    tolerances: tuple[float, ...] = tuple(10.0**-k for k in range(3, 11))
+    tolerances: tuple[float, ...] = TOLERANCES
     steps: tuple[float, ...] = ()
     elements: tuple[int, ...] = ()
     degrees: tuple[int, ...] = ()
     repeats: int = 3
+
+    def completed(self, loaded: LoadedDeck) -> Sweep:
+        """Return the same with defaults where nothing is named.
+
+        Raises
+        ------
+        ArgumentError
+            If a name is unknown or a number out of range.
+        """
+        refuse_unknown("method", self.methods, METHODS)
+        refuse_unknown("model", self.models, MODELS)
+        solve = loaded.deck.solve
+        if self.tolerances and self.steps:
+            raise ArgumentError("tolerances or steps are varied, not both")
+        if any(tolerance > LOOSEST for tolerance in self.tolerances):
+            raise ArgumentError(f"a tolerance above {LOOSEST:g} says nothing")
+        if any(not 3 <= degree <= 12 for degree in self.degrees):
+            raise ArgumentError("degrees go from 3 to 12")
+        if any(step > solve.duration for step in self.steps):
+            raise ArgumentError(f"a step is longer than the run, {solve.duration:g} s")
+        return replace(
+            self,
+            methods=self.methods or tuple(METHODS),
+            models=self.models or (solve.model,),
+            tolerances=self.tolerances or TOLERANCES,
+        )
 
     @property
     def levels(self) -> list[float]:

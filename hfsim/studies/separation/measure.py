@@ -11,22 +11,25 @@ from __future__ import annotations
 
 import math
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
 import numpy as np
 
+from hfsim.deck.source import refuse_unknown
 from hfsim.marching.integration import Integration, run_integration
 from hfsim.marching.stop import Budget
 from hfsim.maths.arrays import Array
 from hfsim.parts.elements import ELASTIC_FORMS, elastic_form
 from hfsim.scene.build import Scene
 from hfsim.studies.separation._base import StiffnessForm
-from hfsim.studies.separation.beams import STEPS, Beams
+from hfsim.studies.separation.beams import KINDS, STEPS, Beams
 from hfsim.studies.separation.results import Cell, FormTimes, SeparationBench
 from hfsim.studies.timing import Spread, clocked, in_turns
 
+USUAL_ELEMENTS, USUAL_STATES = (1, 4, 16, 64, 256), (1, 64)
+"""Numbers of elements, and of beams in a batch, where none are named."""
 MOST_AT_ONCE = 1024
 """Elements of all beams of a batch together that are measured."""
 
@@ -72,30 +75,35 @@ def _sampled(work: Callable[[], object]) -> Callable[[], float]:
     return lambda: clocked(work, calls)
 
 
+def known_kinds(given: Sequence[str]) -> tuple[str, ...]:
+    """Return the kinds of element asked for, all without any; raise `ArgumentError` if one is unknown."""
+    refuse_unknown("element", given, KINDS)
+    return tuple(given or KINDS)
+
+
 def measure(
-    elements: tuple[int, ...],
-    kinds: tuple[str, ...],
-    repeats: int,
-    budget: Budget,
-    states: tuple[int, ...] = (1,),
+    elements: Sequence[int], kinds: Sequence[str], repeats: int, budget: Budget, states: Sequence[int] = (1,)
 ) -> SeparationBench:
     """Time every form for each kind of element and number of elements, within a budget.
 
     Parameters
     ----------
-    kinds : tuple of str
+    elements : sequence of int
+        Without any `USUAL_ELEMENTS`.
+    kinds : sequence of str
         Of `beams.KINDS`.
     repeats : int
         Rounds of timing.
     budget : Budget
         The first cell is measured even if it takes longer; what is left out is told as skipped.
-    states : tuple of int
-        Beams in a batch; of more than one as many as have `MOST_AT_ONCE` elements together.
+    states : sequence of int
+        Beams in a batch, of more than one as many as have `MOST_AT_ONCE` elements together; without any
+        `USUAL_STATES`.
     """
     sizes = [
         (count, batch)
-        for batch in sorted(states)
-        for count in sorted(elements)
+        for batch in sorted(states or USUAL_STATES)
+        for count in sorted(elements or USUAL_ELEMENTS)
         if batch == 1 or count * batch <= MOST_AT_ONCE
     ]
     wanted = [(kind, *size) for size in sizes for kind in kinds]

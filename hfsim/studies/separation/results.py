@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
-from hfsim.studies.timing import Spread
+from hfsim.maths.arrays import Array
+from hfsim.studies.columns import Columns, as_columns
+from hfsim.studies.timing import Spread, in_files
 
 AGREEMENT = 1e-11
 """Largest difference from the direct form that counts as round-off, for one element; n elements have n^2
@@ -91,21 +94,30 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class SeparationBench:
-    """Everything that was measured.
+class SeparationBench(Columns):
+    """Everything that was measured; ``found["run_ratio"]`` is a column of all forms of all cells.
 
     Attributes
     ----------
     status : str
         ``done``, ``wrong`` (forms disagree) or ``interrupted``.
     budget, used : float
-        Wall time allowed and used [s].
+        CPU time allowed and used [s].
     """
 
     status: str
     budget: float
     used: float
     cells: tuple[Cell, ...]
+
+    def __repr__(self) -> str:
+        """Return what it is in a line: its cells would fill the screen."""
+        return f"<SeparationBench: {self.status}, {len(self.cells)} cells; {'; '.join(self.verdicts)}>"
+
+    @cached_property
+    def columns(self) -> dict[str, Array]:  # type: ignore[override]
+        """A row for each form of each cell, as columns: an array each by name."""
+        return as_columns([{key: row.get(key) for key in CSV_COLUMNS} for row in as_rows(self)])
 
     @property
     def disagreements(self) -> list[str]:
@@ -170,8 +182,10 @@ def _form_row(form: dict[str, Any]) -> dict[str, object]:
 
 def as_facts(result: SeparationBench) -> dict[str, Any]:
     """Return the study as JSON-ready facts (``bench.json``)."""
+    facts = in_files(asdict(result))
+    facts["cpu_s"] = facts.pop("used")
     return {
-        **asdict(result),
+        **facts,
         "paper_ratio": PAPER_RATIO,
         "goals": GOALS,
         "best": {name: best[0].run_ratio if (best := result.best(name)) else None for name in GOALS},

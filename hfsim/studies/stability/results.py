@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
+
+import numpy as np
 
 from hfsim.deck.ranges import Value
+from hfsim.maths.arrays import Array
 from hfsim.studies.axes import Axis
+from hfsim.studies.columns import Columns, as_columns
 from hfsim.studies.stability.verdict import CLASSES, NO_TRIAL, Bounds, Trial, Verdict
 
 Wanted: TypeAlias = "tuple[tuple[Value, ...], str, str]"
@@ -67,6 +72,21 @@ class MapPoint:
         """Its class."""
         return self.verdict.outcome
 
+    def facts(self) -> dict[str, Any]:
+        """Return what tables and files have of it, but for its place."""
+        trial, verdict = self.trial, self.verdict
+        return {
+            "model": self.model,
+            "method": self.method,
+            "class": self.outcome,
+            **{key: getattr(trial, key) for key in ("status", "end", "steps")},
+            "cpu_s": trial.cpu,
+            **{key: getattr(verdict, key) for key in _OF_VERDICT},
+        }
+
+
+_OF_VERDICT = ("time_error", "model_error", "energy_drift", "growth", "channel", "cause", "item", "reason")
+
 
 @dataclass(frozen=True)
 class Boundary:
@@ -120,8 +140,8 @@ class MapAxis:
 
 
 @dataclass(frozen=True)
-class StabilityMap:
-    """Everything a study found.
+class StabilityMap(Columns):
+    """Everything a study found; ``found["class"]`` is a column of its points, ``found.grid`` the map.
 
     Attributes
     ----------
@@ -143,6 +163,42 @@ class StabilityMap:
     used: float
     points: tuple[MapPoint, ...]
     boundaries: tuple[Boundary, ...] = ()
+
+    def __repr__(self) -> str:
+        """Return what it is in a line: its points would fill the screen."""
+        axes = " x ".join(f"{axis.name} ({len(axis.values)})" for axis in self.axes)
+        return f"<StabilityMap {self.name}: {self.status}, {axes or 'no axis'}; {self.summary}>"
+
+    def table(self) -> list[dict[str, Any]]:
+        """Return a row for each point: values on the axes, then `MapPoint.facts`, then its overrides."""
+        names = [axis.name for axis in self.axes]
+        return [
+            {**dict(zip(names, p.values, strict=True)), **p.facts(), "overrides": " ".join(p.overrides)}
+            for p in self.points
+        ]
+
+    @cached_property
+    def columns(self) -> dict[str, Array]:  # type: ignore[override]
+        """The same as columns, an array each by name."""
+        return as_columns(self.table())
+
+    def grid(self, model: str, method: str, name: str = "class") -> Array:
+        """Return what the points of a model and method have, an axis of the array for each of the map.
+
+        Raises
+        ------
+        KeyError
+            If there is no such model, method or column.
+        """
+        if (model, method) not in self.rows():
+            there = ", ".join(" with ".join(row) for row in self.rows())
+            raise KeyError(f"no {model} with {method}; there are {there}")
+        mine = (self["model"] == model) & (self["method"] == method)
+        found, values = self.points_of(model, method), self[name][mine]
+        made = np.full([len(axis.values) for axis in self.axes], None, dtype=object)
+        for place, value in zip(found, values, strict=True):
+            made[tuple(axis.values.index(one) for axis, one in zip(self.axes, place, strict=True))] = value
+        return made if values.dtype == object else made.astype(float)
 
     def rows(self) -> list[tuple[str, str]]:
         """Return the pairs (model, method)."""

@@ -6,18 +6,17 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
 from hfsim.deck.overrides import unit_of
 from hfsim.deck.quantities import read_quantity
 from hfsim.deck.ranges import Value
-from hfsim.deck.source import did_you_mean, path_in
+from hfsim.deck.source import path_in
 from hfsim.maths.arrays import Array
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.collect import unit_of_quantity
+from hfsim.studies.columns import Columns
 from hfsim.studies.sweep.plan import Plan
 from hfsim.studies.sweep.work import FACTS, Row
 
@@ -26,7 +25,7 @@ _NUMBERS = ("error_estimate", "energy_drift", "warnings", "cpu_s")
 
 
 @dataclass(frozen=True, eq=False)
-class Sweep:
+class Sweep(Columns):
     """The runs of a sweep in the order of its plan; ``sweep["max(b1.tip.x)"]`` are the values of a column.
 
     Attributes
@@ -61,18 +60,6 @@ class Sweep:
     def __len__(self) -> int:
         return self.plan.count
 
-    def __getitem__(self, name: str) -> Array:
-        """Return a column, shape (n_runs,).
-
-        Raises
-        ------
-        KeyError
-            If there is none of that name.
-        """
-        if name not in self.columns:
-            raise KeyError(f"no column '{name}': {did_you_mean(name, list(self.columns))}")
-        return self.columns[name]
-
     @property
     def paths(self) -> tuple[str, ...]:
         """Entries that are varied."""
@@ -82,17 +69,6 @@ class Sweep:
     def counts(self) -> dict[str, int]:
         """How many runs have each status."""
         return dict(Counter(status or "missing" for status in self.columns["status"].tolist()))
-
-    def to_dataframe(self) -> Any:
-        """Return the columns as a pandas DataFrame.
-
-        Raises
-        ------
-        ImportError
-            If pandas is not installed: hfsim does not need it.
-        """
-        pandas: Any = import_module("pandas")
-        return pandas.DataFrame(self.columns)
 
 
 def gathered(

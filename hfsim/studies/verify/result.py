@@ -98,7 +98,7 @@ def as_facts(result: Verification) -> dict[str, Any]:
         "status": "interrupted" if result.interrupted else "done",
         "held": result.held,
         "count": len(result.rows),
-        "used": result.used,
-        "seconds": dict(result.seconds),
+        "wall_s": result.used,
+        "cpu_s": dict(result.seconds),
         "rows": [{**asdict(row), "difference": row.difference} for row in result.rows],
     }

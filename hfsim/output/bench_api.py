@@ -1,0 +1,169 @@
+"""Error against run time, and the cost of the elastic force, from Python."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from hfsim.errors import ArgumentError
+from hfsim.marching.stop import Budget, Progress, nobody
+from hfsim.output.api import load
+from hfsim.output.arguments import AnyDeck, destination, finished, numbers, positive, several, workers
+from hfsim.output.study import study_of, time_to_draw
+from hfsim.simulate import check
+from hfsim.studies.compare import without_blind_channels
+
+if TYPE_CHECKING:
+    from hfsim.studies.bench import Bench
+    from hfsim.studies.separation.results import SeparationBench
+
+
+def bench(
+    deck: AnyDeck,
+    changes: Mapping[str, Any] | None = None,
+    *,
+    methods: Sequence[str] | str = (),
+    tolerances: Sequence[float] = (),
+    steps: Sequence[float] = (),
+    models: Sequence[str] | str = (),
+    elements: Sequence[int] = (),
+    degrees: Sequence[int] = (),
+    budget: float = 60.0,
+    repeats: int = 3,
+    jobs: int = 1,
+    dask: str = "",
+    dask_config: str | os.PathLike[str] | None = None,
+    output: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    plots: bool | str = True,
+    progress: Progress | None = None,
+) -> Bench:
+    """Measure error against CPU time for methods, tolerances, models and meshes; what ``hfsim bench`` does.
+
+    Parameters
+    ----------
+    deck, changes
+        As in `hfsim.load`.
+    methods, models : sequence of str
+        All methods, and the deck's model, without any.
+    tolerances, steps : sequence of float
+        Tolerances [-], 1e-3 to 1e-10 by decades without any; or fixed steps [s] in their place.
+    elements, degrees : sequence of int
+        Elements of each beam, and degrees of those of cable elements, 3 to 12; the deck's without any.
+    budget : float
+        CPU time that all may take [s].
+    repeats : int
+        How often short points are timed, for the median.
+    jobs : int
+        Processes; side by side, points disturb one another's times. 0 for all cores.
+    dask, dask_config, output, force
+        As in `hfsim.sweep`; nothing is written without `output`.
+    plots : bool or str
+        As of `hfsim.run`.
+    progress : callable, optional
+        Called with the share of the budget that is used, 0 to 1.
+
+    Returns
+    -------
+    Bench
+        ``found["error"]``, ``found["cpu_s"]`` and so on: arrays, a value for each point;
+        ``found.recommendations``; ``found.status`` is ``failed`` where there is no reference.
+
+    Raises
+    ------
+    DeckError, DeckNotFoundError
+        If the deck is bad.
+    ArgumentError
+        If an argument cannot be meant so.
+    FolderError, WriteError
+        If the folder must not or cannot be written to.
+    KeyboardInterrupt
+        If the keyboard or a signal ends it.
+    """
+    from hfsim.output.bench import publish_bench
+    from hfsim.studies.bench import Sweep
+    from hfsim.studies.bench import bench as measure
+
+    start = time.process_time()
+    positive(budget=budget)
+    wanted = Sweep(
+        several("methods", methods), several("models", models), numbers("tolerances", tolerances),
+        numbers("steps", steps), numbers("elements", elements, int), numbers("degrees", degrees, int),
+        _repeats(repeats),
+    )  # fmt: skip
+    to, where = destination(output, force, plots), workers(jobs, dask, dask_config)
+    base = load(deck, changes)
+    blind = without_blind_channels(base.changed, wanted.models, nobody)
+    loaded = (base.changed(blind) if blind else base).with_numbers()
+    check(loaded)
+    wanted, study = wanted.completed(loaded), study_of("bench", to, loaded)
+    drawing = 0.0 if to is None else time_to_draw(to.plots, budget)
+    if study is not None:
+        study.begin()
+    with where.executor(loaded.source.texts, timing=True) as executor:
+        allowed = Budget(budget - drawing, time.process_time, start, progress or nobody)
+        result = measure(loaded, wanted, allowed, executor)
+    if study is not None:
+        publish_bench(result, study)
+    finished(result.status, executor)
+    return result
+
+
+def separation(
+    *,
+    elements: Sequence[int] = (),
+    element: Sequence[str] | str = (),
+    states: Sequence[int] = (),
+    budget: float = 60.0,
+    repeats: int = 3,
+    output: str | os.PathLike[str] | None = None,
+    force: bool = False,
+    plots: bool | str = True,
+    progress: Progress | None = None,
+) -> SeparationBench:
+    """Time the ways to the elastic force, the paper's Table 1; what ``hfsim bench --separation`` does.
+
+    Parameters
+    ----------
+    elements, states : sequence of int
+        Numbers of elements; beams that move at once.
+    element : sequence of str
+        Kinds of element; all without any.
+    budget, repeats, output, force, plots, progress
+        As in `bench`.
+
+    Returns
+    -------
+    SeparationBench
+        ``cells`` with the times of each form; ``verdicts``; ``status`` is ``wrong`` where forms disagree.
+
+    Raises
+    ------
+    ArgumentError, FolderError, WriteError, KeyboardInterrupt
+        As of `bench`.
+    """
+    from hfsim.output.separation import publish_separation
+    from hfsim.studies.separation.measure import known_kinds, measure
+
+    start = time.process_time()
+    positive(budget=budget)
+    counts, batches = numbers("elements", elements, int), numbers("states", states, int)
+    kinds, times = known_kinds(several("element", element)), _repeats(repeats)
+    study = study_of("bench", destination(output, force, plots), "separation")
+    if study is not None:
+        study.begin()
+    allowed = Budget(budget, time.process_time, start, progress or nobody)
+    result = measure(counts, kinds, times, allowed, batches)
+    if study is not None:
+        publish_separation(result, study)
+    if result.status == "interrupted":
+        raise KeyboardInterrupt
+    return result
+
+
+def _repeats(repeats: int) -> int:
+    if repeats < 1:
+        raise ArgumentError(f"repeats is {repeats}: what is short is timed once at least")
+    return repeats
