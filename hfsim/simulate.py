@@ -102,6 +102,8 @@ def simulate(
             done = run_integration(scene, scene.deck.solve, stages.solving, record=record)
         legs = [Leg(scene, done, record.legs[-1])]
     run = assess(legs, record, clock, wish, outlines, course, stages.after)
+    for leg in legs:
+        leg.scene.recordings.clear()  # they hold what holds the scene: memory would wait for the collector
     stages.end()
     return run
 

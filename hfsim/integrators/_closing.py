@@ -11,7 +11,7 @@ from hfsim.integrators._iteration import End
 from hfsim.maths.arrays import Array
 from hfsim.maths.tape import Program, Tape
 from hfsim.maths.traced import Refused, plain
-from hfsim.mechanics.projection import CLOSER, SEEN, STEADIER, Projection
+from hfsim.mechanics.projection import CLOSER, SEEN, STEADIER, Projection, Weakly
 
 FUNCTIONS = (SEEN, CLOSER, STEADIER)
 """Programs, in the order in which they are recorded."""
@@ -55,7 +55,7 @@ class Closing:
         found = (list(map(plain, one)) for one in (seen, closer, steadier))
         self._found = dict(zip(FUNCTIONS, found, strict=True))
         self._q, self._v = plain(q), plain(v)
-        self._project = Projection(project.system, self._called)
+        self._project = Projection(project.system, Weakly(self._called))
 
     @classmethod
     def of(cls, tape: Tape, project: Any, t: Array, end: End) -> Closing | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import isfinite
 from threading import get_ident
 from typing import Any, ClassVar
+from weakref import ref
 
 import numpy as np
 
@@ -24,7 +25,6 @@ class Held:
 
     Attributes
     ----------
-    replay : Replay
     fastest, taken, ways
         As those of a `Derivative`.
     """
@@ -32,7 +32,14 @@ class Held:
     recordable: ClassVar[bool] = True
 
     def __init__(self, replay: Replay, fastest: float, taken: Array, ways: tuple[str, ...]) -> None:
-        self.replay, self.fastest, self.taken, self.ways = replay, fastest, taken, ways
+        self._replay, self.fastest, self.taken, self.ways = ref(replay), fastest, taken, ways
+
+    @property
+    def replay(self) -> Replay:
+        """The recording; it lives as long as the problem, and as it holds this, this does not hold it."""
+        found = self._replay()
+        assert found is not None
+        return found
 
     def apart(self, problem: Problem) -> Derivative:
         """Return the same in memory of its own."""

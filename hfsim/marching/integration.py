@@ -17,7 +17,7 @@ from hfsim.marching.stop import SHIELD, Progress, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
-from hfsim.mechanics.projection import Projection
+from hfsim.mechanics.projection import Projection, Weakly
 from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.vector_beam import VectorBeam
@@ -187,9 +187,10 @@ def problem_of(scene: Scene) -> Problem:
         recordings=scene.recordings,
         recharted=partial(_recharted, system) if any(chart.several for chart in system.charts) else None,
     )
-    problem.turns, problem.edges = Turns(system, problem.through), Edges(system, problem.through)
+    through = Weakly(problem.through)
+    problem.turns, problem.edges = Turns(system, through), Edges(system, through)
     if system.equations.constraints:
-        problem.project = Projection(system, problem.through)
+        problem.project = Projection(system, through)
     return problem
 
 

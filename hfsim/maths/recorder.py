@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -145,16 +146,18 @@ def _tried_on(memory: list[np.ndarray]) -> Iterator[None]:
             one[...] = np.nan
 
 
+def _bare(tape: Any, memory: list[np.ndarray], a: Any) -> Any:
+    """Return an argument with plain arrays, whose memory is added to that of the others."""
+    if isinstance(a, Traced):
+        memory.append(plain(a))
+        return _raw(tape, a)
+    return type(a)(_bare(tape, memory, one) for one in a) if type(a) in (list, tuple) else a
+
+
 def called(tape: Any, func: Any, args: Any, kwargs: Any) -> Any:
     """Do a function and write it down as a call of Python on the same memory."""
     memory: list[np.ndarray] = []
-
-    def bare(a: Any) -> Any:
-        if isinstance(a, Traced):
-            memory.append(plain(a))
-            return _raw(tape, a)
-        return type(a)(map(bare, a)) if type(a) in (list, tuple) else a
-
+    bare = partial(_bare, tape, memory)
     args, kwargs = bare(tuple(args)), {name: bare(value) for name, value in kwargs.items()}
     with tape.paused(), _tried_on(memory):
         value = func(*args, **kwargs)

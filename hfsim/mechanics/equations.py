@@ -62,6 +62,32 @@ class VariableMass(Protocol):
         """Return why no step leads on, where the smallest inertia is too far below that when straight."""
 
 
+class _Unconstrained:
+    """Gives M^-1 f for forces (n_batch, n) and a constant mass matrix, with ballast.
+
+    It holds no equations, since their solution by nodes holds it: memory would wait for the collector.
+    """
+
+    def __init__(self, mass: Matrix) -> None:
+        self._mass = mass
+
+    def __call__(self, f: Array) -> Array:
+        """Return M^-1 f."""
+        return outside(self._factor, f) if is_sparse(self._mass) else np.asarray(f @ self.inverse)
+
+    @cached_property
+    def _factor(self) -> Callable[[Array], Array]:
+        return factorised(self._mass)
+
+    @cached_property
+    def inverse(self) -> Array:
+        """Inverse of the constant blocks; zero in the rows of variable bodies."""
+        constant = self._mass.any(axis=1)
+        inverse = np.zeros_like(self._mass)
+        inverse[np.ix_(constant, constant)] = np.linalg.inv(self._mass[np.ix_(constant, constant)])
+        return np.asarray(inverse)
+
+
 @frozen
 class Equations:
     """Mass and constraints of a scene, with a choice of free coordinates.
@@ -125,15 +151,6 @@ class Equations:
         ballast = self.ballast
         return self.free_mass if ballast is None else self.free_mass + self.reduction.reduced(ballast)
 
-    @cached_property
-    def _inverse_mass(self) -> Array:
-        """Inverse of the constant mass blocks with ballast; zero in the rows of variable bodies."""
-        M = self._weighted_mass
-        constant = M.any(axis=1)
-        inverse = np.zeros_like(M)
-        inverse[np.ix_(constant, constant)] = np.linalg.inv(M[np.ix_(constant, constant)])
-        return np.asarray(inverse)
-
     def metric(self, jacobian: Matrix | None) -> tuple[Matrix, Array | None]:
         """Return a matrix with an inverse that is the constant mass matrix on all that joints allow.
 
@@ -192,7 +209,7 @@ class Equations:
         """Matrix W, shape (n_x, n), with z'' = f W, in small scenes whose matrices never change."""
         if self._changes or not self.phi.constant or is_sparse(self.constant_mass):
             return None
-        inverse = self._inverse_mass
+        inverse = self._unconstrained.inverse
         if self.constraints:
             rows = self.phi.at_joints(np.zeros((1, self.phi.n_x)))[0]
             Phi_z = rows @ self.reduction.basis[self.phi.support]
@@ -286,15 +303,9 @@ class Equations:
         """Whether joints are best solved with the few coordinates they depend on, in a large scene."""
         return self.once and len(self.phi.support) <= FEW
 
-    def _unconstrained(self, f: Array) -> Array:
-        """Return M^-1 f for forces (n_batch, n), with ballast."""
-        if is_sparse(self.constant_mass):
-            return outside(self._mass_factor, f)
-        return np.asarray(f @ self._inverse_mass)
-
     @cached_property
-    def _mass_factor(self) -> Callable[[Array], Array]:
-        return factorised(self._weighted_mass)
+    def _unconstrained(self) -> _Unconstrained:
+        return _Unconstrained(self._weighted_mass)
 
     @cached_property
     def _at_joints(self) -> tuple[Array, Array, Array]:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from types import MethodType
 from typing import Any, Protocol
+from weakref import ref
 
 import numpy as np
 
@@ -28,6 +30,32 @@ Through = Callable[[str, Callable[..., Any], tuple[Any, ...]], Any]
 def directly(name: str, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
     """Call a function."""
     return function(*given)
+
+
+class Weakly:
+    """Calls functions through a method that does so, directly where its object is gone.
+
+    What an object holds, and is called through it, would else hold the object until Python looks for
+    circles of references: it sees how many objects there are and not how much memory they hold.
+    """
+
+    def __init__(self, method: Through) -> None:
+        assert isinstance(method, MethodType)
+        # no WeakMethod: an interruption in what that does when the object goes would be lost
+        self._owner, self._method = ref(method.__self__), method.__func__
+
+    def __call__(self, name: str, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
+        """Call a function."""
+        owner = self._owner()
+        return function(*given) if owner is None else self._method(owner, name, function, given)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        owner = self._owner()
+        return (_direct, ()) if owner is None else (Weakly, (MethodType(self._method, owner),))
+
+
+def _direct() -> Through:
+    return directly
 
 
 class Constrained(Protocol):
