@@ -36,6 +36,16 @@ def test_a_run_gives_arrays_by_name_and_prints_nothing(capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_run_is_a_dictionary_of_its_columns():
+    run = hfsim.run(DECK, **QUICK)
+    names = ["t", "arm.tip.x", "arm.angle", "energy.total"]
+    assert list(run) == list(run.keys()) == list(run.columns) == list(dict(run)) == names
+    assert "arm.tip.x" in run and "arm.tip.c" not in run and 0 not in run
+    assert run["t"] is run.t
+    with pytest.raises(KeyError, match="no channel '0': known: t, arm"):
+        run[0]
+
+
 @pytest.mark.parametrize("changes", [{}, {"solve.target_error": 0.5, "solve.budget": 30.0}])
 def test_progress_ends_at_one(changes):
     told = []

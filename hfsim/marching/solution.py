@@ -7,7 +7,7 @@ from dataclasses import field, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-from hfsim.deck.source import did_you_mean
+from hfsim.marching.columns import Columns
 from hfsim.maths.frozen import frozen
 
 if TYPE_CHECKING:
@@ -71,8 +71,10 @@ class Fine(Protocol):
 
 
 @frozen
-class Run:
+class Run(Columns):
     """What one simulated model of one scene gives; ``run["b1.tip.x"]`` are the values of a channel.
+
+    Its columns are those of ``history.csv``: ``t``, then the channels, at the output times in SI units.
 
     Attributes
     ----------
@@ -112,6 +114,8 @@ class Run:
         Exit code this run alone would end the program with.
     """
 
+    _called = "channel"
+
     name: str
     model: str
     method: str
@@ -135,18 +139,10 @@ class Run:
         sizes = f"{times} time{'s' * (times != 1)}, {channels} channel{'s' * (channels != 1)}"
         return f"<Run {self.name}: {self.status}, {self.model}, {self.method}, {sizes}>"
 
-    def __getitem__(self, name: str) -> ndarray:
-        """Return the values of a channel at the output times, shape (n_times,), in its SI unit.
-
-        Raises
-        ------
-        KeyError
-            If the deck's output has no such channel.
-        """
-        for channel in self.channels:
-            if channel.name == name:
-                return channel.values
-        raise KeyError(f"no channel '{name}': {did_you_mean(name, [one.name for one in self.channels])}")
+    @property
+    def columns(self) -> dict[str, ndarray]:  # type: ignore[override]
+        """Times and channels by name, shape (n_times,) each."""
+        return {"t": self.t, **{channel.name: channel.values for channel in self.channels}}
 
     @property
     def drawn(self) -> Run:

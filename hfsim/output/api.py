@@ -20,6 +20,7 @@ from hfsim.output.arguments import (
     AnyDeck,
     deck_text,
     destination,
+    in_arguments,
     model_setting,
     no_deck,
     settings,
@@ -136,7 +137,11 @@ def run(
     loaded = _load(deck, [*settings(changes), *model_setting(model)])
     wish: dict[str, Any] = {"error_estimate": error_estimate, "diagnosis": diagnosis, "after": after}
     wish["outlines"] = True
-    result = carry_out(loaded, progress, **wish) if to is None else _written(loaded, progress, to, wish)
+    if to is None:
+        result = carry_out(loaded, progress, **wish)
+    else:
+        with in_arguments():
+            result = _written(loaded, progress, to, wish)
     result = replace(result, fine=None)  # the steps are many
     if check and result.status == "interrupted":
         raise KeyboardInterrupt(result.reason)

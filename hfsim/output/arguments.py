@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -16,6 +17,7 @@ from hfsim.output.pictures import FORMATS
 from hfsim.scene.loading import LoadedDeck
 
 if TYPE_CHECKING:
+    from hfsim.output.study import Study
     from hfsim.output.talk import Destination
     from hfsim.studies.cluster import Workers
     from hfsim.studies.farm import Executor
@@ -171,6 +173,30 @@ def finished(status: str, executor: Executor) -> None:
         raise KeyboardInterrupt
 
 
+_ARGUMENTS = {
+    "--force": "force=True",
+    "--resume": "resume=True",
+    "-o DIR": "another output",
+    "with -o": "as output",
+}
+"""What options of commands are called here."""
+
+
+@contextmanager
+def in_arguments() -> Iterator[None]:
+    """Say by arguments, not by options, what can be done about a folder that must not be written to."""
+    from hfsim.output.runfolder import FolderError
+    from hfsim.output.sweep_folder import ResumeError
+
+    try:
+        yield
+    except (FolderError, ResumeError) as error:
+        text = str(error)
+        for option, argument in _ARGUMENTS.items():
+            text = text.replace(option, argument)
+        raise type(error)(text) from None
+
+
 def check_format(plots: bool | str) -> None:
     """Refuse a format that pictures do not have."""
     if isinstance(plots, str) and plots not in FORMATS:
@@ -212,3 +238,20 @@ def place(output: str | os.PathLike[str]) -> Path:
     if not os.fspath(output):
         raise ArgumentError("output is empty: it names no folder; '.' is the current one")
     return Path(output)
+
+
+def study_in(kind: str, to: Destination | None, of: LoadedDeck | str) -> Study | None:
+    """Return the study of a deck, or of a name, with its folder granted and nothing of it told.
+
+    None where it is to be written nowhere.
+    """
+    from hfsim.output.study import Study
+    from hfsim.output.talk import Talk
+    from hfsim.output.writers import Provenance
+
+    if to is None:
+        return None
+    name = of if isinstance(of, str) else of.deck.name
+    about = {} if isinstance(of, str) else Provenance.of(of, of.source.file, of.overrides).facts()
+    with in_arguments():
+        return Study.claim(kind, to, name, Talk(quiet=True), about)

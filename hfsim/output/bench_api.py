@@ -10,8 +10,17 @@ from typing import TYPE_CHECKING, Any
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Budget, Progress, nobody
 from hfsim.output.api import load
-from hfsim.output.arguments import AnyDeck, destination, finished, numbers, positive, several, workers
-from hfsim.output.study import study_of, time_to_draw
+from hfsim.output.arguments import (
+    AnyDeck,
+    destination,
+    finished,
+    numbers,
+    positive,
+    several,
+    study_in,
+    workers,
+)
+from hfsim.output.study import time_to_draw
 from hfsim.simulate import check
 from hfsim.studies.compare import without_blind_channels
 
@@ -98,7 +107,7 @@ def bench(
     blind = without_blind_channels(base.changed, wanted.models, nobody)
     loaded = (base.changed(blind) if blind else base).with_numbers()
     check(loaded)
-    wanted, study = wanted.completed(loaded), study_of("bench", to, loaded)
+    wanted, study = wanted.completed(loaded), study_in("bench", to, loaded)
     drawing = 0.0 if to is None else time_to_draw(to.plots, budget)
     if study is not None:
         study.begin()
@@ -151,7 +160,7 @@ def separation(
     positive(budget=budget)
     counts, batches = numbers("elements", elements, int), numbers("states", states, int)
     kinds, times = known_kinds(several("element", element)), _repeats(repeats)
-    study = study_of("bench", destination(output, force, plots), "separation")
+    study = study_in("bench", destination(output, force, plots), "separation")
     if study is not None:
         study.begin()
     allowed = Budget(budget, time.process_time, start, progress or nobody)

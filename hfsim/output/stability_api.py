@@ -17,10 +17,11 @@ from hfsim.output.arguments import (
     one_of,
     positive,
     several,
+    study_in,
     values_text,
     workers,
 )
-from hfsim.output.study import study_of, time_to_draw
+from hfsim.output.study import time_to_draw
 from hfsim.studies.axes import NAMED, Axis, vary_path
 from hfsim.studies.compare import usual_models, without_blind_channels
 from hfsim.studies.limits import Limits, limits_of_models
@@ -121,7 +122,7 @@ def stability(
     loaded = _loaded(base, asked.models)
     drawing = 0.0 if to is None else time_to_draw(to.plots, budget)
     plan = asked.plan(usual, where.jobs, time.perf_counter() - start + drawing)
-    study = study_of("stability", to, loaded)
+    study = study_in("stability", to, loaded)
     with where.executor(loaded.source.texts) as executor:
         result = stability_map(loaded, plan, bisect, progress or nobody, ending, executor)
     if study is not None:
@@ -175,7 +176,7 @@ def limits(
     loaded = _loaded(load(deck, changes), asked.models)
     wanted = asked.models or (loaded.deck.solve.model,)
     plan = asked.plan(wanted, where.jobs, time.perf_counter() - start)
-    study = study_of("stability", to, loaded)
+    study = study_in("stability", to, loaded)
     with where.executor(loaded.source.texts) as executor:
         found = limits_of_models(loaded, wanted, plan.methods, plan.seconds, limit, where.jobs, executor)
     if study is not None:

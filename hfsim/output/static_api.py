@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import UnfinishedRunError
 from hfsim.output.api import folder_for, load
-from hfsim.output.arguments import AnyDeck, destination, several
+from hfsim.output.arguments import AnyDeck, destination, in_arguments, several
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
@@ -67,7 +67,8 @@ def static(
 
     to = destination(output, force, plots)
     loaded = load(deck, changes).with_numbers()
-    folder = None if to is None else folder_for(loaded, to)
+    with in_arguments():
+        folder = None if to is None else folder_for(loaded, to)
     result = run_static(loaded, Wish(at, path, buckling, None if vary is None else several("vary", vary)))
     if folder is not None:
         from hfsim.output.recording import save_run

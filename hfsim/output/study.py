@@ -24,7 +24,6 @@ from hfsim.output.talk import Destination, Talk
 if TYPE_CHECKING:
     from hfsim.output.runfolder import RunFolder
     from hfsim.output.text import Column
-    from hfsim.scene.loading import LoadedDeck
 
 Page: TypeAlias = "Callable[[Mapping[str, Any], Path], str]"
 """Makes a page of HTML of the facts of a study and the folder with its pictures."""
@@ -53,20 +52,6 @@ def claim_study(kind: str, to: Destination, name: str) -> RunFolder:
     if (path / marker).exists() and not to.force:
         raise FolderError(f"{path} already holds a study; use --force to replace it, or -o DIR")
     return claim(path, to.force, marker)
-
-
-def study_of(kind: str, to: Destination | None, of: LoadedDeck | str) -> Study | None:
-    """Return the study of a deck, or of a name, that Python asks for: nothing of it is told.
-
-    None where it is to be written nowhere; see `claim_study`.
-    """
-    from hfsim.output.writers import Provenance
-
-    if to is None:
-        return None
-    name = of if isinstance(of, str) else of.deck.name
-    about = {} if isinstance(of, str) else Provenance.of(of, of.source.file, of.overrides).facts()
-    return Study.claim(kind, to, name, Talk(quiet=True), about)
 
 
 @dataclass(frozen=True)

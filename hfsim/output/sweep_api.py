@@ -7,12 +7,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
 from hfsim.output.api import load
 from hfsim.output.arguments import (
     AnyDeck,
     destination,
     finished,
+    in_arguments,
     mapping,
     one_of,
     positive,
@@ -189,12 +191,15 @@ class _Work(NamedTuple):
     def done(self, asked: Asked, loaded: LoadedDeck) -> tuple[Sweep, Wanted]:
         """Do what is asked for; return all of its runs, and what they are."""
         positive(limit=asked.limit)
+        if self.resume and self.to is not None and self.to.force:
+            raise ArgumentError("resume and force are one or the other")
         wanted = wanted_of(asked, loaded.with_numbers(), nobody, self.keep)
         told, texts = self.progress or nobody, wanted.loaded.source.texts
         with self.workers.executor(texts) as executor:
             if self.to is None:
                 result = perform(wanted, executor, Rows(wanted.plan), told)
             else:
-                result = into_folder(wanted, executor, self.to, Talk(quiet=True), told, self.resume)
+                with in_arguments():
+                    result = into_folder(wanted, executor, self.to, Talk(quiet=True), told, self.resume)
         finished(result.status, executor)
         return result, wanted

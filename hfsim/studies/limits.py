@@ -21,12 +21,12 @@ import numpy as np
 
 from hfsim.integrators import METHODS, Trajectory, choose, integrator
 from hfsim.marching.balance import balance, step_samples
+from hfsim.marching.columns import Columns, as_columns
 from hfsim.marching.integration import run_integration
 from hfsim.marching.stop import Budget, TimeUp
 from hfsim.maths.arrays import Array
 from hfsim.scene.build import Scene, build
 from hfsim.scene.loading import LoadedDeck, parse_deck
-from hfsim.studies.columns import Columns, as_columns
 from hfsim.studies.farm import Executor, Farm, Outcome, Task
 from hfsim.studies.spectra import LimitsError, Spectrum, along, fastest_mode, spectrum
 

@@ -134,3 +134,28 @@ def test_values_of_all_kinds_are_varied(deck):
 def test_pictures_of_a_sweep_have_the_format_asked_for(deck, tmp_path):
     hfsim.sweep(deck, VARY, "final(hub.angle)", SHORT, error_estimate=False, jobs=1, output=tmp_path / "s", plots="svg")
     assert {file.suffix for file in (tmp_path / "s/plots").iterdir()} == {".svg"}
+
+
+def test_what_can_be_done_about_a_folder_is_said_by_arguments(deck, tmp_path):
+    quick = {"error_estimate": False, "plots": False}
+    sweep = {"vary": VARY, "collect": "final(hub.angle)", "changes": SHORT, "jobs": 1, **quick, "output": tmp_path / "s"}
+    hfsim.sweep(deck, **sweep)
+    with pytest.raises(hfsim.HfsimError, match=r"sweep: resume=True does what is missing of it, force=True replaces it"):
+        hfsim.sweep(deck, **sweep)
+    with pytest.raises(hfsim.HfsimError, match="resume and force are one or the other"):
+        hfsim.sweep(deck, **sweep, resume=True, force=True)
+    with pytest.raises(hfsim.HfsimError, match="use force=True without resume=True to begin anew"):
+        hfsim.sweep(deck, **{**sweep, "vary": {"bodies.hub.mass": [1.0, 3.0]}}, resume=True)
+    assert hfsim.sweep(deck, **sweep, resume=True)["status"].tolist() == ["done", "done"]
+    hfsim.run(deck, SHORT, **quick, output=tmp_path / "r")
+    with pytest.raises(hfsim.HfsimError, match="finished run; use force=True to replace it, or another output to go"):
+        hfsim.run(deck, SHORT, **quick, output=tmp_path / "r")
+    with pytest.raises(hfsim.HfsimError, match="finished run; use force=True"):
+        hfsim.static(deck, output=tmp_path / "r")
+    with pytest.raises(hfsim.HfsimError, match="name a folder as output"):
+        hfsim.run(deck, SHORT, **quick, output="-")
+    steps = {"step": [1e-2], "methods": "gauss", "models": "exact", "jobs": 1, "plots": False, "output": tmp_path / "m"}
+    hfsim.stability(deck, None, SHORT, **steps)
+    with pytest.raises(hfsim.HfsimError, match="already holds a study; use force=True to replace it, or another output"):
+        hfsim.stability(deck, None, SHORT, **steps)
+    assert hfsim.stability(deck, None, SHORT, **steps, force=True).status == "done"

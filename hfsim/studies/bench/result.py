@@ -6,10 +6,10 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
+from hfsim.marching.columns import Columns, as_columns
 from hfsim.maths.arrays import Array
 from hfsim.studies.bench.advice import pareto, recommendations
 from hfsim.studies.bench.points import Cell, Point
-from hfsim.studies.columns import Columns, as_columns
 from hfsim.studies.timing import in_files
 
 _NAMES = (

@@ -6,8 +6,8 @@ from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
+from hfsim.marching.columns import Columns, as_columns
 from hfsim.maths.arrays import Array
-from hfsim.studies.columns import Columns, as_columns
 from hfsim.studies.timing import Spread, in_files
 
 AGREEMENT = 1e-11

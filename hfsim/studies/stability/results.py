@@ -9,9 +9,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from hfsim.deck.ranges import Value
+from hfsim.marching.columns import Columns, as_columns
 from hfsim.maths.arrays import Array
 from hfsim.studies.axes import Axis
-from hfsim.studies.columns import Columns, as_columns
 from hfsim.studies.stability.verdict import CLASSES, NO_TRIAL, Bounds, Trial, Verdict
 
 Wanted: TypeAlias = "tuple[tuple[Value, ...], str, str]"

@@ -13,10 +13,10 @@ from hfsim.deck.overrides import unit_of
 from hfsim.deck.quantities import read_quantity
 from hfsim.deck.ranges import Value
 from hfsim.deck.source import path_in
+from hfsim.marching.columns import Columns
 from hfsim.maths.arrays import Array
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.collect import unit_of_quantity
-from hfsim.studies.columns import Columns
 from hfsim.studies.sweep.plan import Plan
 from hfsim.studies.sweep.work import FACTS, Row
 
