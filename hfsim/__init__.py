@@ -13,7 +13,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from hfsim.errors import DeckError, HfsimError, UnfinishedRunError
+    from hfsim.errors import DeckError, HfsimError, Interrupted, UnfinishedRunError
     from hfsim.marching.solution import Run
     from hfsim.output.api import Deck, check, compare, load, run, verify
     from hfsim.output.bench_api import bench, separation
@@ -32,7 +32,7 @@ __version__ = "0.1.0"
 
 _PLACES = {
     **dict.fromkeys(("Deck", "check", "compare", "load", "run", "verify"), "hfsim.output.api"),
-    **dict.fromkeys(("DeckError", "HfsimError", "UnfinishedRunError"), "hfsim.errors"),
+    **dict.fromkeys(("DeckError", "HfsimError", "Interrupted", "UnfinishedRunError"), "hfsim.errors"),
     **dict.fromkeys(("campbell", "modes"), "hfsim.output.modes_api"),
     "Run": "hfsim.marching.solution",
     "Bench": "hfsim.studies.bench",
@@ -49,8 +49,8 @@ _PLACES = {
 """Where each public name stands."""
 
 __all__ = [
-    "Bench", "Comparison", "Deck", "DeckError", "HfsimError", "Limits", "Run", "StabilityMap", "Sweep",
-    "UnfinishedRunError", "Verification",
+    "Bench", "Comparison", "Deck", "DeckError", "HfsimError", "Interrupted", "Limits", "Run", "StabilityMap",
+    "Sweep", "UnfinishedRunError", "Verification",
     "bench", "campbell", "check", "compare", "limits", "load", "modes", "run", "sensitivity", "separation",
     "stability", "static", "sweep", "verify",
 ]  # fmt: skip

@@ -151,6 +151,14 @@ class Terminated(KeyboardInterrupt):
         self.name = name
 
 
+class Interrupted(KeyboardInterrupt):
+    """An interruption of a call from Python; ``found`` is what it would return, as far as it came."""
+
+    def __init__(self, words: str, found: Any = None) -> None:
+        super().__init__(words)
+        self.found = found
+
+
 INTERRUPTIONS = (130, 143)
 """Exit codes of a program that a signal has ended."""
 

@@ -1,6 +1,7 @@
 """hfsim from Python: decks in all their forms, results by name, errors as exceptions, nothing printed."""
 
 import json
+import pickle
 import sys
 import types
 
@@ -91,6 +92,40 @@ def test_a_run_that_fails_is_an_exception_that_keeps_what_there_is():
     assert len(error.value.run["arm.tip.x"]) == 2
     assert error.value.exit_code == 5
     assert hfsim.run(DECK, changes, check=False, **QUICK).status == "limit"
+
+
+def interruption(share):
+    """Return what interrupts a call once, beyond a share of its work."""
+    waiting = [KeyboardInterrupt()]
+
+    def told(done):
+        if done > share and waiting:
+            raise waiting.pop()
+
+    return told
+
+
+@pytest.mark.parametrize("check", [True, False])
+@pytest.mark.parametrize("done", [False, True])
+def test_an_interruption_ends_a_call_and_keeps_what_there_is(check, done, monkeypatch):
+    """Also after the end of a run, while errors are estimated, and where runs that fail are no errors."""
+    told = interruption(0.3)
+    if done:
+        monkeypatch.setattr("hfsim.trust.error.time_error", lambda *given: told(1.0))
+    with pytest.raises(KeyboardInterrupt, match="interrupted") as stop:
+        hfsim.run(DECK, progress=None if done else told, check=check, after=float(done))
+    found = stop.value.found
+    assert (found.status, found.exit_code) == ("done" if done else "interrupted", 130)
+    assert len(found.t) == 6 if done else 0 < len(found.t) < 6
+    assert isinstance(stop.value, hfsim.Interrupted)
+    again = pickle.loads(pickle.dumps(hfsim.Interrupted("words", 3)))
+    assert (str(again), again.found) == ("words", 3)
+
+
+def test_what_a_study_has_found_before_an_interruption_is_kept():
+    with pytest.raises(hfsim.Interrupted) as stop:
+        hfsim.compare(DECK, ["linear", "exact"], repeats=1, progress=interruption(0.4))
+    assert stop.value.found.interrupted and stop.value.found.runs
 
 
 def test_results_go_to_a_folder_as_from_the_command_line(tmp_path):

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from hfsim import simulate as pipeline
-from hfsim.errors import ArgumentError, UnfinishedRunError
+from hfsim.errors import INTERRUPTIONS, ArgumentError, Interrupted, UnfinishedRunError
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Progress, nobody
 from hfsim.output.arguments import (
@@ -111,7 +111,7 @@ def run(
     progress : callable, optional
         Called with the share of all the work that is done, 0 to 1.
     check : bool
-        Whether a run that does not reach its end is an error; if not, its ``status`` and ``reason`` tell.
+        Whether a run that fails or meets a limit is an error; if not, its ``status`` and ``reason`` tell.
 
     Returns
     -------
@@ -126,8 +126,8 @@ def run(
         If there is no such format of pictures or time, or the folder has no name.
     UnfinishedRunError
         If the run fails or a limit stops it; ``error.run`` has what was computed until then.
-    KeyboardInterrupt
-        If the keyboard or a signal ends it.
+    Interrupted
+        If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     FolderError, WriteError
         If the folder must not or cannot be written to.
     """
@@ -143,8 +143,8 @@ def run(
         with in_arguments():
             result = _written(loaded, progress, to, wish)
     result = replace(result, fine=None)  # the steps are many
-    if check and result.status == "interrupted":
-        raise KeyboardInterrupt(result.reason)
+    if result.exit_code in INTERRUPTIONS:
+        raise Interrupted(result.reason, result)
     if check and result.exit_code:
         raise UnfinishedRunError(result)
     return result
@@ -276,8 +276,8 @@ def compare(
         If the deck is bad, with any of the models.
     HfsimError
         If a model or channel cannot be compared.
-    KeyboardInterrupt
-        If the keyboard or a signal ends it.
+    Interrupted
+        If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     """
     from hfsim.studies import compare as study
     from hfsim.studies.farm import Here
@@ -292,7 +292,7 @@ def compare(
     prepared = study.prepare(base.changed, chosen, reference, several("channels", channels), nobody)
     found = study.carry_out(prepared, max_error, repeats, Here(), progress, error_estimate)
     if found.interrupted:
-        raise KeyboardInterrupt
+        raise Interrupted("interrupted from the keyboard", found)
     return found
 
 
@@ -320,8 +320,8 @@ def verify(
     ------
     DeckError, DeckNotFoundError
         If a deck is bad, or has no such entry.
-    KeyboardInterrupt
-        If the keyboard or a signal ends it.
+    Interrupted
+        If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     """
     from hfsim.studies import verify as study
 
@@ -331,7 +331,7 @@ def verify(
     found = (shipped.get(each, each) if isinstance(each, str) else each for each in named)
     result = study.verify([study.entry_of(load(each)) for each in found], jobs, progress or nobody)
     if result.interrupted:
-        raise KeyboardInterrupt
+        raise Interrupted("interrupted from the keyboard", result)
     return result
 
 

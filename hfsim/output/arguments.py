@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from hfsim.deck.ranges import written
 from hfsim.deck.source import Setting, did_you_mean
-from hfsim.errors import ArgumentError
+from hfsim.errors import ArgumentError, Interrupted
 from hfsim.output.pictures import FORMATS
 from hfsim.scene.loading import LoadedDeck
 
@@ -163,14 +163,14 @@ def workers(jobs: int, dask: str, dask_config: str | os.PathLike[str] | None) ->
     return Workers(jobs or os.cpu_count() or 1, dask, None if dask_config is None else Path(dask_config))
 
 
-def finished(status: str, executor: Executor) -> None:
+def finished(found: Any, status: str, executor: Executor) -> None:
     """Raise what has ended a study before its end: a cluster that was lost, or a signal."""
     from hfsim.studies.cluster import ClusterLost
 
     if executor.lost:
         raise ClusterLost(executor.lost)
     if status == "interrupted":
-        raise KeyboardInterrupt
+        raise Interrupted("interrupted from the keyboard", found)
 
 
 _ARGUMENTS = {

@@ -7,7 +7,7 @@ import time
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from hfsim.errors import ArgumentError
+from hfsim.errors import ArgumentError, Interrupted
 from hfsim.marching.stop import Budget, Progress, nobody
 from hfsim.output.api import load
 from hfsim.output.arguments import (
@@ -88,8 +88,8 @@ def bench(
         If an argument cannot be meant so.
     FolderError, WriteError
         If the folder must not or cannot be written to.
-    KeyboardInterrupt
-        If the keyboard or a signal ends it.
+    Interrupted
+        If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     """
     from hfsim.output.bench import publish_bench
     from hfsim.studies.bench import Sweep
@@ -116,7 +116,7 @@ def bench(
         result = measure(loaded, wanted, allowed, executor)
     if study is not None:
         publish_bench(result, study)
-    finished(result.status, executor)
+    finished(result, result.status, executor)
     return result
 
 
@@ -150,7 +150,7 @@ def separation(
 
     Raises
     ------
-    ArgumentError, FolderError, WriteError, KeyboardInterrupt
+    ArgumentError, FolderError, WriteError, Interrupted
         As of `bench`.
     """
     from hfsim.output.separation import publish_separation
@@ -168,7 +168,7 @@ def separation(
     if study is not None:
         publish_separation(result, study)
     if result.status == "interrupted":
-        raise KeyboardInterrupt
+        raise Interrupted("interrupted from the keyboard", result)
     return result
 
 

@@ -99,8 +99,8 @@ def stability(
         If an argument cannot be meant so.
     FolderError, WriteError
         If the folder must not or cannot be written to.
-    KeyboardInterrupt
-        If the keyboard or a signal ends it.
+    Interrupted
+        If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has what there is.
     """
     from hfsim.output.stability import publish_map
     from hfsim.studies.stability.maps import stability_map
@@ -127,7 +127,7 @@ def stability(
         result = stability_map(loaded, plan, bisect, progress or nobody, ending, executor)
     if study is not None:
         publish_map(result, study, ending)
-    finished(result.status, executor)
+    finished(result, result.status, executor)
     return result
 
 
@@ -164,7 +164,7 @@ def limits(
     ------
     LimitsError
         If the scene has nothing that swings, or too many unknowns.
-    DeckError, ArgumentError, FolderError, KeyboardInterrupt
+    DeckError, ArgumentError, FolderError, Interrupted
         As of `hfsim.stability`.
     """
     from hfsim.output.limits import publish_limits
@@ -181,7 +181,7 @@ def limits(
         found = limits_of_models(loaded, wanted, plan.methods, plan.seconds, limit, where.jobs, executor)
     if study is not None:
         publish_limits(found, study)
-    finished("interrupted" if found[-1].interrupted else "done", executor)
+    finished(tuple(found), "interrupted" if found[-1].interrupted else "done", executor)
     return tuple(found)
 
 

@@ -106,8 +106,9 @@ def sweep(
         If the deck is bad, or refuses what is varied.
     HfsimError
         If the sweep cannot be made as it is asked for, or the folder must not be written to.
-    KeyboardInterrupt
-        If the keyboard or a signal ends it.
+    Interrupted
+        If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has the runs that have
+        ended.
     """
     said = mapping("vary", vary, '{"bodies.b1.length": [1.0, 1.2]}')
     asked = Asked(
@@ -164,8 +165,9 @@ def sensitivity(
         If the deck is bad, or refuses what is varied.
     HfsimError
         If the deck's own run fails, or the folder must not be written to.
-    KeyboardInterrupt
-        If the keyboard or a signal ends it.
+    Interrupted
+        If the keyboard or a signal ends it: a KeyboardInterrupt, ``error.found`` has the runs that have
+        ended.
     """
     values = vary if isinstance(vary, Mapping) else dict.fromkeys(several("vary", vary))
     texts = {path: "" if value is None else value_text("vary", value) for path, value in values.items()}
@@ -201,5 +203,5 @@ class _Work(NamedTuple):
             else:
                 with in_arguments():
                     result = into_folder(wanted, executor, self.to, Talk(quiet=True), told, self.resume)
-        finished(result.status, executor)
+        finished(result, result.status, executor)
         return result, wanted
