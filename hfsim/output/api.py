@@ -13,6 +13,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from hfsim import simulate as pipeline
+from hfsim.deck.source import refuse_unknown
 from hfsim.errors import INTERRUPTIONS, ArgumentError, Interrupted, UnfinishedRunError
 from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Progress, nobody
@@ -26,6 +27,7 @@ from hfsim.output.arguments import (
     settings,
     several,
 )
+from hfsim.parts.bodies.models import MODELS
 from hfsim.scene.loading import LoadedDeck, load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
 
@@ -289,6 +291,7 @@ def compare(
     base = load(deck, changes)
     wanted = study.usual_models(base.changed, nobody) if models is None else several("models", models)
     chosen = study.chosen_models(wanted, reference)
+    refuse_unknown("model", chosen, MODELS)
     prepared = study.prepare(base.changed, chosen, reference, several("channels", channels), nobody)
     found = study.carry_out(prepared, max_error, repeats, Here(), progress, error_estimate)
     if found.interrupted:

@@ -72,6 +72,8 @@ def test_a_text_is_one_name(deck):
     found = hfsim.sweep(deck, VARY, "final(hub.angle)", SHORT, error_estimate=False, jobs=1)
     assert found.collected == ("final(hub.angle)",)
     assert list(hfsim.compare(deck, "rigid", SHORT, reference="rigid", channels="hub.angle", repeats=1).runs) == ["rigid"]
+    with pytest.raises(hfsim.HfsimError, match=r"^there is no model 'exakt' "):
+        hfsim.compare(deck, "exakt")
     with pytest.raises(hfsim.HfsimError, match="models is of type int"):
         hfsim.compare(deck, 3)
     with pytest.raises(hfsim.HfsimError, match=r"collect has an entry of type int"):
