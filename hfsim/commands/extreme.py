@@ -84,8 +84,7 @@ _CSV = (
     Column("cause", "verdict.cause"),
     Column("item", "verdict.item"),
     Column("holds", lambda case: not case.misses),
-    *(Column(key, f"trial.{key}") for key in ("status", "end", "steps")),
-    Column("cpu_s", "trial.cpu"),
+    *(Column(key, f"trial.{key}") for key in ("status", "end", "steps", "cpu")),
     *(Column(key, f"verdict.{key}") for key in ("time_error", "energy_drift", "growth")),
     Column("misses", lambda case: "; ".join(case.misses)),
     Column("reason", "verdict.reason"),
@@ -124,8 +123,8 @@ def as_facts(result: Extreme) -> dict[str, Any]:
     ]
     return {
         "status": "interrupted" if result.interrupted else "done",
-        "budget_s": result.seconds,
-        "wall_s": result.used,
+        "seconds": result.seconds,
+        "used": result.used,
         "cases": cases,
         "held": result.held,
         "sound": sound,

@@ -62,7 +62,7 @@ _OF_CELL = ("unknowns", "mesh_error", "model_error", "floor")
 _OF_ERROR = ("unit", "max_abs", "max_relative", "rms_relative", "below_floor", "judged")
 
 COLUMNS = (
-    *(Column(name, f"point.{of}") for name, of in OF_POINT.items()),
+    *(Column(name, f"point.{name}") for name in OF_POINT),
     *(Column(name, f"cell.{name}") for name in _OF_CELL),
     Column("channel", _of_error("channel")),
     *(Column(f"channel_{name}", _of_error(name)) for name in _OF_ERROR),

@@ -77,7 +77,7 @@ def bench(
     Returns
     -------
     Bench
-        ``found["error"]``, ``found["cpu_s"]`` and so on: arrays, a value for each point;
+        ``found["error"]``, ``found["cpu"]`` and so on: arrays, a value for each point;
         ``found.recommendations``; ``found.status`` is ``failed`` where there is no reference.
 
     Raises

@@ -46,12 +46,9 @@ COLUMNS = (
         for name in ("max_abs", "max_relative", "rms", "time_of_max", "first_exceeded")
     ),
     *(Column(name, f"scale.{name}") for name in ("reference_range", "scale", "small", "judged")),
-    *(Column(name, f"model.{name}") for name in ("status", "stop_time")),
-    Column("solve_cpu_s", "model.solve_cpu"),
-    Column("adequate", "model.adequate"),
+    *(Column(name, f"model.{name}") for name in ("status", "stop_time", "solve_cpu", "adequate")),
     *(Column(name, _of_found(name)) for name in ("time_error", "beyond", "equal")),
-    *(Column(f"{name}_s", f"model.{name}") for name in ("solve_cpu_min", "solve_cpu_max")),
-    Column("coordinates", "model.coordinates"),
+    *(Column(name, f"model.{name}") for name in ("solve_cpu_min", "solve_cpu_max", "coordinates")),
     Column("group", "scale.group"),
 )
 """Columns of ``compare.csv``."""

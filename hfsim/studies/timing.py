@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,23 +13,6 @@ from hfsim.marching.solution import Run
 from hfsim.marching.stop import Budget, Progress
 from hfsim.scene.build import Scene
 from hfsim.scene.schema import SolveSpec
-
-
-def in_files(facts: Mapping[str, Any]) -> dict[str, Any]:
-    """Return facts with times under the keys that they have in files, which end in ``_s``.
-
-    Examples
-    --------
-    >>> in_files({"method": "gauss", "cpu": 0.1, "budget": 60.0})
-    {'method': 'gauss', 'cpu_s': 0.1, 'budget_s': 60.0}
-    """
-    return {f"{key}_s" if key in _TIMES else key: value for key, value in facts.items()}
-
-
-_TIMES = {
-    *("budget", "cpu", "cpu_min", "cpu_max", "reference_cpu"),
-    *("solve_cpu", "solve_cpu_min", "solve_cpu_max"),
-}
 
 
 @dataclass(frozen=True)

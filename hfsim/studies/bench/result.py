@@ -10,15 +10,13 @@ from hfsim.marching.columns import Columns, as_columns
 from hfsim.maths.arrays import Array
 from hfsim.studies.bench.advice import pareto, recommendations
 from hfsim.studies.bench.points import Cell, Point
-from hfsim.studies.timing import in_files
 
-_NAMES = (
+OF_POINT = (
     "model", "elements", "degree", "method", "tolerance", "step", "status", "reason", "cpu", "cpu_min",
     "cpu_max", "repeats", "steps", "rejected", "newton_iterations", "evaluations", "factorisations",
     "energy_drift", "error", "rms_error", "worst_channel", "below_floor", "total_error", "exact_error",
 )  # fmt: skip
-OF_POINT = in_files({name: name for name in _NAMES})
-"""What tables have of a point, by the keys that it has there."""
+"""What tables have of a point."""
 
 
 @dataclass(frozen=True)
@@ -57,9 +55,7 @@ class Bench(Columns):
     @cached_property
     def columns(self) -> dict[str, Array]:  # type: ignore[override]
         """A row for each point, as columns: an array each by name."""
-        return as_columns(
-            [{key: getattr(p, name) for key, name in OF_POINT.items()} for p in self.points]
-        )
+        return as_columns([{name: getattr(p, name) for name in OF_POINT} for p in self.points])
 
     def points_of(self, cell: Cell) -> list[Point]:
         """Return the points of one cell."""
@@ -90,8 +86,4 @@ def as_facts(result: Bench) -> dict[str, Any]:
     fronts = [pareto(result.points_of(cell)) for cell in result.cells]
     facts = [[{key: getattr(p, key) for key in keys} for p in front] for front in fronts]
     groups = next((cell.groups for cell in result.cells if cell.groups), ())
-    found = in_files(asdict(result))
-    found["cpu_s"] = found.pop("used")
-    for part in ("cells", "points"):
-        found[part] = [in_files(one) for one in found[part]]
-    return {**found, "pareto": facts, "groups": groups, "recommendations": result.recommendations}
+    return {**asdict(result), "pareto": facts, "groups": groups, "recommendations": result.recommendations}

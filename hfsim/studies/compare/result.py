@@ -10,7 +10,6 @@ from hfsim.marching.distance import ChannelScale
 from hfsim.marching.solution import Run
 from hfsim.studies.compare.difference import Difference
 from hfsim.studies.compare.words import ending, percent
-from hfsim.studies.timing import in_files
 
 
 @dataclass(frozen=True)
@@ -201,7 +200,7 @@ def as_facts(comparison: Comparison) -> dict[str, Any]:
     """Return the comparison as JSON-ready facts (``compare.json``)."""
     facts = asdict(replace(comparison, runs={}))
     del facts["runs"]
-    facts["models"] = {model.pop("model"): in_files(model) for model in facts["models"]}
+    facts["models"] = {model.pop("model"): model for model in facts["models"]}
     scales = [{**scale._asdict(), "group": scale.group} for scale in comparison.scales]
     facts["scales"] = {scale.pop("channel"): scale for scale in scales}
     return {"status": comparison.status, **facts, "sentence": comparison.sentence}

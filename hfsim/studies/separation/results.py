@@ -8,7 +8,7 @@ from typing import Any
 
 from hfsim.marching.columns import Columns, as_columns
 from hfsim.maths.arrays import Array
-from hfsim.studies.timing import Spread, in_files
+from hfsim.studies.timing import Spread
 
 AGREEMENT = 1e-11
 """Largest difference from the direct form that counts as round-off, for one element; n elements have n^2
@@ -182,10 +182,8 @@ def _form_row(form: dict[str, Any]) -> dict[str, object]:
 
 def as_facts(result: SeparationBench) -> dict[str, Any]:
     """Return the study as JSON-ready facts (``bench.json``)."""
-    facts = in_files(asdict(result))
-    facts["cpu_s"] = facts.pop("used")
     return {
-        **facts,
+        **asdict(result),
         "paper_ratio": PAPER_RATIO,
         "goals": GOALS,
         "best": {name: best[0].run_ratio if (best := result.best(name)) else None for name in GOALS},

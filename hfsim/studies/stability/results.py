@@ -79,8 +79,7 @@ class MapPoint:
             "model": self.model,
             "method": self.method,
             "class": self.outcome,
-            **{key: getattr(trial, key) for key in ("status", "end", "steps")},
-            "cpu_s": trial.cpu,
+            **{key: getattr(trial, key) for key in ("status", "end", "steps", "cpu")},
             **{key: getattr(verdict, key) for key in _OF_VERDICT},
         }
 

@@ -98,7 +98,7 @@ def as_facts(result: Verification) -> dict[str, Any]:
         "status": "interrupted" if result.interrupted else "done",
         "held": result.held,
         "count": len(result.rows),
-        "wall_s": result.used,
-        "cpu_s": dict(result.seconds),
+        "used": result.used,
+        "seconds": dict(result.seconds),
         "rows": [{**asdict(row), "difference": row.difference} for row in result.rows],
     }
