@@ -13,7 +13,7 @@ from hfsim.errors import SolverFailure
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.matrices import is_sparse
 from hfsim.maths.rotations import wrap
-from hfsim.mechanics.body import Body
+from hfsim.mechanics.body import Body, VectorBody
 from hfsim.mechanics.force import ConstantForce, ForcePart
 from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.point_loads import Load
@@ -283,8 +283,21 @@ def gauge_of(scene: Assembled) -> Gauge:
     starts = np.array([body.columns.start for _, body in bodies])
     axes: list[IntArray] = [np.zeros((0, 3), dtype=np.intp)]
     axes += [one.axes.reshape(-1, 3) for _, body in bodies if (one := body.carried()) is not None]
+    turning = np.zeros(system.n_x)
+    for _, body in bodies:
+        columns = _directions(body)
+        turning[columns] = 1.0 / max(1, len(columns))
     metric = metric.tocsr() if is_sparse(metric) else metric
-    return Gauge(metric, starts, np.array(sizes), np.concatenate(axes))
+    return Gauge(metric, starts, np.array(sizes), np.concatenate(axes), turning)
+
+
+def _directions(body: Body) -> IntArray:
+    """Return the coordinates of vectors that turn with a body, (n_directions, n_dim)."""
+    if isinstance(body, VectorBody):
+        columns = np.arange(body.columns.start, body.columns.stop).reshape(-1, body.n_dim)
+        return np.asarray(columns[body.positions == 0.0])
+    own = body.carried()
+    return np.zeros((0, 3), dtype=np.intp) if own is None else own.axes.reshape(-1, 3)
 
 
 def rigid_motions(scene: Assembled, x: Array, bodies: Collection[str] | None = None) -> Array:

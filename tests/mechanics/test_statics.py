@@ -201,6 +201,56 @@ def test_a_pendulum_that_stands_upright_is_told_to_be_unstable():
     assert found.values[0] == pytest.approx(-1.5 * 9.81, rel=1e-2)
 
 
+THIN = """
+hfsim: 1
+gravity: {g}
+materials: {{m: {{density: 7800.0, youngs_modulus: 2.1e+11, poisson_ratio: 0.3}}}}
+sections: {{s: {{shape: rectangle, width: 0.001, height: 0.001}}}}
+bodies: {{{bodies}}}
+joints: {{{joints}}}
+solve: {{duration: 1.0, model: {model}}}
+"""
+
+
+def thin(count, model, element, space=True):
+    """Return a chain of strips of 1 m by 1 mm that starts on a level."""
+    beams = (
+        f"b{k}: {{type: beam, material: m, section: s, length: 1.0, elements: 4, element: {element}}}"
+        for k in range(count)
+    )
+    axis = ", axis: [0, 1, 0]" if space else ""
+    ends = ["ground", *(f"b{k}.tip" for k in range(count - 1))]
+    hinges = (f"j{k}: {{type: revolute, between: [{end}, b{k}.root]{axis}}}" for k, end in enumerate(ends))
+    g = "[0.0, 0.0, -9.81]" if space else "[0.0, -9.81]"
+    return build(
+        parse_deck(THIN.format(g=g, bodies=", ".join(beams), joints=", ".join(hinges), model=model))
+    )
+
+
+@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("model", ["linear", "lowOrder", "exact"])
+def test_thin_sections_do_not_slow_down_what_swings(model, space):
+    """Hardly any mass moves as they shear, at 1e6 times the rate at which axes do."""
+    found = search(thin(1, model, "cosserat", space))
+    assert found.relaxed and found.stable and not found.reason and found.effort.iterations < 30
+
+
+def test_a_chain_that_is_let_down_takes_few_steps_that_are_too_long():
+    scene = thin(3, "exact", "cosserat")
+    found = search(scene)
+    x = scene.system.reduction.expand(found.state.z)
+    assert scene.marker("b2.tip").position(x)[0] == pytest.approx([0.0, 0.0, -3.0], abs=1e-5)
+    assert found.effort.iterations < 40
+
+
+@pytest.mark.parametrize("longest", [0.17, 0.2, 0.22])
+def test_a_rest_where_joints_lose_their_rank_is_found_by_whatever_steps(longest, monkeypatch):
+    """Corrections get no smaller than the root of rounding there."""
+    monkeypatch.setattr("hfsim.mechanics.statics.relaxation.MOVE", longest)
+    found = search(build(load_deck(find_deck("bricard"))))
+    assert not found.reason and found.effort.iterations < 200
+
+
 def test_a_column_beyond_its_critical_load_is_told_to_be_unstable():
     section = "{area: 1.0e+6, second_moment: 1.0}"
     critical = np.pi**2 / 4.0

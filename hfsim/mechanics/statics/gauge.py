@@ -26,12 +26,17 @@ class Gauge:
     axes : ndarray of int, shape (n_axes, 3)
         Coordinates of unit vectors that turn with bodies and sections in space: about a slender body's axis
         hardly any mass moves, however far it turns.
+    turning : ndarray, shape (n_x,)
+        What the metric counts besides of the squares of directions, so that a body which turns by one radian
+        has moved by about one in them: in thin sections hardly any mass moves with these, and the stiffness
+        of a scene over its mass would be that of motions which nobody looks at.
     """
 
     metric: Matrix
     starts: IntArray
     sizes: Array
     axes: IntArray
+    turning: Array
 
     def size(self, dx: Array) -> float:
         """Return how far what moves or turns most does in changes (1, n_x): about an angle [rad]."""
@@ -41,12 +46,12 @@ class Gauge:
 
     @cached_property
     def whole(self) -> Matrix:
-        """The metric with each body's share over its size, (n_x, n_x)."""
+        """The metric with each body's share over its size, and its directions, (n_x, n_x)."""
         n = self.metric.shape[0]
         lengths = np.diff(np.append(self.starts, n))
         weights = np.repeat(1.0 / self.sizes, lengths)
         if is_sparse(self.metric):
             from scipy.sparse import diags_array
 
-            return (diags_array(weights) @ self.metric).tocsr()
-        return weights[:, None] * self.metric
+            return (diags_array(weights) @ self.metric + diags_array(self.turning)).tocsr()
+        return weights[:, None] * self.metric + np.diag(self.turning)

@@ -17,12 +17,16 @@ from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
 
 MOVE = 0.2
 """Largest change of a state in a step [rad]."""
+NEARLY = 0.9
+"""Part of it up to which steps are made longer: a step that is too long costs one that is not."""
 MOST = 600
 """Steps."""
 LONG = 1e13
 """Of the longest step, times the stiffest of all stiffnesses: what it adds to them is rounding."""
 SAME = 1e-5
 """Change of a state up to which all within it is the same place of rest [rad]."""
+STILL = 10
+"""Longest steps within that, after which corrections that get no smaller are rounding."""
 SHORT = 1e-25
 """Of the shortest step, over the longest."""
 ENDLESS = "it does not come to rest"
@@ -41,6 +45,7 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
     """
     metric = problem.metric
     level, way = Level(load), 0.0
+    place, first, stayed = state.z, np.inf, 0
     step, before, stiffest = _first(problem, state, level, metric), np.inf, 0.0
     force, gap, K, J = _equations(problem, state, level)
     for _ in range(MOST):
@@ -64,9 +69,15 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
         way += size
         if size < ENOUGH or (before < ROUGH and size > 0.25 * before and step >= longest):
             return problem.at(state)
+        stayed += 1
+        if step < longest or problem.moved(state.z - place) > SAME:
+            place, first, stayed = state.z, size, 0
+        if stayed >= STILL and size > 0.25 * first:
+            return problem.at(state)
         if way > ASTRAY:
             raise NotFoundError("it goes on and on", state, dz)
-        step = min(longest, step * (2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)))
+        growth = 2.0 if size > 0.3 * before else min(100.0, 2.0 * before / size)
+        step = min(longest, step * min(growth, NEARLY * MOVE / max(ahead, ENOUGH)))
         before = size
         force, gap, K, J = _equations(problem, state, level)
     raise NotFoundError(ENDLESS, state, dz if before > SAME else None)
