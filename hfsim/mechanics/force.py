@@ -173,6 +173,13 @@ class ForcePart:
         """Return their derivative by x in one state."""
         raise NotImplementedError
 
+    def in_strains(self) -> ForcePart:
+        """Return the same force as stiffness times strains where it can be; itself elsewhere.
+
+        Runs take such forms where these pay; a search for rest, whose steps are far longer, always does.
+        """
+        return self
+
     def strained(self, strains: Array) -> ForcePart:
         """Return the force with given strains (n_batch or 1, n_strains), not those of the coordinates."""
         raise NotImplementedError

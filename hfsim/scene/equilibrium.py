@@ -169,6 +169,8 @@ def problem_of(
         part = system.reduction.part(free, z)
         system, z = replace(system, equations=replace(system.equations, reduction=part)), z[:, free]
     forces = tuple(_weighted(scene, varied, moving))
+    if not system.variable_mass:
+        forces = tuple(one._replace(part=one.part.in_strains()) for one in forces)
 
     def kept(load: float, state: State) -> None:
         if (lost := beyond_mesh(scene, t, system.reduction.expand(state.z))) is not None:

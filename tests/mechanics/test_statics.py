@@ -235,6 +235,41 @@ def test_thin_sections_do_not_slow_down_what_swings(model, space):
     assert found.relaxed and found.stable and not found.reason and found.effort.iterations < 30
 
 
+@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("model", ["linear", "exact"])
+def test_thin_lines_do_not_answer_what_steps_stretch(model, space):
+    """A step turns them by more than their length allows: tension that is none held them up."""
+    found = search(thin(1, model, "cable", space))
+    assert found.relaxed and found.stable and not found.reason and found.effort.iterations < 30
+
+
+COIL_AND_LINE = """
+hfsim: 1
+materials: {{m: {{density: 7800.0, youngs_modulus: 2.1e+11}}}}
+sections: {{s: {{shape: rectangle, width: 0.01, height: 0.01}}}}
+bodies: {{b: {{type: beam, material: m, section: s, length: 1.0, elements: 4{more}}}}}
+joints: {{pin: {{type: revolute, between: [ground, b.root]}}}}
+springs: {{coil: {{type: rotational, between: [ground, b.root], stiffness: {stiffness}}}}}
+loads: {{push: {{type: force, at: b.tip, force: [0.0, -1.0]}}}}
+solve: {{duration: 1.0, model: {model}}}
+"""
+
+
+@pytest.mark.parametrize("more", ["", ", degree: 5", ", strain: engineering, curvature: exact"])
+@pytest.mark.parametrize("model", ["linear", "exact"])
+@pytest.mark.parametrize("stiffness", [1.0, 10.0])
+def test_a_stiff_line_on_a_soft_coil_turns_with_it(stiffness, model, more):
+    """Of one that keeps its length: k a = L P cos a; the model linear found places with huge strains."""
+    from scipy.optimize import brentq
+
+    scene = build(parse_deck(COIL_AND_LINE.format(stiffness=stiffness, model=model, more=more)))
+    found = search(scene)
+    x = scene.system.reduction.expand(found.state.z)
+    turn = brentq(lambda a: stiffness * a - np.cos(a), 0.0, 1.5)
+    assert scene.marker("b.root").angle(x)[0] == pytest.approx(-turn, rel=1e-3)
+    assert not found.reason and found.effort.iterations < 30
+
+
 def test_a_chain_that_is_let_down_takes_few_steps_that_are_too_long():
     scene = thin(3, "exact", "cosserat")
     found = search(scene)

@@ -12,8 +12,7 @@ from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import ConstantForce
 from hfsim.parts.bodies.mesh import BeamMesh
 from hfsim.parts.elements import ELEMENTS, Continuum, ElasticLaw, Measures
-from hfsim.parts.elements._base import GramLaw
-from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce, MaterialDamping, StrainForce
+from hfsim.parts.elements.forces import ElasticForce, KelvinVoigtForce, MaterialDamping
 
 if TYPE_CHECKING:
     from hfsim.deck.stations import BeamAlong
@@ -158,16 +157,8 @@ class Blueprint(NamedTuple):
         """Return the elastic force on its nodal vectors in the form asked for."""
         law, vectors = self.mesh.elastic_law(self.form, self.measures)
         elements = self.connectivity(n, vectors)
-        if self.n_dim == 3 and self.mesh.element.per_node > 2:
-            from hfsim.parts.elements.gram_strains import GramStrainLaw
-            from hfsim.parts.elements.point_strains import PointStrainLaw
-            from hfsim.parts.elements.points import PointLaw
-
-            if isinstance(law, GramLaw):
-                return StrainForce(elements, GramStrainLaw.of(law), item=self.item)
-            if isinstance(law, PointLaw):
-                return StrainForce(elements, PointStrainLaw.of(law), item=self.item)
-        return ElasticForce(elements, law, item=self.item)
+        force = ElasticForce(elements, law, item=self.item)
+        return force.in_strains() if self.n_dim == 3 and self.mesh.element.per_node > 2 else force
 
     def damping(self, n: int) -> MaterialDamping:
         """Return the damping force on its nodal vectors."""

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import ClassVar
+from dataclasses import replace
+from typing import Any, ClassVar
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array, ComplexArray, IntArray
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
+from hfsim.maths.matrices import Entries
 from hfsim.maths.rotations import as_complex, as_vectors
 from hfsim.mechanics.deformation import Deformation
-from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.force import ForcePart, difference
 from hfsim.parts.bodies.blueprint import Blueprint
 from hfsim.parts.bodies.nodal import NodalBeam
 from hfsim.parts.bodies.planar_frame import relative_nodes
 
 LIMIT_LENGTHS = 10.0
 """Displacement over length at which a beam of the model linear has broken down."""
+NO_STRAIN = 1e-15
+"""Eigenvalues of the stiffness, over the largest, that are rounding."""
 
 
 @frozen
@@ -106,7 +110,7 @@ class LinearElasticForce(ForcePart):
     def _nodes(self, x: Array) -> Array:
         return x[:, self.columns].reshape(len(x), *self.undeformed.shape)
 
-    def _deformation(self, x: Array) -> tuple[Array, ComplexArray, ComplexArray]:
+    def _deformation(self, x: Array) -> tuple[Array, Any, Any]:
         """Return p - p0 flattened, the relative vectors and the frame's first axis as complex."""
         origin, tangent, z = relative_nodes(self._nodes(x))
         p = (z - self.positions * origin) * tangent.conj()
@@ -142,19 +146,32 @@ class LinearElasticForce(ForcePart):
             evidence={"displacement_over_length": lengths},
         )
 
+    def in_strains(self) -> ForcePart:
+        """Return it with a strain for each eigenvector of the stiffness."""
+        return StrainedLinearForce.of(self, self.stiffness)
+
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add -K (p - p0) - D p', with no force on the frame coordinates."""
-        flat, p, tangent = self._deformation(x)
+        flat, *seen = self._deformation(x)
         local = flat @ -self.stiffness
         if self.uses_rates:
             local -= self.rates(x, u) @ self.damping
-        force = as_complex(local.reshape(len(x), *self.undeformed.shape)).copy()
+        out[:, self.columns] += self._onto_nodes(local, *seen)
+
+    def constant(self, x: Array, local: Array) -> Array:
+        """Return the force on the nodes (n_batch, n) of one in the frame (1 or n_batch, n)."""
+        flat, *seen = self._deformation(x)
+        return self._onto_nodes(np.broadcast_to(local, flat.shape), *seen)
+
+    def _onto_nodes(self, local: Array, p: Any, frame: Any) -> Array:
+        """Return what forces (n_batch, n) in the frame are on the nodes, from what `_deformation` returns."""
+        force = as_complex(local.reshape(len(local), *self.undeformed.shape)).copy()
         # what the frame coordinates do not feel is balanced at the root vectors
         force[:, 0] = 0.0
         force[:, 1] = force[:, 1].real
         force[:, 0] = -(force @ self.positions)
         force[:, 1] -= 1j * np.sum((p.conj() * force).imag, axis=-1) / p[:, 1].real
-        out[:, self.columns] += as_vectors(force * tangent).reshape(len(x), -1)
+        return as_vectors(force * frame).reshape(len(local), -1)
 
     def strain_energy(self, x: Array) -> Array:
         """Return 1/2 (p - p0)^T K (p - p0)."""
@@ -165,3 +182,92 @@ class LinearElasticForce(ForcePart):
         """Return the power of the damping."""
         rates = self.rates(x, u)
         return np.asarray(-np.sum((rates @ self.damping) * rates, axis=-1))
+
+
+@frozen
+class StrainedLinearForce(ForcePart):
+    """The same force with strains e = S (p - p0), where K = S^T C S + R; these may be given.
+
+    Attributes
+    ----------
+    force : LinearElasticForce
+        The same without strains.
+    sizes : ndarray, shape (n_strains,)
+        C.
+    modes : ndarray, shape (n_strains, n)
+        S, eigenvectors of K - R.
+    rest : ndarray, shape (n, n)
+        R.
+    given : ndarray, shape (1, n_strains), optional
+        Strains to take in place of those of the coordinates.
+    """
+
+    force: LinearElasticForce
+    sizes: Array
+    modes: Array
+    rest: Array
+    given: Array | None = None
+
+    @classmethod
+    def of(cls, force: LinearElasticForce, stiffness: Array) -> StrainedLinearForce:
+        """Return a force with strains for a part of its stiffness that is that of an energy by itself."""
+        sizes, modes = np.linalg.eigh(stiffness)
+        kept = sizes > NO_STRAIN * sizes[-1]
+        return cls(force, sizes[kept], modes.T[kept], force.stiffness - stiffness, item=force.item)
+
+    def in_strains(self) -> StrainedLinearForce:
+        """Return itself."""
+        return self
+
+    @property
+    def uses_rates(self) -> bool:
+        """Whether there is damping."""
+        return self.force.uses_rates
+
+    @property
+    def support(self) -> IntArray:
+        """All coordinates of the beam."""
+        return self.force.support
+
+    @property
+    def strain_stiffness(self) -> Array:
+        """C."""
+        return self.sizes
+
+    def strain(self, x: Array) -> Array:
+        """Return the strains, shape (n_batch, n_strains)."""
+        return self.force.displacements(x) @ self.modes.T
+
+    def strain_slopes(self, x: Array) -> Entries:
+        """Return their derivative by x in one state."""
+        return Entries.of_block(np.arange(len(self.sizes)), self.support, self._slopes(x))
+
+    def strained(self, strains: Array) -> StrainedLinearForce:
+        """Return the force with given strains."""
+        return replace(self, given=strains)
+
+    def _slopes(self, x: Array) -> Array:
+        """Return the derivative as a matrix, (n_strains, n)."""
+        units = np.zeros((len(self.support), x.shape[1]))
+        units[np.arange(len(units)), self.support] = 1.0
+        return np.asarray(self.modes @ self.force.rates(np.repeat(x, len(units), axis=0), units).T)
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add minus stiffness times strain, and the damping."""
+        if self.given is None:
+            self.force.add_force(t, x, u, out)
+            return
+        local = (self.given * -self.sizes) @ self.modes - self.force.displacements(x) @ self.rest
+        if self.uses_rates:
+            local = local - self.force.rates(x, u) @ self.force.damping
+        out[:, self.force.columns] += self.force.constant(x, local)
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of the force by x in one state, as if strains were not given.
+
+        By differences but for what stresses change.
+        """
+        held = self if self.given is not None else self.strained(self.strain(x))
+        B = self._slopes(x)
+        geometric = difference(lambda moved: held._resistance(t, moved, u), x, self.support)
+        return geometric._replace(values=geometric.values + (B.T @ (self.sizes[:, None] * B)).ravel())

@@ -145,6 +145,10 @@ class LinearSectionForce(LinearElasticForce):
         """Return their derivative by x in one state."""
         return Entries.of_block(np.arange(len(self.small)), self.support, self._slopes(x))
 
+    def in_strains(self) -> Self:
+        """Return itself."""
+        return self
+
     def strained(self, strains: Array) -> Self:
         """Return the force with given strains."""
         return replace(self, given=strains)

@@ -41,10 +41,10 @@ class LinearContinuumForce(LinearElasticForce):
     def _from_root(self, vectors: Array) -> Array:
         return np.asarray(vectors - self.positions[:, None] * vectors[:, :1])
 
-    def displacements(self, x: Array) -> Array:
-        """Return p - p0 flattened, (n_batch, n_vectors * n_dim)."""
-        p = self._from_root(self._nodes(x)) @ self._root.frame(x)
-        return np.asarray((p - self.undeformed).reshape(len(x), -1))
+    def _deformation(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return p - p0 flattened, (n_batch, n_vectors * n_dim), arms from the root, and x."""
+        arms = self._from_root(self._nodes(x))
+        return (arms @ self._root.frame(x) - self.undeformed).reshape(len(x), -1), arms, x
 
     def rates(self, x: Array, u: Array) -> Array:
         """Return p', flattened likewise."""
@@ -52,14 +52,10 @@ class LinearContinuumForce(LinearElasticForce):
         local = (self._from_root(self._nodes(u)) - turning) @ self._root.frame(x)
         return np.asarray(local.reshape(len(x), -1))
 
-    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
-        """Add -K (p - p0) - D p', and what the frame feels of it on the vectors that it turns with."""
-        local = self.displacements(x) @ -self.stiffness
-        if self.uses_rates:
-            local -= self.rates(x, u) @ self.damping
-        arms = self._from_root(self._nodes(x))
+    def _onto_nodes(self, local: Array, arms: Array, x: Array) -> Array:
+        """Return it with what the frame feels of it on the vectors that it turns with."""
         force = local.reshape(arms.shape) @ self._root.frame(x).swapaxes(1, 2)
         moment = cross(arms, force).sum(axis=1)
         force[:, 0] -= np.einsum("bvi,v->bi", force, self.positions)
         on_frame = moment[:, None] @ self._root.spin_jacobian(x)
-        out[:, self.columns] += force.reshape(len(x), -1) - on_frame[:, 0]
+        return np.asarray(force.reshape(len(x), -1) - on_frame[:, 0])

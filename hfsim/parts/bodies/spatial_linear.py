@@ -9,8 +9,9 @@ import numpy as np
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.maths.rotations import FIRST, cross, skew
+from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.spatial_markers import VectorMarker
-from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce
+from hfsim.parts.bodies.linear import LinearBeam, LinearElasticForce, StrainedLinearForce
 from hfsim.parts.bodies.spatial_nodal import SpatialNodalBeam
 from hfsim.parts.elements.forces import ROLL
 
@@ -47,9 +48,10 @@ class SpatialLinearElasticForce(LinearElasticForce):
         vectors, frame = self._nodes(x), self._root.frame(x)
         return (vectors - self.positions[:, None] * vectors[:, :1]) @ frame, frame
 
-    def displacements(self, x: Array) -> Array:
-        """Return p - p0 flattened, (n_batch, n_vectors * n_dim)."""
-        return np.asarray((self._relative(x)[0] - self.undeformed).reshape(len(x), -1))
+    def _deformation(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return p - p0 flattened, (n_batch, n_vectors * n_dim), and `_relative`."""
+        p, frame = self._relative(x)
+        return (p - self.undeformed).reshape(len(x), -1), p, frame
 
     def rates(self, x: Array, u: Array) -> Array:
         """Return p', flattened likewise."""
@@ -66,18 +68,19 @@ class SpatialLinearElasticForce(LinearElasticForce):
         share = np.sum(lost * rates, axis=-1) / (np.sum(lost * roll, axis=-1) + self._least_roll)
         return np.asarray(rates - share[:, None] * roll)
 
+    def in_strains(self) -> ForcePart:
+        """Return it with strains along the first axis alone: others change with the roll of the frame."""
+        along = np.zeros_like(self.stiffness)
+        along[::3, ::3] = self.stiffness[::3, ::3]
+        return StrainedLinearForce.of(self, along)
+
     @property
     def _least_roll(self) -> float:
         slopes = self.damping.diagonal().reshape(-1, 3)[:, 1:][self.positions == 0.0]
         return ROLL**2 * float(slopes.max())
 
-    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
-        """Add -K (p - p0) - D p', with no force on the frame coordinates."""
-        p, frame = self._relative(x)
-        local = (p - self.undeformed).reshape(len(x), -1) @ -self.stiffness
-        if self.uses_rates:
-            local -= self.rates(x, u) @ self.damping
-        force = local.reshape(p.shape)
+    def _onto_nodes(self, local: Array, p: Array, frame: Array) -> Array:
+        force = local.reshape(p.shape).copy()
         # what the frame coordinates do not feel is balanced at the root vectors
         force[:, 0] = 0.0
         force[:, 1, 1:] = 0.0
@@ -85,4 +88,4 @@ class SpatialLinearElasticForce(LinearElasticForce):
         force[:, 1, 1] = -moment[:, 2] / p[:, 1, 0]
         force[:, 1, 2] = moment[:, 1] / p[:, 1, 0]
         force[:, 0] = -np.einsum("bvi,v->bi", force, self.positions)
-        out[:, self.columns] += (force @ frame.swapaxes(1, 2)).reshape(len(x), -1)
+        return np.asarray((force @ frame.swapaxes(1, 2)).reshape(len(local), -1))

@@ -15,7 +15,7 @@ from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.connectivity import Connectivity
 from hfsim.mechanics.force import DIFFERENCE, ForcePart
-from hfsim.parts.elements._base import ElasticLaw, join_laws
+from hfsim.parts.elements._base import ElasticLaw, GramLaw, join_laws
 from hfsim.parts.elements.polynomial import exact_points, gauss_rows
 
 if TYPE_CHECKING:
@@ -62,6 +62,11 @@ class ElasticForce(ForcePart):
     def quartic(self) -> bool:
         """Return what the law says."""
         return self.law.quartic
+
+    def in_strains(self) -> ElasticForce:
+        """Return it with strains of its elements."""
+        law = law_in_strains(self.law)
+        return self if law is None else StrainForce(self.elements, law, item=self.item)
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus the derivative of the strain energy, eq. (24)."""
@@ -115,6 +120,10 @@ class StrainForce(ElasticForce):
     law: StrainLaw
     given: Array | None = None
 
+    def in_strains(self) -> StrainForce:
+        """Return itself."""
+        return self
+
     def joined(self, other: ElasticForce) -> StrainForce:
         """Return the force of these elements followed by the other's."""
         both = super().joined(other)
@@ -158,6 +167,21 @@ class StrainForce(ElasticForce):
             return super().tangent(t, x, u)
         e = self._given.transpose(0, 2, 1)
         return self.elements.entries(self.law.hessian_of(self.elements.vectors(x), e)[0])
+
+
+def law_in_strains(law: ElasticLaw) -> StrainLaw | None:
+    """Return the same law with strains; None if it has some, or can have none."""
+    from hfsim.parts.elements.gram_strains import GramStrainLaw
+    from hfsim.parts.elements.point_strains import PointStrainLaw
+    from hfsim.parts.elements.points import PointLaw
+    from hfsim.parts.elements.quadrature import QuadratureLaw
+    from hfsim.parts.elements.quadrature_strains import QuadratureStrainLaw
+
+    if isinstance(law, GramLaw):
+        return GramStrainLaw.of(law)
+    if isinstance(law, PointLaw):
+        return PointStrainLaw.of(law)
+    return QuadratureStrainLaw.of(law) if isinstance(law, QuadratureLaw) else None
 
 
 class MaterialDamping(ForcePart):

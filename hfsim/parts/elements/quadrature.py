@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -60,7 +61,7 @@ class QuadratureLaw(RowLaw):
         points = self.axial_points, self.bending_points, len(self.axial), len(self.bending)
         return self.engineering, self.exact_curvature, points, self.degree, self.n_dim
 
-    def joined(self, other: QuadratureLaw) -> QuadratureLaw:
+    def joined(self, other: QuadratureLaw) -> Self:
         """Return the law of this one's elements followed by the other's."""
         return replace(
             self,
@@ -162,10 +163,12 @@ class QuadratureLaw(RowLaw):
         stretch = np.sqrt(square)
         return stretch - 1.0, 1.0 / stretch, -1.0 / stretch**3
 
-    def _axial_hessian(self, V: Array) -> Array:
+    def _axial_hessian(self, V: Array, given: Array | None = None) -> Array:
+        """Return the share of the stretch, of given strains (..., n_elements, n_points) if there are some."""
         w, rows, _ = gauss_rows(self.axial_points, self.degree)
         s = rows @ V
         strain, first, second = self._strain(s)
+        strain = strain if given is None else given
         dyad = (first**2 + strain * second)[..., None, None] * s[..., :, None] * s[..., None, :]
         point = dyad + (strain * first)[..., None, None] * np.eye(V.shape[-1])
         point *= (self.axial.T * w)[..., None, None]
