@@ -261,7 +261,9 @@ def _kinds(loaded: LoadedDeck, models: Mapping[str, str]) -> dict[str, Model]:
 
 def _assembly(loaded: LoadedDeck, bodies: dict[str, Body]) -> Assembly:
     linkage = _linkage(loaded.deck, bodies, Facings(loaded.deck))
-    return assembled(Start(tuple(bodies), loaded.deck.motions, linkage, loaded.problem))
+    named = loaded.deck.bodies.items()
+    straight = {name: one.length for name, one in named if one.type == "beam" and one.axis is None}
+    return assembled(Start(tuple(bodies), loaded.deck.motions, linkage, straight, loaded.problem))
 
 
 def _linkage(

@@ -11,6 +11,7 @@ from hfsim.maths.arrays import Array
 from hfsim.maths.rotations import freedoms, rotation_vector
 from hfsim.mechanics.constraints import Constraint
 from hfsim.scene.assembly import UNITS, Change, listed
+from hfsim.scene.closing import CLOSED
 from hfsim.scene.stated import Start, Stated
 
 MOST_NAMED = 5
@@ -55,10 +56,51 @@ def cannot_close(start: Start, place: Stated, joint: Constraint, size: float) ->
     else:
         message = f"cannot be closed: at least {size:.6g} {joint.unit} are left, whatever the angles"
         hint = "make a link longer, move a point, or let a driver start elsewhere"
+        if (slack := _slack(start, joint)) is not None:
+            return start.refuse(joint.item, *slack)
         if unknown := _unfaced(start, place):
             message += f", with hinges in {unknown} as they are without a stated orientation"
             hint = f"state orientations: they say where in a body the axis of a hinge is; or {hint}"
     return start.refuse(joint.item, message, hint)
+
+
+def _slack(start: Start, joint: Constraint) -> tuple[str, str] | None:
+    """Return what to say of a beam that hangs between two points of the ground which it is too long for."""
+    link, numbers = start.linkage, [start.linkage.owner(marker) for marker in joint.ends]
+    number = next((k for k in numbers if k is not None), None)
+    name = "" if number is None else start.names[number]
+    length, origin = start.straight.get(name), np.zeros((1, link.n))
+    points = list[tuple[Array, Array]]()
+    for c in link.constraints:
+        owners = [link.owner(marker) for marker in c.ends]
+        if number not in owners:
+            continue
+        if None not in owners or c.holds_turn:
+            return None
+        if c.unit == "m":
+            own, ground = sorted(c.ends, key=lambda marker: marker.grounded)
+            points.append((own.position(origin)[0], ground.position(origin)[0]))
+    if length is None or len(points) != 2:
+        return None
+    span, along = (float(np.linalg.norm(points[1][k] - points[0][k])) for k in (1, 0))
+    if not CLOSED * length < span < along or along < (1.0 - CLOSED) * length:
+        return None
+    angle = arc_angle(span / length)
+    message = (
+        f"cannot be closed: '{name}' starts straight, {length:.6g} m long between points {span:.6g} m apart"
+    )
+    arc = f"axis: {{arc: {{radius: {length / angle:.12g}, angle: {angle:.12g} rad}}}}"
+    hint = f"for a beam that sags, '{arc}' in place of its length, with element: cosserat"
+    return message, f"{hint}; or two beams with a joint between them, and the angle of one under 'initial'"
+
+
+def arc_angle(chord: float) -> float:
+    """Return the angle of an arc of length one whose ends are a chord apart, 0 < chord < 1 [rad]."""
+    low, high = 0.0, 2.0 * np.pi
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if np.sin(0.5 * middle) > 0.5 * middle * chord else (low, middle)
+    return 0.5 * (low + high)
 
 
 def _unfaced(start: Start, place: Stated) -> str:

@@ -28,6 +28,8 @@ class Start:
         Of the bodies.
     linkage : Linkage
         Of the frames of the bodies, in this order.
+    straight : dict of str to float
+        Lengths of beams that start straight [m].
     refuse : callable
         (deck path, message, hint) -> DeckError.
     """
@@ -35,6 +37,7 @@ class Start:
     names: tuple[str, ...]
     initial: Mapping[str, InitialSpec]
     linkage: Linkage
+    straight: Mapping[str, float]
     refuse: Callable[[str, str, str], DeckError]
 
     @cached_property

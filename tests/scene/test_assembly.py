@@ -2,9 +2,12 @@
 """Closing loops at the start: angles that are not stated, guesses, branches, and what cannot close."""
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
+from cantilevers import at_rest
+from scipy.optimize import brentq
 
 from hfsim.commands.init import starters
 from hfsim.errors import DeckError
@@ -301,3 +304,35 @@ def test_a_stated_angle_hides_no_other_way_to_close():
         told = [f"initial.rocker.angle={np.degrees(way['rocker'])} deg"]
         found = build(parse_deck(deck, "deck", told)).assembly.closed
         assert found["coupler"] == pytest.approx(way["coupler"], abs=1e-6)
+
+
+SLACK = """
+hfsim: 1
+gravity: {gravity}
+ground: {{points: {{left: {left}, right: {right}}}}}
+materials: {{m: {{density: 1000.0, youngs_modulus: 1.0e+7, poisson_ratio: 0.3}}}}
+sections: {{s: {{shape: rectangle, width: 4.0e-4, height: 4.0e-4}}}}
+bodies: {{rope: {{type: beam, material: m, section: s, elements: 8, element: cosserat, {length}}}}}
+joints:
+  one: {{type: {joint}, between: [ground.left, rope.root]}}
+  other: {{type: {joint}, between: [ground.right, rope.tip]}}
+solve: {{duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("space", [False, True])
+@pytest.mark.parametrize("span", [0.3, 0.8])
+def test_what_hangs_slack_is_refused_with_the_arc_that_closes(span, space):
+    """And at rest it hangs as a catenary, whose sag is known, where it is not bent too sharply for that."""
+    points = {"left": "[0, 0, 0]", "right": f"[{span}, 0, 0]"} if space else {"left": "[0, 0]", "right": f"[{span}, 0]"}
+    gravity, joint = ("[0.0, 0.0, -9.81]", "spherical") if space else ("[0.0, -9.81]", "revolute")
+    deck = partial(SLACK.format, gravity=gravity, joint=joint, **points)
+    problem = refused(parse_deck(deck(length="length: 1.0")))
+    assert f"1 m long between points {span:g} m apart" in problem.message
+    arc = re.search("'(axis: .*)' in place", problem.hint)[1]
+    scene = build(parse_deck(deck(length=arc)))
+    if span < 0.5:
+        return
+    line = scene.bodies["rope"].outline(at_rest(scene))[0]
+    a = brentq(lambda a: 2.0 * a * np.sinh(0.5 * span / a) - 1.0, 0.02, 10.0)
+    assert line[:, -1].min() == pytest.approx(a * (1.0 - np.cosh(0.5 * span / a)), rel=1e-2)
