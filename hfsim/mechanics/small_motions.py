@@ -107,11 +107,13 @@ def small_motions(
     equations, reduction = system.equations, system.reduction
     free, multipliers = equations.solve(time, x, u, system.force(time, x, u))
     beside = x * (1.0 + _EXACT * random_signs(x.shape))
-    free_beside = equations.solve(time, beside, u, system.force(time, beside, u))[0]
+    force = system.force(time, beside, u) * (1.0 + _EXACT * random_signs(x.shape))
+    free_beside = equations.solve(time, beside, u, force)[0]
     a, blur = reduction.expand_rates(free), reduction.expand_rates(free_beside - free)
     K, rounding = stiffness(system, time, x, u, a, multipliers), None
     if not system.variable_mass:  # differences are less precise than that
         rounding = abs(reduction.reduced(stiffness(system, time, beside, u, a, multipliers) - K))
+        rounding = rounding + rounding_of_joints(system, x, multipliers)
     D = resistance(system, time, x, u)
     M = equations.mass(x)[0] if system.variable_mass else equations.constant_mass
     if turning is not None:
@@ -153,6 +155,18 @@ def stiffness(system: System, t: Array, x: Array, u: Array, a: Array, multiplier
         return out
 
     return derivative(missing, x[0])
+
+
+def rounding_of_joints(system: System, x: Array, multipliers: Array) -> Matrix:
+    """Return what rounding leaves of the stiffness of joint forces that cancel out, in free coordinates.
+
+    Shape (n, n); of what is balanced on an axle nothing else is there.
+    """
+    parts = system.equations.phi.stiffness(x, multipliers) if system.equations.constraints else []
+    sizes = [one._replace(values=np.abs(one.values)) for one in parts]
+    basis = abs(system.reduction.basis)
+    whole = assemble(sizes, (system.n_x, system.n_x), is_sparse(system.equations.constant_mass))
+    return _EXACT * (basis.T @ (whole @ basis))
 
 
 def resistance(system: System, t: Array, x: Array, u: Array) -> Matrix:

@@ -14,7 +14,7 @@ from hfsim.mechanics.statics.problem import Problem, State, Tangent
 from hfsim.mechanics.statics.relaxation import ENDLESS
 from hfsim.mechanics.turning import Turning
 from hfsim.scene.build import build
-from hfsim.scene.equilibrium import equilibrium_of, problem_of, rigid_motions, why_not
+from hfsim.scene.equilibrium import equilibrium_of, held_by_nothing, problem_of, rigid_motions, why_not
 from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import find_deck
 from hfsim.studies.static import failure_of, run_static
@@ -302,6 +302,48 @@ def test_what_nothing_holds_is_named():
     assert found.reason and "floats: x, y, turn" in str(told) and told.remedy and told.exit_code == 3
     with pytest.raises(SolverFailure, match="nothing holds"):
         at_rest(scene)
+
+
+BALANCED = """
+hfsim: 1
+gravity: [0.0, -9.81]
+bodies:
+  hub: {{type: rigid, mass: 1.0, inertia: 0.1, points: {{near: [{arm}, 0.0], far: [{other}, 0.0]}}}}
+  light: {{type: rigid, mass: 1.0, inertia: 0.1}}
+  heavy: {{type: rigid, mass: 3.0, inertia: 0.1}}
+joints:
+  axle: {{type: revolute, between: [ground, hub]}}
+  one: {{type: fixed, between: [hub.near, light]}}
+  other: {{type: fixed, between: [hub.far, heavy]}}
+initial: {{hub: {{angle: {angle}, angular_velocity: 2.0}}}}
+solve: {{duration: 1.0}}
+"""
+
+
+@pytest.mark.parametrize("arm", [0.1, 0.3, 0.7])
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_what_is_balanced_stays_at_any_angle(arm, angle):
+    """Weight turns it by rounding alone, of which it was let down."""
+    deck = parse_deck(BALANCED.format(arm=arm, other=-arm / 3.0, angle=angle))
+    scene = build(deck)
+    found = search(scene)
+    assert np.array_equal(found.state.z, scene.system.reduction.free(scene.system.absolute(scene.q[None])))
+    assert held_by_nothing(scene, found.neutral) == ["hub: turns about axle, with light, heavy"]
+    assert not found.reason and not len(found.values)
+    modes = hfsim.modes(deck, about="equilibrium", count=2)
+    assert [mode.kind for mode in modes] == ["rigid"] and modes.about.lasting
+
+
+@pytest.mark.parametrize("gravity", [0.0, -9.81])
+def test_a_wheel_on_its_axle_has_an_equilibrium_at_any_angle(gravity):
+    """Nothing at all is stiff."""
+    text = (
+        f"hfsim: 1\ngravity: [0.0, {gravity}]\nbodies: {{wheel: {{type: rigid, mass: 1.0, inertia: 0.1}}}}\n"
+        "joints: {axle: {type: revolute, between: [ground, wheel]}}\n"
+        "initial: {wheel: {angle: 0.4, angular_velocity: 3.0}}\nsolve: {duration: 1.0}\n"
+    )
+    modes = hfsim.modes(parse_deck(text), about="equilibrium")
+    assert [mode.kind for mode in modes] == ["rigid"] and modes.about.motions.x[-1] == pytest.approx(0.4)
 
 
 def test_a_motion_along_which_nothing_pushes_is_left_open():

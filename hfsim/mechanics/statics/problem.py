@@ -258,8 +258,8 @@ class Problem:
         found = self._tangent(state, load)
         if not self.hold:
             return found
-        stiffest = np.abs(found.stiffness.diagonal()) / self.metric.diagonal()
-        return found._replace(stiffness=found.stiffness + self.hold * stiffest.max(initial=0.0) * self.metric)
+        stiffest = (np.abs(found.stiffness.diagonal()) / self.metric.diagonal()).max(initial=0.0) or 1.0
+        return found._replace(stiffness=found.stiffness + self.hold * stiffest * self.metric)
 
     @cached_property
     def metric(self) -> Matrix:

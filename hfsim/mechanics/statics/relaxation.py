@@ -25,6 +25,10 @@ LONG = 1e13
 """Of the longest step, times the stiffest of all stiffnesses: what it adds to them is rounding."""
 SAME = 1e-5
 """Change of a state up to which all within it is the same place of rest [rad]."""
+NOTHING = 1e-14
+"""Push that joints leave, over that which there is without them, that is rounding ..."""
+CLOSED = 1e-12
+"""... where they miss no more than this [m or rad]."""
 STILL = 10
 """Longest steps within that, after which corrections that get no smaller are rounding."""
 SHORT = 1e-25
@@ -46,7 +50,12 @@ def relaxed(problem: Problem, state: State, effort: Effort, load: float = 1.0) -
     metric = problem.metric
     level, way = Level(load), 0.0
     place, first, stayed = state.z, np.inf, 0
-    step, before, stiffest = _first(problem, state, level, metric), np.inf, 0.0
+    step, multipliers = _first(problem, state, level, metric)
+    if multipliers is not None:
+        state = state._replace(multipliers=multipliers)
+        problem.note(load, state)
+        return state
+    before, stiffest = np.inf, 0.0
     force, gap, K, J = _equations(problem, state, level)
     for _ in range(MOST):
         effort.iterations += 1
@@ -103,9 +112,13 @@ def _equations(problem: Problem, state: State, level: Level) -> tuple[Array, Arr
     return *problem.missing(state, level), *problem.tangent(state, level.load)
 
 
-def _first(problem: Problem, state: State, level: Level, metric: Matrix) -> float:
-    """Return the length of the first step."""
-    force, _ = problem.missing(state, level)
-    J = problem.jacobian(state)
-    push = problem.moved(Tangent(metric, J).solved(force, np.zeros((1, J.shape[0])))[0])
-    return 0.1 * MOVE / push if push > 0.0 else 1.0
+def _first(problem: Problem, state: State, level: Level, metric: Matrix) -> tuple[float, Array | None]:
+    """Return the length of the first step; then the multipliers if what pushes is no more than rounding."""
+    force, gap = problem.missing(state, level)
+    J, whole = problem.jacobian(state), problem.gauge.whole
+    answer, change = Tangent(metric, J).solved(force, np.zeros_like(gap))
+    x, push = problem.expand(state.z), problem.moved(answer)
+    apart, _ = Tangent(whole, whole[:0]).solved(problem.force(x, level.load), np.zeros((1, 0)))
+    if push <= NOTHING * problem.gauge.size(apart) and np.abs(gap).max(initial=0.0) <= CLOSED:
+        return np.inf, state.multipliers + change
+    return 0.1 * MOVE / push if push > 0.0 else 1.0, None

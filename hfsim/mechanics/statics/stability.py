@@ -11,7 +11,7 @@ from hfsim.maths.matrices import Matrix, dense
 from hfsim.maths.pencils import EPS, Pencil
 from hfsim.maths.rank import null_space
 from hfsim.maths.squares import slowest_squares
-from hfsim.mechanics.small_motions import BY_DIFFERENCES
+from hfsim.mechanics.small_motions import BY_DIFFERENCES, rounding_of_joints
 from hfsim.mechanics.statics.problem import Problem, State
 
 NONE = 1e-12
@@ -135,6 +135,7 @@ def lowest(problem: Problem, state: State, load: float) -> tuple[Array, Array]:
     else:
         beside = here._replace(z=here.z * (1.0 + EPS * random_signs(here.z.shape)))
         blur = abs(_symmetric(problem.tangent(beside, load).stiffness) - K)
+        blur = blur + rounding_of_joints(system, problem.expand(here.z), here.multipliers)
     values, motions = slowest_squares(Pencil(M, 0.0 * M, K, J, precision, 0.0, blur), NEAREST)
     return values, motions.T
 

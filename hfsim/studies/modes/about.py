@@ -288,7 +288,7 @@ def _resting(start: About) -> About:
             raise why_not(scene, 0.0, found) from None
         x = scene.system.reduction.expand(found.state.z)
         q, v = scene.system.state(x, 0.0 * x, scene.q[None])
-        return _settled(linearised(scene, q[0], v[0], "equilibrium"), still, "equilibrium")
+        return linearised(scene, q[0], v[0], "equilibrium")
 
 
 def turning_at(start: About, rate: float | None) -> About:
