@@ -307,3 +307,26 @@ def test_a_critical_load_behind_one_that_is_none_is_found():
     scene = build(parse_deck(BENT, overrides=["loads.side.force=[0.0, 0.01, 0.0]"]))
     found = [one.load for one in critical_factors(problem_of(scene), Effort(), 2) if one.found]
     assert found[1] == pytest.approx(16.0 * found[0], rel=5e-3)
+
+
+SHAFT = """
+hfsim: 1
+gravity: [0.0, 0.0, 0.0]
+ground: {points: {far: [1.0, 0.0, 0.0]}}
+materials: {m: {density: 2700.0, youngs_modulus: 7.0e+10, poisson_ratio: 0.3}}
+sections: {s: {shape: circle, diameter: 0.01}}
+bodies: {b: {type: beam, material: m, section: s, length: 1.0, elements: 10, degree: 3}}
+joints:
+  clamp: {type: fixed, between: [ground, b.root]}
+  bearing: {type: cylindrical, between: [ground.far, b.tip], axis: [1, 0, 0]}
+loads: {torque: {type: moment, at: b.tip, moment: [1.0, 0.0, 0.0]}}
+solve: {duration: 1.0}
+"""
+
+
+def test_a_shaft_gives_way_after_two_turns():
+    """Held against bending at both ends: tan(M L / 2 EI) = M L / 2 EI; by then it is twisted by 11.7 rad."""
+    half = brentq(lambda a: np.sin(a) - a * np.cos(a), 4.0, 4.7)
+    found = critical_factors(problem_of(build(parse_deck(SHAFT))), Effort(), 1)
+    assert found[0].found
+    assert found[0].load == pytest.approx(2.0 * half * 7.0e10 * np.pi * 0.01**4 / 64.0, rel=1e-3)

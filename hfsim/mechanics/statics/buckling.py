@@ -7,6 +7,7 @@ the load itself: what bends, turns or stretches before it buckles is accounted f
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import islice
 from typing import NamedTuple
 
@@ -14,8 +15,18 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix, dense, is_sparse
-from hfsim.mechanics.statics.newton import Effort, NotFoundError, balanced, stepped
+from hfsim.mechanics.statics.newton import (
+    MOVE,
+    SHORTEST,
+    Effort,
+    NotFoundError,
+    balanced,
+    correction,
+    follows,
+    stepped,
+)
 from hfsim.mechanics.statics.problem import Level, Problem, State, Tangent
+from hfsim.mechanics.statics.stability import lowest
 
 STEP = 1e-3
 """Of differences of the stiffness by the load, relative to the factor."""
@@ -33,6 +44,8 @@ ROUNDING = 1e-15
 """Change of the stiffness along a motion, relative to all that adds up to it, that may be rounding."""
 ALIKE = 0.99
 """Cosine of the angle between motions from which on they are the same."""
+FOLLOWED = 80
+"""Steps of the load, tried ones too, in which factors are looked for where the start tells none."""
 MOVED = 0.3
 """Change of a state from one load to another within which it is the same path [rad]."""
 
@@ -60,7 +73,7 @@ def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[F
     Raises
     ------
     NotFoundError
-        If there is no equilibrium without the loads, or all factors run ahead of the load.
+        If there is no equilibrium without the loads, or nothing gives way as far as it can be followed.
     """
     share, state = stepped(problem, effort, lambda share: Level(0.0, 1.0 - share))
     if share < 1.0:
@@ -69,7 +82,7 @@ def critical_factors(problem: Problem, effort: Effort, count: int = 3) -> list[F
     every = (_improved(problem, state, *one, effort) for one in first)
     improved = list(islice((one for one in every if one is not None), count))
     if first and not improved:
-        raise NotFoundError("estimates run ahead of the load: what --path crosses is exact", state)
+        improved = list(islice(_crossed(problem, state, effort, count), count))
     stiffness = problem.tangent(state, 0.0).stiffness
     kept = list[Factor]()
     for one in sorted(improved, key=lambda one: (one.load, not one.found)):
@@ -120,6 +133,69 @@ def _improved(problem: Problem, state: State, load: float, motion: Array, effort
         if found.found:
             return found
     return found._replace(found=True) if abs(load - at) <= REACHED * abs(load) else None
+
+
+def _crossed(problem: Problem, state: State, effort: Effort, count: int) -> Iterator[Factor]:
+    """Yield factors that the equilibrium crosses as the load grows, where the start tells none.
+
+    Raises
+    ------
+    NotFoundError
+        If it cannot be followed so far.
+    """
+    load, unstable, found = 0.0, _unstable(problem, state, 0.0), 0
+    step = MOVE / max(problem.moved(_answered(problem, state)), 1e-300)
+    shortest = SHORTEST * step
+    for _ in range(FOLLOWED):
+        level = Level(load + step)
+        try:
+            first = correction(problem, state, level)
+            there = balanced(problem, state, level, effort, first)
+            problem.note(load + step, there)
+            led = follows(problem, there.z - state.z, first[0], False)
+        except (NotFoundError, np.linalg.LinAlgError):
+            led = False
+        if not led:
+            step *= 0.25
+            if step < shortest:
+                break
+            continue
+        now = _unstable(problem, there, load + step)
+        for number in range(unstable, now):
+            found += 1
+            yield _located(problem, state, (load, load + step), number, effort)
+        if found >= count:
+            return
+        state, load, unstable = there, load + step, now
+        step *= min(2.0, 0.9 * MOVE / problem.moved(first[0]))
+    if not found:
+        told = f"nothing gives way up to a factor of {load:.4g}: --path follows it further"
+        raise NotFoundError(told, state)
+
+
+def _located(
+    problem: Problem, state: State, between: tuple[float, float], number: int, effort: Effort
+) -> Factor:
+    """Return the factor, next to a state, at which one of the smallest stiffnesses changes its sign."""
+    from scipy.optimize import brentq
+
+    def smallest(load: float) -> tuple[float, Array]:
+        values, motions = lowest(problem, balanced(problem, state, Level(load), effort), load)
+        return float(values[number]), motions[number]
+
+    load = brentq(lambda load: smallest(load)[0], *between, xtol=SAME * between[1])
+    return Factor(float(load), True, smallest(load)[1])
+
+
+def _unstable(problem: Problem, state: State, load: float) -> int:
+    """Return how many motions are not stable."""
+    return int(np.sum(lowest(problem, state, load)[0] < 0.0))
+
+
+def _answered(problem: Problem, state: State) -> Array:
+    """Return by what the equilibrium without the load changes with it, (1, n)."""
+    gaps = np.zeros_like(state.multipliers)
+    return problem.tangent(state, 0.0).solved(problem.load(state.z), gaps)[0]
 
 
 def _eigenpairs(

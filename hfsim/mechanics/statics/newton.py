@@ -52,7 +52,7 @@ class Effort:
     steps: int = 0
 
 
-def _correction(problem: Problem, state: State, level: Level) -> Correction:
+def correction(problem: Problem, state: State, level: Level) -> Correction:
     """Return the correction of a state and its multipliers towards a level."""
     force, gap = problem.missing(state, level)
     return problem.tangent(state, level.load).solved(force, -gap)
@@ -76,7 +76,7 @@ def balanced(
     for _ in range(MOST):
         effort.iterations += 1
         try:
-            dz, change = first or _correction(problem, state, level)
+            dz, change = first or correction(problem, state, level)
         except np.linalg.LinAlgError as error:
             raise NotFoundError("the tangent is singular", state) from error
         first, size = None, problem.moved(dz)
@@ -112,7 +112,7 @@ def stepped(
         to = share + step if 1.0 - share - step > SHORTEST else 1.0
         step, level = to - share, levels(to)
         try:
-            first = _correction(problem, state, level)
+            first = correction(problem, state, level)
             move = problem.moved(first[0])
             if move > MOVE:
                 step *= max(0.1, 0.9 * MOVE / move)
@@ -121,7 +121,7 @@ def stepped(
         except (NotFoundError, np.linalg.LinAlgError):
             step *= 0.25
             continue
-        if not _follows(problem, found.z - state.z, first[0], step <= LITTLE):
+        if not follows(problem, found.z - state.z, first[0], step <= LITTLE):
             step *= 0.25
             continue
         if signs is not None and signs.more(found, to) and step > 4.0 * SHORTEST:
@@ -139,7 +139,7 @@ def stepped(
     return share, state
 
 
-def _follows(problem: Problem, change: Array, foretold: Array, little: bool) -> bool:
+def follows(problem: Problem, change: Array, foretold: Array, little: bool) -> bool:
     """Return whether a step of the load is moderate, and near to what the tangent at its begin foretells.
 
     Slack strings and the like have next to no stiffness until they are tight: little steps may fall short.
