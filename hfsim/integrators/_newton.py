@@ -37,6 +37,8 @@ class Newton:
         self._solver: ByStep[_Solver] = ByStep()
         self._by = 0.0, 0.0
         self._by_slopes = problem.slopes is not None and problem.slopes.pays
+        # stresses of iterates are those of no state where strains are variables
+        self._by_iterates = problem.slopes is not None or problem.strains is None
         self._hard = np.inf
         """Least ``by_v`` for which no derivative of the start of a step served."""
 
@@ -59,7 +61,7 @@ class Newton:
     ) -> _Found | None:
         """Return what an iteration finds; it has a second chance with a new derivative.
 
-        Where slopes are at hand, a third one takes them anew for each correction.
+        A third one takes it anew for each correction, unless stresses would be those of iterates.
 
         Parameters
         ----------
@@ -72,7 +74,7 @@ class Newton:
         """
         if by_v < self._hard:
             found = self._with_one(at, by_q, by_v, iterate)
-            if found is not None or self.problem.slopes is None:
+            if found is not None or not self._by_iterates:
                 return found
             self._hard = by_v
         self._derivative = None
@@ -126,7 +128,7 @@ class Newton:
             rate = change / last
             if not np.isfinite(change) or (k > patience and rate > SLOW):
                 return False
-            if change < 1e-2 * goal or (k > 0 and change * rate / (1.0 - rate) < goal):
+            if change < 1e-2 * goal or (k > 0 and rate < 1.0 and change * rate / (1.0 - rate) < goal):
                 return True
             last = change
         return False

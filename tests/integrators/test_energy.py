@@ -97,19 +97,17 @@ def test_steps_of_a_hundred_periods_of_the_fastest_mode(stages):
     ends = done.trajectory.step_ends()
     tip = scene.marker("b2.tip").position(scene.system.absolute(done.trajectory.q[None]))[0]
     assert tip == pytest.approx([8.0 * np.cos(4.0 * ends[-1]), 8.0 * np.sin(4.0 * ends[-1])], abs=0.02)
-    for other in ("solve.method=gauss", "solve.method=generalized_alpha"):
-        _, lost = solved("cases/two_beams.yaml", *given, other, "solve.rho_inf=1")
-        assert isinstance(lost.stop, SolverFailure)
+    _, lost = solved("cases/two_beams.yaml", *given, "solve.method=gauss")
+    assert isinstance(lost.stop, SolverFailure)
+    assert drift_of(*solved("cases/two_beams.yaml", *given, "solve.method=generalized_alpha")) > 1e-3
 
 
 def test_a_long_swing_with_large_steps():
     given = ["solve.duration=2", "solve.step=0.005"]
     assert drift_of(*solved("cases/pendulum.yaml", *given, "solve.method=energy")) < 1e-12
     for rho in (1.0, 0.9):
-        _, lost = solved(
-            "cases/pendulum.yaml", *given, "solve.method=generalized_alpha", f"solve.rho_inf={rho}"
-        )
-        assert isinstance(lost.stop, SolverFailure)
+        other = "solve.method=generalized_alpha", f"solve.rho_inf={rho}"
+        assert drift_of(*solved("cases/pendulum.yaml", *given, *other)) > 1e-2
 
 
 def test_a_correction_that_is_small_by_chance_ends_no_iteration():

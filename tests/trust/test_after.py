@@ -174,8 +174,8 @@ def test_an_error_that_no_run_with_other_steps_tells_of_is_not_known(monkeypatch
 def test_a_large_time_error_warns():
     run = simulate(pendulum("solve.method=generalized_alpha", "solve.step=5e-3", "solve.duration=0.5"))
     assert run.statistics["error_estimate"] > 1e-2
-    (warning,) = run.statistics["warnings"]
-    assert "time error" in warning and run.statistics["error_estimate_channel"] in warning
+    (warning,) = (one for one in run.statistics["warnings"] if "time error" in one)
+    assert run.statistics["error_estimate_channel"] in warning
 
 
 def test_a_large_mesh_error_warns_as_a_large_time_error_does():
@@ -319,7 +319,7 @@ def test_a_signal_in_the_diagnosis_makes_no_class(monkeypatch):
     def raising(share):
         raise Terminated
 
-    settings = ("solve.method=generalized_alpha", "solve.step=5e-3", "solve.duration=2.0")
+    settings = ("solve.method=generalized_alpha", "solve.step=5e-2", "solve.duration=2.0")
     whole = simulate(pendulum(*settings), error_estimate=False, diagnosis=True)
     assert (whole.status, whole.failure["class"]) == ("failed", "numerical")
     monkeypatch.setattr(experiments, "run_integration", struck)
