@@ -256,3 +256,13 @@ def test_all_shipped_benchmarks_hold():
     assert [row for row in facts["rows"] if row["verdict"] != "held"] == []
     assert done.exit_code == 0
     assert facts["count"] >= 40
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("setting", ["solve.model=ancf", "solve.coordinates=frame"])
+def test_published_values_hold_in_other_coordinates(setting):
+    """All of `lag` is about models of their own."""
+    names = {*AT_REST, *MODES, "bend_45", "right_angled_frame", "spin_up"} - {"lag"}
+    facts = json.loads(command(*sorted(names), "--set", setting, "--json").stdout)
+    assert [row for row in facts["rows"] if row["verdict"] != "held"] == []
+    assert facts["count"] > 200
