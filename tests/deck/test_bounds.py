@@ -201,3 +201,22 @@ def test_text_that_is_not_utf8_has_a_place(tmp_path):
 )
 def test_overrides_are_bound_likewise(override):
     assert len(str(refusal(SMALL, [override]))) < 2000
+
+
+GIVEN = """
+hfsim: 1
+gravity: [0, 0, 0]
+sections:
+  bar: {mass_per_length: 0.4992, rotary_inertia: [ALONG, 2.6624e-6, 2.6624e-6], axial_stiffness: 13.25e6,
+        shear_stiffness: [4.22e6, 4.22e6], torsion_stiffness: 45.84, bending_stiffness: [70.66, 70.66]}
+bodies: {b: {type: beam, section: bar, length: 0.12}}
+joints: {clamp: {type: fixed, between: [ground, b.root]}}
+solve: {duration: 1}
+"""
+
+
+def test_moments_of_inertia_of_a_printed_table_may_be_rounded():
+    """Refused are sums that are seen to be others in the message."""
+    parse_deck(GIVEN.replace("ALONG", "5.325e-6"))
+    (problem,) = refusal(GIVEN.replace("ALONG", "5.33e-6")).problems
+    assert "5.33e-06 kg m" in problem.message and "5.3248e-06 kg m" in problem.message
