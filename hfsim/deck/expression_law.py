@@ -29,6 +29,8 @@ _QUIET = 1e-6
 _PULSE = 1 / 16
 """Part of a run within which a law that is quiet before and behind has a pulse: longer ones are seen."""
 _BISECTIONS = 60
+_BESIDE = 1e-6
+"""Part of a run beside a switch where rates are compared."""
 
 Jet: TypeAlias = "list[Any] | float"
 """Value and derivatives by time up to some order, arrays or numbers; a number where it is constant."""
@@ -190,11 +192,6 @@ def _calls(node: Node) -> Iterator[Node]:
         yield from _calls(one)
 
 
-def kinked_by(node: Node) -> str:
-    """Return a function of t in an expression whose rate jumps; empty where there is none."""
-    return next((one.head for one in _calls(node) if one.head in KINKED and of_time(one)), "")
-
-
 def _function(node: Node) -> _Function:
     """Return what takes time, with as many derivatives as are wanted, to the jet of a folded expression."""
     if node.kind == "name":
@@ -264,6 +261,17 @@ class ExpressionLaw(Law):
                     return float(t[wrong[0]]), f"{what} is not finite"
         return None
 
+    def jump(self, t_end: float) -> float | None:
+        """Return when, until the end, its rate jumps where a function of t switches."""
+        t = np.linspace(0.0, t_end, SAMPLES + 1)
+        with np.errstate(all="ignore"):
+            places = np.concatenate([t[:0], *(_zeros(one, t) for one in _switches(self.tree))])
+            around = places[:, None] + _BESIDE * t_end * np.array([-2.0, -1.0, 1.0, 2.0])
+            rates = self._derivative(around.ravel(), 1).reshape(-1, 4).T
+            change = np.abs(2.0 * rates[2] - rates[3] - (2.0 * rates[1] - rates[0]))
+            jumps = places[change > _QUIET * np.abs(self._derivative(t, 1)).max()]
+        return float(jumps.min()) if len(jumps) else None
+
     def _derivative(self, t: Array, order: int) -> Array:
         with np.errstate(all="ignore"):  # what is not finite ends the run by itself
             jet = self._function([t, 1.0, 0.0][: order + 1])
@@ -294,7 +302,7 @@ def _pulses(t: Array, y: Array) -> Array:
 
 
 def _switches(node: Node) -> Iterator[Callable[[Array], Array]]:
-    """Yield the functions of time at whose zeros the rate of an expression jumps."""
+    """Yield the functions of time at whose zeros the rate of an expression may jump."""
     if node.kind == "call" and node.head in KINKED and of_time(node):
         for a, b in [(node.args[0], None)] if len(node.args) == 1 else _pairs(node.args):
             yield lambda t, a=a, b=b: _value(a, t) - (0.0 if b is None else _value(b, t))  # type: ignore[misc]

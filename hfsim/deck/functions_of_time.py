@@ -131,7 +131,7 @@ RULES: dict[str, Rule] = {
 }
 """Functions of one number that may be taken of t."""
 KINKED = ("abs", "fabs", "max", "min")
-"""Functions whose rate jumps."""
+"""Functions whose rate may jump."""
 JUMPS = ("ceil", "copysign", "floor", "fmod", "remainder", "trunc")
 """Functions that jump themselves."""
 OF_TIME = (*RULES, "max", "min", "hypot", "pow")

@@ -281,8 +281,13 @@ class ExpressionSpec(LawSpec):
             yield Complaint(("expression",), why)
 
     def trouble(self, duration: float) -> str:
-        """Return where its rate or acceleration is not finite; that its value is not is told by itself."""
-        return "" if self._trouble(duration, (0,)) else self._trouble(duration, (1, 2))
+        """Return where its rate jumps or is not finite, or its acceleration; its value is told by itself."""
+        if self._trouble(duration, (0,)):
+            return ""
+        if why := self._trouble(duration, (1, 2)):
+            return why
+        jump = self.unshifted().jump(max(duration - self.begin, 0.0))
+        return "" if jump is None else f"its rate jumps at t = {jump:.4g} s, and no body's can"
 
     def _trouble(self, duration: float, orders: tuple[int, ...]) -> str:
         found = self.unshifted().trouble(max(duration - self.begin, 0.0), orders)
@@ -299,13 +304,6 @@ class ExpressionSpec(LawSpec):
         """Its value where t is not in it."""
         tree = self._tree()
         return tree.value if tree.kind == "number" else None
-
-    @property
-    def kink(self) -> str:
-        """Where its rate jumps."""
-        from hfsim.deck.expression_law import kinked_by
-
-        return f" in {name}" if (name := kinked_by(self._tree())) else super().kink
 
     def unshifted(self) -> "ExpressionLaw":
         """Return the law as if it began at 0."""

@@ -535,3 +535,34 @@ def test_a_law_that_is_not_finite_is_told_once(law, told):
         parse_deck(ENDLESS.replace("LAW", law))
     (problem,) = caught.value.problems
     assert problem.message.startswith(f"{told} ") and "t = 0 s" in problem.message
+
+
+SWITCHED = """
+hfsim: 1
+bodies: {hub: {type: rigid, mass: 1.0, inertia: 0.2}}
+joints: {motor: {type: driver, between: [ground, hub], angle: {expression: "LAW"}}}
+solve: {duration: 0.8}
+output: {channels: [hub.angle, hub.angular_velocity]}
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "angle"),
+    [
+        ("pi * (1 - cos(pi * min(t, 0.4) / 0.4)) / 2", math.pi),
+        ("max(0, t - 0.3) ** 2", 0.25),
+        ("abs(t - 0.2) ** 3", 0.216),
+    ],
+)
+def test_drivers_may_switch_where_the_rate_goes_on(law, angle):
+    result = simulate(parse_deck(SWITCHED.replace("LAW", law)), error_estimate=False)
+    assert result["hub.angle"][-1] == pytest.approx(angle, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("law", "place"),
+    [("min(t, 0.4)", 0.4), ("t + max(0, sin(5 * t) / 1000)", math.pi / 5), ("abs(t - 0.2)", 0.2)],
+)
+def test_drivers_whose_rate_jumps_are_refused_with_the_time(law, place):
+    with pytest.raises(DeckError, match=rf"joints\.motor\.angle: its rate jumps at t = {place:.4g} s"):
+        parse_deck(SWITCHED.replace("LAW", law))
