@@ -12,6 +12,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array, BoolArray, ComplexArray
 from hfsim.maths.inertia import count_below
+from hfsim.maths.matrices import dense
 from hfsim.maths.pencils import EPS, Pencil
 
 _FIRST_SHIFT = 1e-8
@@ -28,6 +29,8 @@ _DOUBTFUL = 30.0
 MORE = 8
 """Motions that are looked for beyond those asked for."""
 _TRIES = 4
+_WHOLE = 2000
+"""Coordinates up to which all squares are computed where an iteration finds none."""
 _TIGHT, _ROUNDS = 1e-12, 30
 """Error of eigenvalues that an iteration may leave, and how often it begins anew."""
 
@@ -130,10 +133,14 @@ def _next_to(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[C
     """Return the squares next to a shift and their vectors."""
     M, _, K, _ = pencil.matrices
     solve = pencil.inverse(K - shift * M)
-    if pencil.large:
-        theta, vectors = _large(pencil, solve, count + MORE, seed)
-    else:
-        theta, vectors = _whole(pencil, solve)
+    try:
+        found = _large(pencil, solve, count + MORE, seed) if pencil.large else _whole(pencil, solve)
+    except np.linalg.LinAlgError:
+        # of thin ropes masses are nearly singular, and Lanczos' iteration finds nothing
+        if not pencil.large or pencil.n > _WHOLE:
+            raise
+        found = _whole(pencil, solve)
+    theta, vectors = found
     kept = np.argsort(-np.abs(theta))[: pencil.free]
     theta, vectors = theta[kept], vectors[:, kept]
     squares = shift + 1.0 / theta
@@ -146,7 +153,7 @@ def _next_to(pencil: Pencil, shift: float, count: int, seed: int = 1) -> tuple[C
 
 def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
     """Return all eigenvalues 1 / (square - shift) and their vectors."""
-    M = pencil.matrices[0]
+    M = dense(pencil.matrices[0])
     if pencil.symmetric:
         sizes = np.sqrt(np.where(M.diagonal() > 0.0, M.diagonal(), 1.0))
         own, axes = np.linalg.eigh(M / np.outer(sizes, sizes))
@@ -156,7 +163,7 @@ def _whole(pencil: Pencil, solve: Any) -> tuple[ComplexArray, ComplexArray]:
             inverse = root.T @ spread
             theta, weights = np.linalg.eigh(0.5 * (inverse + inverse.T))
             return theta.astype(complex), (spread @ weights).astype(complex)
-    theta, vectors = np.linalg.eig(solve(np.asarray(M)))
+    theta, vectors = np.linalg.eig(solve(M))
     return theta.astype(complex), vectors.astype(complex)
 
 
