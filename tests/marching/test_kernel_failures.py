@@ -56,7 +56,7 @@ def slow(*given):
         *(("bob", [f"solve.method={one}", "solve.step=0.01"], "not finite") for one in ("radau", "explicit")),
         *(("bob", [f"solve.method={one}"], "not finite") for one in ("gear", "generalized_alpha")),
         ("arm", [GROWS, "solve.method=explicit", "solve.step=1e-4"], "cannot be counted"),
-        slow("arm", [GROWS, "solve.method=gear", "solve.step=1e-4"], "could not be solved"),
+        slow("arm", [GROWS, "solve.method=gear", "solve.step=1e-4"], "cannot be counted"),
         slow("arm", [GROWS, "solve.method=energy", "solve.step=1e-3"], "cannot be counted"),
         slow("arm", [GROWS], "the step length fell"),
         slow("arm", [GROWS, "solve.coordinates=frame"], "the step length fell"),
@@ -67,7 +67,7 @@ def slow(*given):
         slow("arm", ["initial.arm.angular_velocity=1e9"], "crawl"),
         slow("arm", ["gravity=[0, -1e15]"], "crawl"),
         slow("joints", ["gravity=[0, 0, -1e15]"], "crawl"),
-        slow("pendulum_3d", ["solve.model=lowOrder"], "stops being positive definite"),
+        slow("pendulum_3d", ["solve.model=lowOrder", "bodies.b1.elements=3"], "stops being positive"),
         slow("dead centre", [], "the step length fell"),
     ],
 )
