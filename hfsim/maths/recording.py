@@ -52,9 +52,9 @@ def _dot(tape: Recorder, a: Any, b: Any) -> Any:
 
 
 def _einsum(tape: Recorder, subscripts: str, *operands: Any, **how: Any) -> Any:
-    given, _, kept = subscripts.partition("->")
+    given, arrow, kept = subscripts.partition("->")
     letters = kept + "".join(sorted({*given} - {*kept, ","}))
-    if "." in given or len(letters) > MOST_LETTERS:
+    if "." in given or not arrow or len(letters) > MOST_LETTERS or how.keys() - {"optimize"}:
         return tape.called(np.einsum, (subscripts, *operands), how)
 
     def spread(own: str, a: Any) -> Any:
