@@ -42,12 +42,13 @@ class Piecewise:
 
     def __call__(self, x: Array, order: int = 0) -> Array:
         """Return the derivative of an order at places of any shape."""
-        factors = self._derivative(order)
+        if order:
+            return self.slope(x, order - 1)
         if len(self.places) > FEW + 1:
-            return outside(_in_pieces, factors, self.places, x)
+            return outside(_in_pieces, self.factors, self.places, x)
         x = np.asarray(x)[..., None]
         before, behind = self._ends
-        values = _powers(factors, x - self.places[:-1])
+        values = _powers(self.factors, x - self.places[:-1])
         return np.asarray(np.where(x < before, 0.0, np.where(x >= behind, 0.0, values)).sum(axis=-1))
 
     def turns(self) -> Array:
@@ -56,16 +57,15 @@ class Piecewise:
             return np.zeros(0)
         from scipy.interpolate import PPoly
 
-        found: Array = np.asarray(PPoly(self._derivative(1), self.places).roots(extrapolate=False))
+        found: Array = np.asarray(PPoly(self.slope.factors, self.places).roots(extrapolate=False))
         return found[np.isfinite(found)]
 
-    def _derivative(self, order: int) -> Array:
-        """Return the factors of a derivative, those of zero where nothing is left."""
-        factors = self.factors
-        for _ in range(order):
-            powers = np.arange(len(factors) - 1, 0, -1)
-            factors = factors[:-1] * powers[:, None] if len(powers) else 0.0 * factors
-        return factors
+    @cached_property
+    def slope(self) -> Piecewise:
+        """The derivative, zero where nothing is left."""
+        powers = np.arange(len(self.factors) - 1, 0, -1)
+        factors = self.factors[:-1] * powers[:, None] if len(powers) else 0.0 * self.factors
+        return Piecewise(self.places, factors)
 
     @cached_property
     def _ends(self) -> tuple[Array, Array]:
