@@ -66,6 +66,14 @@ def load(deck: AnyDeck, changes: Mapping[str, Any] | None = None) -> LoadedDeck:
     return _load(deck, settings(changes))
 
 
+def for_models(base: LoadedDeck, models: Sequence[str]) -> LoadedDeck:
+    """Return a deck without channels that some models have not, and with numbers of elements."""
+    from hfsim.studies.compare import without_blind_channels
+
+    blind = without_blind_channels(base.changed, models, nobody)
+    return (base.changed(blind) if blind else base).with_numbers()
+
+
 def _load(deck: AnyDeck, overrides: Sequence[str]) -> LoadedDeck:
     if isinstance(deck, LoadedDeck):
         return deck.changed(overrides) if overrides else deck

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.errors import ArgumentError, Interrupted
 from hfsim.marching.stop import Budget, Progress, nobody
-from hfsim.output.api import load
+from hfsim.output.api import for_models, load
 from hfsim.output.arguments import (
     AnyDeck,
     destination,
@@ -22,7 +22,6 @@ from hfsim.output.arguments import (
 )
 from hfsim.output.study import time_to_draw
 from hfsim.simulate import check
-from hfsim.studies.compare import without_blind_channels
 
 if TYPE_CHECKING:
     from hfsim.studies.bench import Bench
@@ -103,9 +102,7 @@ def bench(
         _repeats(repeats),
     )  # fmt: skip
     to, where = destination(output, force, plots), workers(jobs, dask, dask_config)
-    base = load(deck, changes)
-    blind = without_blind_channels(base.changed, wanted.models, nobody)
-    loaded = (base.changed(blind) if blind else base).with_numbers()
+    loaded = for_models(load(deck, changes), wanted.models)
     check(loaded)
     wanted, study = wanted.completed(loaded), study_in("bench", to, loaded)
     drawing = 0.0 if to is None else time_to_draw(to.plots, budget)

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hfsim.marching.stop import Progress, nobody
-from hfsim.output.api import load
+from hfsim.output.api import for_models, load
 from hfsim.output.arguments import (
     AnyDeck,
     destination,
@@ -23,12 +23,11 @@ from hfsim.output.arguments import (
 )
 from hfsim.output.study import time_to_draw
 from hfsim.studies.axes import NAMED, Axis, vary_path
-from hfsim.studies.compare import usual_models, without_blind_channels
+from hfsim.studies.compare import usual_models
 from hfsim.studies.limits import Limits, limits_of_models
 from hfsim.studies.stability.asked import ENDINGS, Asked, axes_of
 
 if TYPE_CHECKING:
-    from hfsim.scene.loading import LoadedDeck
     from hfsim.studies.stability.results import StabilityMap
 
 
@@ -119,7 +118,7 @@ def stability(
     to, where = destination(output, force, plots), workers(jobs, dask, dask_config)
     base = load(deck, changes)
     usual = asked.models or usual_models(base.changed, nobody)
-    loaded = _loaded(base, asked.models)
+    loaded = for_models(base, asked.models)
     drawing = 0.0 if to is None else time_to_draw(to.plots, budget)
     plan = asked.plan(usual, where.jobs, time.perf_counter() - start + drawing)
     study = study_in("stability", to, loaded)
@@ -173,7 +172,7 @@ def limits(
     positive(budget=budget, limit=limit)
     asked = Asked(methods=several("methods", methods), models=several("models", models), budget=budget)
     to, where = destination(output, force, plots=True), workers(jobs, dask, dask_config)
-    loaded = _loaded(load(deck, changes), asked.models)
+    loaded = for_models(load(deck, changes), asked.models)
     wanted = asked.models or (loaded.deck.solve.model,)
     plan = asked.plan(wanted, where.jobs, time.perf_counter() - start)
     study = study_in("stability", to, loaded)
@@ -195,9 +194,3 @@ def _axes(vary: Mapping[str, Any] | None, named: Mapping[str, Any]) -> tuple[Axi
             argument = f"scale_{name}" if name in ("stiffness", "speed") else name
             said.append((argument, NAMED[name], values_text(argument, values)))
     return axes_of(said)
-
-
-def _loaded(base: LoadedDeck, models: Sequence[str]) -> LoadedDeck:
-    """Return a deck without channels that some models have not, and with numbers of elements."""
-    blind = without_blind_channels(base.changed, models, nobody)
-    return (base.changed(blind) if blind else base).with_numbers()
