@@ -182,8 +182,8 @@ def moment_option(words: str, default: str | None = None) -> _Option:
         if text is None:
             return None
         with suppress(ValueError):
-            if 0.0 <= seconds(text) < float("inf"):
-                return seconds(text)
+            if 0.0 <= (moment := seconds(text)) < math.inf:
+                return moment
         raise click.BadParameter(f"'{text}' is no time from 0 on; write e.g. 0.5 or 20 ms")
 
     return click.option("--at", default=default, show_default=True, metavar="T", callback=read, help=words)
