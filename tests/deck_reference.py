@@ -45,7 +45,7 @@ USUAL = {
     **{"m": "5 cm", "rad": "30 deg", "s": "10 ms", "kg": "200 g", "N": "2 kN", "N m": "5 N*m", "Pa": "210 GPa"},
     **{"N/m": "100 N/mm", "N m/rad": "2 kN*m/rad", "N s/m": 10, "N m s/rad": 0.1, "m/s": "1 m/s", "rad/s": "60 rpm"},
     **{"Hz": "50 Hz", "m^4": 1e-8, "m^2": 1e-4, "text": "name", "whole number": 8, "`true` `false`": True},
-    **{"N m^2": 500.0, "list: number": [0, 0, 1], "list: anything": [[0, 0], [0.1, 50]], "list: text": ["arm.tip.x"]},
+    **{"N m^2": 500.0, "list: number": [0, 0, 1], "list: anything": [[0, 0], [0.1, 50]], "list: list: anything": [[9e3, 0, 20], [0, 3e3, 0], [20, 0, 40]], "list: text": ["arm.tip.x"]},
     **{"map": {"length": 0.5}, "s/m": 0.3, "s/rad": 0.3, "map of names: list: m": {"middle": [0.5, 0, 0]}},
 }
 """... and by what it may be."""

@@ -178,6 +178,28 @@ def one_or_list(count: int, dimension: str, **bounds: float) -> ReadBy:
     return ReadBy(read, quantity=dimension, count=count, **bounds)
 
 
+def _read_matrix(counts: tuple[int, ...], dimension: Callable[..., str], value: object) -> object:
+    """Return as many rows as a row has numbers, each of a dimension by (count, row, column)."""
+    rows, found = entries(value, counts, "rows"), []
+    for i, row in enumerate(rows):  # type: ignore[arg-type, var-annotated]
+        try:
+            numbers = enumerate(entries(row, (len(rows),), "numbers"))  # type: ignore
+            found.append(tuple(_read_number(dimension(len(rows), i, j), {}, one) for j, one in numbers))  # type: ignore
+        except PydanticCustomError as error:
+            raise refused([_complaint_at(i, error)]) from None
+    return tuple(found)
+
+
+def _complaint_at(row: int, error: PydanticCustomError) -> Complaint:
+    context = error.context or {}
+    return Complaint((row,), str(context["message"]), str(context["hint"]))
+
+
+def matrix_of(counts: tuple[int, ...], dimension: Callable[..., str]) -> ReadBy:
+    """Return what reads a square matrix of so many rows; numbers have dimensions by (count, row, column)."""
+    return ReadBy(partial(_read_matrix, counts, dimension), type="array", items={"type": "array"})
+
+
 def _read_table(dimensions: tuple[str, str], value: object) -> tuple[tuple[float, ...], ...]:
     """Return rows of two numbers each, of which the first increases."""
     if not isinstance(value, list | tuple) or len(value) < _FEWEST_ROWS:
@@ -190,8 +212,7 @@ def _read_table(dimensions: tuple[str, str], value: object) -> tuple[tuple[float
             read = zip(dimensions, pair, strict=True)  # type: ignore[call-overload]
             rows.append(tuple(_read_number(dimension, {}, one) for dimension, one in read))
         except PydanticCustomError as error:
-            context = error.context or {}
-            raise refused([Complaint((index,), str(context["message"]), str(context["hint"]))]) from None
+            raise refused([_complaint_at(index, error)]) from None
         if index and rows[-1][0] <= rows[-2][0]:
             message = f"the first numbers must increase, {rows[-1][0]:g} follows {rows[-2][0]:g}"
             raise refused([Complaint((index,), message)])

@@ -9,11 +9,11 @@ from hfsim.deck.spec import Around, Complaint, Spec
 
 if TYPE_CHECKING:
     from hfsim.deck.section_shapes import CircleSection, RectangleSection, TubeSection
-    from hfsim.deck.section_stiffness import StiffnessSection
+    from hfsim.deck.section_stiffness import CoupledSection, StiffnessSection
     from hfsim.maths.arrays import Array
 
     ShapedSection = GeneralSection | RectangleSection | CircleSection | TubeSection
-    AnySection = ShapedSection | StiffnessSection
+    AnySection = ShapedSection | StiffnessSection | CoupledSection
 
 _PLASTIC_TO_OSMIUM = (0.5, 23.0)
 """Densities of solids [g/cm^3]."""
@@ -115,6 +115,8 @@ class BeamProperties(NamedTuple):
                 rotary_inertia=section.rotary[1],
                 axial_stiffness=section.axial_stiffness,
                 bending_stiffness=section.bending[1],
+                axial_damping=section.axial_damping,
+                bending_damping=section.bending_damping,
             )
         assert material is not None
         return cls(
@@ -178,6 +180,8 @@ class SectionProperties(NamedTuple):
         Kelvin-Voigt retardation times of stretch and shear, and of twist and curvature [s].
     fibres : Fibres or None
         What normal stresses follow from, where the section's shape is known.
+    couplings : tuple of float
+        What of the stiffness matrix stands above its diagonal, row by row [N], [N m], [N m^2].
     """
 
     mass_per_length: float
@@ -189,6 +193,7 @@ class SectionProperties(NamedTuple):
     axial_damping: float = 0.0
     bending_damping: float = 0.0
     fibres: Fibres | None = None
+    couplings: tuple[float, ...] = (0.0,) * 15
 
     @classmethod
     def of(cls, material: MaterialSpec | None, section: "AnySection") -> Self:
@@ -201,6 +206,9 @@ class SectionProperties(NamedTuple):
                 shear_stiffness=section.shears,
                 torsion_stiffness=section.torsion_stiffness or 0.0,
                 bending_stiffness=section.bending,
+                axial_damping=section.axial_damping,
+                bending_damping=section.bending_damping,
+                couplings=section.couplings,
             )
         assert material is not None
         E, G, (I_y, I_z) = material.youngs_modulus, material.lame_mu, section.bending
@@ -250,7 +258,6 @@ class SectionProperties(NamedTuple):
         return (*forces, self.torsion_stiffness, *self.bending_stiffness)
 
     @property
-    def damping(self) -> tuple[float, ...]:
-        """The same times retardation times [N s], [N m^2 s]."""
-        times = (self.axial_damping,) * 3 + (self.bending_damping,) * 3
-        return tuple(time * one for time, one in zip(times, self.stiffness, strict=True))
+    def retardation(self) -> tuple[float, ...]:
+        """The retardation times of what these resist [s]."""
+        return (self.axial_damping,) * 3 + (self.bending_damping,) * 3

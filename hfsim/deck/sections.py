@@ -153,6 +153,7 @@ class GeneralSection(EquivalentRectangle, Spec):
 
 
 _STIFFNESS = ("mass_per_length", *(f"{of}_stiffness" for of in ("axial", "shear", "torsion", "bending")))
+_COUPLED = {"stiffness": "hfsim.deck.section_stiffness.CoupledSection"}
 _SHAPES = {one: f"hfsim.deck.section_shapes.{one.title()}Section" for one in ("rectangle", "circle", "tube")}
 SectionSpec = Annotated[
     Any,
@@ -160,7 +161,7 @@ SectionSpec = Annotated[
         "shape",
         _SHAPES,
         otherwise=GeneralSection,
-        told_by=dict.fromkeys(_STIFFNESS, "hfsim.deck.section_stiffness.StiffnessSection"),
+        told_by=_COUPLED | dict.fromkeys(_STIFFNESS, "hfsim.deck.section_stiffness.StiffnessSection"),
     ),
 ]
 """Any cross-section: a shape, area and second moments, or stiffness."""

@@ -355,7 +355,7 @@ def test_what_follows_from_material_and_section_in_space():
     numbers = {"area": 2, "second_moments": [3, 4], "torsion_constant": 5, "shear_factors": [0.5, 0.25]}
     own = SectionProperties.of(material, TypeAdapter(SectionSpec).validate_python(numbers))
     assert own.stiffness == pytest.approx((60.0, 12.0, 6.0, 60.0, 90.0, 120.0))
-    assert own.damping == pytest.approx((0.0, 0.0, 0.0, 6.0, 9.0, 12.0))
+    assert own.retardation == (0.0, 0.0, 0.0, 0.1, 0.1, 0.1)
     assert (own.mass_per_length, own.rotary_inertia) == (4.0, (6.0, 8.0))
     given = {
         "mass_per_length": 4.0,

@@ -42,7 +42,8 @@ def changed(deck, changes):
         if name == "arm":
             deck["bodies"]["arm"] = entry
         else:
-            kind = {"coil": "springs", "band": "springs", "load": "loads"}.get(name, "joints")
+            kinds = {"coil": "springs", "band": "springs", "load": "loads", "laminate": "sections"}
+            kind = kinds.get(name, "joints")
             deck.setdefault(kind, {})[name] = entry
     return yaml.safe_dump(deck)
 
@@ -62,6 +63,13 @@ BEAMS = {
     for element in ("cable", "continuum", "cosserat")
     for model in ("rigid", "linear", "lowOrder", "exact")
     if (element, model) != ("continuum", "lowOrder")
+}
+LAMINATE = {"mass_per_length": 1.0, "rotary_inertia": [2e-3, 1e-3, 1e-3], "bending_damping": 1e-3}
+LAMINATE["stiffness"] = (np.diag([1e4, 5e3, 5e3, 2.0, 3.0, 4.0]) + np.eye(6, k=3) + np.eye(6, k=-3)).tolist()
+BLADE = {key: one for key, one in ARM.items() if key != "material"} | {"section": "laminate"}
+COUPLED = {
+    f"coupled {model}": spatial(laminate=LAMINATE, arm=BLADE | {"model": model})
+    for model in ("rigid", "linear", "lowOrder", "exact")
 }
 RESISTING = {
     "planar turn": planar(pin=about("revolute", **TURNING)),
@@ -90,7 +98,8 @@ IN_SPACE = {
     },
     "distributed": spatial(arm=ARM, load={"type": "distributed", "on": "arm", "force": PULL}),
 }
-DECKS = REGISTERED | BEAMS | RESISTING | {f"spatial {name}": deck for name, deck in IN_SPACE.items()}
+SPATIAL = {f"spatial {name}": deck for name, deck in IN_SPACE.items()}
+DECKS = REGISTERED | BEAMS | COUPLED | RESISTING | SPATIAL
 STEPS = {
     f"integrator {name}": scene_with("integrator", name, EXAMPLES["integrator"][name])
     for kind, name in CASES

@@ -8,6 +8,7 @@ from damping import check_damping
 from hfsim.maths.rotations import rotation
 from hfsim.parts.bodies.beam_axis import Curve
 from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw
+from hfsim.parts.elements.section_strains import PointStrains
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
 
@@ -15,23 +16,25 @@ PRINCETON = "{shape: rectangle, height: 12.377e-3, width: 3.2024e-3}"
 ALUMINIUM = "youngs_modulus: 71.7e9, poisson_ratio: 0.31"
 
 
-def law_and_vectors(rng, n_dim=3, points=4):
+def law_and_vectors(rng, n_dim=3, points=4, coupled=False):
     own = STRAINS[n_dim]
     count, vectors = len(own.which), {2: 3, 3: 5}[n_dim]
     stiffness, undeformed = rng.uniform(0.5, 2.0, (count, points)), 0.2 * rng.normal(size=(count, points))
     undeformed[0] += 1.0
     V = 0.3 * rng.normal(size=(2, points, vectors, n_dim))
     V[..., :n_dim, :] += np.eye(n_dim)
-    return CosseratLaw(stiffness, undeformed, 1, own), V
+    mixing = np.moveaxis(np.triu(rng.normal(size=(points, count, count))), 0, 2) if coupled else None
+    return CosseratLaw(stiffness, undeformed, 1, PointStrains(own, mixing)), V
 
 
+@pytest.mark.parametrize("coupled", [False, True])
 @pytest.mark.parametrize("n_dim", [2, 3])
-def test_gradient_and_hessian_against_differences(rng, n_dim):
-    law, V = law_and_vectors(rng, n_dim)
+def test_gradient_and_hessian_against_differences(rng, n_dim, coupled):
+    law, V = law_and_vectors(rng, n_dim, coupled=coupled)
     dV, h = rng.normal(size=V.shape), 1e-6
     change = (law.energy(V + h * dV) - law.energy(V - h * dV)) / (2 * h)
     gradient = law.gradient(V)
-    assert np.sum(gradient * dV, axis=(-1, -2)) == pytest.approx(change, rel=1e-8)
+    assert np.sum(gradient * dV, axis=(-1, -2)) == pytest.approx(change, rel=1e-8, abs=1e-10)
     H, bent = law.hessian(V), (law.gradient(V + h * dV) - law.gradient(V - h * dV)) / (2 * h)
     assert (H @ dV.reshape(2, 4, -1, 1))[..., 0] == pytest.approx(bent.reshape(2, 4, -1), rel=1e-7, abs=1e-8)
     assert pytest.approx(H.swapaxes(-1, -2), abs=1e-14) == H

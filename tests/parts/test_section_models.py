@@ -24,7 +24,7 @@ from hfsim.mechanics.pose import Pose
 from hfsim.parts.bodies.root_axes import SectionFrameChart
 from hfsim.scene.build import build
 
-CURVES = {"straight": "", "arc": ", axis: {arc: {radius: 2.0, angle: 0.6}}, twist: 0.4"}
+CURVES = {"straight": "", "arc": ", axis: {arc: {radius: 2.0, angle: 0.6}}, twist: 0.4", "coupled": ""}
 ROTOR = """
 hfsim: 1
 gravity: [0.0, 1.0, -9.81]
@@ -61,7 +61,21 @@ def rotor(curve="straight", **changed):
     data = yaml.safe_load((PLANAR if curve == "plane" else ROTOR).format(curve=CURVES.get(curve), **numbers))
     if curve == "arc":
         data["bodies"]["b1"].pop("length")
+    if curve == "coupled":
+        data["bodies"]["b1"].pop("material")
+        data["sections"]["bar"] = laminate(numbers["modulus"], numbers["damping"])
     return data
+
+
+def laminate(modulus, damping):
+    """A section as heavy and about as stiff as the others, whose tension twists and whose bending shears."""
+    area, I_y, I_z = 1.8e-3, 5.4e-7, 1.35e-7
+    numbers = modulus * np.array([area, 0.3 * area, 0.3 * area, 0.3 * (I_y + I_z), I_y, I_z])
+    i, j = [0, 1, 2, 3], [3, 5, 4, 4]
+    C = np.diag(numbers)
+    C[i, j] = C[j, i] = 0.3 * np.sqrt(numbers[i] * numbers[j])
+    mass = {"mass_per_length": 2700.0 * area, "rotary_inertia": [2700.0 * one for one in (I_y + I_z, I_y, I_z)]}
+    return mass | {"stiffness": C.tolist(), "bending_damping": damping}
 
 
 def moved_scene(rng, curve, **changed):

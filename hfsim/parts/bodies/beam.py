@@ -322,6 +322,9 @@ class BeamSpec(BodySpec):
         if self.element == "continuum" and section.stiff:
             message = "a continuum element is made of its material: it needs the section's shape or moments"
             yield Complaint(("section",), message, "a material and such a section, or element: cosserat")
+        elif self.element == "cable" and section.stiff and any(section.couplings):
+            message = "a cable element has tension and bending only, which it cannot couple"
+            yield Complaint(("section",), message, "element: cosserat")
         elif material is None and not section.stiff:
             yield Complaint(("material",), "missing key", "Name of the material", True)
         elif material is not None and section.stiff:

@@ -138,8 +138,9 @@ class RigidSectionBeam(Body):
         _, sections = mesh.axis.sections(places)
         # in the plane moments and turns are about the axis that all frames share
         about = sections if n == 3 else np.ones((1, 1, 1))
-        stiffness = np.array(mesh.at(places).stiffness).T[..., list(mesh.strains.which)]
-        strain, bent = _in(sections, N) / stiffness[..., :n], _in(about, M) / stiffness[..., n:]
+        forces = np.concatenate([_in(sections, N), _in(about, M)], axis=-1)
+        strains = np.linalg.solve(mesh.stiffness_at(places), forces[..., None])[..., 0]
+        strain, bent = strains[..., :n], strains[..., n:]
         turned = _along(_in(about.swapaxes(1, 2), bent), places)
         slope = spun(turned, sections[..., 0]) + _in(sections.swapaxes(1, 2), strain)
         moved = _along(slope, places)

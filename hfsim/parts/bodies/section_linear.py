@@ -17,7 +17,6 @@ from hfsim.parts.bodies.cosserat import CosseratBeam
 from hfsim.parts.bodies.linear import LinearElasticForce
 from hfsim.parts.bodies.root_axes import onto_sections, triad, triad_rate
 from hfsim.parts.bodies.section_mesh import SectionMesh
-from hfsim.parts.elements.cosserat import strain_slopes
 
 TABLES = 35.0
 """Full matrices of a beam that a run holds at a time: measured, 24 to 35 with 800 to 1600 coordinates."""
@@ -84,7 +83,7 @@ def small_strains(mesh: SectionMesh) -> Array:
     """
     (vectors, rows), n = mesh.point_vectors, mesh.n_dim
     V = rows @ mesh.undeformed[vectors]
-    slopes = strain_slopes(mesh.strains, V).reshape(*V.shape[:1], -1, *V.shape[1:])
+    slopes = mesh.strains.slopes(V).reshape(*V.shape[:1], -1, *V.shape[1:])
     found = np.zeros((len(V), slopes.shape[1], mesh.undeformed.size // n, n))
     on_nodes = np.einsum("psvi,pvk->pski", slopes, rows)
     for point, own in enumerate(vectors):

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hfsim.maths.arrays import Array, IntArray, component_rows
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen
 from hfsim.maths.shapes import gauss_legendre, gauss_lobatto, lagrange, piecewise, weights_beyond
 from hfsim.mechanics.body import Place
 from hfsim.parts.bodies.beam_axis import Axis
 from hfsim.parts.elements.cosserat import STRAINS, CosseratLaw, point_rows, vector_rows
-from hfsim.parts.elements.section_strains import SectionStrains
+from hfsim.parts.elements.section_strains import PointStrains
 
 if TYPE_CHECKING:
     from hfsim.deck.materials import SectionProperties
@@ -43,10 +43,10 @@ class SectionMesh:
         """Of space; so many vectors has a node."""
         return self.axis.n_dim
 
-    @property
-    def strains(self) -> SectionStrains:
-        """Those of its space."""
-        return STRAINS[self.n_dim]
+    @cached_property
+    def strains(self) -> PointStrains:
+        """Those at the Gauss points."""
+        return PointStrains(STRAINS[self.n_dim], self._principal[1])
 
     @property
     def n_nodes(self) -> int:
@@ -131,7 +131,7 @@ class SectionMesh:
         if self.n_dim != 3 or not self.axis.straight:
             return False
         own = self.properties.in_elements(gauss_lobatto(self.degree + 1)[0], self.count)
-        return all(
+        return not np.any(own.couplings) and all(
             np.allclose(*pair, rtol=ALIKE, atol=0.0)
             for pair in (own.rotary_inertia, own.shear_stiffness, own.bending_stiffness)
         )
@@ -179,17 +179,35 @@ class SectionMesh:
     def law(self) -> CosseratLaw:
         """Return the elastic law of all Gauss points; undeformed, the beam is without stress."""
         vectors, rows = self.point_vectors
-        undeformed = self.strains.of(component_rows(rows @ self.undeformed[vectors]))
+        undeformed = self.strains.of(rows @ self.undeformed[vectors])
         stiffness = self.resisting[0] * self.points[1]
         return CosseratLaw(stiffness, undeformed, self.degree, self.strains)
 
     @cached_property
     def resisting(self) -> Array:
         """Stiffness and damping at Gauss points, of the strains there are, (2, n_strains, n_points)."""
-        own, which = self.at(self.points[0]), self.strains.which
-        both = [[numbers[k] for k in which] for numbers in (own.stiffness, own.damping)]
-        points = (2, len(which), len(self.points[0]))
-        return np.asarray(np.broadcast_to(np.array(both).reshape(*points[:2], -1), points))
+        times = np.array(self.at(self.points[0]).retardation)[list(STRAINS[self.n_dim].which)]
+        stiffness = self._principal[0]
+        return np.stack([stiffness, times.reshape(len(times), -1) * stiffness])
+
+    @cached_property
+    def _principal(self) -> tuple[Array, Array | None]:
+        """D and T of the stiffness T^T D T at Gauss points, see `PointStrains`; no T if it is diagonal."""
+        C = self.stiffness_at(self.points[0])
+        D = np.einsum("pii->ip", C)
+        if not (C - D.T[:, None] * np.eye(len(D))).any():
+            return D, None
+        root = np.linalg.cholesky(C)
+        diagonal = np.einsum("pii->pi", root)
+        return diagonal.T**2, np.moveaxis(root / diagonal[:, None], (2, 1), (0, 1))
+
+    def stiffness_at(self, places: Array) -> Array:
+        """Return the stiffness at distances from the root [m], (n_places, n_strains, n_strains)."""
+        own, which = self.at(places), STRAINS[self.n_dim].which
+        C, (i, j), k = np.zeros((len(places), 6, 6)), np.triu_indices(6, 1), np.arange(6)
+        C[:, i, j] = C[:, j, i] = np.array(own.couplings).T
+        C[:, k, k] = np.array(own.stiffness).T
+        return C[:, which][:, :, which]
 
     def at(self, places: Array) -> SectionProperties:
         """Return the properties at distances from the root [m], arrays of their shape where they vary."""

@@ -2,7 +2,7 @@
 
 Geometrically exact beam of Simo and Reissner in the vectors of Betsch and Steinmann (IJNME 54, 2002), with
 torsion in space: its strains (`hfsim.parts.elements.spatial_strains`, `planar_strains`) are polynomials of
-r', d and d' that no rigid motion changes; N = C Gamma, M = D kappa of what they are more than undeformed.
+r', d and d' that no rigid motion changes; (N, M) = C (Gamma, kappa) of what they are more than undeformed.
 Nodes hold section vectors at unit length and at right angles.
 
 Nodes are the Gauss-Lobatto points of each element, and one Gauss point less than there are nodes integrates
@@ -26,7 +26,7 @@ from hfsim.mechanics.connectivity import Connectivity
 from hfsim.parts.elements._base import RowLaw
 from hfsim.parts.elements.forces import MaterialDamping
 from hfsim.parts.elements.planar_strains import PLANAR
-from hfsim.parts.elements.section_strains import SectionStrains
+from hfsim.parts.elements.section_strains import PointStrains
 from hfsim.parts.elements.spatial_strains import SPATIAL
 
 STRAINS = {2: PLANAR, 3: SPATIAL}
@@ -65,7 +65,8 @@ class CosseratLaw(RowLaw):
     Attributes
     ----------
     stiffness : ndarray, shape (n_strains, n_points)
-        EA, GA_y, GA_z [N m] and GJ, EI_y, EI_z [N m^3], those that the space has, times length by weight.
+        EA, GA_y, GA_z [N m] and GJ, EI_y, EI_z [N m^3], those that the space has, times length by weight;
+        where they are coupled, D of C = T^T D T (`PointStrains`).
     undeformed : ndarray, shape (n_strains, n_points)
         e0: strains as they are without stress.
     degree : int
@@ -75,7 +76,7 @@ class CosseratLaw(RowLaw):
     stiffness: Array
     undeformed: Array
     degree: int
-    strains: SectionStrains
+    strains: PointStrains
     integrals: ClassVar[str] = "as many Gauss points an element as its degree"
     pieces: ClassVar[str] = "Gauss points"
     quartic: ClassVar[bool] = False
@@ -83,28 +84,29 @@ class CosseratLaw(RowLaw):
 
     @property
     def shared(self) -> Hashable:
-        """The degree; points differ in their numbers only."""
-        return self.degree
+        """The degree, and whether strains are coupled; points differ in their numbers only."""
+        return self.degree, self.strains.mixing is None
 
     def joined(self, other: CosseratLaw) -> CosseratLaw:
         """Return the law of this one's points followed by the other's."""
         pairs = (self.stiffness, other.stiffness), (self.undeformed, other.undeformed)
         stiffness, undeformed = (np.concatenate(pair, axis=1) for pair in pairs)
-        return CosseratLaw(stiffness, undeformed, self.degree, self.strains)
+        return CosseratLaw(stiffness, undeformed, self.degree, self.strains.joined(other.strains))
 
     def strains_of(self, v: Array) -> Array:
         """Return e - e0, (n_strains, n_points, n_batch), of `component_rows`."""
-        e = self.strains.of(v).reshape(*self.stiffness.shape, -1)
+        e = self.strains.space.of(v).reshape(*self.stiffness.shape, -1)
+        e = self.strains.mixed(e.swapaxes(1, 2)).swapaxes(1, 2)
         e -= self.undeformed[..., None]
         return np.asarray(e)
 
     def slopes(self, V: Array) -> Array:
         """Return the derivative of the strains by the vectors, shape (..., n_points, n_strains, m)."""
-        return strain_slopes(self.strains, V)
+        return self.strains.slopes(V)
 
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_points)."""
-        e = self.strains.of(np.moveaxis(V, (-2, -1), (0, 1))) - _spread(self.undeformed, V)
+        e = self.strains.of(V) - _spread(self.undeformed, V)
         return np.asarray(0.5 * np.sum(_spread(self.stiffness, V) * e * e, axis=0))
 
     def pull(self, v: Array) -> Array:
@@ -114,17 +116,17 @@ class CosseratLaw(RowLaw):
     def pull_of(self, v: Array, e: Array) -> Array:
         """Return the forces on the vectors with given strains (n_strains, n_points, n_batch or 1)."""
         shape = *self.stiffness.shape, v.shape[-1] // self.stiffness.shape[1]
-        S = np.broadcast_to(e * self.stiffness[..., None], shape)
-        return self.strains.pulled(v, S.reshape(len(S), -1))
+        on_strains = np.broadcast_to(e * self.stiffness[..., None], shape)
+        S = self.strains.unmixed(on_strains.swapaxes(1, 2)).swapaxes(1, 2)
+        return self.strains.space.pulled(v, S.reshape(len(S), -1))
 
     def hessian(self, V: Array) -> Array:
         """Return d2U/dV2 [J], shape (..., n_points, m, m), of all m numbers of the vectors."""
-        v = np.moveaxis(V, (-2, -1), (0, 1))
-        return self.hessian_of(V, self.strains.of(v) - _spread(self.undeformed, V))
+        return self.hessian_of(V, self.strains.of(V) - _spread(self.undeformed, V))
 
     def hessian_of(self, V: Array, e: Array) -> Array:
         """Return the same with given strains (n_strains, ..., n_points)."""
-        C, B = _spread(self.stiffness, V), strain_slopes(self.strains, V)
+        C, B = _spread(self.stiffness, V), self.slopes(V)
         material = (np.moveaxis(C, 0, -1)[..., None] * B).swapaxes(-1, -2) @ B
         return np.asarray(material + self.strains.bent_by(V, C * e))
 
@@ -132,19 +134,6 @@ class CosseratLaw(RowLaw):
 def _spread(numbers: Array, V: Array) -> Array:
     """Return numbers (n_strains, n_points) of each point for vectors (..., n_points, n_vectors, n_dim)."""
     return numbers.reshape(len(numbers), *(1,) * (V.ndim - 3), -1)
-
-
-def _units(strains: SectionStrains, V: Array) -> Array:
-    """Return each section force by itself, for a batch of vectors."""
-    count = len(strains.which)
-    return np.eye(count).reshape(count, count, *(1,) * (V.ndim - 2))
-
-
-def strain_slopes(strains: SectionStrains, V: Array) -> Array:
-    """Return the derivative of the strains by all numbers of the vectors, shape (..., n_strains, m)."""
-    v = np.moveaxis(V, (-2, -1), (0, 1))
-    forces = (np.moveaxis(strains.pulled(v, unit), (0, 1), (-2, -1)) for unit in _units(strains, V))
-    return np.stack([one.reshape(*V.shape[:-2], -1) for one in forces], axis=-2)
 
 
 @frozen
@@ -161,7 +150,7 @@ class SectionDamping(MaterialDamping):
 
     elements: Connectivity
     resisting: Array
-    strains: SectionStrains
+    strains: PointStrains
 
     @property
     def counts(self) -> dict[str, int | str]:
@@ -176,7 +165,7 @@ class SectionDamping(MaterialDamping):
     def _state(self, x: Array, u: Array) -> tuple[Array, Array, Array]:
         """Return vectors, slopes of the strains, and section forces (..., n_points, n_strains)."""
         V = self.elements.vectors(x)
-        B = strain_slopes(self.strains, V)
+        B = self.strains.slopes(V)
         rates = self.elements.vectors(u).reshape(*V.shape[:-2], -1, 1)
         return V, B, (B @ rates)[..., 0] * self.resisting.T
 
@@ -189,7 +178,7 @@ class SectionDamping(MaterialDamping):
         """Return minus the derivative of the force by x in one state."""
         V, B, S = self._state(x, u)
         rates = self.elements.vectors(u).reshape(*V.shape[:-2], -1, 1)
-        bent_by, units = self.strains.bent_by, _units(self.strains, V)
+        bent_by, units = self.strains.bent_by, self.strains.units(V)
         turned = np.stack([(bent_by(V, unit) @ rates)[..., 0] for unit in units], axis=-2)
         resisted = B.swapaxes(-1, -2) @ (self.resisting.T[..., None] * turned)
         return self.elements.entries((bent_by(V, np.moveaxis(S, -1, 0)) + resisted)[0])
