@@ -22,6 +22,7 @@ Path = tuple[str | int, ...]
 
 DEEPEST = 40
 """Lists and maps within one another; decks have six, and PyYAML's own recursion ends the program."""
+_TOO_DEEP = f"lists and maps within one another, more than {DEEPEST} deep"
 MOST_ENTRIES = 100_000
 """Entries of a deck, those of an alias counted wherever it stands."""
 LARGEST = 4_000_000
@@ -288,7 +289,7 @@ def _excess(text: str) -> DeckProblem | None:
         total += isinstance(event, yaml.NodeEvent)
         wrong = ""
         if len(begun) > DEEPEST:
-            wrong = f"lists and maps within one another, more than {DEEPEST} deep"
+            wrong = _TOO_DEEP
         elif total > MOST_ENTRIES:
             wrong = f"more than {MOST_ENTRIES} entries, aliases counted in full"
         if wrong and event.start_mark is not None:
@@ -297,6 +298,8 @@ def _excess(text: str) -> DeckProblem | None:
 
 
 def _syntax_message(error: yaml.MarkedYAMLError) -> str:
+    if "nesting depth" in str(error.problem):  # PyYAML reads ahead, and has a limit of its own since 6.0.4
+        return _TOO_DEEP
     parts = [part for part in (error.context, error.problem) if part]
     return "not valid YAML: " + ", ".join(parts)
 
