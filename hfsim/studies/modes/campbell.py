@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -12,9 +12,9 @@ import numpy as np
 
 from hfsim.errors import ArgumentError
 from hfsim.marching.stop import Progress, nobody
-from hfsim.maths.arrays import Array, BoolArray
+from hfsim.maths.arrays import Array, BoolArray, ComplexArray
 from hfsim.studies.modes.about import About, turning_about, turning_at
-from hfsim.studies.modes.found import Mode, Modes, check_count, matched, modes_of
+from hfsim.studies.modes.found import Mode, Modes, check_count, modes_of
 
 ORDERS = (1, 2, 3)
 """Excitations per revolution whose lines are drawn."""
@@ -193,22 +193,40 @@ def _unlike(found: Modes, before: Sequence[Mode], after: Sequence[Mode]) -> tupl
 
     Then whether they are alike the other way round.
     """
-    mass = partial(found.about.scene.system.equations.momentum, found.about.motions.x[None])
+    momentum = partial(found.about.scene.system.equations.momentum, found.about.motions.x[None])
+
+    def weighed(shapes: ComplexArray) -> ComplexArray:
+        return np.asarray(momentum(shapes.real) + 1j * momentum(shapes.imag))
+
     one, other = (np.array([mode.natural_frequency for mode in modes]) for modes in (before, after))
     both = one[:, None] + other
     size = both + one.mean() + np.finfo(float).tiny
     apart, through = np.abs(one[:, None] - other) / size, both / size
-    same, turned = (np.minimum(_one(one) @ way @ _one(other), 1.0) for way in matched(before, after, mass))
+    (a, alike), (b, others) = (_shapes(modes, w, weighed) for modes, w in ((before, one), (after, other)))
+    assured = (np.abs(way @ weighed(b).T) ** 2 for way in (a.conj(), a))
+    same, turned = (np.minimum(alike @ way @ others, 1.0) for way in assured)
     # the other way round it has gone through zero
     plain, other_way = 1.0 - same + _NEAR * apart, 1.0 - turned + _NEAR * through
     way = (other_way < plain) & np.array([mode.kind == "vibration" for mode in after])
     return np.where(way, other_way, plain), way
 
 
-def _one(frequencies: Array) -> Array:
-    """Return which modes (n, n) are of one frequency: of these any mixture is a mode as well."""
+def _shapes(
+    modes: Sequence[Mode], frequencies: Array, weighed: Callable[[ComplexArray], ComplexArray]
+) -> tuple[ComplexArray, Array]:
+    """Return shapes (n, n_x) of unit size, and which modes (n, n) are of one frequency.
+
+    Of these any mixture is a mode as well: their shapes are made orthogonal, so that assurances add up.
+    """
+    shapes = np.array([mode.change for mode in modes])
     apart = np.abs(frequencies[:, None] - frequencies)
-    return np.where(apart <= _SAME * np.maximum(frequencies[:, None], frequencies), 1.0, 0.0)
+    one = np.where(apart <= _SAME * np.maximum(frequencies[:, None], frequencies), 1.0, 0.0)
+    for k in range(len(shapes)):
+        own, before = shapes[k : k + 1], one[k, :k, None] * shapes[:k]
+        for _ in range(2):  # again, for what rounding leaves where they are nearly alike
+            own -= (weighed(own) @ before.conj().T) @ before
+            own /= np.sqrt((own.conj() @ weighed(own).T).real + np.finfo(float).tiny)
+    return shapes, one
 
 
 # --- crossings --------------------------------------------------------------------------------------

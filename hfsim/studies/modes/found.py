@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -315,18 +315,3 @@ def _scale(state: About, shapes: dict[str, ComplexArray], change: ComplexArray) 
     if abs(largest) <= _TURNS_ONLY * state.size * float(np.abs(change).max()):
         largest = complex(change[int(np.argmax(np.abs(change)))])
     return 1.0 / largest
-
-
-def matched(before: Sequence[Mode], after: Sequence[Mode], mass: Any) -> Array:
-    """Return the modal assurance of all pairs of modes: one where shapes are alike.
-
-    Returns
-    -------
-    ndarray, shape (2, n_before, n_after)
-        That with the shapes as they are, and with those that go round the other way: their conjugates.
-    """
-    one, other = (np.array([mode.change for mode in modes]) for modes in (before, after))
-    weighted = mass(other.real) + 1j * mass(other.imag)
-    own = mass(one.real) + 1j * mass(one.imag)
-    sizes = np.outer(np.sum(one.conj() * own, axis=1).real, np.sum(other.conj() * weighted, axis=1).real)
-    return np.stack([np.abs(way @ weighted.T) ** 2 / sizes for way in (one.conj(), one)])
