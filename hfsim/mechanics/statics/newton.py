@@ -17,6 +17,8 @@ ROUGH = 1e-8
 """Size of a correction that may be rounding, where they get no smaller."""
 SHRINKING = 0.25
 """What a correction is of the one before, at most, as long as an iteration converges."""
+STUCK = 0.9
+"""The same, from which it is rounding of forces alone that moves what is only held."""
 MOST = 40
 """Iterations."""
 FAR = 3.0
@@ -31,6 +33,8 @@ LITTLE = 1e-3
 """Step of the load, relative to all of it, from which on it may fall short of that by any part."""
 SHORTEST = 1e-5
 """Step of the load, relative to all of it, below which the path has come to its end."""
+
+EPSILON = float(np.finfo(float).eps)
 
 Correction = tuple[Array, Array]
 """Changes of the free coordinates (1, n) and of the multipliers (1, n_rows)."""
@@ -84,7 +88,9 @@ def balanced(
             raise NotFoundError("the iteration diverges", state)
         expected = problem.expecting(state, dz)
         state = State(state.z + dz, state.multipliers + change, expected)
-        if size < ENOUGH or (before < ROUGH and size > SHRINKING * before):
+        rough = before < ROUGH and size > SHRINKING * before
+        held = before * problem.hold < EPSILON and size > STUCK * before
+        if size < ENOUGH or rough or (problem.hold and held):
             return problem.at(state)
         before = size
     raise NotFoundError("the iteration does not converge", state)
