@@ -1,6 +1,11 @@
 """What tests of several rooms take."""
 
-import numpy as np
+import os
+
+# two processes with two threads each wait for one another, and sums by threads round in a way of their own
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import numpy as np  # reads that
 import pytest
 
 
