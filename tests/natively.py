@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from hfsim.integrators import _often, collocation
+from hfsim.integrators._ordinary import MEMORY, PROGRAMS, Rule, State
 from hfsim.maths import kernel
 from hfsim.maths.replayed import Replayed, jittered
+from hfsim.maths.tape import NOTHING, Program, marched
 from hfsim.maths.traced import apart
 from hfsim.mechanics.projection import Projection
 
@@ -77,3 +79,17 @@ def compare(function, scene, rng):
         reach = 10.0 * np.abs(own - near).max(initial=0.0)
         size = np.abs(own).max(initial=0.0)
         assert np.abs(own - replayed(*at)).max(initial=0.0) <= max(1e-12 * size, reach, 1e-15)
+
+
+def iterated(correct, sizes, limits, most):
+    """Correct by a program in a step that is empty else; return whether that converges, and when."""
+    nothing = Program(NOTHING, correct.calls, None)
+    programs = [correct if name == "correct" else nothing for name in PROGRAMS]
+    rule = Rule(*limits, most, *np.zeros(len(Rule._fields) - 6), growths=np.ones(2)).told()
+    state = np.array(State(1.0, 0.0, 0.0, 1.0))
+    given = dict(zip(("change", "size", "scale"), sizes, strict=True))
+    memory = [given.get(name, np.ones(())) for name in MEMORY]
+    before = np.empty_like(state), np.empty(())
+    assert marched(programs, memory, rule, state, np.empty((0, 5)), before)
+    found = State(*state)
+    return bool(found.converged), int(found.iterations)

@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from importlib import import_module
 from pkgutil import resolve_name
 
-from hfsim.integrators._base import Attempt, Integrator, Method, Options, Stability, Stepper
-from hfsim.integrators._loop import Limits, Stepping, integrate
+from hfsim.integrators._base import Attempt, Integrator, Limits, Method, Options, Stability, Stepper
+from hfsim.integrators._loop import Stepping, integrate
 from hfsim.integrators._memory import Memory, packed, part_of
 from hfsim.integrators._problem import Counts, PlainIncrements, Problem, Recordings
 from hfsim.integrators._trajectory import Segment, Trajectory, joined

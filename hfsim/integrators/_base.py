@@ -40,6 +40,29 @@ class Options(Protocol):
     """Spectral radius at infinite frequency."""
 
 
+class Limits(NamedTuple):
+    """When a run ends early.
+
+    Attributes
+    ----------
+    step : float or None
+        Fixed step length [s].
+    max_steps : int or None
+    short, shortest : float
+        Step lengths, relative to the duration: below the first a known cause ends the run, below the
+        second the run has failed whatever the cause.
+    """
+
+    step: float | None = None
+    max_steps: int | None = None
+    short: float = 1e-6
+    shortest: float = 1e-11
+
+
+Watch = Callable[[float, Array, Array], None]
+"""Is told (t, q, v) of every kept step's end; may raise to end the run."""
+
+
 class Attempt(NamedTuple):
     """The outcome of trying one step.
 
@@ -115,6 +138,31 @@ class Stepper(Remembering):
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h."""
         raise NotImplementedError
+
+    def ahead(
+        self, t: float, q: Array, v: Array, h: float, end: float, room: int
+    ) -> tuple[Array, float] | None:
+        """Make ordinary steps at once, and accept them; None where none can be made so.
+
+        Parameters
+        ----------
+        h : float
+            Length of the first one.
+        end : float
+            Time which they have to keep away from.
+        room : int
+            Number of steps at most.
+
+        Returns
+        -------
+        rows, h : ndarray, float
+            As in `hfsim.integrators._ordinary.Ahead`.
+        """
+        return None
+
+    def tells(self) -> bool:
+        """Tell whether the next attempt has been made already."""
+        return False
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take note that the step was kept and, after projection, ended in this state."""

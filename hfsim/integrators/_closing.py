@@ -34,6 +34,8 @@ class Closing:
     Attributes
     ----------
     outputs : tuple of ndarray
+    memory : tuple of ndarray
+        By how much positions and rates fail, and the state (1, n) with both corrected.
     programs : mapping of str to Program
         To be set when they are there.
     """
@@ -49,11 +51,12 @@ class Closing:
         for memory, value in zip(closer, project.closer(t, x, u, gap), strict=True):
             memory[...] = value
         tape.cut()
-        steadier = project.steadier(q, x, u, drift)
+        steadier = [one.copy() for one in project.steadier(q, x, u, drift)]
         tape.cut()
         self.outputs = (*seen, *steadier)
         found = (list(map(plain, one)) for one in (seen, closer, steadier))
         self._found = dict(zip(FUNCTIONS, found, strict=True))
+        self.memory = (*self._found[SEEN][3::2], *self._found[STEADIER])
         self._q, self._v = plain(q), plain(v)
         self._project = Projection(project.system, Weakly(self._called))
 

@@ -4,37 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.integrators._base import Attempt, Method, Stepper, unsolved
+from hfsim.integrators._base import Attempt, Limits, Method, Stepper, Watch, unsolved
 from hfsim.integrators._memory import Memory, packed, unpacked
+from hfsim.integrators._ordinary import AT_ONCE, keep_all
 from hfsim.integrators._pace import Pace
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import Segment, Trajectory
 from hfsim.maths.arrays import Array, are_finite
-
-
-class Limits(NamedTuple):
-    """When a run ends early.
-
-    Attributes
-    ----------
-    step : float or None
-        Fixed step length [s].
-    max_steps : int or None
-    short, shortest : float
-        Step lengths, relative to the duration: below the first a known cause ends the run, below the
-        second the run has failed whatever the cause.
-    """
-
-    step: float | None = None
-    max_steps: int | None = None
-    short: float = 1e-6
-    shortest: float = 1e-11
-
 
 IN_A_ROW = 3
 """Unsolved steps one after another from which it is looked whether something is not finite."""
@@ -44,9 +25,6 @@ SAME_TIME = 1e-14
 """Difference of two times, relative to the end of a run, that is rounding."""
 AHEAD = 1e-4
 """Length of a step, relative to the duration, up to which what lies at its end is to blame."""
-
-
-Watch = Callable[[float, Array, Array], None]
 
 
 def integrate(
@@ -78,9 +56,9 @@ def integrate(
 class Stepping:
     """The steps from a state to a time, each made when it is asked for.
 
-    Iterating gives the kept steps; it ends at ``t_end``, or when something has stopped the run.  Between two
-    steps the run can be put down: another one of the same problem, method and start that recalls its memory
-    makes the same steps, to the last bit.
+    Iterating gives the last of those that were made at once, as ordinary ones are; it ends at ``t_end``, or
+    when something has stopped the run.  In between the run can be put down: another one of the same problem,
+    method and start that recalls its memory makes the same steps, to the last bit.
 
     Parameters
     ----------
@@ -202,6 +180,8 @@ class Stepping:
         if path.t_end >= self._stretch[1]:
             stepper = self._enter(stepper)
         steps = path.segments
+        if self._ahead(stepper):
+            return
         made = len(steps)
         while len(steps) == made:
             if most is not None and self._problem.counts.steps >= most:
@@ -223,6 +203,24 @@ class Stepping:
             if h >= 0.5 * self._wish:
                 self._wish = float(h * min(max(attempt.growth, 0.2), 5.0))
             self._keep(stepper, attempt, tried)
+
+    def _ahead(self, stepper: Stepper) -> bool:
+        """Keep ordinary steps that are made at once; tell whether some are, and no more is known."""
+        path, limits, counts, end = self.path, self._limits, self._problem.counts, self._stretch[1]
+        room = AT_ONCE if limits.max_steps is None else min(AT_ONCE, limits.max_steps - counts.steps)
+        near = end - path.t_end < 2.0 * self._wish
+        if near or room < 1 or limits.step is not None or not self._problem.plain:
+            return False
+        ahead = stepper.ahead(path.t_end, path.q, path.v, self._wish, end, room)
+        if ahead is None or not len(ahead[0]):
+            return False
+        rows, self._wish = ahead
+        stop = keep_all(rows, self._wish, path, self._problem, self._pace, self._watch, not stepper.tells())
+        self._name(stepper)
+        self._kept, self._behind_break = self._memories(), False
+        if stop is not None:
+            raise stop
+        return not stepper.tells()
 
     def _begin(self) -> Stepper:
         """Start the method, or take it up where it was put down."""

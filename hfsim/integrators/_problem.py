@@ -11,7 +11,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import MOST, Often
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen, mutable
 from hfsim.mechanics.counting import Turns
 from hfsim.mechanics.edges import Edges
@@ -119,6 +119,8 @@ class Problem:
         Whether stiff methods need the derivative of the accelerations by v.
     admissible : callable
         q, shape (n,) -> whether the equations make sense there; no step ends where they do not.
+    positive : ndarray of int, or None
+        Coordinates that have to be positive for that, if nothing else is asked for.
     breakdown : callable
         (t, q) -> the failure that explains why steps get ever shorter near this state, or None.
     linearized : callable or None
@@ -160,6 +162,7 @@ class Problem:
     project: Callable[[Array, Array, Array], tuple[Array, Array]] | None
     dissipates: bool
     admissible: Callable[[Array], bool] = lambda q: True
+    positive: IntArray | None = None
     breakdown: Callable[[float, Array], SolverFailure | None] = lambda t, q: None
     linearized: Callable[[float, Array, Array], Linearized] | None = None
     culprit: Callable[[float, Array, Array], SolverFailure | None] = lambda t, q, v: None
@@ -177,6 +180,11 @@ class Problem:
     counts: Counts = field(default_factory=Counts)
     recordings: Recordings = field(default_factory=Recordings)
     often: Often = field(default_factory=Often)
+
+    @property
+    def plain(self) -> bool:
+        """Whether nothing is looked for along steps, and all states have the same coordinates."""
+        return not self.turns and not self.edges and self.recharted is None and self.positive is not None
 
     def count_on(self, n: int, start: float, end: float) -> None:
         """Begin to count, in a run of n coordinates between these times, what is called often."""

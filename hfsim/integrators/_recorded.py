@@ -15,19 +15,20 @@ from hfsim.integrators._closing import FUNCTIONS, Closing, tried
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import size_of
 from hfsim.integrators._iteration import End, Iteration, Place
+from hfsim.integrators._ordinary import MEMORY, PROGRAMS, Ahead, State
 from hfsim.integrators._problem import Increments, PlainIncrements, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.integrators.derivative import computed
 from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import agree, arrays_in, jittered, later, rebuilt, shaken
-from hfsim.maths.tape import Program, joined
+from hfsim.maths.tape import NOTHING, Program, joined, marched
 from hfsim.maths.traced import plain
-from hfsim.mechanics.projection import SEEN, Projection
+from hfsim.mechanics.projection import CLOSER, SEEN, STEADIER, Projection
 
-PROGRAMS = ("derive", "start", "guess", "middle", "reach", "prepare", "correct", "small", "finite", "end")
+PARTS = ("derive", "start", "guess", "middle", "reach", "prepare", "correct", "small", "finite", "end")
 """What steps are put together from, in the order in which it is recorded; see the methods of `Recorded`."""
 
-State = tuple[Any, Array, Array, Array | None]
+At = tuple[Any, Array, Array, Array | None]
 """(t, q, v, expected strains or None) where a derivative is taken."""
 
 
@@ -77,8 +78,6 @@ class Recorded:
     correction_found : ndarray, shape (s, n)
     sizes : tuple of ndarray, shape ()
         Of a correction's consequence, of the correction, and of the coordinates.
-    corrections : list of Program
-        What finds a correction, what adds a small one, what adds another one, and what ends the step.
     calls : list of str
         What is done by Python.
 
@@ -164,7 +163,7 @@ class Recorded:
         outputs = [*sizes, own.correction_found, *end[:5], *strains, frequency, *arrays.values()]
         outputs += [taken, size, *(closing.outputs if closing else [])]
         programs = tape.programs(*outputs)
-        names = (*PROGRAMS, *FUNCTIONS) if closing else PROGRAMS
+        names = (*PARTS, *FUNCTIONS) if closing else PARTS
         self._programs: dict[tuple[str, ...], Program] = {}
         self._programs.update(((name,), one) for name, one in zip(names, programs, strict=True))
         if closing:
@@ -176,9 +175,48 @@ class Recorded:
         self._place, self.a0, self.where = list(map(plain, memory)), plain(a0), plain(where)
         self.a, self.correction_found = plain(own.a), plain(own.correction_found)
         self.expected = None if own.expected is None else plain(own.expected)
-        last = self.program("end", SEEN) if closing else self.program("end")
-        self.corrections = [*map(self.program, ("correct", "small", "finite")), last]
         self._closing, self._end = closing, rebuilt(end, plain)
+        self._steps, self._memory = self._marching(problem)
+        self._rows = np.empty((0, 0))
+
+    def _marching(self, problem: Problem) -> tuple[list[Program], list[Array]]:
+        """Return what ordinary steps are made of, and what that works on."""
+        closing, none = self._closing, np.zeros(())
+        names: dict[str, tuple[str, ...]] = {"renew": ("middle", "derive")}
+        if closing:
+            names |= {"end": ("end", SEEN), "closer": (CLOSER,), "steadier": (STEADIER,)}
+        else:
+            self._programs["closer",] = self._programs["steadier",] = Program(NOTHING, [], None)
+        t, q, v, h = self._place
+        own = (t, h, q, v, self.a0, self.a, *self.sizes, *self._end[:5], self.frequency, self.taken_at)
+        positive = np.array(() if problem.positive is None else problem.positive, dtype=np.int64)
+        memory = (*own, *(closing.memory if closing else (none,) * 4), positive)
+        assert len(memory) == len(MEMORY)
+        return [self.program(*names.get(one, (one,))) for one in PROGRAMS], list(map(np.asarray, memory))
+
+    def march(self, rule: Array, state: State, room: int) -> Ahead:
+        """Make ordinary steps from a place, and try one more; see `hfsim.integrators._ordinary`."""
+        now = np.array(state)
+        if len(self._rows) < room:
+            self._rows = np.empty((room, 2 + 2 * len(self.a0) + self._end.series.size))
+        before = np.empty(len(state)), np.empty_like(self.taken_at)
+        failed = False
+        try:
+            tried = marched(self._steps, self._memory, rule, now, self._rows[:room], before)
+        except np.linalg.LinAlgError:
+            if not now[-1]:
+                raise
+            tried = failed = True  # it will again: what is kept is told of first
+        after, rows = State(*now.tolist()), self._rows[: int(now[-1])].copy()
+        h = float(self._place[3])
+        if not tried:
+            return Ahead(rows, h, after, self.taken_at.copy(), None)
+        return Ahead(rows, h, State(*before[0].tolist()), before[1], None if failed else after, failed)
+
+    @property
+    def closes(self) -> bool:
+        """Whether the projection onto the constraints is recorded."""
+        return self._closing is not None
 
     def program(self, *names: str) -> Program:
         """Return programs, one after another, as one."""
@@ -196,7 +234,7 @@ class Recorded:
         t[()], q[:], v[:], h[()] = place
         self._restore()
 
-    def derive(self, at: State) -> None:
+    def derive(self, at: At) -> None:
         """Compute the derivative at a state."""
         self.where[...] = _together(at)
         self._restore()
@@ -208,7 +246,7 @@ class Recorded:
             if name in self._arrays:
                 self._arrays[name][...] = value
 
-    def taken(self) -> State:
+    def taken(self) -> At:
         """Return where the derivative was taken."""
         t, q, v, expected = _parted(self.where, len(self.a0))
         return float(t), q.copy(), v.copy(), None if expected is None else expected.copy()
@@ -229,7 +267,7 @@ class Recorded:
         self.a0[...] = a0
         self.run("guess")
 
-    def middle(self) -> State:
+    def middle(self) -> At:
         """Return the stage in the middle as it is guessed; the derivative is taken again where it was."""
         before = self.where.copy()
         self.run("middle")
@@ -328,7 +366,7 @@ def _derived(
     return computed(problem, kind.increments(problem), False, t, q, v, expected)
 
 
-def _here(problem: Problem, place: Place) -> State:
+def _here(problem: Problem, place: Place) -> At:
     """Return the state in which a step begins."""
     t, q, v, _ = place
     return t, q, v, None if problem.strains is None else problem.strains.seen(q[None])[0]
@@ -341,12 +379,12 @@ def _starts(derivative: Derivative, problem: Problem, kind: Kind, place: Place) 
     return alike and np.array_equal(derivative.taken[: len(here)], here)
 
 
-def _together(at: State) -> Array:
+def _together(at: At) -> Array:
     """Return a state as one array."""
     return np.concatenate([np.ravel(one) for one in at if one is not None])
 
 
-def _parted(where: Array, n: int) -> State:
+def _parted(where: Array, n: int) -> At:
     """Return the parts of a state (n,) that is one array."""
     expected = where[2 * n + 1 :] if len(where) > 2 * n + 1 else None
     return where[0, ...], where[1 : n + 1], where[n + 1 : 2 * n + 1], expected

@@ -10,14 +10,13 @@ from weakref import ref
 import numpy as np
 
 from hfsim.integrators._derivative import Derivative
-from hfsim.integrators._ending import MAX_ITERATIONS, limits
-from hfsim.integrators._iteration import LINEAR, End, Middle, Place
+from hfsim.integrators._iteration import End, Middle, Place
+from hfsim.integrators._ordinary import Ahead, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Kind, Recorded
 from hfsim.integrators.derivative import computed, place_of, taken_at
 from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import UNREADABLE, arrays_in, rebuilt
-from hfsim.maths.tape import iterated
 
 
 class Held:
@@ -146,52 +145,57 @@ class Replay:
         """A derivative whose arrays are the memory of the recording."""
         return self.recorded.template
 
-    def attempt(
-        self, problem: Problem, place: Place, known: Array | None, renew: bool, tolerance: float,
-        guess: Array | None = None,
-    ) -> tuple[bool, int]:  # fmt: skip
-        """Make a step with the derivative that is held.
+    @property
+    def closes(self) -> bool:
+        """Whether ends are moved onto the constraints, if there are any, by what is recorded."""
+        return self.recorded.closes
+
+    def march(
+        self, problem: Problem, place: Place, rule: Array, state: State,
+        start: Array | None = None, guess: Array | None = None, room: int = 0,
+    ) -> Ahead:  # fmt: skip
+        """Make ordinary steps, as many as there is room for, and try one more.
 
         Parameters
         ----------
         problem : Problem
             That of the run.
         place : Place
-        known : ndarray, shape (n,), or None
-            Accelerations at the start, if they are.
-        renew : bool
-            Whether the derivative is taken anew in the middle of the step, if that is recorded.
-        tolerance : float
+        rule, state
+            As in `hfsim.integrators._ordinary`.
+        start : ndarray, shape (n,), optional
+            Accelerations at the start, if they are known.
         guess : ndarray, shape (s, n), optional
             Accelerations at the stages to begin with.
-
-        Returns
-        -------
-        converged : bool
-        count : int
-            Number of corrections.
         """
-        step, counts = self.recorded, problem.counts
-        names = self._begin(problem, place, known)
+        step, counts, held = self.recorded, problem.counts, self.held
+        assert held is not None
+        step.begin(place)
+        if start is not None:
+            step.a0[...] = start
         if guess is not None:
-            step.run(*names)
-            step.a[...], names = guess, []
-        if renew:
-            self.held, self._prepared = None, np.nan
-            names += ["middle", "derive"]
-        names.append("reach")
-        if place.h != self._prepared:
-            names.append("prepare")
-        programs = step.program(*names), *step.corrections
-        converged, count = iterated(programs, step.sizes, (*limits(tolerance), LINEAR), MAX_ITERATIONS)
-        self._prepared = place.h
-        if renew:
-            self._take(problem)
+            step.run(*([] if start is not None else ["start"]), "guess")
+            step.a[...] = guess
+        known = 2.0 if guess is not None else float(start is not None)
+        state = state._replace(known=known, ready=self._prepared, fastest=held.fastest)
+        self.held = None
+        ahead = step.march(rule, state, room)
+        last = ahead.tried or ahead.state
+        self.held, self._prepared = None if ahead.failed else held, last.ready
+        if last.renewed and not ahead.failed:
+            self._take(problem, int(last.renewed))
+        count, begun = int(last.total), int(last.begun)
         counts.iterations += count
-        counts.calls += count
-        counts.evaluations += count * len(step.a)
-        counts.native += converged
-        return converged, count
+        counts.calls += count + begun
+        counts.evaluations += count * len(step.a) + begun
+        counts.native += int(last.made + (ahead.tried is not None and last.converged))
+        return ahead
+
+    def before(self, problem: Problem, ahead: Ahead) -> Held:
+        """Return the derivative that ordinary steps ended with, before one more was tried."""
+        if isinstance(self.held, Held) and np.array_equal(ahead.taken, self.held.taken):
+            return self.held
+        return Held(self, ahead.state.fastest, ahead.taken, problem.often.chosen)
 
     def middle(self, problem: Problem, place: Place, known: Array | None) -> Middle:
         """Return the stage in the middle of a step as it is guessed; parameters are those of `attempt`."""
@@ -238,10 +242,10 @@ class Replay:
         problem.count(self.recorded.a0[None])
         return ["start", "guess"]
 
-    def _take(self, problem: Problem) -> Held:
-        """Take note of the derivative that was computed."""
+    def _take(self, problem: Problem, count: int = 1) -> Held:
+        """Take note of the derivative that was computed, the last one of some."""
         fastest = float(self.recorded.frequency)
-        problem.counts.factorisations += 1
+        problem.counts.factorisations += count
         if not isfinite(fastest):
             raise np.linalg.LinAlgError("the derivative is not finite")
         held = self.held = Held(self, fastest, self.recorded.taken_at.copy(), problem.often.chosen)

@@ -25,16 +25,18 @@ import numpy as np
 
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, unsolved
 from hfsim.integrators._derivative import Derivative
-from hfsim.integrators._ending import MAX_ITERATIONS, Ending
-from hfsim.integrators._iteration import End, Iteration, Place
+from hfsim.integrators._ending import MAX_ITERATIONS, Ending, limits
+from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import LARGE
+from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Kind
 from hfsim.integrators._replayed import Held, Replay, Replays
 from hfsim.integrators._tableau import Collocation, gauss, radau
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
+from hfsim.mechanics.projection import MOST, ROUNDING
 
 STAGEWISE = "hfsim.integrators._stagewise.StagewiseStepper"
 """What makes the steps where slopes pay: imported, only then, from what it is built on."""
@@ -58,6 +60,8 @@ LASTING = 6
 """Steps to come, at the length of now, from which they are replayed."""
 FAR = 1000
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
+UNKNOWN: tuple[float, Array] = (np.nan, np.zeros(0))
+"""When, and which, accelerations at the start of a step are known if none are."""
 NAMES = {stiff: f"steps, stiff: {stiff}" for stiff in (False, True)}
 """By what steps of a kind are told from others where functions are chosen that are replayed."""
 
@@ -125,6 +129,10 @@ class CollocationStepper(Stepper):
         """Name and number of stages of its steps now."""
         return self._label
 
+    def tells(self) -> bool:
+        """Tell whether the next attempt has been made already."""
+        return self._tried is not None
+
     growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
     replays: ClassVar[bool] = True
     """Whether steps are replayed natively where they can be."""
@@ -138,7 +146,9 @@ class CollocationStepper(Stepper):
         self._derivative = self._replays.derivative(self._kind, Place(t, q, v, 0.0))
         self._old, self._served, self._iterations = len(q) <= COSTLY, 0, 0
         self._cap = np.inf
-        self._known_at, self._known, self._h = np.nan, q, 0.0
+        (self._known_at, self._known), self._h = UNKNOWN, 0.0
+        self._tried: tuple[Replay, Ahead] | None = None
+        """What has been found of the next attempt."""
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
         if self.replays and problem.often.rest(t) > FAR * self.first:
             self.first *= 2.0 * STIFF
@@ -146,7 +156,7 @@ class CollocationStepper(Stepper):
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
         self._h, place = h, Place(t, q, v, h)
-        if self._old:
+        if self._tried is None and self._old:
             self._prepare(place)
         step = self._solve(place)
         end = None if step is None else step.end()
@@ -177,8 +187,7 @@ class CollocationStepper(Stepper):
         self._served += 1
         self._old = self._served >= SERVES or self._iterations > SERVES_WELL
         self._cap *= REGROWTH
-        if self._at_end:
-            self._known_at, self._known = t, self._last
+        self._known_at, self._known = (t, self._last) if self._at_end else UNKNOWN
 
     def memory(self) -> dict[str, Any]:
         """Return where the derivative was taken, how it serves, and the accelerations known at the end."""
@@ -206,29 +215,59 @@ class CollocationStepper(Stepper):
                 return min(growth, most, self._cap / h)
         return growth
 
+    def ahead(
+        self, t: float, q: Array, v: Array, h: float, end: float, room: int
+    ) -> tuple[Array, float] | None:
+        """Make ordinary steps natively, and one more attempt, of which `attempt` then tells."""
+        problem, place = self._problem, Place(t, q, v, h)
+        changes = self._old and self._is_stiff(h) != self._stiff
+        replay = None if changes else self._replay(place)
+        if replay is None or not replay.derives or not (problem.project is None or replay.closes):
+            return None
+        ahead = self._march(replay, place, end=end, room=room)
+        if len(ahead.rows):
+            self._derivative, (begun, self._h) = replay.before(problem, ahead), ahead.rows[-1, :2].tolist()
+            self._take(ahead.state)
+            known = (begun + self._h, replay.started())
+            self._known_at, self._known = known if self._at_end else UNKNOWN
+        self._tried = (replay, ahead) if ahead.tried else None
+        return ahead.rows, ahead.h
+
+    def _march(
+        self, replay: Replay, place: Place, guess: Array | None = None, end: float = np.inf, room: int = 0
+    ) -> Ahead:
+        rule = self._rule
+        rule[REACH], rule[END] = self.reach, end
+        state = State(0.0, self._old, self._served, self._cap)
+        return replay.march(self._problem, place, rule, state, self._known_at_start(place), guess, room)
+
     def _solve(self, place: Place) -> Iteration | Replay | None:
         """Iterate; return a step that has converged."""
-        replay, guess = self._replay(place), None
-        if replay is not None and self._old and not replay.derives:
-            middle = replay.middle(self._problem, place, self._known_at_start(place))
-            guess, self._known_at, self._known = replay.a.copy(), place.t, replay.started()
-            self._renew(*middle, place.h)
-            replay = self._replay(place)
-        if replay is None:
-            step = self._begun(place)
-            step.a = step.a if guess is None else guess
-            converged, self._iterations = step.solve(Ending(place.q, self._tolerance))
-            return step if converged else None
-        known = self._known_at_start(place)
-        tried = replay.attempt(self._problem, place, known, self._old, self._tolerance, guess)
-        converged, self._iterations = tried
-        assert replay.held is not None
+        if self._tried is None:
+            replay, guess = self._replay(place), None
+            if replay is not None and self._old and not replay.derives:
+                middle = replay.middle(self._problem, place, self._known_at_start(place))
+                guess, self._known_at, self._known = replay.a.copy(), place.t, replay.started()
+                self._renew(*middle, place.h)
+                replay = self._replay(place)
+            if replay is None:
+                step = self._begun(place)
+                step.a = step.a if guess is None else guess
+                converged, self._iterations = step.solve(Ending(place.q, self._tolerance))
+                return step if converged else None
+            self._tried = replay, self._march(replay, place, guess)
+        (replay, ahead), self._tried = self._tried, None
+        tried = ahead.tried
+        assert tried is not None and replay.held is not None
         self._derivative = replay.held
-        if known is None:
-            self._known_at, self._known = place.t, replay.started()
-        if self._old:
-            self._old, self._served = False, 0
-        return replay if converged else None
+        self._take(tried)
+        self._known_at, self._known = place.t, replay.started()
+        return replay if tried.converged else None
+
+    def _take(self, state: State) -> None:
+        """Go on from where native steps have come."""
+        self._old, self._served, self._cap = bool(state.old), int(state.served), state.cap
+        self._iterations = int(state.iterations)
 
     def _replay(self, place: Place) -> Replay | None:
         """Return what replays a step with the derivative of now, if anything does."""
@@ -289,6 +328,16 @@ class CollocationStepper(Stepper):
         self._at_end = bool(self.table.nodes[-1] == 1.0)
         """Whether the last stage is the end of the step."""
         self._kind = Kind(self.table, stiff, stiff and self._problem.strains is not None)
+        self._rule = self._ruled()
+
+    def _ruled(self) -> Array:
+        """Return what ordinary steps follow."""
+        stages, closings = self.table.stages, 0 if self._problem.project is None else MOST
+        iterations = (*limits(self._tolerance), LINEAR, MAX_ITERATIONS, self._tolerance, self.reach)
+        lengths = (TARGET, 1.0 / (stages + 1), np.inf, STIFF * stages, self._stiff)
+        serving = (SERVES, SERVES_WELL, REGROWTH)
+        ending = (self._at_end, ROUNDING, closings)
+        return Rule(*iterations, *lengths, *serving, *ending, np.ravel(self.growths)).told()
 
 
 GAUSS_STAGES = 20

@@ -173,6 +173,7 @@ def problem_of(scene: Scene) -> Problem:
         project=None,
         dissipates=system.dissipates,
         admissible=system.admissible,
+        positive=None if system.variable_mass else system.reduction.stretches,
         breakdown=system.breakdown,
         culprit=partial(_culprit, scene),
         linearized=system.linearized if system.linearizes else None,

@@ -368,7 +368,7 @@ WIDE static int products(const Op *o) {
 
 /* ---------------------------------------------------------------- Python */
 
-static void tell_failure(const char *why) {
+void tell_failure(const char *why) {
     PyObject *linalg = PyImport_ImportModule("numpy.linalg");
     PyObject *error = linalg ? PyObject_GetAttrString(linalg, "LinAlgError") : NULL;
     if (error) PyErr_SetString(error, why);
@@ -389,7 +389,7 @@ int operate(const Op *o) {
 }
 
 /* Do the operations in a buffer; on failure an exception is set. */
-static int replay(const Py_buffer *ops, PyObject *calls) {
+int replay(const Py_buffer *ops, PyObject *calls) {
     const Op *o = ops->buf, *end = o + ops->len / sizeof(Op);
     for (; o < end; o++) {
         if (o->code != call_code) { if (operate(o)) return -1; continue; }
@@ -410,44 +410,9 @@ static PyObject *run(PyObject *self, PyObject *args) {
     Py_RETURN_NONE;
 }
 
-/* Whether an iteration has converged (1) or failed (-1) with a correction; see Ending in integrators/_ending.py. */
-typedef struct { double goal, near, last_digit, before, last, rate; } Ending;
-static int ended(Ending *e, int k, double change, double size) {
-    double ratio = change / e->last, held = 0.5 * e->rate;
-    e->rate = k <= 1 || !(held > ratio) ? ratio : held;
-    int settled = k > 0 && e->rate < 1.0 && change * (0.05 > e->rate ? 0.05 : e->rate) < e->goal * (1.0 - e->rate);
-    int rounding = size < e->near && k > 2 && ratio > 0.9;
-    if (change < 0.05 * e->goal || settled || rounding || size < e->last_digit) return 1;
-    if (!(change < 1e3) || (k > 3 && change > 0.8 * e->before)) return -1;
-    e->before = e->last; e->last = change;
-    return 0;
-}
-
-static PyObject *iterate(PyObject *self, PyObject *args) {
-    Py_buffer b[8]; /* before, correct, small, finite, after; change, size, scale */
-    PyObject *calls;
-    Ending e = {0, 0, 0, HUGE_VAL, HUGE_VAL, HUGE_VAL};
-    double linear;
-    int most, k = 0, outcome = 0, failed;
-    if (!PyArg_ParseTuple(args, "y*y*y*y*y*O!y*y*y*ddddi", b, b + 1, b + 2, b + 3, b + 4, &PyList_Type, &calls,
-                          b + 5, b + 6, b + 7, &e.goal, &e.near, &e.last_digit, &linear, &most)) return NULL;
-    const double *change = b[5].buf, *size = b[6].buf, *scale = b[7].buf;
-    failed = replay(b, calls);
-    e.goal *= *scale; e.near *= *scale; e.last_digit *= *scale;
-    while (!outcome && k < most && !failed) {
-        if ((failed = PyErr_CheckSignals() || replay(b + 1, calls))) break;
-        const double found = *size;
-        failed = replay(b + (found < linear ? 2 : 3), calls);
-        outcome = ended(&e, k++, *change, found);
-    }
-    failed = failed || (outcome > 0 && replay(b + 4, calls));
-    for (int i = 0; i < 8; i++) PyBuffer_Release(b + i);
-    return failed ? NULL : PyLong_FromLong(outcome > 0 ? k : -k);
-}
-
 static PyMethodDef METHODS[] = {
     {"run", run, METH_VARARGS, "Do operations (n, WORDS) on their memory, and calls of Python from a list."},
-    {"iterate", iterate, METH_VARARGS, "Correct until that ends; return how often, negative where it fails."},
+    {"march", march, METH_VARARGS, "Make ordinary steps and try one more; return whether it was tried."},
     {"record", record, METH_O, "Have a tape, or none, write down what this thread does with arrays."},
     {NULL, NULL, 0, NULL},
 };

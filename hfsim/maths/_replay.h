@@ -74,6 +74,9 @@ typedef struct { i64 from[2], out, sets; } RowProduct;
 int operate(const Op *o);
 int resolve(const Op *o); /* operations from factor on */
 double *workspace(i64 numbers);
+void tell_failure(const char *why); /* as LinAlgError */
+int replay(const Py_buffer *ops, PyObject *calls);
+PyObject *march(PyObject *module, PyObject *args);
 PyObject *tape_type(PyObject *module);
 PyObject *written_type(PyObject *module);
 PyObject *record(PyObject *module, PyObject *tape);

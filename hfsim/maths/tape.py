@@ -29,6 +29,8 @@ CODES: dict[str, int] = {} if replay is None else replay.CODES
 """Codes of operations."""
 WORDS = 32
 """Numbers of 8 bytes that an operation takes, as in ``_replay.h``; the first one is its code."""
+NOTHING = np.zeros((0, WORDS), dtype=np.int64)
+"""No operations."""
 REAL, COMPLEX, TRUTH = np.dtype(float), np.dtype(complex), np.dtype(bool)
 KINDS = {one: one for one in (REAL, COMPLEX, TRUTH)}
 """Types of numbers that are written down."""
@@ -51,36 +53,34 @@ class Program:
         replay.run(self.rows, self.calls)
 
 
-def iterated(
+def marched(
     programs: Sequence[Program],
-    sizes: tuple[Array, Array, Array],
-    limits: tuple[float, float, float, float],
-    most: int,
-) -> tuple[bool, int]:
-    """Repeat what finds a correction and what adds it until that ends, with what comes before and after.
+    memory: Sequence[Array],
+    rule: Array,
+    state: Array,
+    rows: Array,
+    before: tuple[Array, Array],
+) -> bool:
+    """Make ordinary steps, as many as there are rows for, and try one more; see ``_repeat.c``.
 
     Parameters
     ----------
-    programs : sequence of Program
-        What comes first; what finds a correction; what adds it if it is small, and if it is not; what follows
-        if the iteration converges.
-    sizes : tuple of ndarray, shape ()
-        Where a correction writes the size of the correction's consequence, and of the correction, and what
-        comes first that of the coordinates.
-    limits : tuple of float
-        Those of `hfsim.integrators._ending`, and below what size a correction is small.
-    most : int
-        Corrections at most.
+    programs, memory, rule, state
+        As in `hfsim.integrators._ordinary`; the state is changed.
+    rows : ndarray
+        Where kept steps are written.
+    before : tuple of ndarray
+        Where the state before the attempt, and the place where its derivative was taken, are.
 
     Returns
     -------
-    converged : bool
-    count : int
-        Corrections made.
+    bool
+        Whether one more was tried.
     """
     assert replay is not None
-    count = replay.iterate(*[one.rows for one in programs], programs[0].calls, *sizes, *limits, most)
-    return count > 0, abs(count)
+    arrays = (*memory, rule, state, *before, rows)
+    tried: bool = replay.march(tuple([one.rows for one in programs]), arrays, programs[0].calls)
+    return tried
 
 
 def joined(programs: Sequence[Program]) -> Program:

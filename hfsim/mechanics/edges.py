@@ -27,6 +27,10 @@ class Edges(AlongSteps):
         super().__init__(system, through)
         self._parts = () if system is None else tuple(part for part in system.forces if part.has_edges)
 
+    def __bool__(self) -> bool:
+        """Tell whether there are any."""
+        return bool(self._parts)
+
     def first(self, step: Step) -> float:
         """Return after what time a tried step meets its first edge [s]; its length, if none is far inside."""
         if not self._parts:

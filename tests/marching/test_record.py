@@ -9,7 +9,7 @@ import pytest
 import hfsim.marching.record
 from hfsim.commands.init import starters
 from hfsim.errors import LimitReached
-from hfsim.integrators import Segment, Trajectory
+from hfsim.integrators import Segment, Trajectory, _loop
 from hfsim.marching.integration import run_integration
 from hfsim.parts.channels import CHANNELS
 from hfsim.scene.build import build
@@ -87,6 +87,7 @@ SCENES = {
 @pytest.fixture
 def short_blocks(monkeypatch):
     monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.01)
+    monkeypatch.setattr(_loop, "AT_ONCE", 3)
 
 
 @pytest.mark.parametrize("deck, overrides", [(d, o) for d, *o in SCENES.values()], ids=SCENES)

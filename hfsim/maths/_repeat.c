@@ -1,0 +1,134 @@
+/* Repeats steps of a method (hfsim/integrators/_ordinary.py): as long as nothing is out of the ordinary, without Python. */
+#include "_replay.h"
+#include <math.h>
+#include <string.h>
+
+/* Whether an iteration has converged (1) or failed (-1) with a correction; see Ending in integrators/_ending.py. */
+typedef struct { double goal, near, last_digit, before, last, rate; } Ending;
+static int ended(Ending *e, int k, double change, double size) {
+    double ratio = change / e->last, held = 0.5 * e->rate;
+    e->rate = k <= 1 || !(held > ratio) ? ratio : held;
+    int settled = k > 0 && e->rate < 1.0 && change * (0.05 > e->rate ? 0.05 : e->rate) < e->goal * (1.0 - e->rate);
+    int rounding = size < e->near && k > 2 && ratio > 0.9;
+    if (change < 0.05 * e->goal || settled || rounding || size < e->last_digit) return 1;
+    if (!(change < 1e3) || (k > 3 && change > 0.8 * e->before)) return -1;
+    e->before = e->last; e->last = change;
+    return 0;
+}
+
+/* What steps are put together from, what they work on, and what is told of them: see integrators/_ordinary.py. */
+enum { START, GUESS, RENEW, REACH, PREPARE, CORRECT, SMALL, FINITE, END, CLOSER, STEADIER, PROGRAMS };
+enum { TIME, LENGTH, Q, V, FIRST, STAGES, CHANGE, SIZE, SCALE, Q_END, V_END, SERIES, ERROR, RATE_ERROR, FREQUENCY, TAKEN,
+       MISS, SLIP, Q_CLOSED, V_CLOSED, POSITIVE, RULE, STATE, BEFORE, TAKEN_BEFORE, KEPT, ARRAYS };
+typedef struct {
+    double goal, near, last_digit, linear, most, tolerance, reach, target, power, end, resolved, stiff, serves, serves_well, regrowth,
+        at_end, rounding, closings, growth[][2];
+} Rule;
+typedef struct { double known, old, served, cap, ready, fastest, iterations, begun, renewed, total, converged, made; } State;
+typedef struct { Py_buffer program[PROGRAMS], array[ARRAYS]; PyObject *calls; double *at[ARRAYS]; } March;
+
+static int part(const March *m, int k) { return replay(&m->program[k], m->calls); }
+
+/* Try a step: guess its stages, take the derivative anew if that is old, correct until that ends. */
+static int attempted(const March *m) {
+    const Rule *r = (Rule *)m->at[RULE];
+    State *s = (State *)m->at[STATE];
+    const double h = *m->at[LENGTH], *change = m->at[CHANGE], *size = m->at[SIZE];
+    int k = 0, outcome = 0;
+    if (s->known == 0) { if (part(m, START)) return -1; s->begun++; }
+    if (s->known < 2 && part(m, GUESS)) return -1;
+    s->known = 1;
+    if (s->old) {
+        s->ready = NAN; s->old = s->served = 0; s->renewed++;
+        if (part(m, RENEW)) return -1;
+        s->fastest = *m->at[FREQUENCY];
+        if (!isfinite(s->fastest)) { tell_failure("the derivative is not finite"); return -1; }
+    }
+    if (part(m, REACH) || (s->ready != h && part(m, PREPARE))) return -1;
+    s->ready = h;
+    const double scale = *m->at[SCALE];
+    Ending e = {r->goal * scale, r->near * scale, r->last_digit * scale, HUGE_VAL, HUGE_VAL, HUGE_VAL};
+    while (!outcome && k < r->most) {
+        if (PyErr_CheckSignals() || part(m, CORRECT)) return -1;
+        const double found = *size;
+        if (part(m, found < r->linear ? SMALL : FINITE)) return -1;
+        outcome = ended(&e, k++, *change, found);
+    }
+    s->iterations = k; s->total += k; s->converged = outcome > 0;
+    return outcome > 0 ? part(m, END) : 0;
+}
+
+/* Move the end of a step onto the constraints as `Projection` does; return where it is then, -1 where that is not plain. */
+static int closed(const March *m) {
+    const Rule *r = (Rule *)m->at[RULE];
+    int k = 0;
+    if (r->closings == 0.0) return Q_END;
+    for (; !(*m->at[MISS] <= r->rounding) && k < r->closings; k++) if (part(m, CLOSER)) return -1;
+    if (k == r->closings) return -1;
+    if (*m->at[SLIP] > r->rounding) return part(m, STEADIER) ? -1 : Q_CLOSED;
+    return k ? -1 : Q_END;
+}
+
+/* Whether a state can be gone on from. */
+static int sound(const March *m, int at) {
+    const i64 n = m->array[Q].len / 8, *positive = (i64 *)m->at[POSITIVE];
+    double none = 0.0;
+    for (i64 i = 0; i < n; i++) none += 0.0 * m->at[at][i] + 0.0 * m->at[at + 1][i];
+    for (i64 i = 0; i < m->array[POSITIVE].len / 8; i++) if (!(m->at[at][positive[i]] > 0.0)) return 0;
+    return none == 0.0;
+}
+
+/* Write down a step that is kept, and go on to the next one. */
+static void kept(const March *m, int at, double error) {
+    const Rule *r = (Rule *)m->at[RULE];
+    State *s = (State *)m->at[STATE];
+    double *t = m->at[TIME], *h = m->at[LENGTH], growth = pow(r->target / (error > 1e-30 ? error : 1e-30), r->power), most = s->cap / *h;
+    const i64 state = m->array[Q].len, series = m->array[SERIES].len, stages = m->array[STAGES].len;
+    char *row = (char *)m->at[KEPT] + (i64)s->made++ * (16 + 2 * state + series);
+    const int growths = (int)((m->array[RULE].len - sizeof *r) / sizeof *r->growth);
+    int k = 0;
+    while (k + 1 < growths && s->iterations > r->growth[k][0]) k++;
+    growth = growth < r->growth[k][1] ? growth : r->growth[k][1];
+    growth = growth < most ? growth : most;
+    memcpy(row, t, 8); memcpy(row + 8, h, 8);
+    memcpy(row + 16, m->at[at], state); memcpy(row + 16 + state, m->at[at + 1], state); memcpy(row + 16 + 2 * state, m->at[SERIES], series);
+    memcpy(m->at[Q], m->at[at], state); memcpy(m->at[V], m->at[at + 1], state);
+    if (r->at_end) memcpy(m->at[FIRST], (char *)m->at[STAGES] + stages - state, state);
+    s->known = r->at_end; s->served++; s->cap *= r->regrowth;
+    s->old = s->served >= r->serves || s->iterations > r->serves_well;
+    *t += *h;
+    *h *= growth < 0.2 ? 0.2 : growth > 5.0 ? 5.0 : growth;
+}
+
+/* Make ordinary steps as long as there is room for them, and one more attempt; return whether there is that one. */
+static int marched(const March *m) {
+    const Rule *r = (Rule *)m->at[RULE];
+    State *s = (State *)m->at[STATE];
+    const i64 width = 16 + 2 * m->array[Q].len + m->array[SERIES].len, room = m->array[KEPT].len / width;
+    for (int at;;) {
+        memcpy(m->at[BEFORE], s, sizeof *s); memcpy(m->at[TAKEN_BEFORE], m->at[TAKEN], m->array[TAKEN].len);
+        if (attempted(m)) return -1;
+        const double error = (*m->at[ERROR] > r->reach * *m->at[RATE_ERROR] ? *m->at[ERROR] : r->reach * *m->at[RATE_ERROR]) / r->tolerance;
+        if (s->made == room || !s->converged || !(error <= 1.0)) return 1;
+        if ((at = closed(m)) < 0 || !sound(m, at)) return PyErr_Occurred() || part(m, END) ? -1 : 1;
+        kept(m, at, error);
+        const double h = *m->at[LENGTH];
+        if (s->made == room || r->end - *m->at[TIME] < 2.0 * h || (s->old && (h * s->fastest > r->resolved) != (r->stiff != 0.0))) return 0;
+    }
+}
+
+PyObject *march(PyObject *self, PyObject *args) {
+    March m = {0};
+    PyObject *programs, *arrays, *one;
+    int failed = !PyArg_ParseTuple(args, "O!O!O!", &PyTuple_Type, &programs, &PyTuple_Type, &arrays, &PyList_Type, &m.calls), pending = -1;
+    for (int k = 0; k < PROGRAMS && !failed; k++)
+        failed = !(one = PyTuple_GetItem(programs, k)) || PyObject_GetBuffer(one, &m.program[k], PyBUF_SIMPLE);
+    for (int k = 0; k < ARRAYS && !failed; k++) {
+        failed = !(one = PyTuple_GetItem(arrays, k)) || PyObject_GetBuffer(one, &m.array[k], k == POSITIVE ? PyBUF_SIMPLE : PyBUF_WRITABLE);
+        m.at[k] = m.array[k].buf;
+    }
+    if (!failed) pending = marched(&m);
+    for (int k = 0; k < PROGRAMS; k++) PyBuffer_Release(&m.program[k]);
+    for (int k = 0; k < ARRAYS; k++) PyBuffer_Release(&m.array[k]);
+    return pending < 0 ? NULL : PyBool_FromLong(pending);
+}
