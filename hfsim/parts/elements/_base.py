@@ -19,6 +19,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray, component_rows, from_component_rows
 from hfsim.maths.frozen import frozen
 from hfsim.maths.traced import row_products
+from hfsim.parts.elements import _products
 
 if TYPE_CHECKING:
     from hfsim.deck.materials import BeamProperties
@@ -164,12 +165,7 @@ class QuadraticMap:
     @classmethod
     def of(cls, full: Array, constant: Array, scale: Array | None = None) -> QuadraticMap:
         """Return the map with the factors full[c, d] of each product x_c x_d, shape (n, n, n_out)."""
-        first, second = np.triu_indices(len(full))
-        matrix = full[first, second]
-        off = first != second
-        matrix[off] += full[second[off], first[off]]
-        used = matrix.any(axis=1)
-        return cls(first[used], second[used], np.ascontiguousarray(matrix[used]), constant, scale)
+        return cls(*_products.symmetric(full), constant, scale)
 
     def __call__(self, x: Array) -> Array:
         """Return the sums, shape (..., n_out), for x of shape (..., n_elements, n)."""
@@ -241,30 +237,19 @@ class GramLaw(RowLaw):
         """The linear term where g, not d, multiplies C."""
         return self.linear - self.reference @ self.quadratic
 
-    @cached_property
+    @property
     def pairs(self) -> tuple[IntArray, IntArray]:
         """The two vectors of each product; each pair once."""
-        return np.triu_indices(self._n_vectors)
+        return _products.pairs(self._n_vectors)
 
-    @cached_property
+    @property
     def packed(self) -> IntArray:
         """Which of the pairs each entry of G is, entries in a row."""
-        where = np.zeros((self._n_vectors, self._n_vectors), dtype=np.intp)
-        where[self.pairs] = where[self.pairs[::-1]] = np.arange(len(self.pairs[0]))
-        return where.ravel()
+        return _products.packed(self._n_vectors)
 
     @cached_property
     def _factors(self) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]:
-        """What is multiplied, by `row_products`.
-
-        Rows of components, first and second factors of G_ab, pairs of vectors one after another for each
-        component; then those of V_b and the pairs of H_ab in the sums H_ab V_b, for each b.
-        """
-        n, d = self._n_vectors, self.dimension
-        component = np.arange(d)[:, None]
-        first, second = ((d * vectors + component).ravel() for vectors in self.pairs)
-        pulled = np.broadcast_to(np.arange(n * d).reshape(n, 1, d), (n, n, d)).reshape(n, -1)
-        return (first, second), (pulled, np.repeat(self.packed, d).reshape(n, -1))
+        return _products.factors(self._n_vectors, self.dimension)
 
     @cached_property
     def coefficients(self) -> tuple[Array, Array, Array | None]:
@@ -274,9 +259,7 @@ class GramLaw(RowLaw):
         it is the same for all elements.
         """
         first, second = self.pairs
-        entries = first * self._n_vectors + second
-        matrix = self.quadratic[np.ix_(entries, entries)] * np.where(first == second, 1.0, 2.0)
-        matrix = np.tile(matrix, self.dimension)
+        entries, matrix = first * self._n_vectors + second, _products.by_pairs(self.quadratic, self.dimension)
         constant, factor = self.linear_at_zero.T[entries, :, None], 2.0 * self.scale[:, None]
         if not np.all(factor == factor[0]):
             return matrix, constant, factor
@@ -286,26 +269,19 @@ class GramLaw(RowLaw):
     @cached_property
     def second_derivative(self) -> QuadraticMap:
         """d2U/dV2 [J] as a map of products V_bk V_dl to its entries (ai, cj)."""
-        n, unit = self._n_vectors, np.eye(self.dimension)
-        C = self.quadratic.reshape(n, n, n, n)
-        material = 2.0 * np.einsum("abcd,ik,jl->bkdlaicj", C, unit, unit)
-        geometric = np.einsum("bdac,kl,ij->bkdlaicj", C, unit, unit)
-        constant = np.einsum("eac,ij->eaicj", self.linear_at_zero.reshape(-1, n, n), unit)
-        return self._map(material + geometric, constant)
+        n, (first, second, matrix) = self._n_vectors, _products.curvature(self.quadratic, self.dimension)
+        linear = self.linear_at_zero.reshape(-1, n, 1, n, 1)
+        constant, factor = linear * np.eye(self.dimension)[:, None], 2.0 * self.scale[:, None]
+        constant = constant.reshape(len(self.scale), -1)
+        if not np.all(factor == factor[0]):
+            return QuadraticMap(first, second, matrix, constant, factor)
+        alike = np.all(constant == constant[0])
+        constant = constant[:1] if alike else constant
+        return QuadraticMap(first, second, factor[0] * matrix, factor[0] * constant)
 
     @property
     def _n_vectors(self) -> int:
         return math.isqrt(len(self.reference))
-
-    def _map(self, full: Array, constant: Array) -> QuadraticMap:
-        """Return 2 scale (full : V V + constant); what is equal for all elements is kept once."""
-        n = self._n_vectors * self.dimension
-        constant, factor = constant.reshape(len(self.scale), -1), 2.0 * self.scale[:, None]
-        if np.all(factor == factor[0]):
-            alike = np.all(constant == constant[0])
-            constant = factor[0] * (constant[:1] if alike else constant)
-            return QuadraticMap.of(factor[0] * full.reshape(n, n, -1), constant)
-        return QuadraticMap.of(full.reshape(n, n, -1), constant, factor)
 
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_elements)."""
