@@ -53,7 +53,10 @@ REGROWTH = 1.1
 GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
 """Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
-"""Angle by which the fastest mode turns from stage to stage from which natural coordinates pay."""
+"""Angle by which the fastest mode turns from stage to stage from which natural coordinates pay; where `auto`
+makes do with fewer stages, in steps as long as with all of them."""
+RELUCTANT = 1.25
+"""How far beyond it steps in the state's coordinates may go then: few others do not pay for a recording."""
 COSTLY = 400
 """Coordinates from which derivatives cost so much that the one of the start serves the first step."""
 LASTING = 6
@@ -310,7 +313,7 @@ class CollocationStepper(Stepper):
 
     def _is_stiff(self, h: float) -> bool:
         """Tell whether a step is long for the fastest mode."""
-        return bool(h * self._derivative.fastest > STIFF * self.table.stages)
+        return bool(h * self._derivative.fastest > self._resolved)
 
     def _renew(self, t: Any, q: Array, v: Array, expected: Array | None, h: float) -> None:
         """Compute the derivative anew, in natural coordinates if the step is long for its fastest mode."""
@@ -327,6 +330,9 @@ class CollocationStepper(Stepper):
         self._label = f"{self.name}:{self.table.stages}"
         self._at_end = bool(self.table.nodes[-1] == 1.0)
         """Whether the last stage is the end of the step."""
+        few = self._method.damping is not None and self._usual.stages < GAUSS_STAGES
+        stages = max(self.table.stages, GAUSS_STAGES) if few else self.table.stages
+        self._resolved = STIFF * stages * (RELUCTANT if few and not stiff else 1.0)
         self._kind = Kind(self.table, stiff, stiff and self._problem.strains is not None)
         self._rule = self._ruled()
 
@@ -334,16 +340,16 @@ class CollocationStepper(Stepper):
         """Return what ordinary steps follow."""
         stages, closings = self.table.stages, 0 if self._problem.project is None else MOST
         iterations = (*limits(self._tolerance), LINEAR, MAX_ITERATIONS, self._tolerance, self.reach)
-        lengths = (TARGET, 1.0 / (stages + 1), np.inf, STIFF * stages, self._stiff)
+        lengths = (TARGET, 1.0 / (stages + 1), np.inf, self._resolved, self._stiff)
         serving = (SERVES, SERVES_WELL, REGROWTH)
         ending = (self._at_end, ROUNDING, closings)
         return Rule(*iterations, *lengths, *serving, *ending, np.ravel(self.growths)).told()
 
 
 GAUSS_STAGES = 20
-"""Stages of `gauss` by default: fewer make steps shorter and save no iterations, even at loose tolerances."""
-IN_SPACE = (3e-5, 12)
-"""In space, where arithmetic costs as much as calls do: tolerance above which `auto` makes do with fewer."""
+"""Stages of `gauss` by default: fewer make steps shorter and save no iterations."""
+RESOLVING = ((3e-5, 12, True), (5e-7, 16, False))
+"""Tolerances above which `auto` makes do with fewer, and whether in space alone: it costs more there."""
 STAGEWISE_STAGES = 10
 """Stages of `gauss` by default where each has its own derivative: the matrix of a step grows with them."""
 LOOSE = 3e-4
@@ -376,7 +382,8 @@ def automatic(solve: Options, dissipates: bool, spatial: bool = False) -> Colloc
     if dissipates:
         return _radau(solve)
     damping = Damping("radau", partial(radau, solve.stages or unresolving_stages(solve.tolerance)))
-    return _gauss(solve, damping, IN_SPACE[1] if spatial and solve.tolerance > IN_SPACE[0] else GAUSS_STAGES)
+    fewer = (few for most, few, there in RESOLVING if solve.tolerance > most and spatial >= there)
+    return _gauss(solve, damping, next(fewer, GAUSS_STAGES))
 
 
 GAUSS = Integrator(_gauss, Stability("A-stable, |R(iwh)| = 1"), rank=4, rescue=2)
