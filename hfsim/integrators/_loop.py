@@ -211,7 +211,10 @@ class Stepping:
         near = end - path.t_end < 2.0 * self._wish
         if near or room < 1 or limits.step is not None or not self._problem.plain:
             return False
-        ahead = stepper.ahead(path.t_end, path.q, path.v, self._wish, end, room)
+        try:
+            ahead = stepper.ahead(path.t_end, path.q, path.v, self._wish, end, room)
+        except np.linalg.LinAlgError:  # as the attempt that follows will
+            return False
         if ahead is None or not len(ahead[0]):
             return False
         rows, self._wish = ahead

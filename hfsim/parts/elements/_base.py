@@ -19,7 +19,7 @@ import numpy as np
 from hfsim.maths.arrays import Array, IntArray, component_rows, from_component_rows
 from hfsim.maths.frozen import frozen
 from hfsim.maths.traced import row_products
-from hfsim.parts.elements import _products
+from hfsim.parts.elements._products import by_pairs, curvature, factors, packed, pairs, symmetric
 
 if TYPE_CHECKING:
     from hfsim.deck.materials import BeamProperties
@@ -165,7 +165,7 @@ class QuadraticMap:
     @classmethod
     def of(cls, full: Array, constant: Array, scale: Array | None = None) -> QuadraticMap:
         """Return the map with the factors full[c, d] of each product x_c x_d, shape (n, n, n_out)."""
-        return cls(*_products.symmetric(full), constant, scale)
+        return cls(*symmetric(full), constant, scale)
 
     def __call__(self, x: Array) -> Array:
         """Return the sums, shape (..., n_out), for x of shape (..., n_elements, n)."""
@@ -240,16 +240,16 @@ class GramLaw(RowLaw):
     @property
     def pairs(self) -> tuple[IntArray, IntArray]:
         """The two vectors of each product; each pair once."""
-        return _products.pairs(self._n_vectors)
+        return pairs(self._n_vectors)
 
     @property
     def packed(self) -> IntArray:
         """Which of the pairs each entry of G is, entries in a row."""
-        return _products.packed(self._n_vectors)
+        return packed(self._n_vectors)
 
     @cached_property
     def _factors(self) -> tuple[tuple[IntArray, IntArray], tuple[IntArray, IntArray]]:
-        return _products.factors(self._n_vectors, self.dimension)
+        return factors(self._n_vectors, self.dimension)
 
     @cached_property
     def coefficients(self) -> tuple[Array, Array, Array | None]:
@@ -259,7 +259,7 @@ class GramLaw(RowLaw):
         it is the same for all elements.
         """
         first, second = self.pairs
-        entries, matrix = first * self._n_vectors + second, _products.by_pairs(self.quadratic, self.dimension)
+        entries, matrix = first * self._n_vectors + second, by_pairs(self.quadratic, self.dimension)
         constant, factor = self.linear_at_zero.T[entries, :, None], 2.0 * self.scale[:, None]
         if not np.all(factor == factor[0]):
             return matrix, constant, factor
@@ -269,7 +269,7 @@ class GramLaw(RowLaw):
     @cached_property
     def second_derivative(self) -> QuadraticMap:
         """d2U/dV2 [J] as a map of products V_bk V_dl to its entries (ai, cj)."""
-        n, (first, second, matrix) = self._n_vectors, _products.curvature(self.quadratic, self.dimension)
+        n, (first, second, matrix) = self._n_vectors, curvature(self.quadratic, self.dimension)
         linear = self.linear_at_zero.reshape(-1, n, 1, n, 1)
         constant, factor = linear * np.eye(self.dimension)[:, None], 2.0 * self.scale[:, None]
         constant = constant.reshape(len(self.scale), -1)
