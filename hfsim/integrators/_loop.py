@@ -105,7 +105,7 @@ class Stepping:
         return self
 
     def __next__(self) -> Segment:
-        """Make a step and return it.
+        """Make a step, or ordinary ones at once, and return the last.
 
         Raises
         ------

@@ -112,12 +112,12 @@ def same(one, other):
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("method", ["auto", *METHODS])
 def test_a_run_that_was_put_down_goes_on_to_the_last_bit(method, scene, fixed, monkeypatch):
-    """Also where it makes several steps at once then."""
+    """Also where what Python decided between two steps is then decided natively."""
     step = FIXED.get(method, 4e-3) if fixed else None
     whole, counts = stepping(scene, method, step)
     memories = {0: written(whole.memory())}
     with monkeypatch.context() as one_by_one:
-        one_by_one.setattr(_loop, "AT_ONCE", 1)
+        one_by_one.setattr(_loop, "AT_ONCE", 0)
         for _ in whole:
             memories[len(whole.path.segments)] = written(whole.memory())
     steps = whole.path.segments

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from math import isqrt
 
 import numpy as np
 
 from hfsim.maths.arrays import Array, IntArray
 
-FORMS = 32
-"""Tables that are kept, of each kind."""
+FORMS = 8
+"""Tables that are kept, of each kind: large ones take some megabytes."""
 
 
 @lru_cache(maxsize=FORMS)
@@ -47,7 +48,7 @@ def by_pairs(quadratic: Array, n_dim: int) -> Array:
 
 @lru_cache(maxsize=FORMS)
 def _by_pairs(form: bytes, size: int, n_dim: int) -> Array:
-    quadratic, n = np.frombuffer(form).reshape(size, size), int(np.sqrt(size) + 0.5)
+    quadratic, n = np.frombuffer(form).reshape(size, size), isqrt(size)
     first, second = pairs(n)
     entries = first * n + second
     return np.tile(quadratic[np.ix_(entries, entries)] * np.where(first == second, 1.0, 2.0), n_dim)
@@ -68,7 +69,7 @@ def curvature(quadratic: Array, n_dim: int) -> tuple[IntArray, IntArray, Array]:
 
 @lru_cache(maxsize=FORMS)
 def _curvature(form: bytes, size: int, n_dim: int) -> tuple[IntArray, IntArray, Array]:
-    n, unit = int(np.sqrt(size) + 0.5), np.eye(n_dim)
+    n, unit = isqrt(size), np.eye(n_dim)
     C = np.frombuffer(form).reshape(n, n, n, n)
     material = 2.0 * np.einsum("abcd,ik,jl->bkdlaicj", C, unit, unit)
     geometric = np.einsum("bdac,kl,ij->bkdlaicj", C, unit, unit)
