@@ -418,6 +418,14 @@ def test_constants_from_another_process_are_as_good(rng):
     assert replayed.refused is None
 
 
+def test_what_rounding_makes_large_is_no_mistake(rng):
+    y = rng.standard_normal((97, 97))
+    replayed = Replayed(lambda t, x: x @ y - x[:, ::-1] @ y[::-1])
+    for _ in range(2):
+        replayed(1.0, rng.standard_normal((97, 97)))
+    assert replayed.refused is None
+
+
 def test_what_remains_constant_by_mistake_is_noticed(rng):
     kept = np.zeros(5)
 
