@@ -272,6 +272,7 @@ output: {channels: [r.root.y]}
 """
 
 
+@pytest.mark.slow
 def test_a_deep_arch_snaps_at_its_published_load_and_has_no_estimate_of_it():
     """Hinged and clamped, 215 deg: 8.97 EI/R^2 (DaDeppo and Schmidt, J. Appl. Mech. 42, 1975).
 
@@ -324,6 +325,7 @@ solve: {duration: 1.0}
 """
 
 
+@pytest.mark.slow
 def test_a_shaft_gives_way_after_two_turns():
     """Held against bending at both ends: tan(M L / 2 EI) = M L / 2 EI; by then it is twisted by 11.7 rad."""
     half = brentq(lambda a: np.sin(a) - a * np.cos(a), 4.0, 4.7)

@@ -91,6 +91,7 @@ def test_torsion_with_two_bending_moments():
     assert found == pytest.approx((-1.0943798558e-4, -1.8643645616e-4, -1.81174027438e-2), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_roll_up_to_a_full_circle():
     """Case S8: M = 2 pi EI / L bends a cantilever into a closed circle, about either axis of its section."""
     stiff = "{mass_per_length: 1.0, rotary_inertia: [2.0, 1.0, 1.0], axial_stiffness: 1.0e4, "

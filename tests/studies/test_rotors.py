@@ -130,6 +130,7 @@ def whirls_of_a_shaft(rate, count, elements=8):
     return np.sort(values.imag[values.imag > 0.0])[:count] / (2.0 * np.pi)
 
 
+@pytest.mark.slow
 def test_round_shafts_on_bearings_not_alike_all_around_are_seen_from_axes_at_rest():
     rates = [5.0, 20.0]
     found = hfsim.campbell(parse_deck(SHAFT), rates, count=10)

@@ -634,7 +634,7 @@ def wire(slenderness, elements, length=10.0, load=0.0, free=False):
     return found, [mode for mode in found.modes if mode.kind == "vibration"][:4], first
 
 
-@pytest.mark.parametrize("elements", [4, 8, 30])
+@pytest.mark.parametrize("elements", [4, 8, pytest.param(30, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("slenderness", [100, 1000, 5000, 20000])
 def test_wires_of_any_slenderness_swing_as_euler_says(slenderness, elements):
     """In the same scene sections turn against their line 1e6 to 1e9 times as fast."""
