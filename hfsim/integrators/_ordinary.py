@@ -169,9 +169,16 @@ def keep_all(
             problem.counts.steps += 1
             problem.often.expect(t + h, h, float(rows[k, 1]) if k < len(rows) else following)
             if stop is None and not (last and k == len(rows)):
-                watch(path.t_end, path.q, path.v)
+                stop = _watched(watch, path)
         except SolverFailure as failure:
             return failure
-        except (LimitReached, KeyboardInterrupt) as told:
-            stop = told
     return stop
+
+
+def _watched(watch: Watch, path: Trajectory) -> LimitReached | KeyboardInterrupt | None:
+    """Watch the last step; return what stops the run behind it."""
+    try:
+        watch(path.t_end, path.q, path.v)
+    except (LimitReached, KeyboardInterrupt) as told:
+        return told
+    return None

@@ -229,6 +229,27 @@ def test_an_interrupted_step_leaves_nothing_behind(method, broken):
         assert same(next(run), whole.path.segments[k + 1])
 
 
+@pytest.mark.parametrize("broken", [(_pace.Pace, "note"), (_often.Often, "expect")])
+def test_an_interruption_among_ordinary_steps_leaves_none_half_kept(broken, monkeypatch):
+    whole, _ = stepping("plain", "gauss", None)
+    memories = [written(whole.memory()) for _ in whole]
+    run, _ = stepping("plain", "gauss", None)
+    calls, through = [], getattr(*broken)
+
+    def ends(*arguments):
+        calls.append(arguments)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+        return through(*arguments)
+
+    monkeypatch.setattr(*broken, ends)
+    list(run)
+    assert isinstance(run.stop, KeyboardInterrupt)
+    run.recall(read(written(run.memory())))
+    list(run)
+    assert written(run.memory()) == memories[-1]
+
+
 def interrupted(run, name):
     """Let a method of a run end, once, in an interruption."""
     through = getattr(run, name)
