@@ -112,6 +112,7 @@ def test_what_was_put_down_has_its_rows_and_then_curves(monkeypatch):
         assert np.abs(mine.values[after] - near).max() < 0.01 * np.ptp(near), mine.name
 
 
+@pytest.mark.slow
 def test_refined_runs_have_curves():
     short = ["solve.duration=0.3", "output.interval=0.03"]
     loaded = load_deck(CASES / "pendulum.yaml", [*short, "solve.target_error=1e-1", "solve.budget=30"])

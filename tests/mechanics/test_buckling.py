@@ -297,6 +297,7 @@ solve: {duration: 1.0}
 """
 
 
+@pytest.mark.slow
 def test_what_bends_from_the_start_and_never_gives_way_has_no_critical_load():
     """The straight line through the stiffness of the unloaded scene has a zero at 2 % of these loads."""
     run = hfsim.static(parse_deck(BENT), buckling=2)

@@ -627,8 +627,11 @@ output: {{channels: [{channel}]}}
 """
 
 
+SPACE = pytest.param("[0, 0, 0]", "[0.4, 0, 0]", marks=pytest.mark.slow)
+
+
 @pytest.mark.parametrize("path", [False, True])
-@pytest.mark.parametrize(("gravity", "moment"), [("[0, 0, 0]", "[0.4, 0, 0]"), ("[0, 0]", "0.4")])
+@pytest.mark.parametrize(("gravity", "moment"), [SPACE, ("[0, 0]", "0.4")])
 def test_a_mesh_that_cannot_follow_a_load_is_named(gravity, moment, path):
     deck = WOUND.format(gravity=gravity, moment=moment, elements=2, channel="rod.tip.x")
     run = hfsim.static(parse_deck(deck), path=path, check=False)

@@ -90,6 +90,7 @@ def test_what_no_map_can_be_of_is_told_by_its_argument(options, told, deck):
     assert str(error.value).startswith(told)
 
 
+@pytest.mark.slow
 def test_longest_steps_from_python(deck, tmp_path):
     (found,) = hfsim.limits(deck, methods=["explicit"], jobs=1, output=tmp_path / "l")
     assert repr(found) == "<Limits wheel, exact: explicit>"

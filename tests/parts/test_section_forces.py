@@ -133,7 +133,7 @@ def state(body, pull, push):
     return np.stack([straight + along, across], axis=-1).ravel()
 
 
-@pytest.mark.parametrize("element", ["cable", "cosserat"])
+@pytest.mark.parametrize("element", ["cable", pytest.param("cosserat", marks=pytest.mark.slow)])
 def test_roll_up_bends_by_its_moment_alone(element):
     """M = 2 pi EI / L: a full circle, whose sections bear nothing but M."""
     section, moment = "{area: 1.0e4, second_moment: 1.0}", 2.0 * np.pi

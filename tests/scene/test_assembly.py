@@ -174,7 +174,7 @@ def test_a_loop_that_cannot_close_is_refused_with_the_smallest_gap(start, length
     assert "initial" not in problem.message + problem.hint, "there is nothing to change there"
 
 
-@pytest.mark.parametrize("scale", [1e-4, 1.0, 1e4])
+@pytest.mark.parametrize("scale", [1e-4, pytest.param(1.0, marks=pytest.mark.slow), 1e4])
 def test_scenes_of_any_size_close_or_tell_their_gap(scale):
     """Random four-bars, those that can close and those that cannot, against closed forms."""
     rng = np.random.default_rng(7)

@@ -404,6 +404,7 @@ def test_meshes_of_higher_degree_are_no_finer_than_the_finest_of_the_lowest():
     assert sweep(degrees=(3, 5)).meshes == [(None, 3), (None, 5)]
 
 
+@pytest.mark.slow
 def test_the_command_compares_degrees(tmp_path):
     result = call(
         "bench", "pendulum", "--methods", "gauss", "--tolerances", "1e-3,1e-5", "--elements", "1,2,4",

@@ -54,7 +54,7 @@ def fine_pendulum():
     return unlike(pendulum(0.1), 16, 5, 1e-6)
 
 
-@pytest.mark.parametrize("target", [1e-1, 1e-2, 1e-3])
+@pytest.mark.parametrize("target", [1e-1, 1e-2, pytest.param(1e-3, marks=pytest.mark.slow)])
 def test_the_error_of_a_beam_is_below_the_target_and_the_estimate(fine_pendulum, target):
     run, _ = refine(pendulum(target, TIPS))
     found = run.statistics["refinement"]
