@@ -114,7 +114,10 @@ output: {channels: [_hub.angle]}
 MAGIC = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
 
 
-@pytest.mark.parametrize("kind", FORMATS)
+SLOWER = [pytest.param(one, marks=pytest.mark.slow) for one in FORMATS[1:]]
+
+
+@pytest.mark.parametrize("kind", [FORMATS[0], *SLOWER])
 def test_all_commands_draw_a_scene_with_any_name_in_any_format(tmp_path, monkeypatch, kind):
     monkeypatch.chdir(tmp_path)
     Path("deck.yaml").write_text(DECK)
