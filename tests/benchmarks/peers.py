@@ -103,6 +103,18 @@ class Point:
     error: float
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What is measured of all scenes: hfsim's models and kernels, and Exudyn if there is a Python with it."""
+
+    models: list[str]
+    kernels: dict[str, str]
+    exudyn: str | None
+    limit: float
+    repeats: int
+    rounds: int
+
+
 class OutOfTimeError(Exception):
     """A peer took longer than a point may."""
 
@@ -251,25 +263,21 @@ def exudyn_points(
 
 
 def codes(
-    name: str,
-    models: list[str],
-    kernels: dict[str, str],
-    seconds: float,
-    limit: float,
-    repeats: int,
-    exudyn: str | None,
+    name: str, asked: Asked, seconds: float
 ) -> Iterator[tuple[str, str, str, float, float, np.ndarray]]:
     """Yield code, law, method, tolerance or step, CPU time and path of each point, one code after another."""
+    models, kernels, limit = asked.models, asked.kernels, asked.limit
     patience = min(limit, SHARES["SciPy"] * seconds / len(SCIPY_METHODS))
     for code, kind, series, longest in (
         *((code, "hfsim", hfsim_series(name, models, way), limit) for code, way in kernels.items()),
         ("SciPy", "SciPy", scipy_series(name, patience), patience),
     ):
         share = SHARES[kind] / (len(kernels) if kind == "hfsim" else 1)
-        measured = sweep(series, TOLERANCES[kind], share * seconds, longest, repeats)
+        measured = sweep(series, TOLERANCES[kind], share * seconds, longest, asked.repeats)
         yield from ((code, law, method, *found) for (law, method, _), *found in measured)
-    if exudyn:
-        for found in exudyn_points(exudyn, name, SHARES["Exudyn"] * seconds, limit, repeats):
+    if asked.exudyn:
+        share = SHARES["Exudyn"]
+        for found in exudyn_points(asked.exudyn, name, share * seconds, limit, asked.repeats):
             yield "Exudyn", EXUDYN, *found
 
 
@@ -283,16 +291,7 @@ def cheapest(points: list[Point]) -> list[Point]:
     return list(best.values())
 
 
-def measure(
-    name: str,
-    models: list[str],
-    kernels: dict[str, str],
-    seconds: float,
-    limit: float,
-    repeats: int,
-    rounds: int,
-    exudyn: str | None,
-) -> tuple[list[Point], dict[str, float], float]:
+def measure(name: str, asked: Asked, seconds: float) -> tuple[list[Point], dict[str, float], float]:
     """Return the points of a scene, how far each law's reference can be trusted [m], and the time spent."""
     case, references = CASES[name], {}
     for law in LAWS:
@@ -305,10 +304,8 @@ def measure(
     begin = time.monotonic()
     rounded = [
         Point(name, code, law, method, setting, cpu, distance(path, references[law]))
-        for _ in range(rounds)
-        for code, law, method, setting, cpu, path in codes(
-            name, models, kernels, seconds / rounds, limit, repeats, exudyn
-        )
+        for _ in range(asked.rounds)
+        for code, law, method, setting, cpu, path in codes(name, asked, seconds / asked.rounds)
     ]
     points = cheapest(rounded)
     floors[DEFAULT] = min(p.error for p in points if p.law == DEFAULT)
@@ -443,11 +440,10 @@ def main() -> None:
     options.folder.mkdir(parents=True, exist_ok=True)
     points: list[Point] = []
     models, left = options.models.split(","), options.budget
+    asked = Asked(models, kernels, exudyn, options.limit, options.repeats, options.rounds)
     for k, name in enumerate(names):
         seconds = left * CASES[name].weight / sum(CASES[one].weight for one in names[k:])
-        found, floors, spent = measure(
-            name, models, kernels, seconds, options.limit, options.repeats, options.rounds, exudyn
-        )
+        found, floors, spent = measure(name, asked, seconds)
         left = max(left - spent, 0.0)
         points += found
         print(f"\n### {name}\n")
