@@ -244,6 +244,7 @@ solve: {duration: 1.0}
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("push", "published"), [(1.0, 1.088), (-1.0, 0.6805)])
 def test_a_right_angle_frame_gives_way_sideways(push, published):
     """Argyris et al. 1979, Simo and Vu-Quoc 1986; the torsion constant of the thin section is ours."""
@@ -304,6 +305,7 @@ def test_what_bends_from_the_start_and_never_gives_way_has_no_critical_load():
     assert run.statistics["critical"] == [] and run.statistics["stable"]
 
 
+@pytest.mark.slow
 def test_a_critical_load_behind_one_that_is_none_is_found():
     """Along the stiff side, which the bending in the weak one leaves alone: 16 times Euler's load there."""
     scene = build(parse_deck(BENT, overrides=["loads.side.force=[0.0, 0.01, 0.0]"]))

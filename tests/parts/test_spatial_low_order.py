@@ -171,6 +171,7 @@ def test_energy_is_kept_by_the_whole_inertia_force():
     assert np.ptp(energy) < 1e-8 * np.abs(energy).max()
 
 
+@pytest.mark.slow
 def test_turned_over_sections_forces_are_those_of_the_planar_model():
     """Internal forces of the posed scene are the planar ones."""
     channels = [f"b1.mid.{name}" for name in ("axial_force", "shear_force", "bending_moment")]
@@ -242,6 +243,7 @@ def test_methods_keep_their_order(kind, stages, order, counts):
     assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.3)
 
 
+@pytest.mark.slow
 def test_large_deflections_break_the_model_down_and_say_so():
     data = deck(duration=0.4)
     data["materials"]["soft"] |= {"youngs_modulus": 1.0e6}

@@ -256,6 +256,7 @@ def test_a_ring_that_a_shaft_drags_along_leans_on_its_springs():
     assert abs(twisting.value) == pytest.approx(abs(expected), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_free_ring_that_a_shaft_drags_along_comes_to_turn_with_it():
     text = "\n".join(line for line in DRAGGED.splitlines() if "preload" not in line)
     text = text.replace("springs:\n", "  ball: {type: spherical, between: [ground, ring]}\n")

@@ -192,6 +192,7 @@ def test_shipped_benchmarks_are_listed():
     assert all(one["source"] and one["grade"] and one["seconds"] for one in found.values())
 
 
+@pytest.mark.slow
 def test_one_of_them_by_name():
     done = command("pendulum_rigid", "--markdown")
     assert done.exit_code == 0

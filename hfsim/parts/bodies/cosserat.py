@@ -114,7 +114,7 @@ class CosseratBeam(VectorBeam):
 
     def line(self, x: Array, places: Array) -> Array:
         """Return points of its line, (n_batch, n_places, n_dim)."""
-        return np.asarray(np.array([self.mesh.shape(float(a))[0] for a in places]) @ self.vectors(x))
+        return np.asarray(self.mesh.shape(places)[0] @ self.vectors(x))
 
     def widest_turn(self, x: Array) -> float:
         """Return that of the rotations from each node's section to the next one's."""

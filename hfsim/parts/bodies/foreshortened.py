@@ -104,7 +104,7 @@ class ForeshortenedBeam(ForcePart):
         xi, w = self._rule
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
         mass = np.tile(w, self.mesh.count) * le * self.mesh.at(x).mass_per_length
-        N = np.array([self.mesh.shape(float(a)) for a in x])
+        N = self.mesh.shape(x)
         H = np.array([self.foreshortening(float(a)) for a in x])
         return x, mass, N[:, 1:], N[:, 2:], H.transpose(1, 0, 2).reshape(self.n_v, -1)
 
@@ -130,7 +130,7 @@ class ForeshortenedBeam(ForcePart):
         """Return the share in H of the first `part` [m] of element e."""
         start = e * self.mesh.element.length
         xi, w = gauss_legendre(self.mesh.element.degree)
-        rows = np.array([self.mesh.shape(start + a * part, 0.0, (1, 0))[2:] for a in xi])
+        rows = self.mesh.shape(start + xi * part, 0.0, (1, 0))[:, 2:]
         return np.asarray((rows.T * (w * part)) @ rows)
 
 

@@ -108,7 +108,7 @@ class BeamMesh:
         """Places along the axis, four Gauss points an element, and what is needed there."""
         xi, w = gauss_legendre(4)
         places = (np.arange(self.count)[:, None] + xi).ravel() * self.element.length
-        slope, curvature = (np.array([self.shape(float(a), 0.0, (k, 0)) for a in places]) for k in (1, 2))
+        slope, curvature = (self.shape(places, 0.0, (k, 0)) for k in (1, 2))
         weights = np.tile(w, self.count) * self.element.length
         return AxisRows(places, weights, slope, curvature, self.shape(self.length))
 
@@ -222,10 +222,15 @@ class BeamMesh:
         return place
 
     def shape(
-        self, x: float, y: float = 0.0, derivative: tuple[int, ...] = (0, 0), z: float = 0.0
+        self, x: Array | float, y: float = 0.0, derivative: tuple[int, ...] = (0, 0), z: float = 0.0
     ) -> Array:
-        """Return the shape row N(x, y, z), or a derivative of it, over all nodal vectors, (n_vectors,)."""
-        e = min(int(x / self.element.length), self.count - 1)
-        row = np.zeros(self.n_vectors)
-        row[self._span(e)] = self.element.shape(x / self.element.length - e, y, derivative, z)
-        return row
+        """Return shape rows N(x, y, z), or derivatives of them, over all nodal vectors.
+
+        Shape (*x.shape, n_vectors) for places (n_places,) or a single one.
+        """
+        place = np.atleast_1d(x) / self.element.length
+        e = np.minimum(place.astype(int), self.count - 1)
+        own = self.element.shape(place - e, y, derivative, z)
+        rows = np.zeros((len(e), self.n_vectors))
+        rows[np.arange(len(e))[:, None], self.element.stride * e[:, None] + np.arange(own.shape[1])] = own
+        return rows if np.ndim(x) else rows[0]

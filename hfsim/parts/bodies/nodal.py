@@ -99,7 +99,7 @@ class NodalBeam(VectorBeam):
 
     def line(self, x: Array, places: Array) -> Array:
         """Return points of its line, (n_batch, n_places, n_dim)."""
-        return np.asarray(np.array([self.mesh.shape(float(a)) for a in places]) @ self.vectors(x))
+        return np.asarray(self.mesh.shape(places) @ self.vectors(x))
 
     def section_axes(self, x: Array, places: Array) -> Array:
         """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns."""
@@ -109,7 +109,7 @@ class NodalBeam(VectorBeam):
 
     def _slopes(self, x: Array, places: Array) -> Array:
         """Return r' at places, (n_batch, n_places, n_dim)."""
-        rows = np.array([self.mesh.shape(float(a), 0.0, (1, 0)) for a in places])
+        rows = self.mesh.shape(places, 0.0, (1, 0))
         return np.asarray(rows @ self.vectors(x))
 
     def deformation(self, x: Array, u: Array) -> Deformation:
@@ -152,7 +152,7 @@ class NodalBeam(VectorBeam):
     def smallest_stretch(self, x: Array) -> Array:
         """Return the smallest length of the slope vector."""
         places = np.linspace(0.0, self.mesh.length, 4 * self.mesh.count + 1)
-        rows = np.array([self.mesh.shape(float(a), 0.0, (1, 0)) for a in places])
+        rows = self.mesh.shape(places, 0.0, (1, 0))
         return np.asarray(size(rows @ self.vectors(x)).min(axis=1))
 
     def mass_entries(self) -> Entries:

@@ -82,8 +82,8 @@ class LowOrderBeam(ForeshortenedBeam):
         xi, w = gauss_legendre(self.mesh.element.degree + 1)
         x = (np.arange(self.mesh.count)[:, None] + xi).ravel() * le
         weight = np.tile(w, self.mesh.count) * le
-        strain = np.array([self.mesh.shape(float(a), 0.0, (1, 0))[1:] for a in x])
-        bend = np.array([self.mesh.shape(float(a), 0.0, (2, 0))[2:] for a in x])
+        strain = self.mesh.shape(x, 0.0, (1, 0))[:, 1:]
+        bend = self.mesh.shape(x, 0.0, (2, 0))[:, 2:]
         size = self.n_w + self.n_v
         K, damping, own = np.zeros((size, size)), np.zeros((size, size)), self.mesh.at(x)
         each = zip((K, damping), (1.0, own.axial_damping), (1.0, own.bending_damping), strict=True)

@@ -58,7 +58,7 @@ def along_the_line(frame: Array, slopes: Array) -> Array:
 
 def square_axes(mesh: SectionMesh, vectors: Array, places: Array) -> Array:
     """Return the axes of sections at places, (n_batch, n_places, 3, 3), as columns; they are square."""
-    sections = np.array([mesh.shape(float(a))[1] for a in places]).swapaxes(0, 1)
+    sections = mesh.shape(places)[1].swapaxes(0, 1)
     if mesh.n_dim == 2:
         return in_the_plane(-normal(sections[0] @ vectors))
     y, z = (rows @ vectors for rows in sections)

@@ -213,19 +213,21 @@ class SectionMesh:
         """Return the properties at distances from the root [m], arrays of their shape where they vary."""
         return self.properties.at(places / self.axis.length)
 
-    def shape(self, place: float, derivative: int = 0) -> tuple[Array, Array]:
+    def shape(self, place: Array | float, derivative: int = 0) -> tuple[Array, Array]:
         """Return the rows of position, and of the section vectors, over all nodal vectors.
 
-        Shapes (n_dim n_nodes,) and (n_dim - 1, n_dim n_nodes).
+        Shapes (*place.shape, n_dim n_nodes) and (*place.shape, n_dim - 1, n_dim n_nodes), for places
+        (n_places,) or a single one.
         """
-        e = min(int(place / self._element_length), self.count - 1)
+        places = np.atleast_1d(place) / self._element_length
+        e = np.minimum(places.astype(int), self.count - 1)
         nodes, _ = gauss_lobatto(self.degree + 1)
-        values = lagrange(place / self._element_length - e, nodes, derivative)[0]
-        rows = np.zeros((self.n_dim, self.n_nodes, self.n_dim))
+        values = lagrange(places - e, nodes, derivative) / self._element_length**derivative
+        rows = np.zeros((len(e), self.n_dim, self.n_nodes, self.n_dim))
         for k in range(self.n_dim):
-            rows[k, self._nodes[e], k] = values / self._element_length**derivative
-        flat = rows.reshape(self.n_dim, -1)
-        return flat[0], flat[1:]
+            rows[np.arange(len(e))[:, None], k, self._nodes[e], k] = values
+        flat = rows.reshape(len(e), self.n_dim, -1)
+        return (flat[:, 0], flat[:, 1:]) if np.ndim(place) else (flat[0, 0], flat[0, 1:])
 
     def point(self, place: Place) -> tuple[Array, Array, Array]:
         """Return the rows of a point off the line and of its section vectors, and the section's axes there.

@@ -85,7 +85,8 @@ class SpatialContinuumBeam(SpatialNodalBeam):
         interior = np.arange(len(vectors)) % self.mesh.element.stride > 3
         if interior.any():
             units = [tuple(map(int, one)) for one in np.eye(3)]
-            rows = np.array([self.mesh.shape(float(a), 0.0, by) for a in places for by in units])
+            rows = np.stack([self.mesh.shape(places, 0.0, by) for by in units], axis=1)
+            rows = rows.reshape(-1, self.mesh.n_vectors)
             missed = gradients.reshape(-1, 3) - rows[:, ~interior] @ vectors[~interior]
             vectors[interior] = np.linalg.lstsq(rows[:, interior], missed, rcond=None)[0]
 

@@ -125,9 +125,12 @@ class Element(Protocol):
         """Return the matrix from the element's vectors to difference vectors, shape (n_differences, n)."""
 
     def shape(
-        self, xi: float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
+        self, xi: Array | float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
     ) -> Array:
-        """Return the shape row, shape (n,), at x = xi le, (eta, zeta) [m], or a derivative by (x, y[, z])."""
+        """Return shape rows at x = xi le, (eta, zeta) [m], or derivatives of them by (x, y[, z]).
+
+        Shape (*xi.shape, n) for places (n_places,) or a single one.
+        """
 
     def mass(self, properties: BeamAlong, count: int = 1, start: float = 0.0) -> Array:
         """Return the mass matrix of one vector component [kg], (n, n), or that of each of some elements.

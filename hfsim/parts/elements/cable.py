@@ -71,11 +71,11 @@ class Cable:
         return scale
 
     def shape(
-        self, xi: float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
+        self, xi: Array | float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
     ) -> Array:
-        """Return the shape row of the centre line, shape (degree + 1,); derivatives are by x [m]."""
-        row = hierarchic(xi, self.degree, derivative[0])[0]
-        return np.asarray(row * self._scale / self.length ** derivative[0])
+        """Return shape rows of the centre line, shape (*xi.shape, degree + 1); derivatives are by x [m]."""
+        rows = hierarchic(xi, self.degree, derivative[0]) * self._scale / self.length ** derivative[0]
+        return np.asarray(rows if np.ndim(xi) else rows[0])
 
     def mass(self, properties: BeamAlong, count: int = 1, start: float = 0.0) -> Array:
         """Return the consistent mass matrix [kg]; section rotary inertia acts on the slopes if given."""

@@ -91,31 +91,37 @@ class Continuum:
         return D
 
     def shape(
-        self, xi: float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
+        self, xi: Array | float, eta: float = 0.0, derivative: tuple[int, ...] = (0, 0), zeta: float = 0.0
     ) -> Array:
-        """Return the shape row at x = xi le, y = eta, z = zeta [m], or its derivative by (x, y[, z])."""
+        """Return shape rows at x = xi le, y = eta, z = zeta [m], or their derivatives by (x, y[, z]).
+
+        Shape (*xi.shape, n).
+        """
         along, *across = derivative
-        row = np.zeros(self._n_vectors)
+        places = np.atleast_1d(xi)
+        rows = np.zeros((len(places), self._n_vectors))
         if not any(across):
-            row[self._line] = self._line_row(xi, along)
+            rows[:, self._line] = self._line_rows(places, along)
             sides = [eta, zeta]
         else:
             sides = [float(across == [k == j for j in range(len(across))]) for k in range(2)]
         for side, vectors in zip(sides, self._sections, strict=False):
-            row[vectors] = side * self._section_row(xi, along)
-        return row
+            rows[:, vectors] = side * self._section_rows(places, along)
+        return rows if np.ndim(xi) else rows[0]
 
-    def _line_row(self, xi: float, derivative: int) -> Array:
-        """Return the functions of the line, of vectors in the order of `_line`."""
+    def _line_rows(self, xi: Array, derivative: int) -> Array:
+        """Return the functions of the line at places (n,), of vectors in the order of `_line`."""
         scale = np.full(self.degree + 1, self.length)
         scale[[0, -2]] = 1.0
-        return np.asarray(hierarchic(xi, self.degree, derivative)[0] * scale / self.length**derivative)
+        return np.asarray(hierarchic(xi, self.degree, derivative) * scale / self.length**derivative)
 
-    def _section_row(self, xi: float, derivative: int) -> Array:
-        """Return the functions of a section vector."""
-        ends = np.array([[1.0 - xi, xi], [-1.0, 1.0], [0.0, 0.0]])[min(derivative, 2)]
-        inner = bubbles(xi, self.section_degree, derivative)[0]
-        return np.array([ends[0], *inner, ends[1]]) / self.length**derivative
+    def _section_rows(self, xi: Array, derivative: int) -> Array:
+        """Return the functions of a section vector at places (n,)."""
+        first, last = ((1.0 - xi, xi), (-np.ones_like(xi), np.ones_like(xi)), (0.0 * xi, 0.0 * xi))[
+            min(derivative, 2)
+        ]
+        inner = bubbles(xi, self.section_degree, derivative)
+        return np.column_stack([first, inner, last]) / self.length**derivative
 
     def mass(self, properties: BeamAlong, count: int = 1, start: float = 0.0) -> Array:
         """Return the consistent mass matrix of the (equivalent) rectangle [kg], of each element if it varies.
@@ -129,7 +135,7 @@ class Continuum:
         moments = (1.0, np.square(own.height) / 12.0, np.square(own.breadth) / 12.0)
         M = np.zeros((1 if alike else count, self._n_vectors, self._n_vectors))
         for by, moment in zip([(0,) * self.n_dim, *self._units[1:]], moments, strict=False):
-            rows = np.array([self.shape(float(xi), 0.0, by) for xi in x])
+            rows = self.shape(x, 0.0, by)
             each = np.broadcast_to(w * own.mass_per_length * moment, (len(M), len(x)))
             M += self.length * (rows.T * each[:, None]) @ rows
         return M[0] if alike else M
@@ -237,11 +243,10 @@ class Continuum:
         """
         x, _ = self.axial_rule
         to_points = np.zeros((2 * self.n_dim - 1, len(x), self._n_vectors))
-        for p, xi in enumerate(map(float, x)):
-            to_points[0, p, self._line] = self._line_row(xi, 1)
-            for k, vectors in enumerate(self._sections):
-                to_points[k + 1, p, vectors] = self._section_row(xi, 0)
-                to_points[self.n_dim + k, p, vectors] = self._section_row(xi, 1) * self.length
+        to_points[0][:, self._line] = self._line_rows(x, 1)
+        for k, vectors in enumerate(self._sections):
+            to_points[k + 1][:, vectors] = self._section_rows(x, 0)
+            to_points[self.n_dim + k][:, vectors] = self._section_rows(x, 1) * self.length
         return np.asarray(to_points @ np.linalg.pinv(self.differences()))
 
 

@@ -78,7 +78,7 @@ def curved_masses(element: Continuum, properties: BeamAlong, undeformed: Array, 
     def rows(along: int, *sides: Array) -> Array:
         """Return sums of shapes of the line, r_y and r_z, or their derivatives by x, (..., n_places, n)."""
         units = ((along, 0, 0), (along, 1, 0), (along, 0, 1))
-        kinds = np.array([[element.shape(float(xi), 0.0, by) for xi in x] for by in units])
+        kinds = np.array([element.shape(x, 0.0, by) for by in units])
         found = np.einsum("kexq,kxn->exqn", [np.broadcast_to(side, one.shape) for side in sides], kinds)
         return np.asarray(found.reshape(len(found), -1, found.shape[-1]))
 

@@ -197,6 +197,6 @@ def _continuum_table(element: Continuum, properties: BeamProperties) -> StrainTa
 def _cable_table(element: Element, properties: BeamProperties, n_dim: int) -> StrainTable:
     x, w = gauss_legendre(2 * element.degree - 1)
     weights = np.asarray(w * element.length)
-    rows, bend = (np.array([element.shape(float(xi), 0.0, (k, 0)) for xi in x]) for k in (1, 2))
+    rows, bend = (element.shape(x, 0.0, (k, 0)) for k in (1, 2))
     bending = np.asarray(properties.bending_stiffness * (bend.T * weights) @ bend)
     return StrainTable(weights, rows[None], np.array([[properties.axial_stiffness]]), bending, n_dim)
