@@ -176,7 +176,10 @@ def keep_all(
 
 
 def _watched(watch: Watch, path: Trajectory) -> LimitReached | KeyboardInterrupt | None:
-    """Watch the last step; return what stops the run behind it."""
+    """Watch the last step; return what stops the run behind it.
+
+    An interruption that comes anywhere else would leave a step half kept: it takes all of them back.
+    """
     try:
         watch(path.t_end, path.q, path.v)
     except (LimitReached, KeyboardInterrupt) as told:

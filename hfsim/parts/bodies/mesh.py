@@ -122,7 +122,7 @@ class BeamMesh:
         M = self.element.mass(self.properties, self.count, start)
         return M.reshape(-1, *M.shape[-2:])
 
-    @property
+    @cached_property
     def spans(self) -> IntArray:
         """Which vectors each element has, shape (n_elements, n)."""
         own = np.arange(self.element.stride + self.element.per_node)
@@ -177,9 +177,9 @@ class BeamMesh:
         places = np.zeros(element.stride + element.per_node)
         places[:: element.stride] = 1.0
         own = self.element_masses @ places
-        vectors = element.stride * np.arange(self.count)[:, None] + np.arange(len(places))
-        weights = np.broadcast_to(own, vectors.shape).ravel()
-        masses = np.bincount(vectors.ravel(), weights=weights, minlength=self.n_vectors)
+        spans = self.spans
+        weights = np.broadcast_to(own, spans.shape).ravel()
+        masses = np.bincount(spans.ravel(), weights=weights, minlength=self.n_vectors)
         return np.asarray(masses, dtype=float)
 
     @cached_property
@@ -230,7 +230,6 @@ class BeamMesh:
         """
         place = np.atleast_1d(x) / self.element.length
         e = np.minimum(place.astype(int), self.count - 1)
-        own = self.element.shape(place - e, y, derivative, z)
         rows = np.zeros((len(e), self.n_vectors))
-        rows[np.arange(len(e))[:, None], self.element.stride * e[:, None] + np.arange(own.shape[1])] = own
+        rows[np.arange(len(e))[:, None], self.spans[e]] = self.element.shape(place - e, y, derivative, z)
         return rows if np.ndim(x) else rows[0]

@@ -109,8 +109,7 @@ class NodalBeam(VectorBeam):
 
     def _slopes(self, x: Array, places: Array) -> Array:
         """Return r' at places, (n_batch, n_places, n_dim)."""
-        rows = self.mesh.shape(places, 0.0, (1, 0))
-        return np.asarray(rows @ self.vectors(x))
+        return np.asarray(self.mesh.shape(places, 0.0, (1, 0)) @ self.vectors(x))
 
     def deformation(self, x: Array, u: Array) -> Deformation:
         """Return how its line changes, in the frame at the root and the axes of undeformed sections."""
@@ -152,8 +151,7 @@ class NodalBeam(VectorBeam):
     def smallest_stretch(self, x: Array) -> Array:
         """Return the smallest length of the slope vector."""
         places = np.linspace(0.0, self.mesh.length, 4 * self.mesh.count + 1)
-        rows = self.mesh.shape(places, 0.0, (1, 0))
-        return np.asarray(size(rows @ self.vectors(x)).min(axis=1))
+        return np.asarray(size(self._slopes(x, places)).min(axis=1))
 
     def mass_entries(self) -> Entries:
         """Return those of its elements."""

@@ -117,9 +117,8 @@ class Continuum:
 
     def _section_rows(self, xi: Array, derivative: int) -> Array:
         """Return the functions of a section vector at places (n,)."""
-        first, last = ((1.0 - xi, xi), (-np.ones_like(xi), np.ones_like(xi)), (0.0 * xi, 0.0 * xi))[
-            min(derivative, 2)
-        ]
+        one = np.ones_like(xi)
+        first, last = ((1.0 - xi, xi), (-one, one), (0.0 * one, 0.0 * one))[min(derivative, 2)]
         inner = bubbles(xi, self.section_degree, derivative)
         return np.column_stack([first, inner, last]) / self.length**derivative
 
