@@ -69,7 +69,7 @@ def _path(summary: Mapping[str, Any]) -> str:
     """Return what the path crosses in words."""
     if "points" not in summary:
         return ""
-    told = [f"{number(summary['points'])} points"]
+    told = [plural(summary["points"], "point")]
     for kind, words in (("limits", "limit point"), ("branches", "branch")):
         told += [f"{words} at a load factor of {one:.9g}" for one in summary[kind]]
     return ", ".join(told)

@@ -122,7 +122,8 @@ def run_static(loaded: LoadedDeck, wish: Wish | float = 0.0) -> Run:
     seen = outlines_of([start, *samples])
     failure = None if not found.reason else failure_of(scene, wish.t, found)
     if wish.path and failure is not None and found.lost is None:
-        failure = SolverFailure(found.reason, wish.t, remedy="a smaller load, or --vary some loads only")
+        kind, other = ("numerical", "a smaller load") if len(rows) > 1 else ("physical", "leave out --path")
+        failure = SolverFailure(found.reason, wish.t, kind=kind, remedy=f"{other}, or --vary some loads only")
     return Run(
         name=scene.deck.name,
         model=scene.model,

@@ -53,6 +53,14 @@ def test_rows_go_to_standard_output(here):
     assert not list(here.iterdir())
 
 
+@pytest.mark.parametrize("name", ["pendulum", "flying_spaghetti"])
+def test_no_path_begins_where_nothing_holds_what_loads_push(name, here):
+    done = call(name, "-o", "-", "--path")
+    assert done.exit_code == 3 and len(done.stdout.splitlines()) == 2
+    assert "no path begins: without the loads nothing holds what they push" in done.stderr
+    assert "leave out --path" in done.stderr
+
+
 def test_what_nothing_holds_ends_with_exit_code_3_and_is_kept(here):
     done = call("flying_spaghetti", "--no-plots")
     assert done.exit_code == 3

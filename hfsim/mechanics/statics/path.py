@@ -32,6 +32,8 @@ LOCATED = 1e-10
 """Part of a step within which a limit point or a branch is located."""
 TRIES = 60
 """Of them."""
+FREE = 1e-9
+"""Part of the load in the first direction of a path below which that is a motion which nothing resists."""
 
 
 class Point(NamedTuple):
@@ -111,6 +113,8 @@ class Path:
             return "there is no equilibrium without the loads"
         self.points.append(self._point(state, 0.0, None))
         problem.note(0.0, state)
+        if self.points[0].rate < FREE:
+            return "no path begins: without the loads nothing holds what they push"
         while len(self.points) < MOST:
             here = self.points[-1]
             try:
