@@ -18,8 +18,6 @@ from hfsim.maths.arrays import Array
 
 LINEAR = 1e-3
 """Natural increments below which their linear map to the state is good enough."""
-SAME = 1e-5
-"""Natural increments after which the geometry need not be computed anew."""
 TAIL = 0.25
 """Part of the last terms of the Legendre series that is an error of the positions, as measured."""
 
@@ -133,13 +131,8 @@ class Iteration:
         """Make ready for corrections with the derivative of now."""
         self._correction = self.derivative.correction(self._table, self._place.h)
 
-    def correct(self, anew: bool = True) -> tuple[Array, Array]:
+    def correct(self) -> tuple[Array, Array]:
         """Find a correction in natural increments.
-
-        Parameters
-        ----------
-        anew : bool
-            Whether the geometry has changed since the last correction.
 
         Returns
         -------
@@ -148,8 +141,7 @@ class Iteration:
         """
         problem, strained = self._problem, None
         q, v = self._q, self._place.v + self._rates @ self.a
-        if anew:
-            self._at: Any = self.derivative.increments.geometry(q)
+        self._at: Any = self.derivative.increments.geometry(q)
         if self.strained and self.expected is not None:
             assert problem.strains is not None
             strained = Strained(problem.strains.seen(q), self.expected)
@@ -171,9 +163,9 @@ class Iteration:
         """Correct until that ends; return whether it converges, and the number of corrections."""
         self.reach()
         self.prepare()
-        size, counts = np.inf, self._problem.counts
+        counts = self._problem.counts
         for k in range(MAX_ITERATIONS):
-            change, size = map(float, self.correct(anew=size > SAME))
+            change, size = map(float, self.correct())
             self.advance(finite=not size < LINEAR)
             counts.iterations += 1
             converged = ending.after(k, change, size)

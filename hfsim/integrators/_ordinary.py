@@ -53,6 +53,9 @@ class Rule(NamedTuple):
     """Error, over the tolerance, at which steps are aimed."""
     power: float
     """That of an error which the length of the step goes with."""
+    faint: float
+    rungs: float
+    """As in `hfsim.integrators._lengths`."""
     end: float
     """When steps have to end [s]."""
     resolved: float

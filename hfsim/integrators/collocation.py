@@ -27,6 +27,7 @@ from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Ste
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending, limits
 from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
+from hfsim.integrators._lengths import FAINT, GROWTH, REGROWTH, RUNGS, SHRUNK, TARGET, factor
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import LARGE
 from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
@@ -42,16 +43,8 @@ STAGEWISE = "hfsim.integrators._stagewise.StagewiseStepper"
 """What makes the steps where slopes pay: imported, only then, from what it is built on."""
 SERVES_WELL = 5
 """Iterations in a step up to which its derivative is kept for one more."""
-TARGET = 0.4
-"""Error at which steps are aimed, over the tolerance."""
 SERVES = 2
 """Steps for which a derivative is kept at most."""
-SHRUNK = 0.7
-"""By how much a step is shortened whose equations could not be solved."""
-REGROWTH = 1.1
-"""By how much a step may be longer than the last one after such a failure."""
-GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
-"""Iterations in a step, and how much longer the next one may then be."""
 STIFF = 2.0
 """Angle by which the fastest mode turns from stage to stage from which natural coordinates pay; where `auto`
 makes do with fewer stages, in steps as long as with all of them."""
@@ -212,11 +205,8 @@ class CollocationStepper(Stepper):
 
     def _growth(self, error: float, h: float) -> float:
         """Return the factor on the step: long steps with some more iterations cost less."""
-        growth = float((TARGET / max(error, 1e-30)) ** (1.0 / (self.table.stages + 1)))
-        for iterations, most in self.growths:
-            if self._iterations <= iterations and error <= 1.0:
-                return min(growth, most, self._cap / h)
-        return growth
+        most = next(most for count, most in self.growths if self._iterations <= count)
+        return factor(error, self.table.stages, np.inf if error > 1.0 else min(most, self._cap / h))
 
     def ahead(
         self, t: float, q: Array, v: Array, h: float, end: float, room: int
@@ -340,7 +330,7 @@ class CollocationStepper(Stepper):
         """Return what ordinary steps follow."""
         stages, closings = self.table.stages, 0 if self._problem.project is None else MOST
         iterations = (*limits(self._tolerance), LINEAR, MAX_ITERATIONS, self._tolerance, self.reach)
-        lengths = (TARGET, 1.0 / (stages + 1), np.inf, self._resolved, self._stiff)
+        lengths = (TARGET, 1.0 / (stages + 1), FAINT, RUNGS, np.inf, self._resolved, self._stiff)
         serving = (SERVES, SERVES_WELL, REGROWTH)
         ending = (self._at_end, ROUNDING, closings)
         return Rule(*iterations, *lengths, *serving, *ending, np.ravel(self.growths)).told()

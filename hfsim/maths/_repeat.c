@@ -21,7 +21,7 @@ enum { START, GUESS, RENEW, REACH, PREPARE, CORRECT, SMALL, FINITE, END, CLOSER,
 enum { TIME, LENGTH, Q, V, FIRST, STAGES, CHANGE, SIZE, SCALE, Q_END, V_END, SERIES, ERROR, RATE_ERROR, FREQUENCY, TAKEN,
        MISS, SLIP, Q_CLOSED, V_CLOSED, POSITIVE, RULE, STATE, BEFORE, TAKEN_BEFORE, KEPT, ARRAYS };
 typedef struct {
-    double goal, near, last_digit, linear, most, tolerance, reach, target, power, end, resolved, stiff, serves, serves_well, regrowth,
+    double goal, near, last_digit, linear, most, tolerance, reach, target, power, faint, rungs, end, resolved, stiff, serves, serves_well, regrowth,
         at_end, rounding, closings, growth[][2];
 } Rule;
 typedef struct { double known, old, served, cap, ready, fastest, iterations, begun, renewed, total, converged, made; } State;
@@ -82,7 +82,7 @@ static int sound(const March *m, int at) {
 static void kept(const March *m, int at, double error) {
     const Rule *r = (Rule *)m->at[RULE];
     State *s = (State *)m->at[STATE];
-    double *t = m->at[TIME], *h = m->at[LENGTH], growth = pow(r->target / (error > 1e-30 ? error : 1e-30), r->power), most = s->cap / *h;
+    double *t = m->at[TIME], *h = m->at[LENGTH], growth = pow(r->target / (error > r->faint ? error : r->faint), r->power), most = s->cap / *h;
     const i64 state = m->array[Q].len, series = m->array[SERIES].len, stages = m->array[STAGES].len;
     char *row = (char *)m->at[KEPT] + (i64)s->made++ * (16 + 2 * state + series);
     const int growths = (int)((m->array[RULE].len - sizeof *r) / sizeof *r->growth);
@@ -90,6 +90,7 @@ static void kept(const March *m, int at, double error) {
     while (k + 1 < growths && s->iterations > r->growth[k][0]) k++;
     growth = growth < r->growth[k][1] ? growth : r->growth[k][1];
     growth = growth < most ? growth : most;
+    growth = pow(2.0, rint(r->rungs * log2(growth)) / r->rungs);
     memcpy(row, t, 8); memcpy(row + 8, h, 8);
     memcpy(row + 16, m->at[at], state); memcpy(row + 16 + state, m->at[at + 1], state); memcpy(row + 16 + 2 * state, m->at[SERIES], series);
     memcpy(m->at[Q], m->at[at], state); memcpy(m->at[V], m->at[at + 1], state);

@@ -160,13 +160,13 @@ def test_long_steps_that_turn_often_inside_have_more_times_than_short_ones():
 
 def test_snapshots_survive_being_put_down(monkeypatch):
     monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.01)
-    loaded = load_deck(CASES / "pendulum.yaml", ["output.snapshots=[0.9, 0.01, 0.0]"])
+    loaded = load_deck(CASES / "pendulum.yaml", ["output.snapshots=[0.99, 0.01, 0.0]"])
     whole, notes = run(loaded), Notes(most=3)
     assert run(loaded, sink=notes).status == "limit"
     memory = notes.put_down()
     assert len(memory["record.shots"]) == 2
     later = run(loaded, memory=memory)
-    assert [shot.t for shot in later.snapshots] == [0.0, 0.01, 0.9]
+    assert [shot.t for shot in later.snapshots] == [0.0, 0.01, 0.99]
     for mine, theirs in zip(later.snapshots, whole.snapshots, strict=True):
         assert mine.points["b1"].tobytes() == theirs.points["b1"].tobytes()
 

@@ -1,0 +1,37 @@
+"""How long the next step of collocation is: ``kept`` in ``_repeat.c`` does the same.
+
+What rounding changes in an estimate must not change the steps after it: else two processors, or kernels,
+soon make others, and results differ by as much as their errors.  So factors are rounded, and follow faint
+estimates no farther.
+"""
+
+from __future__ import annotations
+
+from math import log2
+
+from hfsim.integrators._ending import MAX_ITERATIONS
+
+TARGET = 0.4
+"""Error at which steps are aimed, over the tolerance."""
+FAINT = 1e-7
+"""The same below which an estimate may be rounding."""
+RUNGS = 16
+"""Factors from one to two."""
+SHRUNK = 0.7
+"""By how much a step is shortened whose equations could not be solved."""
+REGROWTH = 1.1
+"""By how much a step may be longer than the last one after such a failure."""
+GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
+"""Iterations in a step, and how much longer the next one may then be."""
+
+
+def factor(error: float, stages: int, most: float) -> float:
+    """Return the factor on a step for which an error, over the tolerance, was estimated.
+
+    Examples
+    --------
+    >>> factor(0.4, 20, 1.25), round(factor(1e-2, 20, 1.25), 3), factor(1e-5, 20, 1.25) == factor(0, 20, 1.25)
+    (1.0, 1.189, True)
+    """
+    wanted = float((TARGET / max(error, FAINT)) ** (1.0 / (stages + 1)))
+    return float(2.0 ** (round(RUNGS * log2(max(0.1, min(wanted, most)))) / RUNGS))
