@@ -235,6 +235,15 @@ class CollocationStepper(Stepper):
         return replay.march(self._problem, place, rule, state, self._known_at_start(place), guess, room)
 
     def _solve(self, place: Place) -> Iteration | Replay | None:
+        """Return a step that has converged, if need be with a derivative of its own."""
+        step = self._iterated(place)
+        if step is not None or not self._served:
+            return step
+        self._old = True
+        self._prepare(place)
+        return self._iterated(place)
+
+    def _iterated(self, place: Place) -> Iteration | Replay | None:
         """Iterate; return a step that has converged."""
         if self._tried is None:
             replay, guess = self._replay(place), None

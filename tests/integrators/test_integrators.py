@@ -10,7 +10,7 @@ from hfsim.errors import LimitReached, SolverFailure
 from hfsim.integrators import Limits, Problem, Segment, integrate
 from hfsim.integrators._tableau import gauss, legendre, radau
 from hfsim.integrators._trajectory import two_point_series
-from hfsim.integrators.collocation import CollocationMethod
+from hfsim.integrators.collocation import CollocationMethod, CollocationStepper
 from hfsim.integrators.energy import EnergyMethod
 from hfsim.integrators.explicit import Explicit
 from hfsim.integrators.gear import Gear
@@ -478,6 +478,22 @@ def test_steps_too_long_are_rejected_and_counted(name):
     problem = problem_of(pushed)
     _, stop = run(problem, FREE[name](1e-8), [0.0], [0.1], 3.0)
     assert stop is None and 0 < problem.counts.rejected <= 2 * problem.counts.steps
+
+
+def test_a_step_that_an_older_derivative_does_not_solve_is_solved_with_its_own(monkeypatch):
+    refused, through = [], CollocationStepper._iterated
+
+    def iterated(stepper, place):
+        if stepper._served and not stepper._old:
+            refused.append(place.t)
+            return None
+        return through(stepper, place)
+
+    monkeypatch.setattr(CollocationStepper, "_iterated", iterated)
+    monkeypatch.setattr(CollocationStepper, "replays", False)
+    problem = swing()
+    _, stop = run(problem, CollocationMethod("gauss", gauss(8), 1e-9), [1.0], [0.0], 20.0, 0.5)
+    assert stop is None and refused and problem.counts.rejected == 0
 
 
 COSTS = {
