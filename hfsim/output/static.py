@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hfsim.output.report import fact_lines, findings, last_values, sizes, tell_doubts
 from hfsim.output.talk import Talk, print_error
-from hfsim.output.text import number, plural
+from hfsim.output.text import plural
 
 if TYPE_CHECKING:
     from hfsim.marching.solution import Run
