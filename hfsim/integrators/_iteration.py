@@ -12,7 +12,7 @@ import numpy as np
 
 from hfsim.integrators._derivative import Derivative, Stages, Start, Strained
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending
-from hfsim.integrators._problem import Problem
+from hfsim.integrators._problem import Problem, Project
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array
 
@@ -169,6 +169,28 @@ class Iteration:
             self.advance(finite=not size < LINEAR)
             counts.iterations += 1
             converged = ending.after(k, change, size)
+            if converged is not None:
+                return converged, k + 1
+        return False, MAX_ITERATIONS
+
+    def settle(self, project: Project, a0: Array, ending: Ending) -> tuple[bool, int]:
+        """Take the accelerations of stages moved onto the constraints until they stay; return as `solve`.
+
+        Where joints are about to lose their rank, accelerations have no derivative to go by: off the
+        constraints they change beyond all bounds, along them as smoothly as elsewhere.
+        """
+        problem, v = self._problem, self._place.v
+        self.a = np.repeat(a0[None], len(self._t), axis=0)
+        for k in range(MAX_ITERATIONS):
+            try:
+                reached = self._uniform + self._moved @ self.a, v + self._rates @ self.a
+                a = problem.evaluate(self._t, *project(self._t, *reached))
+            except np.linalg.LinAlgError:
+                return False, k
+            change = float(np.abs(self._moved @ (a - self.a)).max())
+            self.a = a
+            problem.counts.iterations += 1
+            converged = ending.after(k, change, change)
             if converged is not None:
                 return converged, k + 1
         return False, MAX_ITERATIONS

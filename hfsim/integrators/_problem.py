@@ -51,6 +51,10 @@ class Recordings(dict[int, Any]):
         return Recordings, ()
 
 
+Project = Callable[[Array, Array, Array], tuple[Array, Array]]
+"""(t, q, v) -> (q, v) moved onto the constraints; batch axis on all of them."""
+
+
 class Increments(Protocol):
     """Coordinates for Newton corrections in which the derivative of the accelerations changes little.
 
@@ -114,7 +118,7 @@ class Problem:
     acceleration : callable
         (t, q, v) -> q'' with a leading batch axis on all of them.
     project : callable or None
-        (t, q, v) -> (q, v) moved onto the constraints, if there are any; batch axis as above.
+        What moves states onto the constraints, if there are any.
     dissipates : bool
         Whether stiff methods need the derivative of the accelerations by v.
     admissible : callable
@@ -159,7 +163,7 @@ class Problem:
     """
 
     acceleration: Callable[[Array, Array, Array], Array]
-    project: Callable[[Array, Array, Array], tuple[Array, Array]] | None
+    project: Project | None
     dissipates: bool
     admissible: Callable[[Array], bool] = lambda q: True
     positive: IntArray | None = None

@@ -235,13 +235,23 @@ class CollocationStepper(Stepper):
         return replay.march(self._problem, place, rule, state, self._known_at_start(place), guess, room)
 
     def _solve(self, place: Place) -> Iteration | Replay | None:
-        """Return a step that has converged, if need be with a derivative of its own."""
+        """Return a step that has converged, if need be with a derivative of its own, or without any."""
         step = self._iterated(place)
-        if step is not None or not self._served:
-            return step
-        self._old = True
-        self._prepare(place)
-        return self._iterated(place)
+        if step is None and self._served:
+            self._old = True
+            self._prepare(place)
+            step = self._iterated(place)
+        failed_before = place.h >= self._cap
+        return self._settled(place) if step is None and failed_before else step
+
+    def _settled(self, place: Place) -> Iteration | None:
+        """Return a step for which no derivative is needed, where there are joints and nothing is stiff."""
+        if self._stiff or self._problem.project is None:
+            return None
+        step = Iteration(self._problem, self._own_derivative(), self.table, place)
+        a0, ending = self._start_acceleration(place), Ending(place.q, self._tolerance)
+        converged, self._iterations = step.settle(self._problem.project, a0, ending)
+        return step if converged else None
 
     def _iterated(self, place: Place) -> Iteration | Replay | None:
         """Iterate; return a step that has converged."""

@@ -85,7 +85,7 @@ class Projection:
     Attributes
     ----------
     through : callable
-        What its functions are called through.
+        What its functions are called through, by their names, for several states with the number of these.
     """
 
     system: Constrained
@@ -101,15 +101,15 @@ class Projection:
             return q, v
 
     def _moved(self, t: Array, q: Array, v: Array, strict: bool) -> tuple[Array, Array]:
-        x, u, gap, miss, drift, slip = self.through(SEEN, self.seen, (t, q, v))
-        corrections = 0
+        many, corrections = "" if len(q) == 1 else f" of {len(q)} states", 0
+        x, u, gap, miss, drift, slip = self.through(SEEN + many, self.seen, (t, q, v))
         while not float(miss) <= ROUNDING and corrections < MOST:
             corrections += 1
-            x, gap, miss, drift, slip = self.through(CLOSER, self.closer, (t, x, u, gap))
+            x, gap, miss, drift, slip = self.through(CLOSER + many, self.closer, (t, x, u, gap))
         if strict and corrections == MOST and not _largest(gap) <= CLOSED * max(1.0, _largest(x)):
             raise np.linalg.LinAlgError("the joints cannot be closed")
         if float(slip) > ROUNDING:
-            found: tuple[Array, Array] = self.through(STEADIER, self.steadier, (q, x, u, drift))
+            found: tuple[Array, Array] = self.through(STEADIER + many, self.steadier, (q, x, u, drift))
             return found
         return self.system.state(x, u, q) if corrections else (q, v)
 

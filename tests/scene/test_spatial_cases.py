@@ -168,10 +168,36 @@ def test_bricard():
     """One equation for the first angle, by its closing condition, against the loop of rigid bodies."""
     found, values = run("bricard", "solve.duration=0.5")
     centre = [values[f"l1.{axis}"][-1] for axis in "xyz"]
-    angle = solve_ivp(angle_rates, (0.0, 0.5), [ANGLE, 3.0], "DOP853", rtol=1e-9, atol=1e-9).y[0, -1]
-    assert centre == pytest.approx(placed(angle)[1][0], abs=3e-7)
+    assert centre == pytest.approx(placed(moved(0.0, [ANGLE, 3.0], 0.5)[0])[1][0], abs=3e-7)
     assert centre == pytest.approx((0.28997405, -0.08450947, 0.1743657), abs=3e-7)
     assert (found.status, found.statistics["constraint_position"]) == ("done", pytest.approx(0.0, abs=1e-9))
+
+
+def test_bricard_s_loop_moves_on_from_where_it_lies_flat():
+    """After 0.841 s its joint equations lose their rank; there the second angle goes through zero."""
+    angle, rate = moved(0.0, [ANGLE, 3.0], 0.7)
+    slope = (closing(angle + 1e-5) - closing(angle - 1e-5)) / 2e-5
+    other, _ = moved(0.7, [closing(angle), slope * rate], 1.0, by_second)
+    assert other < -1.0
+    for tolerance in (1e-5, 1e-7, 1e-9):
+        _, values = run("bricard", "solve.duration=1.0", f"solve.tolerance={tolerance}")
+        centre = [values[f"l1.{axis}"][-1] for axis in "xyz"]
+        assert centre == pytest.approx(placed(other, by_second)[1][0], abs=3e-6)
+
+
+def closing(angle):
+    """Either angle by the other one."""
+    return np.arccos(-np.cos(angle) / (1.0 + np.cos(angle)))
+
+
+def by_first(angle):
+    """Angles of the first two hinges."""
+    return angle, closing(angle)
+
+
+def by_second(angle):
+    """The same after the first one has gone through zero."""
+    return -closing(angle), angle
 
 
 ANGLE, LINK = 0.6, 0.4
@@ -179,32 +205,31 @@ OWN = [rotation(np.array([0.1 * k, 0.2, 0.3 * k])) for k in range(5)]
 """How the bodies' frames are turned at the start."""
 
 
-def links(angle):
+def links(angles):
     """Frames of the five moving links: origin at a hinge, first axis along the link."""
-    other = np.arccos(-np.cos(angle) / (1.0 + np.cos(angle)))
     at, found = np.eye(4), []
     for k in range(5):
         turn, step = np.eye(4), np.eye(4)
-        turn[:3, :3] = rotation(np.array([0.0, 0.0, (angle, other)[k % 2]]))
+        turn[:3, :3] = rotation(np.array([0.0, 0.0, angles[k % 2]]))
         step[:3, :3], step[0, 3] = rotation(np.array([(0.5 - k % 2) * np.pi, 0.0, 0.0])), LINK
         found.append(at @ turn)
         at = found[-1] @ step
     return found
 
 
-def placed(angle):
+def placed(angle, by=by_first):
     """Centres and orientations of the bodies."""
     found = []
-    for now, start, own in zip(links(angle), links(ANGLE), OWN, strict=True):
+    for now, start, own in zip(links(by(angle)), links(by_first(ANGLE)), OWN, strict=True):
         centre = now[:3, 3] + 0.5 * LINK * now[:3, 0]
         found.append((centre, now[:3, :3] @ start[:3, :3].T @ own))
     return found
 
 
-def energies(angle, h=1e-4):
+def energies(angle, by, h=1e-4):
     """Kinetic energy at a rate of sqrt(2), twice that at 1, and weight."""
     kinetic = potential = 0.0
-    for (r, R), (ahead, A), (behind, B) in zip(*(placed(angle + k * h) for k in (0, 1, -1)), strict=True):
+    for (r, R), (ahead, A), (behind, B) in zip(*(placed(angle + k * h, by) for k in (0, 1, -1)), strict=True):
         v, S = (ahead - behind) / (2.0 * h), R.T @ (A - B) / (2.0 * h)
         w = 0.5 * np.array([S[2, 1] - S[1, 2], S[0, 2] - S[2, 0], S[1, 0] - S[0, 1]])
         kinetic += v @ v + w @ (w * [0.02, 0.03, 0.04])
@@ -212,6 +237,11 @@ def energies(angle, h=1e-4):
     return np.array([kinetic, potential])
 
 
-def angle_rates(t, y, h=1e-3):
-    slopes = (energies(y[0] + h) - energies(y[0] - h)) / (2.0 * h)
-    return [y[1], -(0.5 * slopes[0] * y[1] ** 2 + slopes[1]) / energies(y[0])[0]]
+def angle_rates(t, y, by, h=1e-3):
+    slopes = (energies(y[0] + h, by) - energies(y[0] - h, by)) / (2.0 * h)
+    return [y[1], -(0.5 * slopes[0] * y[1] ** 2 + slopes[1]) / energies(y[0], by)[0]]
+
+
+def moved(begin, y, end, by=by_first):
+    """Return the angle and its rate at a time."""
+    return solve_ivp(angle_rates, (begin, end), y, "DOP853", args=(by,), rtol=1e-9, atol=1e-9).y[:, -1]

@@ -16,6 +16,7 @@ from hfsim.cli import app
 from hfsim.deck import units
 from hfsim.errors import DeckError, SolverFailure
 from hfsim.integrators import Limits, Problem, _pace, integrate
+from hfsim.integrators.collocation import CollocationStepper
 from hfsim.integrators.explicit import Explicit
 from hfsim.marching.culprit import non_finite
 from hfsim.marching.integration import run_integration
@@ -288,8 +289,12 @@ def test_a_model_that_left_its_range_is_a_suspicion():
 # physical --------------------------------------------------------------------------------------------
 
 
-def test_a_loop_that_comes_apart_where_it_lies_flat():
-    """Bricard's loop has a second motion of first order there, and its hinges hold one more often than they must."""
+def test_a_loop_that_comes_apart_where_it_lies_flat(monkeypatch):
+    """Bricard's loop has a second motion of first order there, and its hinges hold one more often than they must.
+
+    Iterations with a derivative alone do not lead through such a position.
+    """
+    monkeypatch.setattr(CollocationStepper, "_settled", lambda *_: None)
     text = bricard(angle=1.0)
     run = diagnosed(text)
     assert (run.failure["class"], run.failure["item"]) == ("physical", "joints.j0")
