@@ -18,6 +18,8 @@ from hfsim.maths.arrays import Array
 
 LINEAR = 1e-3
 """Natural increments below which their linear map to the state is good enough."""
+STRAY = 30.0
+"""Change of accelerations at a stage, over that at any other, from which it goes along with these."""
 TAIL = 0.25
 """Part of the last terms of the Legendre series that is an error of the positions, as measured."""
 
@@ -177,9 +179,10 @@ class Iteration:
         """Take the accelerations of stages moved onto the constraints until they stay; return as `solve`.
 
         Where joints are about to lose their rank, accelerations have no derivative to go by: off the
-        constraints they change beyond all bounds, along them as smoothly as elsewhere.
+        constraints they change beyond all bounds, along them as smoothly as elsewhere. A stage that meets
+        such a position itself goes along with all others.
         """
-        problem, v = self._problem, self._place.v
+        problem, v, last = self._problem, self._place.v, self._table.to_legendre[-1]
         self.a = np.repeat(a0[None], len(self._t), axis=0)
         for k in range(MAX_ITERATIONS):
             try:
@@ -187,6 +190,10 @@ class Iteration:
                 a = problem.evaluate(self._t, *project(self._t, *reached))
             except np.linalg.LinAlgError:
                 return False, k
+            changes = np.sort(np.abs(a - self.a).max(axis=1))
+            if len(a) > 2 and changes[-1] > STRAY * changes[-2]:
+                k = int(np.abs(a - self.a).max(axis=1).argmax())
+                a[k] -= last @ a / last[k]
             change = float(np.abs(self._moved @ (a - self.a)).max())
             self.a = a
             problem.counts.iterations += 1

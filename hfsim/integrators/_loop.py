@@ -95,9 +95,8 @@ class Stepping:
         self._breaks = _stretches(problem.breaks, start[0], t_end)
         self._pace = Pace(start[0], t_end)
         self._stepper: Stepper | None = None
-        self._wish = self._reach = 0.0
+        self._wish, self._reach, self._behind_break = 0.0, 0.0, False
         self._stretch = start[0], start[0]
-        self._behind_break = False
         problem.count_on(len(start[1]), start[0], t_end)
         self._kept = self._memories()
 
@@ -179,15 +178,16 @@ class Stepping:
         stepper = self._stepper or self._begin()
         if path.t_end >= self._stretch[1]:
             stepper = self._enter(stepper)
-        steps = path.segments
         if self._ahead(stepper):
             return
-        made = len(steps)
+        steps, made = path.segments, len(path.segments)
         while len(steps) == made:
             if most is not None and self._problem.counts.steps >= most:
                 raise LimitReached(f"{most} steps were made", path.t_end)
             h = _fitted(fixed or self._wish, self._stretch[1] - path.t_end, fixed is not None)
             attempt = self._attempt(stepper, h)
+            if fixed is not None and not attempt.solved:  # asked again, a method may know another way
+                attempt = self._attempt(stepper, h)
             self._name(stepper)
             if not attempt.solved or (fixed is None and attempt.error > 1.0):
                 self._wish = self._shortened(attempt, h)
@@ -380,8 +380,8 @@ class Stepping:
     def _culprit(self, h: float) -> SolverFailure | None:
         """Return what is not finite where a step begins, or just ahead of it."""
         t, q, v = self.path.t_end, self.path.q, self.path.v
-        found = self._problem.culprit(t, q, v)
-        return found or (self._problem.culprit(t + h, q + h * v, v) if h else None)
+        found = self._problem.culprit
+        return found(t, q, v) or (found(t + h, q + h * v, v) if h else None)
 
 
 def _stretches(breaks: Array, start: float, t_end: float) -> Array:

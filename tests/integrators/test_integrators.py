@@ -496,6 +496,16 @@ def test_a_step_that_an_older_derivative_does_not_solve_is_solved_with_its_own(m
     assert stop is None and refused and problem.counts.rejected == 0
 
 
+def test_a_stage_where_joints_lose_their_rank_goes_along_with_the_others():
+    """The bars of two windows line up 1e-6 s from a stage; the published state at 2 s."""
+    deck = Path(__file__).parent.parent.parent / "cases/verify/four_bars.yaml"
+    scene = build(load_deck(deck, ["solve.duration=2.0", "solve.step=0.003", "solve.method=gauss"]))
+    done = run_integration(scene, scene.deck.solve)
+    assert done.stop is None
+    top = scene.marker("a0.top").position(scene.system.absolute(done.trajectory.q[None]))
+    assert top[0] == pytest.approx((0.0578157958, 0.9983272679), abs=1e-7)
+
+
 COSTS = {
     ("pendulum", 0.3): (58, 6),
     ("two_beams_relative", 0.05): (215, 22),

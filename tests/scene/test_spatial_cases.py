@@ -179,8 +179,8 @@ def test_bricard_s_loop_moves_on_from_where_it_lies_flat():
     slope = (closing(angle + 1e-5) - closing(angle - 1e-5)) / 2e-5
     other, _ = moved(0.7, [closing(angle), slope * rate], 1.0, by_second)
     assert other < -1.0
-    for tolerance in (1e-5, 1e-7, 1e-9):
-        _, values = run("bricard", "solve.duration=1.0", f"solve.tolerance={tolerance}")
+    for steps in (["solve.tolerance=1e-5"], ["solve.step=0.02", "solve.method=gauss"]):
+        _, values = run("bricard", "solve.duration=1.0", *steps)
         centre = [values[f"l1.{axis}"][-1] for axis in "xyz"]
         assert centre == pytest.approx(placed(other, by_second)[1][0], abs=3e-6)
 
