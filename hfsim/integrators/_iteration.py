@@ -182,18 +182,14 @@ class Iteration:
         constraints they change beyond all bounds, along them as smoothly as elsewhere. A stage that meets
         such a position itself goes along with all others.
         """
-        problem, v, last = self._problem, self._place.v, self._table.to_legendre[-1]
+        problem, v = self._problem, self._place.v
         self.a = np.repeat(a0[None], len(self._t), axis=0)
         for k in range(MAX_ITERATIONS):
             try:
                 reached = self._uniform + self._moved @ self.a, v + self._rates @ self.a
-                a = problem.evaluate(self._t, *project(self._t, *reached))
+                a = self._together(problem.evaluate(self._t, *project(self._t, *reached)))
             except np.linalg.LinAlgError:
                 return False, k
-            changes = np.sort(np.abs(a - self.a).max(axis=1))
-            if len(a) > 2 and changes[-1] > STRAY * changes[-2]:
-                k = int(np.abs(a - self.a).max(axis=1).argmax())
-                a[k] -= last @ a / last[k]
             change = float(np.abs(self._moved @ (a - self.a)).max())
             self.a = a
             problem.counts.iterations += 1
@@ -201,6 +197,14 @@ class Iteration:
             if converged is not None:
                 return converged, k + 1
         return False, MAX_ITERATIONS
+
+    def _together(self, a: Array) -> Array:
+        """Return accelerations of stages; one that changes by far the most goes along with the others."""
+        changes, last, a = np.abs(a - self.a).max(axis=1), self._table.to_legendre[-1], a.copy()
+        k = int(changes.argmax())
+        if len(a) > 2 and changes[k] > STRAY * np.delete(changes, k).max():
+            a[k] -= last @ a / last[k]
+        return a
 
     def end(self) -> End:
         """Return what the step leads to."""
