@@ -13,7 +13,7 @@ from hfsim.integrators._ending import MAX_ITERATIONS
 
 TARGET = 0.4
 """Error at which steps are aimed, over the tolerance."""
-FAINT = 1e-7
+FAINT = 1e-6
 """The same below which an estimate may be rounding."""
 RUNGS = 16
 """Factors from one to two."""
