@@ -85,7 +85,7 @@ def test_fewer_points_along_the_path_would_lose_energy(monkeypatch):
 
 @pytest.mark.parametrize("stages", [2, 4])
 def test_steps_of_a_hundred_periods_of_the_fastest_mode(stages):
-    """Two spinning beams of aluminium: other methods do not get through.
+    """Two spinning beams of aluminium: what other methods get through, they lose energy.
 
     Rounding alone makes 1e-14 to 2e-13 of drift with 4 stages, by the seventh digit of the step.
     """
@@ -97,8 +97,7 @@ def test_steps_of_a_hundred_periods_of_the_fastest_mode(stages):
     ends = done.trajectory.step_ends()
     tip = scene.marker("b2.tip").position(scene.system.absolute(done.trajectory.q[None]))[0]
     assert tip == pytest.approx([8.0 * np.cos(4.0 * ends[-1]), 8.0 * np.sin(4.0 * ends[-1])], abs=0.02)
-    _, lost = solved("cases/two_beams.yaml", *given, "solve.method=gauss")
-    assert isinstance(lost.stop, SolverFailure)
+    assert drift_of(*solved("cases/two_beams.yaml", *given, "solve.method=gauss")) > 1e-8
     assert drift_of(*solved("cases/two_beams.yaml", *given, "solve.method=generalized_alpha")) > 1e-3
 
 
