@@ -157,6 +157,11 @@ class Derivative:
 
     def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
         """Return the map r -> (I - by_q J_q - by_v J_v)^-1 r of single residuals (n,)."""
+        inverse = self.inverse(by_q, by_v)
+        return lambda r: np.asarray(inverse @ r)
+
+    def inverse(self, by_q: float, by_v: float) -> Array:
+        """Return the matrix of that map, shape (n, n), where matrices are dense."""
         raise NotImplementedError
 
 

@@ -142,14 +142,14 @@ class ModalDerivative(MotionsDerivative):
         other = mu2.conj() / (1.0 + mu2.conj() * self.w2)  # complex frequencies have nothing to do with poles
         return _factor(0.5 * (factor + other), -0.5j * (factor - other)), driven
 
-    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
-        """Return a product with the inverse, put together from the modes."""
+    def inverse(self, by_q: float, by_v: float) -> Array:
+        """Put the inverse together from the modes."""
         divisor = 1.0 / (1.0 + by_q * self.w2)
-        inverse = ((self.R * divisor) @ self.L).real
+        inverse = np.asarray(((self.R * divisor) @ self.L).real)
         if self.joints is not None:
             coupled = self.joints.closing.T - (self.R * (by_q * divisor)) @ self.joints.forces.T
-            inverse += coupled @ self.joints.jacobian
-        return lambda r: np.asarray(inverse @ r)
+            inverse = inverse + coupled @ self.joints.jacobian
+        return inverse
 
 
 def _factor(real: Any, imaginary: Any) -> _Factor:

@@ -1,40 +1,56 @@
-"""Simplified Newton iteration for one state, with a derivative that serves as long as it can."""
+"""Newton iteration for the accelerations at the end of a step, with a derivative that serves as long as it can."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfsim.integrators._derivative import ByStep, Derivative
-from hfsim.integrators._problem import Problem
-from hfsim.integrators.derivative import derivative, taken_again
+from hfsim.integrators._problem import PlainIncrements, Problem
+from hfsim.integrators.derivative import computed, derivative, taken_again
 from hfsim.maths.arrays import Array
+from hfsim.maths.traced import Recording
 
 SLOW = 0.9
 """Size of a correction over that of the one before, from which an iteration is given up."""
 
-_Found = TypeVar("_Found")
 _Solver = Callable[[Array], Array]
 _Place = tuple[float, Array, Array]
+_Corrected = tuple[Array, Array]
 
-Correct = Callable[[Array, float, Array, Array], Array]
-"""From a residual (n,), and t, q, v that it is the residual of, to the correction (n,)."""
+
+class Implicit(NamedTuple):
+    """The equations a = f(t, q + by_q a, v + by_v a) of accelerations (n,)."""
+
+    t: float
+    q: Array
+    v: Array
+    by_q: float
+    by_v: float
+
+    def state(self, a: Array) -> tuple[Array, Array]:
+        """Return the state that accelerations lead to."""
+        return self.q + self.by_q * a, self.v + self.by_v * a
 
 
 class Newton:
     """The derivative of a problem's accelerations, kept from step to step.
 
-    Attributes
+    Parameters
     ----------
     problem : Problem
+    most : int
+        Corrections of an iteration.
+    patience : int
+        Corrections after the first that need not shrink.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, most: int, patience: int) -> None:
+        self._problem, self._most, self._patience = problem, most, patience
         self._derivative: Derivative | None = None
-        self._solver: ByStep[_Solver] = ByStep()
+        self._solver: ByStep[_Solver | Array] = ByStep()
         self._by = 0.0, 0.0
         self._by_slopes = problem.slopes is not None and problem.slopes.pays
         # stresses of iterates are those of no state where strains are variables
@@ -52,42 +68,43 @@ class Newton:
         """Take the same derivative again and factorise it."""
         self._hard = float(memory["hard"])
         if memory["taken"].size:
-            with self.problem.often.supposed(memory["ways"]):
-                self._derivative = taken_again(self.problem, memory["taken"], self._by_slopes)
+            with self._problem.often.supposed(memory["ways"]):
+                self._derivative = taken_again(self._problem, memory["taken"], self._by_slopes)
             self._solver_for(*memory["by"].tolist())
 
-    def solution(
-        self, at: _Place, by_q: float, by_v: float, iterate: Callable[[Correct], _Found | None]
-    ) -> _Found | None:
-        """Return what an iteration finds; it has a second chance with a new derivative.
+    def solution(self, at: _Place, equations: Implicit, a: Array, weights: Array | float) -> Array | None:
+        """Return what an iteration finds, None if it does not converge; it has a second chance.
 
-        A third one takes it anew for each correction, unless stresses would be those of iterates.
+        That is with a new derivative.  A third one takes it anew for each correction, unless stresses would be
+        those of iterates.
 
         Parameters
         ----------
         at : (t, q, v)
             Where a new derivative is taken.
-        by_q, by_v : float
-            Corrections solve with I - by_q J_q - by_v J_v.
-        iterate : callable
-            `Correct` -> solution; None if it does not converge.
+        equations : Implicit
+        a : ndarray, shape (n,)
+            First guess.
+        weights : ndarray, shape (n,), or float
+            One over the change of an acceleration that need not be corrected.
         """
-        if by_v < self._hard:
-            found = self._with_one(at, by_q, by_v, iterate)
+        if equations.by_v < self._hard:
+            found = self._with_one(at, equations, a, weights)
             if found is not None or not self._by_iterates:
                 return found
-            self._hard = by_v
+            self._hard = equations.by_v
         self._derivative = None
-        return iterate(lambda r, *place: self._derivative_at(place, True).solver(by_q, by_v)(r))
+        return self._iterated(equations, a, weights)
 
     def _with_one(
-        self, at: _Place, by_q: float, by_v: float, iterate: Callable[[Correct], _Found | None]
-    ) -> _Found | None:
+        self, at: _Place, equations: Implicit, a: Array, weights: Array | float
+    ) -> Array | None:
         for fresh in (self._derivative is None, True):
             if fresh:
-                self._derivative, self._solver = self._derivative_at(at, self._by_slopes), ByStep()
-            solve = self._solver_for(by_q, by_v)
-            found = iterate(lambda r, *_, solve=solve: solve(r))
+                self._derivative = derivative(self._problem, *at, with_inertia=self._by_slopes)
+                self._solver = ByStep()
+            solver = self._solver_for(equations.by_q, equations.by_v)
+            found = self._iterated(equations, a, weights, solver)
             if found is not None:
                 return found
             if fresh:
@@ -95,40 +112,78 @@ class Newton:
         self._derivative = None
         return None
 
-    def _derivative_at(self, place: _Place, by_slopes: bool) -> Derivative:
-        return derivative(self.problem, *place, with_inertia=by_slopes)
-
-    def _solver_for(self, by_q: float, by_v: float) -> _Solver:
+    def _solver_for(self, by_q: float, by_v: float) -> _Solver | Array:
         self._by = by_q, by_v
         return self._solver.of(by_v, lambda: self._factorised(by_q, by_v))
 
-    def _factorised(self, by_q: float, by_v: float) -> _Solver:
-        assert self._derivative is not None
-        self.problem.counts.factorisations += 1
-        return self._derivative.solver(by_q, by_v)
+    def _factorised(self, by_q: float, by_v: float) -> _Solver | Array:
+        """Return the inverse where it is a matrix, and what solves the equations else."""
+        found = self._derivative
+        assert found is not None
+        self._problem.counts.factorisations += 1
+        return found.inverse(by_q, by_v) if found.recordable else found.solver(by_q, by_v)
 
-    def converges(self, correct: Callable[[], float], goal: float, most: int, patience: int) -> bool:
+    def _iterated(
+        self, equations: Implicit, a: Array, weights: Array | float, solver: _Solver | Array | None = None
+    ) -> Array | None:
+        """Return what corrections with one solver lead to, or, without any, with one of each iterate."""
+        counts, often, known = self._problem.counts, self._problem.often, (a, np.asarray(weights))
+
+        def correct() -> float:
+            nonlocal known
+            self._problem.count(equations.q[None])
+            if isinstance(solver, np.ndarray):
+                given = (*equations, *known, solver)
+                found, size = often.call("correction", self._corrected, given)
+            elif solver is None:
+                counts.factorisations += 1
+                found, size = often.call("correction of its own", self._corrected_anew, (*equations, *known))
+            else:
+                found, size = _added(*known, solver(self._missing(equations, known[0])))
+            known = found, known[1]
+            return float(size)
+
+        return known[0] if self.converges(correct) else None
+
+    def _missing(self, equations: Implicit, a: Array) -> Array:
+        return self._problem.at(equations.t, *equations.state(a)) - a
+
+    def _corrected(
+        self, t: Any, q: Array, v: Array, by_q: Any, by_v: Any, a: Array, weights: Array, inverse: Array
+    ) -> _Corrected:
+        missing = self._missing(Implicit(t, q, v, by_q, by_v), a)
+        return _added(a, weights, inverse @ missing)
+
+    def _corrected_anew(
+        self, t: Any, q: Array, v: Array, by_q: Any, by_v: Any, a: Array, weights: Array
+    ) -> _Corrected:
+        equations = Implicit(t, q, v, by_q, by_v)
+        here = computed(self._problem, PlainIncrements(), True, t, *equations.state(a), None)
+        if Recording.tape is None:
+            here.check()
+        return _added(a, weights, here.solver(by_q, by_v)(self._missing(equations, a)))
+
+    def converges(self, correct: Callable[[], float]) -> bool:
         """Make corrections until what is left of them is small.
 
         Parameters
         ----------
         correct : callable
-            Makes a correction and returns its size.
-        goal : float
-            Size of what may be left.
-        most : int
-            Corrections.
-        patience : int
-            Corrections after the first that need not shrink.
+            Makes a correction and returns its size; 1 may be left of it.
         """
         last = np.inf
-        for k in range(most):
+        for k in range(self._most):
             change = correct()
-            self.problem.counts.iterations += 1
+            self._problem.counts.iterations += 1
             rate = change / last
-            if not np.isfinite(change) or (k > patience and rate > SLOW):
+            if not np.isfinite(change) or (k > self._patience and rate > SLOW):
                 return False
-            if change < 1e-2 * goal or (k > 0 and rate < 1.0 and change * rate / (1.0 - rate) < goal):
+            if change < 1e-2 or (k > 0 and rate < 1.0 and change * rate < 1.0 - rate):
                 return True
             last = change
         return False
+
+
+def _added(a: Array, weights: Array, change: Array) -> _Corrected:
+    """Return corrected accelerations, and the size of the correction, shape ()."""
+    return a + change, np.asarray(np.abs(weights * change).max())

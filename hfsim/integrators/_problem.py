@@ -216,6 +216,10 @@ class Problem:
         assert self.strains is not None
         return np.asarray(self.strains.expected(strains).acceleration(t, q, v))
 
+    def at(self, t: float, q: Array, v: Array) -> Array:
+        """Return the accelerations of one state, shape (n,); who asks for them counts them."""
+        return self._accelerated(np.array([t]), q[None], v[None])[0]
+
     def unbalanced(
         self, t: Array, q: Array, v: Array, a: Array, strains: Array | None = None
     ) -> tuple[Array, Array]:

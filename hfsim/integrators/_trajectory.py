@@ -65,7 +65,7 @@ def _polynomials(places: bytes, count: int) -> tuple[Array, Array]:
 def _two_point_matrix() -> Array:
     values, _, _ = legendre(np.array([0.0, 1.0]), 4)
     _, once, twice = legendre(np.array([1.0]), 4)
-    return np.concatenate([values, once, twice])
+    return np.linalg.inv(np.concatenate([values, once, twice]))
 
 
 def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Array, Array, Array]) -> Array:
@@ -73,7 +73,7 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
     q0, v0, a0 = start
     q1, v1, a1 = ends
     rhs = np.stack([a0, a1, (v1 - v0) / h, (q1 - q0 - h * v0) / h**2])
-    return np.asarray(np.linalg.solve(_two_point_matrix(), rhs))
+    return np.asarray(_two_point_matrix() @ rhs)
 
 
 AT_ONCE = 4096

@@ -159,7 +159,7 @@ class DenseDerivative(MotionsDerivative):
         pulled = self.stiffness @ rate[:m]
         if self.joints is not None:
             pulled = pulled + rate[m:] @ self.joints.forces
-        damped = self.solver(h * h, h)(start.second - h * (self.R @ pulled))
+        damped = self._solved((start.second - h * (self.R @ pulled))[None], h * h, h)[0]
         return np.asarray(tau * start.first + 0.5 * tau**2 * damped)
 
     def correction(self, table: Collocation, h: float) -> Correction:
@@ -181,16 +181,15 @@ class DenseDerivative(MotionsDerivative):
 
         return correct
 
-    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
-        """Return a product with the inverse."""
-        inverse, joints, m = self._inverted(by_q, by_v), self.joints, len(self.stiffness)
+    def inverse(self, by_q: float, by_v: float) -> Array:
+        """Return what unit residuals lead to."""
+        return self._solved(np.eye(self.n), by_q, by_v).T
 
-        def product(r: Array) -> Array:
-            r = r @ self._columns
-            y = self.R @ (inverse @ self._forced(r[None], by_q, by_v).T)[:, 0]
-            return np.asarray(y if joints is None else y + joints.closed(r[m:]))
-
-        return product
+    def _solved(self, r: Array, by_q: float, by_v: float) -> Array:
+        """Return solutions for residuals (k, n)."""
+        joints, r = self.joints, r @ self._columns
+        y = (self._inverted(by_q, by_v) @ self._forced(r, by_q, by_v).T).T @ self.R.T
+        return np.asarray(y if joints is None else y + joints.closed(r[:, len(self.stiffness) :]))
 
     def _forced(self, r: Any, by_k: Any, by_d: Any) -> Any:
         """Return what motions are to answer to: with what motions that close gaps leave to them."""

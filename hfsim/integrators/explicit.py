@@ -17,6 +17,9 @@ from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import legendre
 from hfsim.maths.arrays import Array
 
+EVALUATIONS = 15
+"""In a step: of its stages, of its end and of points inside."""
+
 
 @lru_cache(maxsize=1)
 def _table() -> Any:
@@ -59,62 +62,82 @@ class ExplicitStepper(Stepper):
 
     def __init__(self, method: Explicit, problem: Problem, t: float, q: Array, v: Array) -> None:
         self.name, self._tolerance, self._problem = method.name, method.tolerance, problem
-        self._f = self._rates(t, np.stack([q, v]))
-        size = float((np.abs(self._f[1]) / (1.0 + np.abs(q))).max())
+        self._f = self._rates(t, q, v)
+        size = float((np.abs(self._f[len(q) :]) / (1.0 + np.abs(q))).max())
         self.first = float(self._tolerance ** (1.0 / 8.0)) / float(np.sqrt(max(size, 1.0)))
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step of length h and estimate its error."""
-        table, y = _table(), np.stack([q, v])
-        K = np.empty((16, 2, len(q)))
-        K[0] = self._f
-        for s in range(1, 12):
-            K[s] = self._rates(t + table.C[s] * h, y + h * np.tensordot(table.A[s, :s], K[:s], 1))
-        y1 = y + h * np.tensordot(table.B, K[:12], 1)
-        K[12] = self._rates(t + h, y1)
-        error = self._error(K[:13], y, y1, h)
-        return Attempt(
-            error=error,
-            growth=aimed(error, 8.0),
-            q=y1[0],
-            v=y1[1],
-            series=self._series(t, y, y1, K, h),
-        )
+        counts, n, given = self._problem.counts, len(q), (t, np.concatenate([q, v]), h, self._f)
+        counts.calls, counts.evaluations = counts.calls + EVALUATIONS, counts.evaluations + EVALUATIONS
+        # velocities count over a step
+        rates = max(min(h, 1.0), self.reach)
+        y1, series, errors = self._problem.often.call("explicit step", self._made, (*given, rates))
+        error = _joined(*errors.tolist(), h, 2 * n)
+        return Attempt(error=error, growth=aimed(error, 8.0), q=y1[:n], v=y1[n:], series=series)
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Evaluate the projected state, from which the next step starts."""
-        self._f = self._rates(t, np.stack([q, v]))
+        self._f = self._rates(t, q, v)
 
-    def _rates(self, t: float, y: Array) -> Array:
-        return np.stack([y[1], self._problem.single(t, y[0], y[1])])
+    def _rates(self, t: float, q: Array, v: Array) -> Array:
+        return np.concatenate([v, self._problem.single(t, q, v)])
 
-    def _error(self, K: Array, y: Array, y1: Array, h: float) -> float:
-        """Combine the errors of orders 5 and 3; velocities count over a step."""
-        table = _table()
-        scale = self._tolerance * (1.0 + np.maximum(np.abs(y[0]), np.abs(y1[0])))
-        scales = np.stack([scale, scale / max(min(h, 1.0), self.reach)])
-        fifth = np.linalg.norm(np.tensordot(table.E5, K, 1) / scales) ** 2
-        third = np.linalg.norm(np.tensordot(table.E3, K, 1) / scales) ** 2
-        if fifth == 0.0 and third == 0.0:
-            return 0.0
-        return float(h * fifth / np.sqrt((fifth + 0.01 * third) * y.size))
+    def _made(self, t: Any, y: Array, h: Any, f: Array, rates: Any) -> tuple[Array, Array, Array]:
+        """Return the end of a step, its series, and the squares of the errors of orders 5 and 3.
 
-    def _series(self, t: float, y: Array, y1: Array, K: Array, h: float) -> Array:
-        """Return the accelerations of the pair's own interpolant of order 7."""
-        table = _table()
+        Parameters
+        ----------
+        y, f : ndarray, shape (2 n,)
+            State at the start, (q, v), and its rate.
+        rates : float
+            Time over which errors of velocities count.
+        """
+        table, n, at = _table(), len(y) // 2, self._problem.at
+        K = np.empty((16, len(y)))
+        K[0] = f
+
+        def evaluate(s: int, c: float, there: Array) -> None:
+            K[s, :n], K[s, n:] = there[n:], at(t + c * h, there[:n], there[n:])
+
+        for s in range(1, 12):
+            evaluate(s, table.C[s], y + h * (table.A[s, :s] @ K[:s]))
+        y1 = y + h * (table.B @ K[:12])
+        evaluate(12, 1.0, y1)
         for s, (row, c) in enumerate(zip(table.A_EXTRA, table.C_EXTRA, strict=True), start=13):
-            K[s] = self._rates(t + c * h, y + h * np.tensordot(row[:s], K[:s], 1))
-        F = np.empty((7, len(y1[0])))
-        dv = y1[1] - y[1]
-        F[0] = dv
-        F[1] = h * K[0, 1] - dv
-        F[2] = 2.0 * dv - h * (K[12, 1] + K[0, 1])
-        F[3:] = h * np.tensordot(table.D, K[:, 1], 1)
-        theta, to_series = _inner_points()
-        increments = np.zeros((len(theta), F.shape[1]))
-        for i in range(6, -1, -1):
-            increments = (increments + F[i]) * (theta if i % 2 == 0 else 1.0 - theta)[:, None]
-        return np.asarray(to_series @ increments / h)
+            evaluate(s, c, y + h * (row[:s] @ K[:s]))
+        scale = self._tolerance * (1.0 + np.maximum(np.abs(y[:n]), np.abs(y1[:n])))
+        errors = np.stack([table.E5, table.E3]) @ K[:13] / np.concatenate([scale, scale / rates])
+        return y1, _series(y1[n:] - y[n:], K[:, n:], h), np.sum(errors * errors, axis=1)
+
+
+def _joined(fifth: float, third: float, h: float, count: int) -> float:
+    """Return the error that the squares of those of orders 5 and 3 of a number of entries come to."""
+    if fifth == 0.0 and third == 0.0:
+        return 0.0
+    return float(h * fifth / np.sqrt((fifth + 0.01 * third) * count))
+
+
+def _series(dv: Array, a: Array, h: Any) -> Array:
+    """Return the accelerations of the pair's own interpolant of order 7.
+
+    Parameters
+    ----------
+    dv : ndarray, shape (n,)
+        Change of the velocities.
+    a : ndarray, shape (16, n)
+        Accelerations at the stages.
+    """
+    F = np.empty((7, len(dv)))
+    F[0] = dv
+    F[1] = h * a[0] - dv
+    F[2] = 2.0 * dv - h * (a[12] + a[0])
+    F[3:] = h * (_table().D @ a)
+    theta, to_series = _inner_points()
+    increments = np.zeros((len(theta), len(dv)))
+    for i in range(6, -1, -1):
+        increments = (increments + F[i]) * (theta if i % 2 == 0 else 1.0 - theta)[:, None]
+    return np.asarray(to_series @ increments / h)
 
 
 def amplification(y: Array, order: int | None = None) -> Array:

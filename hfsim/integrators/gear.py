@@ -24,7 +24,7 @@ from hfsim.integrators._base import (
     cautious_step,
     unsolved,
 )
-from hfsim.integrators._newton import Correct, Newton
+from hfsim.integrators._newton import Implicit, Newton
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators._trajectory import two_point_series
@@ -100,7 +100,7 @@ class GearStepper(Stepper):
         self, method: Gear, problem: Problem, h: float, order: int, differences: Array, a: Array
     ) -> None:
         self.name, self.first = method.name, h
-        self._method, self._newton = method, Newton(problem)
+        self._method, self._newton = method, Newton(problem, MAX_ITERATIONS, patience=0)
         self._h, self._k, self._a = h, order, a
         self._D = np.zeros((MAX_ORDER + 3, *differences.shape[1:]))
         self._D[: len(differences)] = differences
@@ -187,28 +187,16 @@ class GearStepper(Stepper):
         c = self._h / GAMMA[k]
         predicted = D[: k + 1].sum(axis=0)
         psi = np.tensordot(GAMMA[1 : k + 1], D[1 : k + 1], 1) / GAMMA[k]
-        return self._newton.solution(
-            (t, *predicted), c * c, c, lambda solve: self._iterate(solve, t, c, predicted, psi)
-        )
-
-    def _iterate(
-        self, solve: Correct, t: float, c: float, predicted: Array, psi: Array
-    ) -> tuple[Array, Array] | None:
-        time, dv = np.array([t]), np.zeros(predicted.shape[1])
-
-        def correct() -> float:
-            nonlocal dv
-            v = predicted[1] + dv
-            q = predicted[0] + (c * v - psi[0])
-            a = self._newton.problem.evaluate(time, q[None], v[None])[0]
-            step = solve(c * a - psi[1] - dv, t, q, v)
-            dv = dv + step
-            return self._size(np.stack([c * step, step]), 1.0)
-
+        v = predicted[1] - psi[1]
+        equations = Implicit(t, predicted[0] - psi[0] + c * v, v, c * c, c)
+        scale = self._method.tolerance * (1.0 + np.abs(D[0, 0]))
         goal = 1e-3 if self._method.step is None else 0.1
-        if not self._newton.converges(correct, goal, MAX_ITERATIONS, patience=0):
+        weights = c * max(c, self._h, self.reach) / (goal * scale)
+        a = self._newton.solution((t, *predicted), equations, psi[1] / c, weights)
+        if a is None:
             return None
-        return np.stack([c * (predicted[1] + dv) - psi[0], dv]), (psi[1] + dv) / c
+        dv = c * a - psi[1]
+        return np.stack([c * (predicted[1] + dv) - psi[0], dv]), a
 
 
 class _StartedByGauss(Stepper):

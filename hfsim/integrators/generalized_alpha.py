@@ -22,7 +22,7 @@ from hfsim.integrators._base import (
     relative,
     unsolved,
 )
-from hfsim.integrators._newton import Correct, Newton
+from hfsim.integrators._newton import Implicit, Newton
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import two_point_series
 from hfsim.maths.arrays import Array
@@ -80,18 +80,20 @@ class GeneralizedAlphaStepper(Stepper):
         self._am, self._af = (2.0 * rho - 1.0) / (rho + 1.0), rho / (rho + 1.0)
         self._gamma = 0.5 + self._af - self._am
         self._beta = 0.25 * (self._gamma + 0.5) ** 2
-        self._newton = Newton(problem)
+        self._newton = Newton(problem, MAX_ITERATIONS, patience=1)
         self.a = self.smooth = problem.single(t, q, v)
         self._slope: Array = np.zeros(len(q))
         self.first = cautious_step(self.a, q, self._tolerance)
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve a = a(t + h, q, v) at the end of the step."""
-        share = (1.0 - self._af) / (1.0 - self._am)
-        by_q, by_v = self._beta * share * h * h, self._gamma * share * h
-        end = self._newton.solution((t, q, v), by_q, by_v, lambda solve: self._iterate(solve, t + h, q, v, h))
-        if end is None:
+        equations, share, rest = self._equations(t + h, q, v, h)
+        goal = 1e-3 * self._tolerance * (1.0 + float(np.abs(q).max()))
+        weight = self._beta * h * max(h, self.reach) / goal
+        a = self._newton.solution((t, q, v), equations, self.a, weight)
+        if a is None:
             return unsolved()
+        end = _End(*equations.state(a), a, share * a + rest)
         self._end = end
         error = self._error(end.smooth - self.smooth, q, h)
         growth = aimed(error, 3.0)
@@ -123,26 +125,13 @@ class GeneralizedAlphaStepper(Stepper):
         super().recall(memory)
         self._newton.recall(memory)
 
-    def _iterate(self, solve: Correct, t: float, q: Array, v: Array, h: float) -> _End | None:
-        time, a = np.array([t]), self.a
-
-        def correct() -> float:
-            nonlocal a
-            end = self._end_state(q, v, h, a)
-            there = self._newton.problem.evaluate(time, end.q[None], end.v[None])[0]
-            delta = solve(there - a, t, end.q, end.v)
-            a = a + delta
-            return self._beta * h * max(h, self.reach) * float(np.abs(delta).max())
-
-        goal = 1e-3 * self._tolerance * (1.0 + float(np.abs(q).max()))
-        converged = self._newton.converges(correct, goal, MAX_ITERATIONS, patience=1)
-        return self._end_state(q, v, h, a) if converged else None
-
-    def _end_state(self, q: Array, v: Array, h: float, a: Array) -> _End:
-        smooth = ((1.0 - self._af) * a + self._af * self.a - self._am * self.smooth) / (1.0 - self._am)
-        q1 = q + h * v + h * h * ((0.5 - self._beta) * self.smooth + self._beta * smooth)
-        v1 = v + h * ((1.0 - self._gamma) * self.smooth + self._gamma * smooth)
-        return _End(q1, v1, a, smooth)
+    def _equations(self, t: float, q: Array, v: Array, h: float) -> tuple[Implicit, float, Array]:
+        """Return the equations of the accelerations at an end, and how the method's own depend on them."""
+        share = (1.0 - self._af) / (1.0 - self._am)
+        rest = (self._af * self.a - self._am * self.smooth) / (1.0 - self._am)
+        q = q + h * v + h * h * ((0.5 - self._beta) * self.smooth + self._beta * rest)
+        v = v + h * ((1.0 - self._gamma) * self.smooth + self._gamma * rest)
+        return Implicit(t, q, v, self._beta * share * h * h, self._gamma * share * h), share, rest
 
 
 def _make(solve: Options) -> GeneralizedAlpha:
