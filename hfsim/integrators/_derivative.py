@@ -12,6 +12,7 @@ from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array
 from hfsim.maths.matrices import Matrix
+from hfsim.maths.replayed import arrays_in
 
 Correction = Callable[[Array], tuple[Array, Array]]
 """From residuals at the stages (s, n_r) to corrections, as displacements, and the size of their consequence:
@@ -171,3 +172,10 @@ def in_natural(natural: Increments, at: Any, *slopes: Array) -> list[Array]:
     unit = natural.from_natural(at, np.eye(n)).T
     rows = natural.to_natural(at, np.concatenate([(J @ unit).T for J in slopes]))
     return [rows[k : k + n].T for k in range(0, len(rows), n)]
+
+
+def form(derivative: Derivative) -> str:
+    """Return what derivatives must have in common to have the same memory, as a text."""
+    arrays = (one for one in arrays_in(derivative) if one[0] != ".taken")
+    shapes = [f"{name}{one.shape}{one.dtype.char}" for name, one in arrays]
+    return " ".join([type(derivative).__name__, type(derivative.increments).__name__, *shapes])

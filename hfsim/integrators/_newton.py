@@ -1,4 +1,4 @@
-"""Newton iteration for the accelerations at the end of a step, with a derivative that serves as long as it can."""
+"""Newton iteration for the accelerations at the end of a step; its derivative serves as long as it can."""
 
 from __future__ import annotations
 
@@ -72,11 +72,11 @@ class Newton:
                 self._derivative = taken_again(self._problem, memory["taken"], self._by_slopes)
             self._solver_for(*memory["by"].tolist())
 
-    def solution(self, at: _Place, equations: Implicit, a: Array, weights: Array | float) -> Array | None:
+    def solution(self, at: _Place, equations: Implicit, a: Array, weights: Array) -> Array | None:
         """Return what an iteration finds, None if it does not converge; it has a second chance.
 
-        That is with a new derivative.  A third one takes it anew for each correction, unless stresses would be
-        those of iterates.
+        That is with a new derivative.  A third one takes it anew for each correction, unless stresses would
+        be those of iterates.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class Newton:
         equations : Implicit
         a : ndarray, shape (n,)
             First guess.
-        weights : ndarray, shape (n,), or float
+        weights : ndarray, shape (n,)
             One over the change of an acceleration that need not be corrected.
         """
         if equations.by_v < self._hard:
@@ -96,9 +96,7 @@ class Newton:
         self._derivative = None
         return self._iterated(equations, a, weights)
 
-    def _with_one(
-        self, at: _Place, equations: Implicit, a: Array, weights: Array | float
-    ) -> Array | None:
+    def _with_one(self, at: _Place, equations: Implicit, a: Array, weights: Array) -> Array | None:
         for fresh in (self._derivative is None, True):
             if fresh:
                 self._derivative = derivative(self._problem, *at, with_inertia=self._by_slopes)
@@ -124,10 +122,10 @@ class Newton:
         return found.inverse(by_q, by_v) if found.recordable else found.solver(by_q, by_v)
 
     def _iterated(
-        self, equations: Implicit, a: Array, weights: Array | float, solver: _Solver | Array | None = None
+        self, equations: Implicit, a: Array, weights: Array, solver: _Solver | Array | None = None
     ) -> Array | None:
         """Return what corrections with one solver lead to, or, without any, with one of each iterate."""
-        counts, often, known = self._problem.counts, self._problem.often, (a, np.asarray(weights))
+        counts, often, known = self._problem.counts, self._problem.often, (a, weights)
 
         def correct() -> float:
             nonlocal known

@@ -218,7 +218,7 @@ class Problem:
 
     def at(self, t: float, q: Array, v: Array) -> Array:
         """Return the accelerations of one state, shape (n,); who asks for them counts them."""
-        return self._accelerated(np.array([t]), q[None], v[None])[0]
+        return np.asarray(self.acceleration(np.array([t]), q[None], v[None])[0])
 
     def unbalanced(
         self, t: Array, q: Array, v: Array, a: Array, strains: Array | None = None

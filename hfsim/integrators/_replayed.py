@@ -9,14 +9,14 @@ from weakref import ref
 
 import numpy as np
 
-from hfsim.integrators._derivative import Derivative
+from hfsim.integrators._derivative import Derivative, form
 from hfsim.integrators._iteration import End, Middle, Place
 from hfsim.integrators._ordinary import Ahead, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Kind, Recorded
 from hfsim.integrators.derivative import computed, place_of, taken_at
 from hfsim.maths.arrays import Array
-from hfsim.maths.replayed import UNREADABLE, arrays_in, rebuilt
+from hfsim.maths.replayed import UNREADABLE, rebuilt
 
 
 class Held:
@@ -70,7 +70,7 @@ class Replays:
                 return replay
         found = self._deriving(kind, place, derivative)
         if found is None and isinstance(derivative, Derivative):
-            found = self._recorded((kind, _form(derivative)), place, derivative)
+            found = self._recorded((kind, form(derivative)), place, derivative)
         return found if found is not None and found.holds(self._problem, derivative) else None
 
     def derivative(
@@ -221,7 +221,7 @@ class Replay:
         if derivative is self.held:
             return True
         if isinstance(derivative, Derivative):
-            if _form(derivative) != _form(self.template):
+            if form(derivative) != form(self.template):
                 return False
             self.recorded.put(derivative)
         elif derivative.replay.kind == self.kind:
@@ -250,10 +250,3 @@ class Replay:
             raise np.linalg.LinAlgError("the derivative is not finite")
         held = self.held = Held(self, fastest, self.recorded.taken_at.copy(), problem.often.chosen)
         return held
-
-
-def _form(derivative: Derivative) -> Any:
-    """Return what derivatives must have in common to have the same memory."""
-    arrays = (one for one in arrays_in(derivative) if one[0] != ".taken")
-    shapes = tuple((name, one.shape, one.dtype.char) for name, one in arrays)
-    return type(derivative), type(derivative.increments), shapes

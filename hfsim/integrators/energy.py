@@ -21,17 +21,20 @@ of no length.  All end at round-off only: what is left of the equations is what 
 from __future__ import annotations
 
 from functools import lru_cache, partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, relative
+from hfsim.integrators._derivative import Derivative, form
 from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
-from hfsim.integrators._problem import Problem
+from hfsim.integrators._problem import Increments, Problem
 from hfsim.integrators._tableau import gauss, legendre
 from hfsim.integrators.collocation import CollocationMethod, CollocationStepper
 from hfsim.maths.arrays import Array
+from hfsim.maths.replayed import arrays_in, rebuilt
+from hfsim.maths.traced import Traced
 from hfsim.mechanics.linearized import by_differences
 
 DEFAULT_STAGES = 4
@@ -192,23 +195,51 @@ class EnergyStepper(CollocationStepper):
         return np.asarray(self._path.average @ self._along - a)
 
     def _simplified(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
-        table, derivative = self.table, self._own_derivative()
-        natural = derivative.increments
-        uniform = q + (h * table.nodes)[:, None] * v
-        A2, back = h * h * table.A2, table.A2_inverse / h**2
-        correct = derivative.correction(table, h)
-        ending = _Stagnation(q)
+        derivative, problem, ending = self._own_derivative(), self._problem, _Stagnation(q)
+        known = tuple([one for _, one in arrays_in(derivative)])
+        name = f"correction of {self.label} with {form(derivative)}"
+        correct = partial(self._corrected, derivative, known)
         for k in range(MAX_ITERATIONS):
             self._iterations = k + 1
-            defect = self._defect(t, q, v, h, a)
-            at = natural.geometry(uniform + A2 @ a)
-            y, consequence = correct(derivative.reading(natural.to_natural(at, defect)))
-            small = float(np.abs(y).max()) < LINEAR
-            a = a + back @ (natural.from_natural if small else natural.advance)(at, y)
+            problem.counts.iterations += 1
+            if derivative.recordable:
+                problem.count(self._path.nodes)
+                given = (t, q, v, h, a, *known)
+                a, self._along, consequence = problem.often.call(name, correct, given)
+            else:
+                self._along = problem.evaluate(*self._states(t, q, v, h, a))
+                a, consequence = self._moved(derivative, Place(t, q, v, h), a, self._along)
             ended = ending.after(float(consequence))
             if ended is not None:
                 return a if ended and np.isfinite(a).all() else None
         return None
+
+    def _corrected(
+        self, derivative: Derivative, known: tuple[Array, ...],
+        t: Any, q: Array, v: Array, h: Any, a: Array, *arrays: Array,
+    ) -> tuple[Array, Array, Array]:  # fmt: skip
+        """Return corrected accelerations, those along the path before, and the correction's consequence.
+
+        Parameters
+        ----------
+        derivative : Derivative
+        known, arrays : tuple of ndarray
+            What it consists of, and what takes the place of that.
+        """
+        if any(one is not other for one, other in zip(known, arrays, strict=True)):
+            others = iter(arrays)
+            derivative = rebuilt(derivative, lambda _: next(others))
+        along = np.asarray(self._problem.acceleration(*self._states(t, q, v, h, a)))
+        moved, consequence = self._moved(derivative, Place(t, q, v, h), a, along)
+        return moved, along, np.asarray(consequence)
+
+    def _moved(self, derivative: Derivative, place: Place, a: Array, along: Array) -> tuple[Array, Array]:
+        """Return accelerations corrected for those along the path, and the correction's consequence."""
+        (_, q, v, h), table, natural = place, self.table, derivative.increments
+        at = natural.geometry(q + (h * table.nodes)[:, None] * v + h * h * (table.A2 @ a))
+        missing = natural.to_natural(at, self._path.average @ along - a)
+        y, consequence = derivative.correction(table, h)(derivative.reading(missing))
+        return a + (table.A2_inverse @ _added(natural, at, y)) / (h * h), consequence
 
     def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         """Iterate with the derivatives at every point of the path, by shortened corrections where needed.
@@ -291,6 +322,14 @@ class _Stagnation:
         if self._idle < PATIENCE:
             return None
         return self._least < ROUNDING
+
+
+def _added(natural: Increments, at: Any, y: Array) -> Array:
+    """Return natural increments as changes of the states, small ones by their linear map."""
+    small = np.abs(y).max() < LINEAR
+    if isinstance(small, Traced):
+        return np.where(small, natural.from_natural(at, y), natural.advance(at, y))
+    return (natural.from_natural if small else natural.advance)(at, y)
 
 
 def _make(solve: Options) -> EnergyMethod:

@@ -68,12 +68,12 @@ class ExplicitStepper(Stepper):
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step of length h and estimate its error."""
-        counts, n, given = self._problem.counts, len(q), (t, np.concatenate([q, v]), h, self._f)
+        counts, n = self._problem.counts, len(q)
         counts.calls, counts.evaluations = counts.calls + EVALUATIONS, counts.evaluations + EVALUATIONS
         # velocities count over a step
-        rates = max(min(h, 1.0), self.reach)
-        y1, series, errors = self._problem.often.call("explicit step", self._made, (*given, rates))
-        error = _joined(*errors.tolist(), h, 2 * n)
+        given = (t, np.concatenate([q, v]), h, self._f, self._tolerance, max(min(h, 1.0), self.reach))
+        y1, series, errors = self._problem.often.call("explicit step", self._made, given)
+        error = _joined(errors, h, 2 * n)
         return Attempt(error=error, growth=aimed(error, 8.0), q=y1[:n], v=y1[n:], series=series)
 
     def accept(self, t: float, q: Array, v: Array) -> None:
@@ -83,13 +83,16 @@ class ExplicitStepper(Stepper):
     def _rates(self, t: float, q: Array, v: Array) -> Array:
         return np.concatenate([v, self._problem.single(t, q, v)])
 
-    def _made(self, t: Any, y: Array, h: Any, f: Array, rates: Any) -> tuple[Array, Array, Array]:
+    def _made(
+        self, t: Any, y: Array, h: Any, f: Array, tolerance: Any, rates: Any
+    ) -> tuple[Array, Array, Array]:
         """Return the end of a step, its series, and the squares of the errors of orders 5 and 3.
 
         Parameters
         ----------
         y, f : ndarray, shape (2 n,)
             State at the start, (q, v), and its rate.
+        tolerance : float
         rates : float
             Time over which errors of velocities count.
         """
@@ -106,13 +109,14 @@ class ExplicitStepper(Stepper):
         evaluate(12, 1.0, y1)
         for s, (row, c) in enumerate(zip(table.A_EXTRA, table.C_EXTRA, strict=True), start=13):
             evaluate(s, c, y + h * (row[:s] @ K[:s]))
-        scale = self._tolerance * (1.0 + np.maximum(np.abs(y[:n]), np.abs(y1[:n])))
+        scale = tolerance * (1.0 + np.maximum(np.abs(y[:n]), np.abs(y1[:n])))
         errors = np.stack([table.E5, table.E3]) @ K[:13] / np.concatenate([scale, scale / rates])
         return y1, _series(y1[n:] - y[n:], K[:, n:], h), np.sum(errors * errors, axis=1)
 
 
-def _joined(fifth: float, third: float, h: float, count: int) -> float:
+def _joined(squares: Array, h: float, count: int) -> float:
     """Return the error that the squares of those of orders 5 and 3 of a number of entries come to."""
+    fifth, third = squares.tolist()
     if fifth == 0.0 and third == 0.0:
         return 0.0
     return float(h * fifth / np.sqrt((fifth + 0.01 * third) * count))

@@ -89,8 +89,8 @@ class GeneralizedAlphaStepper(Stepper):
         """Solve a = a(t + h, q, v) at the end of the step."""
         equations, share, rest = self._equations(t + h, q, v, h)
         goal = 1e-3 * self._tolerance * (1.0 + float(np.abs(q).max()))
-        weight = self._beta * h * max(h, self.reach) / goal
-        a = self._newton.solution((t, q, v), equations, self.a, weight)
+        weights = np.full(len(q), self._beta * h * max(h, self.reach) / goal)
+        a = self._newton.solution((t, q, v), equations, self.a, weights)
         if a is None:
             return unsolved()
         end = _End(*equations.state(a), a, share * a + rest)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Iterator, Sequence
-from functools import lru_cache
+from functools import cache, partial
 from math import isfinite
 from typing import Any, Generic, TypeVar, cast
 
@@ -79,9 +79,9 @@ class Replayed(Generic[_Result]):
             self._renew = tape.renew
             self._inputs, self._outputs = list(map(plain, inputs)), list(map(plain, outputs))
             found = _arrays(self._again(some))
-            near = lru_cache(lambda: _arrays(self._function(*map(jittered, some))))
+            near = cache(lambda: _arrays(self._function(*map(jittered, some))))
             for k, (one, other) in enumerate(zip(expected, found, strict=True)):
-                agree([one], [other], scale, lambda k=k: [near()[k]])
+                agree([one], [other], scale, partial(_only, near, k))
         except UNREADABLE as why:
             self.refused = why
         except BaseException:
@@ -91,6 +91,10 @@ class Replayed(Generic[_Result]):
 
 def _arrays(found: Any) -> list[Array]:
     return list(map(np.asarray, found if isinstance(found, tuple) else (found,)))
+
+
+def _only(near: Callable[[], Sequence[Array]], k: int) -> list[Array]:
+    return [near()[k]]
 
 
 def _largest(a: Array) -> float:
