@@ -59,6 +59,9 @@ class Limits(NamedTuple):
     shortest: float = 1e-11
 
 
+ENDS_ALONE = 0.1
+"""`Stepper.unlike` of methods that see the ends of a step alone."""
+
 Watch = Callable[[float, Array, Array], None]
 """Is told (t, q, v) of every kept step's end; may raise to end the run."""
 
@@ -114,6 +117,10 @@ class Stepper(Remembering):
 
     looks_back: ClassVar[bool] = False
     """Whether a step depends on more than the state in which it begins."""
+
+    unlike: ClassVar[float] = 1.3
+    """Periods of a law within which the first step behind a break ends: after one, all would look as before;
+    after half a one of a sine too, to a method that sees the ends of a step alone."""
 
     reach: float = 0.0
     """Time over which errors of velocities count where breaks make steps short [s]: a push may be over soon,

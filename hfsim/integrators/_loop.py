@@ -19,8 +19,6 @@ from hfsim.maths.arrays import Array, are_finite
 
 IN_A_ROW = 3
 """Unsolved steps one after another from which it is looked whether something is not finite."""
-UNLIKE = 1.3
-"""Periods of a law within which the first step behind a break ends: after one, all would look as before."""
 SAME_TIME = 1e-14
 """Difference of two times, relative to the end of a run, that is rounding."""
 AHEAD = 1e-4
@@ -256,7 +254,7 @@ class Stepping:
         if self._behind_break and stepper.looks_back and changes:
             stepper = self._restarted()
             self._wish = stepper.first
-        self._wish = min(self._wish, UNLIKE * self._problem.period)
+        self._wish = min(self._wish, stepper.unlike * self._problem.period)
         return stepper
 
     def _go_into(self, begin: int, end: int) -> None:

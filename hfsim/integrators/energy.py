@@ -291,7 +291,7 @@ class EnergyStepper(CollocationStepper):
         """
         problem = self._problem
         if problem.slopes is not None:
-            return problem.slopes(*states)[1:]
+            return problem.often.call(f"slopes at {len(states[0])} points", problem.slopes, states)[1:]
         if problem.near(*next(zip(*states, strict=True))).sparse:
             return None
         near = problem.near if problem.quartic else partial(by_differences, problem.evaluate, dissipates=True)

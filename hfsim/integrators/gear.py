@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from hfsim.integrators._base import (
+    ENDS_ALONE,
     Attempt,
     Integrator,
     Options,
@@ -93,7 +94,7 @@ class GearStepper(Stepper):
         Accelerations.
     """
 
-    looks_back = True
+    looks_back, unlike = True, ENDS_ALONE
     remembers = ("_h", "_k", "_a", "_D", "_same")
 
     def __init__(

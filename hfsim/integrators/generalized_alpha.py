@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.integrators._base import (
+    ENDS_ALONE,
     Attempt,
     Integrator,
     Options,
@@ -71,7 +72,7 @@ class GeneralizedAlphaStepper(Stepper):
         Accelerations at the start of a step, and the method's own, which it averages.
     """
 
-    looks_back = True
+    looks_back, unlike = True, ENDS_ALONE
     remembers = ("a", "smooth", "_slope")
 
     def __init__(self, method: GeneralizedAlpha, problem: Problem, t: float, q: Array, v: Array) -> None:

@@ -48,6 +48,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="the native kernel and NumPy at equal tolerances")
     parser.add_argument("cases", nargs="*", default=["manipulator"])
     parser.add_argument("--tolerances", default="1e-4,1e-6,1e-8,1e-10", help="with commas between")
+    parser.add_argument("--set", action="append", default=[], help="an entry of the decks, KEY=VALUE")
     parser.add_argument("--repeats", type=int, default=5)
     options = parser.parse_args()
     if kernel.KERNEL == "numpy":
@@ -59,7 +60,7 @@ def main() -> None:
         for tolerance in options.tolerances.split(","):
             own = HERE / "decks" / f"{name}.yaml"
             deck = own if own.exists() else ROOT / "cases" / own.name
-            loaded = load_deck(deck, [f"solve.tolerance={tolerance}"])
+            loaded = load_deck(deck, [*options.set, f"solve.tolerance={tolerance}"])
             times: dict[str, list[float]] = {"numpy": [], "native": [], "again": []}
             for _ in range(options.repeats):
                 scene = build(loaded)
