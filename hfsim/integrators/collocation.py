@@ -53,7 +53,7 @@ RELUCTANT = 1.25
 COSTLY = 400
 """Coordinates from which derivatives cost so much that the one of the start serves the first step."""
 LASTING = 6
-"""Steps to come, at the length of now, from which they are replayed."""
+"""Steps to come, at the length of now, from which those of many coordinates are replayed."""
 FAR = 1000
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
 UNKNOWN: tuple[float, Array] = (np.nan, np.zeros(0))
@@ -169,7 +169,7 @@ class CollocationStepper(Stepper):
         """Choose how steps are made from now on."""
         often, stiff = self._problem.often, self._is_stiff(place.h)
         if self.replays and self._derivative.recordable and NAMES[stiff] not in often.chosen:
-            lasting = LASTING * max(1.0, (len(place.q) / LARGE) ** 3)
+            lasting = LASTING * (len(place.q) / LARGE) ** 3 if len(place.q) > LARGE else 0.0
             if often.rest(place.t) > lasting * place.h:
                 often.take(NAMES[stiff])
         if stiff != self._stiff:
