@@ -118,6 +118,10 @@ class Derivative:
         """Return the same, shape ()."""
         raise NotImplementedError
 
+    def ringing(self) -> Array:
+        """Return the circular frequencies of what is not damped well [rad/s], or a bound of them alone."""
+        return np.array([self.fastest])
+
     def check(self) -> None:
         """Raise LinAlgError if it is of no use."""
 

@@ -44,6 +44,10 @@ class ModalDerivative(MotionsDerivative):
         """Return the largest circular frequency [rad/s]."""
         return np.asarray(np.sqrt(np.abs(self.w2).max(initial=0.0)))
 
+    def ringing(self) -> Array:
+        """Return the circular frequencies of all modes [rad/s]."""
+        return np.sqrt(np.abs(self.w2))
+
     @classmethod
     def of(cls, at: Linearized, natural: Increments, q: Array) -> ModalDerivative:
         """Return the modes of a dense linearised system without damping.

@@ -15,6 +15,9 @@ from hfsim.maths.traced import Recording
 
 SLOW = 0.9
 """Size of a correction over that of the one before, from which an iteration is given up."""
+OF_ITS_OWN = 2
+"""Corrections after the first that need not shrink where each has a derivative of its own: the second one
+takes back the strains that the first one left, and what comes after that is small at once."""
 
 _Solver = Callable[[Array], Array]
 _Place = tuple[float, Array, Array]
@@ -45,6 +48,11 @@ class Newton:
         Corrections of an iteration.
     patience : int
         Corrections after the first that need not shrink.
+
+    Attributes
+    ----------
+    ringing : ndarray
+        Circular frequencies of what is not damped well in the last derivative of the start of a step [rad/s].
     """
 
     def __init__(self, problem: Problem, most: int, patience: int) -> None:
@@ -53,8 +61,7 @@ class Newton:
         self._solver: ByStep[_Solver | Array] = ByStep()
         self._by = 0.0, 0.0
         self._by_slopes = problem.slopes is not None and problem.slopes.pays
-        # stresses of iterates are those of no state where strains are variables
-        self._by_iterates = problem.slopes is not None or problem.strains is None
+        self.ringing: Array = np.zeros(0)
         self._hard = np.inf
         """Least ``by_v`` for which no derivative of the start of a step served."""
 
@@ -62,11 +69,12 @@ class Newton:
         """Return where the derivative was taken, and for which corrections it was factorised last."""
         found = self._derivative
         taken, ways = (np.zeros(0), ()) if found is None else (found.taken, found.ways)
-        return {"taken": taken, "ways": ways, "by": np.array(self._by), "hard": np.array(self._hard)}
+        kept = {"by": np.array(self._by), "hard": self._hard, "ringing": self.ringing}
+        return {"taken": taken, "ways": ways} | kept
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take the same derivative again and factorise it."""
-        self._hard = float(memory["hard"])
+        self._hard, self.ringing = float(memory["hard"]), memory["ringing"]
         if memory["taken"].size:
             with self._problem.often.supposed(memory["ways"]):
                 self._derivative = taken_again(self._problem, memory["taken"], self._by_slopes)
@@ -75,8 +83,7 @@ class Newton:
     def solution(self, at: _Place, equations: Implicit, a: Array, weights: Array) -> Array | None:
         """Return what an iteration finds, None if it does not converge; it has a second chance.
 
-        That is with a new derivative.  A third one takes it anew for each correction, unless stresses would
-        be those of iterates.
+        That is with a new derivative.  A third one takes it anew for each correction.
 
         Parameters
         ----------
@@ -90,7 +97,7 @@ class Newton:
         """
         if equations.by_v < self._hard:
             found = self._with_one(at, equations, a, weights)
-            if found is not None or not self._by_iterates:
+            if found is not None:
                 return found
             self._hard = equations.by_v
         self._derivative = None
@@ -100,7 +107,7 @@ class Newton:
         for fresh in (self._derivative is None, True):
             if fresh:
                 self._derivative = derivative(self._problem, *at, with_inertia=self._by_slopes)
-                self._solver = ByStep()
+                self._solver, self.ringing = ByStep(), self._derivative.ringing()
             solver = self._solver_for(equations.by_q, equations.by_v)
             found = self._iterated(equations, a, weights, solver)
             if found is not None:
@@ -141,7 +148,8 @@ class Newton:
             known = found, known[1]
             return float(size)
 
-        return known[0] if self.converges(correct) else None
+        patience = max(self._patience, OF_ITS_OWN) if solver is None else self._patience
+        return known[0] if self.converges(correct, patience) else None
 
     def _missing(self, equations: Implicit, a: Array) -> Array:
         return self._problem.at(equations.t, *equations.state(a)) - a
@@ -161,20 +169,22 @@ class Newton:
             here.check()
         return _added(a, weights, here.solver(by_q, by_v)(self._missing(equations, a)))
 
-    def converges(self, correct: Callable[[], float]) -> bool:
+    def converges(self, correct: Callable[[], float], patience: int) -> bool:
         """Make corrections until what is left of them is small.
 
         Parameters
         ----------
         correct : callable
             Makes a correction and returns its size; 1 may be left of it.
+        patience : int
+            Corrections after the first that need not shrink.
         """
         last = np.inf
         for k in range(self._most):
             change = correct()
             self._problem.counts.iterations += 1
             rate = change / last
-            if not np.isfinite(change) or (k > self._patience and rate > SLOW):
+            if not np.isfinite(change) or (k > patience and rate > SLOW):
                 return False
             if change < 1e-2 or (k > 0 and rate < 1.0 and change * rate < 1.0 - rate):
                 return True

@@ -22,6 +22,9 @@ from hfsim.maths.frozen import mutable
 from hfsim.maths.matrices import Matrix
 from hfsim.mechanics.linearized import Linearized
 
+DAMPED = 1.2
+"""Damping, over the mass and the circular frequency, from which a mode is so damped that no order of `gear`
+lets it grow: twice the cosine of 52 degrees (Hairer and Wanner V.2)."""
 _Solver = Callable[[Array, Array], Array]
 
 
@@ -146,6 +149,12 @@ class DenseDerivative(MotionsDerivative):
         once = self.stiffness / size
         twice = once @ once
         return np.asarray(np.sqrt(size) * np.sum((twice @ twice) ** 2) ** (1.0 / 16.0))
+
+    def ringing(self) -> Array:
+        """Return the circular frequencies of modes of the stiffness that damping lets swing [rad/s]."""
+        w2, U = np.linalg.eigh(0.5 * (self.stiffness + self.stiffness.T))
+        omega, drag = np.sqrt(np.abs(w2)), np.einsum("ij,ij->j", U, self.damping @ U)
+        return np.asarray(omega[drag < DAMPED * omega])
 
     def check(self) -> None:
         """Refuse what is not finite: LAPACK would print a complaint of its own."""

@@ -34,6 +34,8 @@ from hfsim.maths.arrays import Array
 
 MAX_ORDER = 5
 MAX_ITERATIONS = 8
+GROWING = {3: (0.25, 2.0), 4: (0.35, 5.0), 5: (0.7, 10.0)}
+"""Angles between which an undamped mode grows that turns by one of them in a step; other orders let none."""
 GAMMA = np.concatenate([[0.0], np.cumsum(1.0 / np.arange(1, MAX_ORDER + 1))])
 
 
@@ -178,9 +180,17 @@ class GearStepper(Stepper):
         if k < MAX_ORDER:
             errors[k + 1] = self._size(d - D[k + 1], 1.0 / (k + 2))
         growth = {i: aimed(e, i + 1) for i, e in errors.items()}
+        if self._method.order is None:
+            growth |= {i: min(longer, self._steady(i)) for i, longer in growth.items() if i in GROWING}
         best = max(growth, key=lambda i: growth[i])
         self._next_order = min(best, self._method.order or MAX_ORDER)
         return growth.get(self._next_order, growth[k])
+
+    def _steady(self, order: int) -> float:
+        """Return the factor on the step with which no mode grows."""
+        least, most = GROWING[order]
+        angles = self._h * self._newton.ringing
+        return least / float(angles.max(initial=0.0, where=(angles > least) & (angles < most)) or 1e-6)
 
     def _solve(self, t: float) -> tuple[Array, Array] | None:
         """Return d = y - predicted, shape (2, n), and the accelerations at the end."""

@@ -13,7 +13,7 @@ from hfsim.integrators._trajectory import two_point_series
 from hfsim.integrators.collocation import CollocationMethod, CollocationStepper
 from hfsim.integrators.energy import EnergyMethod
 from hfsim.integrators.explicit import Explicit
-from hfsim.integrators.gear import Gear
+from hfsim.integrators.gear import GEAR, GROWING, Gear
 from hfsim.integrators.generalized_alpha import GeneralizedAlpha
 from hfsim.marching.integration import run_integration
 from hfsim.scene.build import build
@@ -530,3 +530,28 @@ def test_steps_through_a_stiffness_that_grows_in_time_take_its_derivative_where_
     problem = problem_of(lambda t, q, v: -(1.0 + 500.0 * (1.0 + np.tanh(t[:, None] - 2.0))) * q)
     end_of(problem, CollocationMethod("gauss", gauss(16), 1e-8), [1.0], [0.0], 4.0, step=0.5)
     assert problem.counts.iterations <= 70
+
+
+EXTREME = Path(__file__).parents[2] / "cases" / "extreme"
+
+
+@pytest.mark.parametrize(
+    "deck, name, tolerance, most",
+    [("slender", "gear", 1e-3, 120), ("space_blade", "gear", 1e-5, 150),
+     ("space_blade", "generalized_alpha", 1e-5, 150), ("modulus_high", "gear", 1e-5, 300)],
+)  # fmt: skip
+def test_stiff_beams_take_no_small_steps(deck, name, tolerance, most):
+    """A second correction takes back what the first one has stretched; no order lets fast modes grow."""
+    settings = [f"solve.method={name}", f"solve.tolerance={tolerance}", f"solve.max_steps={most}"]
+    loaded = load_deck(EXTREME / f"{deck}.yaml", settings)
+    assert run_integration(build(loaded), loaded.deck.solve).stop is None
+
+
+@pytest.mark.parametrize("order", [1, 2, 3, 4, 5])
+def test_orders_let_modes_grow_where_they_are_said_to(order):
+    angles = np.geomspace(1e-2, 1e2, 200)
+    least, most = GROWING.get(order, (0.0, 0.0))
+    inside = (angles > least) & (angles < most)
+    growth = GEAR.stability.growth(angles, order) - 1.0
+    assert (growth[~inside] < 2e-3).all()
+    assert not inside.any() or growth[inside].max() > 0.04

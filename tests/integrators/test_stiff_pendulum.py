@@ -47,7 +47,7 @@ def test_a_correction_that_grows_ends_no_iteration():
     """Extrapolating a series that diverges gives a negative number, which is below any goal."""
     sizes = iter([1.0, 10.0, 100.0])
     problem = SimpleNamespace(counts=SimpleNamespace(iterations=0), slopes=None, strains=None)
-    assert not Newton(problem, most=3, patience=1).converges(lambda: 1e6 * next(sizes))
+    assert not Newton(problem, most=3, patience=1).converges(lambda: 1e6 * next(sizes), patience=1)
 
 
 POINT = """
