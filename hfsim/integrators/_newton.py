@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hfsim.integrators._derivative import ByStep, Derivative
+from hfsim.integrators._lengths import REGROWTH, SHRUNK
 from hfsim.integrators._problem import PlainIncrements, Problem
 from hfsim.integrators.derivative import computed, derivative, taken_again
 from hfsim.maths.arrays import Array
@@ -62,6 +63,8 @@ class Newton:
         self._by = 0.0, 0.0
         self._by_slopes = problem.slopes is not None and problem.slopes.pays
         self.ringing: Array = np.zeros(0)
+        self._cap = np.inf
+        """Largest ``by_v`` for now: one that once failed comes back slowly."""
         self._hard = np.inf
         """Least ``by_v`` for which no derivative of the start of a step served."""
 
@@ -69,12 +72,12 @@ class Newton:
         """Return where the derivative was taken, and for which corrections it was factorised last."""
         found = self._derivative
         taken, ways = (np.zeros(0), ()) if found is None else (found.taken, found.ways)
-        kept = {"by": np.array(self._by), "hard": self._hard, "ringing": self.ringing}
+        kept = {"by": np.array(self._by), "cap": self._cap, "hard": self._hard, "ringing": self.ringing}
         return {"taken": taken, "ways": ways} | kept
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Take the same derivative again and factorise it."""
-        self._hard, self.ringing = float(memory["hard"]), memory["ringing"]
+        self._cap, self._hard, self.ringing = memory["cap"], memory["hard"], memory["ringing"]
         if memory["taken"].size:
             with self._problem.often.supposed(memory["ways"]):
                 self._derivative = taken_again(self._problem, memory["taken"], self._by_slopes)
@@ -95,13 +98,18 @@ class Newton:
         weights : ndarray, shape (n,)
             One over the change of an acceleration that need not be corrected.
         """
+        found = None
         if equations.by_v < self._hard:
             found = self._with_one(at, equations, a, weights)
-            if found is not None:
-                return found
-            self._hard = equations.by_v
-        self._derivative = None
-        return self._iterated(equations, a, weights)
+        if found is None:
+            self._hard, self._derivative = min(self._hard, equations.by_v), None
+            found = self._iterated(equations, a, weights)
+        self._cap = SHRUNK * equations.by_v if found is None else REGROWTH * self._cap
+        return found
+
+    def room(self, by_v: float) -> float:
+        """Return the factor on steps up to which an iteration may be hoped to converge."""
+        return self._cap / by_v
 
     def _with_one(self, at: _Place, equations: Implicit, a: Array, weights: Array) -> Array | None:
         for fresh in (self._derivative is None, True):

@@ -129,6 +129,7 @@ class GearStepper(Stepper):
         growth, self._next_order = aimed(error, k + 1), k
         if self._same >= k + 1 and (self._method.order is None or self._method.step is None):
             growth = self._choose_order(error)
+        growth = min(growth, self._newton.room(self._h / GAMMA[k]))
         return Attempt(
             error=error,
             growth=1.0 if error <= 1.0 and growth < 1.2 else min(growth, 5.0),

@@ -97,7 +97,7 @@ class GeneralizedAlphaStepper(Stepper):
         end = _End(*equations.state(a), a, share * a + rest)
         self._end = end
         error = self._error(end.smooth - self.smooth, q, h)
-        growth = aimed(error, 3.0)
+        growth = min(aimed(error, 3.0), self._newton.room(equations.by_v))
         series = two_point_series(h, (end.q, end.v, end.a), (q, v, self.a))
         return Attempt(error, 1.0 if 1.0 < growth < 1.3 else growth, end.q, end.v, series)
 
