@@ -42,6 +42,8 @@ POINTS_OTHERWISE = 16
 """Least number of points along the path where the potential is no polynomial of degree four."""
 MAX_ITERATIONS = 40
 MAX_NEWTON = 60
+SERVES_ON = 0.1
+"""Size of the next full Newton correction over that of one, up to which its derivatives serve it too."""
 LEAST_SHARE = 1e-3
 """Share of a full Newton correction below which the iteration is given up."""
 FIRST_SHARE, LEAST_MORE = 0.25, 5e-3
@@ -245,15 +247,16 @@ class EnergyStepper(CollocationStepper):
         """Iterate with the derivatives at every point of the path, by shortened corrections where needed.
 
         A correction is shortened until the next one, with the same derivatives, becomes smaller (Deuflhard's
-        natural monotonicity test).
+        natural monotonicity test); they serve on where that is far smaller, or rounding.
         """
-        A2, ending = h * h * self.table.A2, _Stagnation(q)
+        A2, ending, inverse = h * h * self.table.A2, _Stagnation(q), None
         r, share = self._defect(t, q, v, h, a), 1.0
         for _ in range(MAX_NEWTON):
-            matrix = self._matrix(t, q, v, h, a)
-            if matrix is None:
-                return None
-            inverse = np.linalg.inv(matrix)
+            if inverse is None:
+                matrix = self._matrix(t, q, v, h, a)
+                if matrix is None:
+                    return None
+                inverse = np.linalg.inv(matrix)
             step = (inverse @ r.ravel()).reshape(a.shape)
             size = float(np.abs(A2 @ step).max())
             ended = ending.after(size)
@@ -269,6 +272,8 @@ class EnergyStepper(CollocationStepper):
             else:
                 return None
             a = a + share * step
+            if left > SERVES_ON * size and size >= ROUNDING:
+                inverse = None
         return None
 
     def _matrix(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
