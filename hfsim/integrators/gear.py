@@ -36,6 +36,8 @@ MAX_ORDER = 5
 MAX_ITERATIONS = 8
 GROWING = {3: (0.25, 2.0), 4: (0.35, 5.0), 5: (0.7, 10.0)}
 """Angles between which an undamped mode grows that turns by one of them in a step; other orders let none."""
+PATIENCE = 2
+"""Steps that are not kept, none longer in between, after which an order is left that lets a mode grow."""
 GAMMA = np.concatenate([[0.0], np.cumsum(1.0 / np.arange(1, MAX_ORDER + 1))])
 
 
@@ -97,7 +99,7 @@ class GearStepper(Stepper):
     """
 
     looks_back, unlike = True, ENDS_ALONE
-    remembers = ("_h", "_k", "_a", "_D", "_same")
+    remembers = ("_h", "_k", "_a", "_D", "_same", "_stuck")
 
     def __init__(
         self, method: Gear, problem: Problem, h: float, order: int, differences: Array, a: Array
@@ -109,6 +111,8 @@ class GearStepper(Stepper):
         self._D[: len(differences)] = differences
         self._same = 0
         """Steps made with this order and length."""
+        self._stuck = 0
+        """Attempts that were not kept since a step was made longer."""
 
     @property
     def label(self) -> str:
@@ -118,6 +122,7 @@ class GearStepper(Stepper):
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step of the current order."""
         if abs(h - self._h) > 1e-12 * h:
+            self._stuck *= h < self._h
             self._rescale(h)
         found = self._solve(t + h)
         if found is None:
@@ -130,6 +135,9 @@ class GearStepper(Stepper):
         if self._same >= k + 1 and (self._method.order is None or self._method.step is None):
             growth = self._choose_order(error)
         growth = min(growth, self._newton.room(self._h / GAMMA[k]))
+        self._stuck += error > 1.0
+        if self._stuck > PATIENCE and self._is_free and self._steady(k) < 1.0:
+            self._k, self._same, self._stuck = k - 1, 0, 0
         return Attempt(
             error=error,
             growth=1.0 if error <= 1.0 and growth < 1.2 else min(growth, 5.0),
@@ -181,15 +189,20 @@ class GearStepper(Stepper):
         if k < MAX_ORDER:
             errors[k + 1] = self._size(d - D[k + 1], 1.0 / (k + 2))
         growth = {i: aimed(e, i + 1) for i, e in errors.items()}
-        if self._method.order is None:
-            growth |= {i: min(longer, self._steady(i)) for i, longer in growth.items() if i in GROWING}
+        if self._is_free:
+            growth = {i: min(longer, self._steady(i)) for i, longer in growth.items()}
         best = max(growth, key=lambda i: growth[i])
         self._next_order = min(best, self._method.order or MAX_ORDER)
         return growth.get(self._next_order, growth[k])
 
+    @property
+    def _is_free(self) -> bool:
+        """Whether order and step are."""
+        return self._method.order is None and self._method.step is None
+
     def _steady(self, order: int) -> float:
         """Return the factor on the step with which no mode grows."""
-        least, most = GROWING[order]
+        least, most = GROWING.get(order, (np.inf, 0.0))
         angles = self._h * self._newton.ringing
         return least / float(angles.max(initial=0.0, where=(angles > least) & (angles < most)) or 1e-6)
 
