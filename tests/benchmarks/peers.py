@@ -7,7 +7,8 @@ The error is the largest distance of the tip from the converged trajectory of th
 output grid. That trajectory is hfsim's at a far tighter tolerance, for each element law; for Exudyn's law it
 is compared with the trajectories of an independent code in ``tests/reference``, and the difference printed.
 
- - hfsim runs with its native kernel and in NumPy, in turns (``--kernel``).
+ - hfsim runs with its native kernel and in NumPy, in turns (``--kernel``), each time with a new scene, or
+   with one that it has solved before (``--again``), as studies of tolerances and error estimates do.
  - SciPy integrates hfsim's own equations of motion (model ancf) in first-order form, with hfsim's default
    law.
  - Exudyn runs in a Python of its own (``--exudyn``), and is compared with hfsim in Exudyn's law.
@@ -109,6 +110,7 @@ class Asked:
 
     models: list[str]
     kernels: dict[str, str]
+    again: bool
     exudyn: str | None
     limit: float
     repeats: int
@@ -134,15 +136,18 @@ def grid(scene: Scene) -> np.ndarray:
 
 
 def solve_hfsim(
-    name: str, law: str, model: str, tolerance: float, way: str = kernel.KERNEL
+    name: str, law: str, model: str, tolerance: float, way: str = kernel.KERNEL, again: bool = False
 ) -> tuple[float, np.ndarray | None]:
     """Return CPU time of the solve call and path of the tip, None if the run fails.
 
-    The scene is new: what the native kernel records is recorded within that time.
+    The scene is new, so that what the native kernel records is recorded within that time, unless it is to be
+    solved again.
     """
     loaded = load(name, law, tolerance)
     scene = build(loaded, model)
     kernel.KERNEL = way
+    if again:
+        run_integration(scene, loaded.deck.solve)
     begin = time.process_time()
     done = run_integration(scene, loaded.deck.solve)
     cpu = time.process_time() - begin
@@ -230,9 +235,10 @@ def sweep(
             del done[k]
 
 
-def hfsim_series(name: str, models: list[str], way: str) -> list[Series]:
+def hfsim_series(name: str, asked: Asked, way: str) -> list[Series]:
     """Return hfsim's models in both laws, with one kernel."""
-    return [(law, model, partial(solve_hfsim, name, law, model, way=way)) for law in LAWS for model in models]
+    solve = partial(solve_hfsim, way=way, again=asked.again)
+    return [(law, model, partial(solve, name, law, model)) for law in LAWS for model in asked.models]
 
 
 def scipy_series(name: str, limit: float) -> list[Series]:
@@ -266,10 +272,10 @@ def codes(
     name: str, asked: Asked, seconds: float
 ) -> Iterator[tuple[str, str, str, float, float, np.ndarray]]:
     """Yield code, law, method, tolerance or step, CPU time and path of each point, one code after another."""
-    models, kernels, limit = asked.models, asked.kernels, asked.limit
+    kernels, limit = asked.kernels, asked.limit
     patience = min(limit, SHARES["SciPy"] * seconds / len(SCIPY_METHODS))
     for code, kind, series, longest in (
-        *((code, "hfsim", hfsim_series(name, models, way), limit) for code, way in kernels.items()),
+        *((code, "hfsim", hfsim_series(name, asked, way), limit) for code, way in kernels.items()),
         ("SciPy", "SciPy", scipy_series(name, patience), patience),
     ):
         share = SHARES[kind] / (len(kernels) if kind == "hfsim" else 1)
@@ -412,6 +418,9 @@ def main() -> None:
         default="both" if kernel.KERNEL == "native" else "numpy",
         help="of hfsim; what it is with both is the native one",
     )
+    parser.add_argument(
+        "--again", action="store_true", help="hfsim has solved the scene before: nothing is to be recorded"
+    )
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--rounds", type=int, default=3, help="in which the codes take turns")
     parser.add_argument(
@@ -440,7 +449,7 @@ def main() -> None:
     options.folder.mkdir(parents=True, exist_ok=True)
     points: list[Point] = []
     models, left = options.models.split(","), options.budget
-    asked = Asked(models, kernels, exudyn, options.limit, options.repeats, options.rounds)
+    asked = Asked(models, kernels, options.again, exudyn, options.limit, options.repeats, options.rounds)
     for k, name in enumerate(names):
         seconds = left * CASES[name].weight / sum(CASES[one].weight for one in names[k:])
         found, floors, spent = measure(name, asked, seconds)
