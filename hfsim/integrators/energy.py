@@ -241,7 +241,7 @@ class EnergyStepper(CollocationStepper):
         at = natural.geometry(q + (h * table.nodes)[:, None] * v + h * h * (table.A2 @ a))
         missing = natural.to_natural(at, self._path.average @ along - a)
         y, consequence = derivative.correction(table, h)(derivative.reading(missing))
-        return a + (table.A2_inverse @ _added(natural, at, y)) / (h * h), consequence
+        return a + (table.A2_inverse / (h * h)) @ _added(natural, at, y), consequence
 
     def _newton(self, t: float, q: Array, v: Array, h: float, a: Array) -> Array | None:
         """Iterate with the derivatives at every point of the path, by shortened corrections where needed.

@@ -6,13 +6,15 @@ constraints and the shared loop can take hold of it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, aimed
+from hfsim.integrators._often import LARGE
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import legendre
 from hfsim.maths.arrays import Array
@@ -68,11 +70,15 @@ class ExplicitStepper(Stepper):
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step of length h and estimate its error."""
-        counts, n = self._problem.counts, len(q)
-        counts.calls, counts.evaluations = counts.calls + EVALUATIONS, counts.evaluations + EVALUATIONS
+        problem, n = self._problem, len(q)
         # velocities count over a step
         given = (t, np.concatenate([q, v]), h, self._f, self._tolerance, max(min(h, 1.0), self.reach))
-        y1, series, errors = self._problem.often.call("explicit step", self._made, given)
+        if n > LARGE:
+            y1, series, errors = _made(problem.single, *given)
+        else:
+            counts = problem.counts
+            counts.calls, counts.evaluations = counts.calls + EVALUATIONS, counts.evaluations + EVALUATIONS
+            y1, series, errors = problem.often.call("explicit step", partial(_made, problem.at), given)
         error = _joined(errors, h, 2 * n)
         return Attempt(error=error, growth=aimed(error, 8.0), q=y1[:n], v=y1[n:], series=series)
 
@@ -83,35 +89,38 @@ class ExplicitStepper(Stepper):
     def _rates(self, t: float, q: Array, v: Array) -> Array:
         return np.concatenate([v, self._problem.single(t, q, v)])
 
-    def _made(
-        self, t: Any, y: Array, h: Any, f: Array, tolerance: Any, rates: Any
-    ) -> tuple[Array, Array, Array]:
-        """Return the end of a step, its series, and the squares of the errors of orders 5 and 3.
 
-        Parameters
-        ----------
-        y, f : ndarray, shape (2 n,)
-            State at the start, (q, v), and its rate.
-        tolerance : float
-        rates : float
-            Time over which errors of velocities count.
-        """
-        table, n, at = _table(), len(y) // 2, self._problem.at
-        K = np.empty((16, len(y)))
-        K[0] = f
+def _made(
+    at: Callable[[Any, Array, Array], Array], t: Any, y: Array, h: Any, f: Array, tolerance: Any, rates: Any
+) -> tuple[Array, Array, Array]:
+    """Return the end of a step, its series, and the squares of the errors of orders 5 and 3.
 
-        def evaluate(s: int, c: float, there: Array) -> None:
-            K[s, :n], K[s, n:] = there[n:], at(t + c * h, there[:n], there[n:])
+    Parameters
+    ----------
+    at : callable
+        (t, q, v) -> accelerations (n,).
+    y, f : ndarray, shape (2 n,)
+        State at the start, (q, v), and its rate.
+    tolerance : float
+    rates : float
+        Time over which errors of velocities count.
+    """
+    table, n = _table(), len(y) // 2
+    K = np.empty((16, len(y)))
+    K[0] = f
 
-        for s in range(1, 12):
-            evaluate(s, table.C[s], y + h * (table.A[s, :s] @ K[:s]))
-        y1 = y + h * (table.B @ K[:12])
-        evaluate(12, 1.0, y1)
-        for s, (row, c) in enumerate(zip(table.A_EXTRA, table.C_EXTRA, strict=True), start=13):
-            evaluate(s, c, y + h * (row[:s] @ K[:s]))
-        scale = tolerance * (1.0 + np.maximum(np.abs(y[:n]), np.abs(y1[:n])))
-        errors = np.stack([table.E5, table.E3]) @ K[:13] / np.concatenate([scale, scale / rates])
-        return y1, _series(y1[n:] - y[n:], K[:, n:], h), np.sum(errors * errors, axis=1)
+    def evaluate(s: int, c: float, there: Array) -> None:
+        K[s, :n], K[s, n:] = there[n:], at(t + c * h, there[:n], there[n:])
+
+    for s in range(1, 12):
+        evaluate(s, table.C[s], y + h * (table.A[s, :s] @ K[:s]))
+    y1 = y + h * (table.B @ K[:12])
+    evaluate(12, 1.0, y1)
+    for s, (row, c) in enumerate(zip(table.A_EXTRA, table.C_EXTRA, strict=True), start=13):
+        evaluate(s, c, y + h * (row[:s] @ K[:s]))
+    scale = tolerance * (1.0 + np.maximum(np.abs(y[:n]), np.abs(y1[:n])))
+    errors = np.stack([table.E5, table.E3]) @ K[:13] / np.concatenate([scale, scale / rates])
+    return y1, _series(y1[n:] - y[n:], K[:, n:], h), np.sum(errors * errors, axis=1)
 
 
 def _joined(squares: Array, h: float, count: int) -> float:
