@@ -451,10 +451,13 @@ def test_jacobians_by_one_batch():
     assert (problem.counts.calls, problem.counts.evaluations) == (1, 5)
 
 
-@pytest.mark.parametrize(("name", "most"), [("gauss", 2.0), ("radau", 2.0), ("energy", 8.0)])
+@pytest.mark.parametrize(("name", "most"), [("gauss", 2.0), ("radau", 2.0), ("energy", 8.5)])
 @pytest.mark.parametrize(("w2", "damping"), [(1.0, 0.0), (4.0, 1.0), (1e6, 0.0), (1e6, 2000.0)])
 def test_a_linear_motion_costs_few_iterations(name, most, w2, damping):
-    """One finds it and, where it is not small by then, one more sees that nothing is left."""
+    """One finds it and, where it is not small by then, one more sees that nothing is left.
+
+    `energy` goes on until rounding alone is left: when, the last digit decides.
+    """
     problem = oscillator(w2, damping)
     _, stop = run(problem, FREE[name](1e-6), [1.0], [0.0], 2.0, 0.05)
     assert stop is None and problem.counts.steps == 40
