@@ -37,8 +37,8 @@ MAX_ITERATIONS = 8
 GROWING = {3: (0.25, 2.0), 4: (0.35, 5.0), 5: (0.7, 10.0)}
 """Angles between which an undamped mode grows that turns by one of them in a step; other orders let none."""
 RESOLVING = 1.4
-"""Angle by which the fastest mode turns in a step of low order below which order 5 is worth up to twice as many
-steps: it is more accurate by far."""
+"""Angle by which the fastest mode turns in a step of low order below which order 5 is worth up to twice as
+many: it is more accurate by far."""
 PATIENCE = 2
 """Steps that are not kept, none longer in between, after which an order is left that lets a mode grow."""
 GAMMA = np.concatenate([[0.0], np.cumsum(1.0 / np.arange(1, MAX_ORDER + 1))])
