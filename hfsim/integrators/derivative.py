@@ -237,6 +237,10 @@ class SparseDerivative(Derivative):
         """Return a bound of the circular frequencies: Gershgorin's, with the mass on the diagonal alone."""
         return np.asarray(np.sqrt(self._rows.max(initial=0.0)))
 
+    def ringing(self) -> Array:
+        """Return frequencies all the way up to that bound, as meshes have them, if nothing is damped."""
+        return self.fastest * (np.geomspace(1e-6, 1.0, 64) if self.at.damping is None else np.ones(1))
+
     def _solver(self, by_q: complex, by_v: complex) -> _Solver:
         """Return the solution of M - by_q M J_q - by_v M J_v, on the joints."""
         return self.at.solver(self.at.implicit(by_q, by_v))
