@@ -49,6 +49,8 @@ class Newton:
         Corrections of an iteration.
     patience : int
         Corrections after the first that need not shrink.
+    listens : bool
+        Whether `ringing` is wanted: it may take as long as the derivative.
 
     Attributes
     ----------
@@ -56,8 +58,8 @@ class Newton:
         Circular frequencies of what is not damped well in the last derivative of the start of a step [rad/s].
     """
 
-    def __init__(self, problem: Problem, most: int, patience: int) -> None:
-        self._problem, self._most, self._patience = problem, most, patience
+    def __init__(self, problem: Problem, most: int, patience: int, listens: bool = False) -> None:
+        self._problem, self._most, self._patience, self._listens = problem, most, patience, listens
         self._derivative: Derivative | None = None
         self._solver: ByStep[_Solver | Array] = ByStep()
         self._by = 0.0, 0.0
@@ -115,7 +117,9 @@ class Newton:
         for fresh in (self._derivative is None, True):
             if fresh:
                 self._derivative = derivative(self._problem, *at, with_inertia=self._by_slopes)
-                self._solver, self.ringing = ByStep(), self._derivative.ringing()
+                self._solver = ByStep()
+                if self._listens:
+                    self.ringing = self._derivative.ringing()
             solver = self._solver_for(equations.by_q, equations.by_v)
             found = self._iterated(equations, a, weights, solver)
             if found is not None:
@@ -140,24 +144,23 @@ class Newton:
         self, equations: Implicit, a: Array, weights: Array, solver: _Solver | Array | None = None
     ) -> Array | None:
         """Return what corrections with one solver lead to, or, without any, with one of each iterate."""
-        counts, often, known = self._problem.counts, self._problem.often, (a, weights)
+        counts, often = self._problem.counts, self._problem.often
 
         def correct() -> float:
-            nonlocal known
+            nonlocal a
             self._problem.count(equations.q[None])
             if isinstance(solver, np.ndarray):
-                given = (*equations, *known, solver)
-                found, size = often.call("correction", self._corrected, given)
+                given = (*equations, a, weights, solver)
+                a, size = often.call("correction", self._corrected, given)
             elif solver is None:
                 counts.factorisations += 1
-                found, size = often.call("correction of its own", self._corrected_anew, (*equations, *known))
+                a, size = often.call("correction of its own", self._corrected_anew, (*equations, a, weights))
             else:
-                found, size = _added(*known, solver(self._missing(equations, known[0])))
-            known = found, known[1]
+                a, size = _added(a, weights, solver(self._missing(equations, a)))
             return float(size)
 
         patience = max(self._patience, OF_ITS_OWN) if solver is None else self._patience
-        return known[0] if self.converges(correct, patience) else None
+        return a if self.converges(correct, patience) else None
 
     def _missing(self, equations: Implicit, a: Array) -> Array:
         return self._problem.at(equations.t, *equations.state(a)) - a

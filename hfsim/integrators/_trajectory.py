@@ -62,7 +62,7 @@ def _polynomials(places: bytes, count: int) -> tuple[Array, Array]:
 
 
 @lru_cache(maxsize=1)
-def _two_point_matrix() -> Array:
+def _two_point_inverse() -> Array:
     values, _, _ = legendre(np.array([0.0, 1.0]), 4)
     _, once, twice = legendre(np.array([1.0]), 4)
     return np.linalg.inv(np.concatenate([values, once, twice]))
@@ -73,7 +73,7 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
     q0, v0, a0 = start
     q1, v1, a1 = ends
     rhs = np.stack([a0, a1, (v1 - v0) / h, (q1 - q0 - h * v0) / h**2])
-    return np.asarray(_two_point_matrix() @ rhs)
+    return np.asarray(_two_point_inverse() @ rhs)
 
 
 AT_ONCE = 4096

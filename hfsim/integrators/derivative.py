@@ -190,6 +190,10 @@ class DenseDerivative(MotionsDerivative):
 
         return correct
 
+    def solver(self, by_q: float, by_v: float) -> Callable[[Array], Array]:
+        """Return what solves for one residual, without the inverse in all coordinates."""
+        return lambda r: self._solved(r[None], by_q, by_v)[0]
+
     def inverse(self, by_q: float, by_v: float) -> Array:
         """Return what unit residuals lead to."""
         return self._solved(np.eye(self.n), by_q, by_v).T

@@ -108,7 +108,7 @@ class GearStepper(Stepper):
         self, method: Gear, problem: Problem, h: float, order: int, differences: Array, a: Array
     ) -> None:
         self.name, self.first = method.name, h
-        self._method, self._newton = method, Newton(problem, MAX_ITERATIONS, patience=0)
+        self._method, self._newton = method, Newton(problem, MAX_ITERATIONS, patience=0, listens=True)
         self._h, self._k, self._a = h, order, a
         self._D = np.zeros((MAX_ORDER + 3, *differences.shape[1:]))
         self._D[: len(differences)] = differences
