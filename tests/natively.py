@@ -86,10 +86,10 @@ def iterated(correct, sizes, limits, most):
     nothing = Program(NOTHING, correct.calls, None)
     programs = [correct if name == "correct" else nothing for name in PROGRAMS]
     rule = Rule(*limits, most, *np.zeros(len(Rule._fields) - 6), growths=np.ones(2)).told()
-    state = np.array(State(1.0, 0.0, 0.0, 1.0))
+    state = np.array(State(1.0, 0.0, 0.0, 1.0, 1.0))
     given = dict(zip(("change", "size", "scale"), sizes, strict=True))
     memory = [given.get(name, np.ones(())) for name in MEMORY]
     before = np.empty_like(state), np.empty(())
-    assert marched(programs, memory, rule, state, np.empty((0, 5)), before)
+    assert marched(programs, memory, rule, state, np.empty((0, 6)), before)
     found = State(*state)
     return bool(found.converged), int(found.iterations)

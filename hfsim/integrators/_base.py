@@ -13,6 +13,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 
 from hfsim.integrators._memory import Remembering
+from hfsim.integrators._ordinary import Ahead
 from hfsim.integrators._problem import Problem
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
@@ -61,10 +62,6 @@ class Limits(NamedTuple):
 
 ENDS_ALONE = 0.1
 """`Stepper.unlike` of methods that see the ends of a step alone."""
-
-Watch = Callable[[float, Array, Array], None]
-"""Is told (t, q, v) of every kept step's end; may raise to end the run."""
-
 
 class Attempt(NamedTuple):
     """The outcome of trying one step.
@@ -146,30 +143,19 @@ class Stepper(Remembering):
         """Try a step of length h."""
         raise NotImplementedError
 
-    def ahead(
-        self, t: float, q: Array, v: Array, h: float, end: float, room: int
-    ) -> tuple[Array, float] | None:
+    def ahead(self, t: float, q: Array, v: Array, h: float, end: float, room: int) -> Ahead | None:
         """Make ordinary steps at once, and accept them; None where none can be made so.
 
         Parameters
         ----------
         h : float
-            Length of the first one.
+            Length of the first one, as far as the end leaves room for it.
         end : float
-            Time which they have to keep away from.
+            Time which they may meet, but not leave behind.
         room : int
             Number of steps at most.
-
-        Returns
-        -------
-        rows, h : ndarray, float
-            As in `hfsim.integrators._ordinary.Ahead`.
         """
         return None
-
-    def tells(self) -> bool:
-        """Tell whether the next attempt has been made already."""
-        return False
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take note that the step was kept and, after projection, ended in this state."""

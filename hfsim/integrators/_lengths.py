@@ -1,4 +1,4 @@
-"""How long the next step of collocation is: ``kept`` in ``_repeat.c`` does the same.
+"""How long the next step is: ``_repeat.c`` does the same.
 
 What rounding changes in an estimate must not change the steps after it: else two processors, or kernels,
 soon make others, and results differ by as much as their errors.  So factors are rounded, and follow faint
@@ -35,3 +35,10 @@ def factor(error: float, stages: int, most: float) -> float:
     """
     wanted = float((TARGET / max(error, FAINT)) ** (1.0 / (stages + 1)))
     return float(2.0 ** (round(RUNGS * log2(max(0.1, min(wanted, most)))) / RUNGS))
+
+
+def fitted(wish: float, rest: float, fixed: bool = False) -> float:
+    """Return the next step length: the wish, shortened so that the end is met without a sliver."""
+    if rest <= wish * (1.0 + 1e-9):
+        return rest
+    return 0.5 * rest if not fixed and rest < 2.0 * wish else wish

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.integrators._base import Attempt, Limits, Method, Stepper, Watch, unsolved
+from hfsim.integrators._base import Attempt, Limits, Method, Stepper, unsolved
+from hfsim.integrators._lengths import fitted
 from hfsim.integrators._memory import Memory, packed, unpacked
 from hfsim.integrators._ordinary import AT_ONCE, keep_all
 from hfsim.integrators._pace import Pace
 from hfsim.integrators._problem import Problem
-from hfsim.integrators._trajectory import Segment, Trajectory
+from hfsim.integrators._trajectory import Segment, Trajectory, Watch
 from hfsim.maths.arrays import Array, are_finite
 
 IN_A_ROW = 3
@@ -167,6 +168,7 @@ class Stepping:
         path.t_end, path.q, path.v = state["t"], state["q"], state["v"]
         while path.segments and path.segments[-1].t >= path.t_end:
             path.segments.pop()
+        self._problem.often.recall(self._kept["often"]())
         if turns := self._kept["turns"]():
             self._problem.turns.recall(turns["now"])
 
@@ -176,13 +178,14 @@ class Stepping:
         stepper = self._stepper or self._begin()
         if path.t_end >= self._stretch[1]:
             stepper = self._enter(stepper)
-        if self._ahead(stepper):
-            return
         steps, made = path.segments, len(path.segments)
         while len(steps) == made:
+            if self._ahead(stepper):
+                return
+            made = len(steps)
             if most is not None and self._problem.counts.steps >= most:
                 raise LimitReached(f"{most} steps were made", path.t_end)
-            h = _fitted(fixed or self._wish, self._stretch[1] - path.t_end, fixed is not None)
+            h = fitted(fixed or self._wish, self._stretch[1] - path.t_end, fixed is not None)
             attempt = self._attempt(stepper, h)
             if fixed is not None and not attempt.solved:  # asked again, a method may know another way
                 attempt = self._attempt(stepper, h)
@@ -206,22 +209,22 @@ class Stepping:
         """Keep ordinary steps that are made at once; tell whether some are, and no more is known."""
         path, limits, counts, end = self.path, self._limits, self._problem.counts, self._stretch[1]
         room = AT_ONCE if limits.max_steps is None else min(AT_ONCE, limits.max_steps - counts.steps)
-        near = end - path.t_end < 2.0 * self._wish
-        if near or room < 1 or limits.step is not None or not self._problem.plain:
+        if room < 1 or limits.step is not None or not self._problem.plain:
             return False
         try:
             ahead = stepper.ahead(path.t_end, path.q, path.v, self._wish, end, room)
         except np.linalg.LinAlgError:  # as the attempt that follows will
             return False
-        if ahead is None or not len(ahead[0]):
+        if ahead is None:
             return False
-        rows, self._wish = ahead
-        stop = keep_all(rows, self._wish, path, self._problem, self._pace, self._watch, not stepper.tells())
-        self._name(stepper)
-        self._kept, self._behind_break = self._memories(), False
+        self._wish = ahead.state.wish
+        stop = keep_all(ahead, path, self._problem, self._pace, self._watch, end)
+        if len(ahead.rows):
+            self._name(stepper)
+            self._kept, self._behind_break = self._memories(), False
         if stop is not None:
             raise stop
-        return not stepper.tells()
+        return len(ahead.rows) > 0 and ahead.tried is None
 
     def _begin(self) -> Stepper:
         """Start the method, or take it up where it was put down."""
@@ -389,10 +392,3 @@ def _stretches(breaks: Array, start: float, t_end: float) -> Array:
         if t - times[-1] > least and t_end - t > least:
             times.append(t)
     return np.array([*times, t_end])
-
-
-def _fitted(wish: float, rest: float, fixed: bool) -> float:
-    """Return the next step length: the wish, shortened so that the end is met without a sliver."""
-    if rest <= wish * (1.0 + 1e-9):
-        return rest
-    return 0.5 * rest if not fixed and rest < 2.0 * wish else wish

@@ -1,7 +1,7 @@
 """Ordinary steps of collocation made natively one after another: what ``_repeat.c`` is told, in its order.
 
-A step is ordinary if its equations are solved, its error is small enough, nothing has to be looked at along
-it, and neither a break nor the end of the run is near.  What is decided then stands there as it stands in
+A step is ordinary if its equations are solved and its error is small enough, at the second attempt at least,
+and nothing has to be looked at along it.  What is decided then stands there as it stands in
 `hfsim.integrators.collocation` and `hfsim.integrators._loop`, so that both make the same steps.
 """
 
@@ -12,10 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
-from hfsim.integrators._base import Watch
 from hfsim.integrators._pace import Pace
 from hfsim.integrators._problem import Problem
-from hfsim.integrators._trajectory import Segment, Trajectory
+from hfsim.integrators._trajectory import Segment, Trajectory, Watch
 from hfsim.maths.arrays import Array
 
 AT_ONCE = 32
@@ -57,7 +56,7 @@ class Rule(NamedTuple):
     rungs: float
     """As in `hfsim.integrators._lengths`."""
     end: float
-    """When steps have to end [s]."""
+    """When a step has to end [s]."""
     resolved: float
     """Angle by which the fastest mode may turn in a step that is not stiff."""
     stiff: float
@@ -66,6 +65,10 @@ class Rule(NamedTuple):
     """Steps for which a derivative is kept at most."""
     serves_well: float
     """Corrections in a step up to which it is kept for one more."""
+    shrunk: float
+    """Part of a length that is tried after one that could not be solved."""
+    steady: float
+    """Whether the derivative is then taken in the middle of the step, as ever."""
     regrowth: float
     """Of the cap, from step to step."""
     at_end: float
@@ -97,6 +100,10 @@ class State(NamedTuple):
     """Steps for which it was kept."""
     cap: float
     """Longest step [s]."""
+    wish: float
+    """Length of the next step as far as the end leaves room for it [s]."""
+    rejected: float = 0.0
+    """Attempts since the last step that was kept."""
     ready: float = np.nan
     """Length of the step that corrections are ready for [s]."""
     fastest: float = np.nan
@@ -120,12 +127,10 @@ class Ahead(NamedTuple):
 
     Attributes
     ----------
-    rows : ndarray, shape (n_steps, 2 + 2 n + m n)
-        Of each its start and length in time, its end (q, v) and its series.
-    h : float
-        Length of the next one.
+    rows : ndarray, shape (n_steps, 3 + 2 n + m n)
+        Of each the attempts before it, its start and length in time, its end (q, v) and its series.
     state : State
-        After the last of these steps.
+        Before the last attempt.
     taken : ndarray
         Where the derivative was taken that they ended with.
     tried : State or None
@@ -135,7 +140,6 @@ class Ahead(NamedTuple):
     """
 
     rows: Array
-    h: float
     state: State
     taken: Array
     tried: State | None
@@ -143,39 +147,49 @@ class Ahead(NamedTuple):
 
 
 def keep_all(
-    rows: Array,
-    following: float,
+    ahead: Ahead,
     path: Trajectory,
     problem: Problem,
     pace: Pace,
     watch: Watch,
-    last: bool,
+    end: float,
 ) -> HfsimError | KeyboardInterrupt | None:
     """Keep ordinary steps, and watch them; return what stops the run.
 
-    What fails ends with its step; other stops come when all are kept.
+    What fails ends with its step; other stops come when all are kept. Who asks watches the last one unless
+    another one was tried after it.
 
     Parameters
     ----------
-    rows, following
-        As `Ahead` has them; the length of the step after them.
-    last : bool
-        Whether the last one is watched by who asks.
+    end : float
+        Time that the last one may meet [s].
     """
-    n, stop = len(path.q), None
-    for k, row in enumerate(rows, start=1):
-        t, h = row[:2].tolist()
-        try:
-            pace.note(t + h, False, False)
-            path.segments.append(Segment(t, h, path.q, path.v, row[2 * n + 2 :].reshape(-1, n)))
-            path.t_end, path.q, path.v = t + h, row[2 : n + 2], row[n + 2 : 2 * n + 2]
+    rows, n, stop = ahead.rows, len(path.q), None
+    last = None if ahead.tried else len(rows)
+    try:
+        for k, row in enumerate(rows, start=1):
+            rejected, t, h = row[:3].tolist()
+            if rejected:
+                _refused(path.t_end, False, problem, pace)
+            t_end = end if h == end - t else t + h
+            pace.note(t_end, False, False)
+            path.segments.append(Segment(t, h, path.q, path.v, row[2 * n + 3 :].reshape(-1, n)))
+            path.t_end, path.q, path.v = t_end, row[3 : n + 3], row[n + 3 : 2 * n + 3]
             problem.counts.steps += 1
-            problem.often.expect(t + h, h, float(rows[k, 1]) if k < len(rows) else following)
-            if stop is None and not (last and k == len(rows)):
+            problem.often.expect(t_end, h, float(rows[k, 2]) if k < len(rows) else ahead.state.wish)
+            if stop is None and k != last:
                 stop = _watched(watch, path)
-        except SolverFailure as failure:
-            return failure
+        if ahead.state.rejected:
+            _refused(path.t_end, not ahead.state.converged, problem, pace)
+    except SolverFailure as failure:
+        return failure
     return stop
+
+
+def _refused(t: float, unsolved: bool, problem: Problem, pace: Pace) -> None:
+    """Take note of an attempt that was not kept."""
+    problem.counts.rejected += 1
+    pace.note(t, True, unsolved)
 
 
 def _watched(watch: Watch, path: Trajectory) -> LimitReached | KeyboardInterrupt | None:

@@ -35,7 +35,7 @@ class Counts(Remembering):
     """Batches in which they were."""
     factorisations: int = 0
     native: int = 0
-    """Steps by the native kernel that converged, rejected ones among them."""
+    """Steps that were made by the native kernel."""
     remembers = ("steps", "rejected", "iterations", "evaluations", "calls", "factorisations", "native")
 
     def add(self, other: Counts) -> None:

@@ -198,7 +198,7 @@ class Recorded:
         """Make ordinary steps from a place, and try one more; see `hfsim.integrators._ordinary`."""
         now = np.array(state)
         if len(self._rows) < room:
-            self._rows = np.empty((room, 2 + 2 * len(self.a0) + self._end.series.size))
+            self._rows = np.empty((room, 3 + 2 * len(self.a0) + self._end.series.size))
         before = np.empty(len(state)), np.empty_like(self.taken_at)
         failed = False
         try:
@@ -208,10 +208,9 @@ class Recorded:
                 raise
             tried = failed = True  # it will again: what is kept is told of first
         after, rows = State(*now.tolist()), self._rows[: int(now[-1])].copy()
-        h = float(self._place[3])
         if not tried:
-            return Ahead(rows, h, after, self.taken_at.copy(), None)
-        return Ahead(rows, h, State(*before[0].tolist()), before[1], None if failed else after, failed)
+            return Ahead(rows, after, self.taken_at.copy(), None)
+        return Ahead(rows, State(*before[0].tolist()), before[1], None if failed else after, failed)
 
     @property
     def closes(self) -> bool:

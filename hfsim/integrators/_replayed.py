@@ -11,6 +11,7 @@ import numpy as np
 
 from hfsim.integrators._derivative import Derivative, form
 from hfsim.integrators._iteration import End, Middle, Place
+from hfsim.integrators._often import LARGE
 from hfsim.integrators._ordinary import Ahead, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Kind, Recorded
@@ -72,6 +73,20 @@ class Replays:
         if found is None and isinstance(derivative, Derivative):
             found = self._recorded((kind, form(derivative)), place, derivative)
         return found if found is not None and found.holds(self._problem, derivative) else None
+
+    def beginning(self, kind: Kind, place: Place) -> Derivative:
+        """Return the derivative at the start of a run, which the next one from there finds as it is."""
+        problem, (t, q, v, _) = self._problem, place
+        kept = problem.recordings.setdefault(get_ident(), {})
+        begun = kind, t, q.tobytes(), v.tobytes()
+        if len(q) > LARGE:
+            return self.derivative(kind, place)  # type: ignore[return-value]
+        if "beginning" not in kept or kept["beginning"][0] != begun:
+            kept["beginning"] = begun, self.derivative(kind, place)
+        else:
+            problem.counts.factorisations += 1
+        found: Derivative = kept["beginning"][1]
+        return found
 
     def derivative(
         self, kind: Kind, place: Place, expected: Array | None = None, native: bool = False
@@ -188,7 +203,7 @@ class Replay:
         counts.iterations += count
         counts.calls += count + begun
         counts.evaluations += count * len(step.a) + begun
-        counts.native += int(last.made + (ahead.tried is not None and last.converged))
+        counts.native += int(last.made)
         return ahead
 
     def before(self, problem: Problem, ahead: Ahead) -> Held:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
@@ -12,6 +13,9 @@ import numpy as np
 from hfsim.integrators._tableau import legendre
 from hfsim.maths.arrays import Array, IntArray, distinct
 from hfsim.maths.shapes import gauss_legendre
+
+Watch = Callable[[float, Array, Array], None]
+"""Is told (t, q, v) of every kept step's end; may raise to end the run."""
 
 
 class Segment(NamedTuple):

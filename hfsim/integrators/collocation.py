@@ -19,7 +19,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from math import isfinite
 from pkgutil import resolve_name
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -27,7 +27,7 @@ from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Ste
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending, limits
 from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
-from hfsim.integrators._lengths import FAINT, GROWTH, REGROWTH, RUNGS, SHRUNK, TARGET, factor
+from hfsim.integrators._lengths import FAINT, GROWTH, REGROWTH, RUNGS, SHRUNK, TARGET, factor, fitted
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import LARGE
 from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
@@ -62,16 +62,6 @@ NAMES = {stiff: f"steps, stiff: {stiff}" for stiff in (False, True)}
 """By what steps of a kind are told from others where functions are chosen that are replayed."""
 
 
-class Damping(NamedTuple):
-    """The method for steps so long that the fastest modes are not resolved.
-
-    What a step makes of them would stay for ever in a method that keeps the energy.
-    """
-
-    name: str
-    table: Callable[[], Collocation]
-
-
 @frozen
 class CollocationMethod:
     """A collocation method whose steps follow the decay of the Legendre series of the positions.
@@ -80,8 +70,9 @@ class CollocationMethod:
     ----------
     tolerance : float
         Local error per step: metre, radian or slope, relative above 1.
-    damping : Damping, optional
-        Taken instead in natural coordinates.
+    damping : callable, optional
+        Gives the table of radau taken instead in natural coordinates, where steps do not resolve the fastest
+        modes: what they make of these would stay for ever in a method that keeps the energy.
     stagewise : callable, optional
         Gives the table taken instead where slopes pay at every stage.
     """
@@ -89,7 +80,7 @@ class CollocationMethod:
     name: str
     table: Collocation
     tolerance: float
-    damping: Damping | None = None
+    damping: Callable[[], Collocation] | None = None
     stagewise: Callable[[], Collocation] | None = None
 
     @property
@@ -125,10 +116,6 @@ class CollocationStepper(Stepper):
         """Name and number of stages of its steps now."""
         return self._label
 
-    def tells(self) -> bool:
-        """Tell whether the next attempt has been made already."""
-        return self._tried is not None
-
     growths: ClassVar[tuple[tuple[int, float], ...]] = GROWTH
     replays: ClassVar[bool] = True
     """Whether steps are replayed natively where they can be."""
@@ -139,10 +126,10 @@ class CollocationStepper(Stepper):
         self._usual = method.table
         self._choose(False)
         self._replays = Replays(problem)
-        self._derivative = self._replays.derivative(self._kind, Place(t, q, v, 0.0))
+        self._derivative: Derivative | Held = self._replays.beginning(self._kind, Place(t, q, v, 0.0))
         self._old, self._served, self._iterations = len(q) <= COSTLY, 0, 0
         self._cap = np.inf
-        (self._known_at, self._known), self._h = UNKNOWN, 0.0
+        (self._known_at, self._known), self._h, self._replayed = UNKNOWN, 0.0, False
         self._tried: tuple[Replay, Ahead] | None = None
         """What has been found of the next attempt."""
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
@@ -155,10 +142,12 @@ class CollocationStepper(Stepper):
         if self._tried is None and self._old:
             self._prepare(place)
         step = self._solve(place)
+        self._replayed = isinstance(step, Replay)
         end = None if step is None else step.end()
         if step is None or end is None or not isfinite(end.error):
-            self._cap = SHRUNK * h
-            self._renew(t, q, v, None, SHRUNK * h)
+            self._old, self._cap = bool(self._steady and h < self._cap), SHRUNK * h
+            if not self._old:
+                self._renew(t, q, v, None, self._cap)
             return unsolved(SHRUNK)
         if self._at_end:
             self._last = step.a[-1].copy()
@@ -180,6 +169,7 @@ class CollocationStepper(Stepper):
 
         A step length that once failed comes back slowly.
         """
+        self._problem.counts.native += self._replayed
         self._served += 1
         self._old = self._served >= SERVES or self._iterations > SERVES_WELL
         self._cap *= REGROWTH
@@ -210,28 +200,32 @@ class CollocationStepper(Stepper):
 
     def ahead(
         self, t: float, q: Array, v: Array, h: float, end: float, room: int
-    ) -> tuple[Array, float] | None:
+    ) -> Ahead | None:
         """Make ordinary steps natively, and one more attempt, of which `attempt` then tells."""
-        problem, place = self._problem, Place(t, q, v, h)
-        changes = self._old and self._is_stiff(h) != self._stiff
-        replay = None if changes else self._replay(place)
+        problem, place = self._problem, Place(t, q, v, fitted(h, end - t))
+        if self._old:
+            self._prepare(place)
+        replay = self._replay(place)
         if replay is None or not replay.derives or not (problem.project is None or replay.closes):
             return None
-        ahead = self._march(replay, place, end=end, room=room)
-        if len(ahead.rows):
-            self._derivative, (begun, self._h) = replay.before(problem, ahead), ahead.rows[-1, :2].tolist()
+        ahead = self._march(replay, place, wish=h, end=end, room=room)
+        if len(ahead.rows) or ahead.state.rejected:
+            self._derivative = replay.before(problem, ahead)
             self._take(ahead.state)
+        if len(ahead.rows):
+            begun, self._h = ahead.rows[-1, 1:3].tolist()
             known = (begun + self._h, replay.started())
             self._known_at, self._known = known if self._at_end else UNKNOWN
         self._tried = (replay, ahead) if ahead.tried else None
-        return ahead.rows, ahead.h
+        return ahead
 
     def _march(
-        self, replay: Replay, place: Place, guess: Array | None = None, end: float = np.inf, room: int = 0
-    ) -> Ahead:
+        self, replay: Replay, place: Place, guess: Array | None = None, wish: float | None = None,
+        end: float = np.inf, room: int = 0,
+    ) -> Ahead:  # fmt: skip
         rule = self._rule
         rule[REACH], rule[END] = self.reach, end
-        state = State(0.0, self._old, self._served, self._cap)
+        state = State(0.0, self._old, self._served, self._cap, wish or place.h)
         return replay.march(self._problem, place, rule, state, self._known_at_start(place), guess, room)
 
     def _solve(self, place: Place) -> Iteration | Replay | None:
@@ -334,8 +328,8 @@ class CollocationStepper(Stepper):
     def _choose(self, stiff: bool) -> None:
         """Take the method for damping in stiff steps and the other one else."""
         damping = self._method.damping if stiff else None
-        self.name, self._stiff = (damping or self._method).name, stiff
-        self.table = damping.table() if damping else self._usual
+        self.name, self._stiff = "radau" if damping else self._method.name, stiff
+        self.table = damping() if damping else self._usual
         self._label = f"{self.name}:{self.table.stages}"
         self._at_end = bool(self.table.nodes[-1] == 1.0)
         """Whether the last stage is the end of the step."""
@@ -343,6 +337,8 @@ class CollocationStepper(Stepper):
         stages = max(self.table.stages, GAUSS_STAGES) if few else self.table.stages
         self._resolved = STIFF * stages * (RELUCTANT if few and not stiff else 1.0)
         self._kind = Kind(self.table, stiff, stiff and self._problem.strains is not None)
+        self._steady = not stiff and self._problem.constant_mass
+        """Whether it is likely that a shorter step can be guessed with a derivative that did not serve."""
         self._rule = self._ruled()
 
     def _ruled(self) -> Array:
@@ -350,7 +346,7 @@ class CollocationStepper(Stepper):
         stages, closings = self.table.stages, 0 if self._problem.project is None else MOST
         iterations = (*limits(self._tolerance), LINEAR, MAX_ITERATIONS, self._tolerance, self.reach)
         lengths = (TARGET, 1.0 / (stages + 1), FAINT, RUNGS, np.inf, self._resolved, self._stiff)
-        serving = (SERVES, SERVES_WELL, REGROWTH)
+        serving = (SERVES, SERVES_WELL, SHRUNK, self._steady, REGROWTH)
         ending = (self._at_end, ROUNDING, closings)
         return Rule(*iterations, *lengths, *serving, *ending, np.ravel(self.growths)).told()
 
@@ -376,7 +372,9 @@ def unresolving_stages(tolerance: float) -> int:
     return 16 if tolerance > LOOSE else 20 if tolerance > 1e-5 else 24
 
 
-def _gauss(solve: Options, damping: Damping | None = None, stages: int = GAUSS_STAGES) -> CollocationMethod:
+def _gauss(
+    solve: Options, damping: Callable[[], Collocation] | None = None, stages: int = GAUSS_STAGES
+) -> CollocationMethod:
     few = None if solve.stages else partial(gauss, STAGEWISE_STAGES)
     return CollocationMethod("gauss", gauss(solve.stages or stages), solve.tolerance, damping, few)
 
@@ -390,7 +388,7 @@ def automatic(solve: Options, dissipates: bool, spatial: bool = False) -> Colloc
     """Return what stands for ``auto``; see `hfsim.integrators.choose`."""
     if dissipates:
         return _radau(solve)
-    damping = Damping("radau", partial(radau, solve.stages or unresolving_stages(solve.tolerance)))
+    damping = partial(radau, solve.stages or unresolving_stages(solve.tolerance))
     fewer = (few for most, few, there in RESOLVING if solve.tolerance > most and spatial >= there)
     return _gauss(solve, damping, next(fewer, GAUSS_STAGES))
 

@@ -21,10 +21,10 @@ enum { START, GUESS, RENEW, REACH, PREPARE, CORRECT, SMALL, FINITE, END, CLOSER,
 enum { TIME, LENGTH, Q, V, FIRST, STAGES, CHANGE, SIZE, SCALE, Q_END, V_END, SERIES, ERROR, RATE_ERROR, FREQUENCY, TAKEN,
        MISS, SLIP, Q_CLOSED, V_CLOSED, POSITIVE, RULE, STATE, BEFORE, TAKEN_BEFORE, KEPT, ARRAYS };
 typedef struct {
-    double goal, near, last_digit, linear, most, tolerance, reach, target, power, faint, rungs, end, resolved, stiff, serves, serves_well, regrowth,
-        at_end, rounding, closings, growth[][2];
+    double goal, near, last_digit, linear, most, tolerance, reach, target, power, faint, rungs, end, resolved, stiff, serves, serves_well, shrunk,
+        steady, regrowth, at_end, rounding, closings, growth[][2];
 } Rule;
-typedef struct { double known, old, served, cap, ready, fastest, iterations, begun, renewed, total, converged, made; } State;
+typedef struct { double known, old, served, cap, wish, rejected, ready, fastest, iterations, begun, renewed, total, converged, made; } State;
 typedef struct { Py_buffer program[PROGRAMS], array[ARRAYS]; PyObject *calls; double *at[ARRAYS]; } March;
 
 static int part(const March *m, int k) { return replay(&m->program[k], m->calls); }
@@ -78,43 +78,70 @@ static int sound(const March *m, int at) {
     return none == 0.0;
 }
 
+/* Return the factor on a step of such an error, over the tolerance; and go to another length, as the end is near or not. */
+static double factor(const Rule *r, double error, double most) {
+    const double wanted = pow(r->target / (error > r->faint ? error : r->faint), r->power), growth = wanted < most ? wanted : most;
+    return pow(2.0, rint(r->rungs * log2(growth > 0.1 ? growth : 0.1)) / r->rungs);
+}
+static void lengthen(const March *m, double wish) {
+    const double rest = ((Rule *)m->at[RULE])->end - *m->at[TIME];
+    ((State *)m->at[STATE])->wish = wish;
+    *m->at[LENGTH] = rest <= wish * (1.0 + 1e-9) ? rest : rest < 2.0 * wish ? 0.5 * rest : wish;
+}
+
 /* Write down a step that is kept, and go on to the next one. */
 static void kept(const March *m, int at, double error) {
     const Rule *r = (Rule *)m->at[RULE];
     State *s = (State *)m->at[STATE];
-    double *t = m->at[TIME], *h = m->at[LENGTH], growth = pow(r->target / (error > r->faint ? error : r->faint), r->power), most = s->cap / *h;
+    double *t = m->at[TIME];
+    const double h = *m->at[LENGTH], most = s->cap / h;
     const i64 state = m->array[Q].len, series = m->array[SERIES].len, stages = m->array[STAGES].len;
-    char *row = (char *)m->at[KEPT] + (i64)s->made++ * (16 + 2 * state + series);
+    char *row = (char *)m->at[KEPT] + (i64)s->made++ * (24 + 2 * state + series);
     const int growths = (int)((m->array[RULE].len - sizeof *r) / sizeof *r->growth);
     int k = 0;
     while (k + 1 < growths && s->iterations > r->growth[k][0]) k++;
-    growth = growth < r->growth[k][1] ? growth : r->growth[k][1];
-    growth = growth < most ? growth : most;
-    growth = pow(2.0, rint(r->rungs * log2(growth)) / r->rungs);
-    memcpy(row, t, 8); memcpy(row + 8, h, 8);
-    memcpy(row + 16, m->at[at], state); memcpy(row + 16 + state, m->at[at + 1], state); memcpy(row + 16 + 2 * state, m->at[SERIES], series);
+    const double growth = factor(r, error, r->growth[k][1] < most ? r->growth[k][1] : most);
+    memcpy(row, &s->rejected, 8); memcpy(row + 8, t, 8); memcpy(row + 16, &h, 8);
+    memcpy(row + 24, m->at[at], state); memcpy(row + 24 + state, m->at[at + 1], state); memcpy(row + 24 + 2 * state, m->at[SERIES], series);
     memcpy(m->at[Q], m->at[at], state); memcpy(m->at[V], m->at[at + 1], state);
     if (r->at_end) memcpy(m->at[FIRST], (char *)m->at[STAGES] + stages - state, state);
-    s->known = r->at_end; s->served++; s->cap *= r->regrowth;
+    s->known = r->at_end; s->served++; s->cap *= r->regrowth; s->rejected = 0.0;
     s->old = s->served >= r->serves || s->iterations > r->serves_well;
-    *t += *h;
-    *h *= growth < 0.2 ? 0.2 : growth > 5.0 ? 5.0 : growth;
+    *t = h == r->end - *t ? r->end : *t + h;
+    lengthen(m, h < 0.5 * s->wish ? s->wish : h * (growth < 0.2 ? 0.2 : growth > 5.0 ? 5.0 : growth));
+}
+
+/* Go on to another attempt after one that is not kept; return whether it is not ordinary any more. */
+static int refused(const March *m, double error) {
+    const Rule *r = (Rule *)m->at[RULE];
+    State *s = (State *)m->at[STATE];
+    const double h = *m->at[LENGTH];
+    if (s->rejected || !isfinite(error) || (!s->converged && !s->served && (!r->steady || h >= s->cap))) return 1;
+    s->old = !s->converged;
+    if (s->old && s->served) return 0; /* the same with a derivative of its own */
+    const double growth = s->converged ? factor(r, error, HUGE_VAL) : r->shrunk;
+    if (s->old) s->cap = r->shrunk * h;
+    s->rejected = 1.0;
+    lengthen(m, h * (growth < 0.1 ? 0.1 : growth > 0.9 ? 0.9 : growth));
+    return 0;
 }
 
 /* Make ordinary steps as long as there is room for them, and one more attempt; return whether there is that one. */
 static int marched(const March *m) {
     const Rule *r = (Rule *)m->at[RULE];
     State *s = (State *)m->at[STATE];
-    const i64 width = 16 + 2 * m->array[Q].len + m->array[SERIES].len, room = m->array[KEPT].len / width;
+    const i64 width = 24 + 2 * m->array[Q].len + m->array[SERIES].len, room = m->array[KEPT].len / width;
     for (int at;;) {
         memcpy(m->at[BEFORE], s, sizeof *s); memcpy(m->at[TAKEN_BEFORE], m->at[TAKEN], m->array[TAKEN].len);
         if (attempted(m)) return -1;
-        const double error = (*m->at[ERROR] > r->reach * *m->at[RATE_ERROR] ? *m->at[ERROR] : r->reach * *m->at[RATE_ERROR]) / r->tolerance;
-        if (s->made == room || !s->converged || !(error <= 1.0)) return 1;
-        if ((at = closed(m)) < 0 || !sound(m, at)) return PyErr_Occurred() || part(m, END) ? -1 : 1;
-        kept(m, at, error);
-        const double h = *m->at[LENGTH];
-        if (s->made == room || r->end - *m->at[TIME] < 2.0 * h || (s->old && (h * s->fastest > r->resolved) != (r->stiff != 0.0))) return 0;
+        const double error = s->converged ? (*m->at[ERROR] > r->reach * *m->at[RATE_ERROR] ? *m->at[ERROR] : r->reach * *m->at[RATE_ERROR]) / r->tolerance : 0.0;
+        if (s->made == room) return 1;
+        if (s->converged && error <= 1.0) {
+            if ((at = closed(m)) < 0 || !sound(m, at)) return PyErr_Occurred() || part(m, END) ? -1 : 1;
+            kept(m, at, error);
+            if (s->made == room || *m->at[TIME] == r->end) return 0;
+        } else if (refused(m, error)) return 1;
+        if (s->old && (*m->at[LENGTH] * s->fastest > r->resolved) != (r->stiff != 0.0)) return 0;
     }
 }
 

@@ -4,7 +4,7 @@
 Cases are shipped ones, or decks beside this file, as `rotor`. CPU time of the solve call alone, one thread,
 both kernels in turns at equal tolerances, median of repeats; the native one with a new scene, so that it
 records within that time, and again with the recordings that this run has left. Difference: the largest of
-all coordinates at the end. Steps by the kernel may be rejected ones. No test.
+all coordinates at the end. No test.
 """
 
 from __future__ import annotations

@@ -11,12 +11,13 @@ import pytest
 
 from hfsim.errors import LimitReached
 from hfsim.integrators import METHODS, Limits, Stepping, _loop, _often, _pace, choose
-from hfsim.marching.integration import problem_of
+from hfsim.marching.integration import problem_of, run_integration
 from hfsim.maths import kernel
 from hfsim.scene.build import build
-from hfsim.scene.loading import parse_deck
+from hfsim.scene.loading import load_deck, parse_deck
 
 TESTS = Path(__file__).parents[1]
+CASES = TESTS.parent / "cases"
 STEPS = 10
 PUT_DOWN = (1, 6)
 HEAD = """
@@ -163,6 +164,23 @@ def test_steps_of_what_is_driven_go_on_to_the_last_bit(monkeypatch):
 
 
 @pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
+@pytest.mark.parametrize("tolerance", [1e-2, 1e-9])
+def test_what_fails_and_what_meets_the_end_is_decided_natively_as_in_python(tolerance, monkeypatch):
+    """Steps that are not solved, and, at the tighter tolerance, some of too large an error."""
+    made = []
+    for at_once in (0, _loop.AT_ONCE):
+        monkeypatch.setattr(_loop, "AT_ONCE", at_once)
+        scene = build(load_deck(CASES / "pendulum.yaml", [f"solve.tolerance={tolerance}"]))
+        made.append(run_integration(scene, scene.deck.solve))
+    one_by_one, at_once = made
+    assert one_by_one.problem.counts.rejected > 2
+    assert vars(at_once.problem.counts) == vars(one_by_one.problem.counts)
+    steps = [done.trajectory.segments for done in made]
+    assert all(same(*pair) for pair in zip(*steps, strict=True))
+    assert at_once.trajectory.t_end == one_by_one.trajectory.t_end == 1.0
+
+
+@pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
 @pytest.mark.parametrize("method", ["gauss", "gear"])
 def test_what_is_replayed_from_some_step_on_is_so_in_a_run_that_goes_on(method, monkeypatch):
     """Derivatives by differences among it, which are taken again as they were taken: before that step."""
@@ -262,7 +280,8 @@ def interrupted(run, name):
     setattr(run, name, ends)
 
 
-def test_a_watch_that_ends_the_run_leaves_the_step_it_saw():
+def test_a_watch_that_ends_the_run_leaves_the_step_it_saw(monkeypatch):
+    monkeypatch.setattr(_loop, "AT_ONCE", 1)
     run, _ = stepping("plain", "gauss", None)
     run._watch = lambda t, q, v: (_ for _ in ()).throw(KeyboardInterrupt)
     assert len(list(run)) == len(run.path.segments) == 1

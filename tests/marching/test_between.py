@@ -8,7 +8,7 @@ import pytest
 from test_record import TURNING, Notes
 
 import hfsim.marching.record
-from hfsim.integrators import Segment, Trajectory
+from hfsim.integrators import Segment, Trajectory, _loop
 from hfsim.marching import between
 from hfsim.marching.between import bends, times_between
 from hfsim.mechanics.system import System
@@ -95,6 +95,7 @@ def test_curves_go_through_a_change_of_models():
 
 def test_what_was_put_down_has_its_rows_and_then_curves(monkeypatch):
     monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.01)
+    monkeypatch.setattr(_loop, "AT_ONCE", 4)
     spin = [MOTION, "solve.model=ancf", "initial.b1.angular_velocity=40"]
     loaded = load_deck(CASES / "pendulum.yaml", spin)
     notes, curves = Notes(most=3), run(loaded).drawn
@@ -160,6 +161,7 @@ def test_long_steps_that_turn_often_inside_have_more_times_than_short_ones():
 
 def test_snapshots_survive_being_put_down(monkeypatch):
     monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.01)
+    monkeypatch.setattr(_loop, "AT_ONCE", 4)
     loaded = load_deck(CASES / "pendulum.yaml", ["output.snapshots=[0.99, 0.01, 0.0]"])
     whole, notes = run(loaded), Notes(most=3)
     assert run(loaded, sink=notes).status == "limit"

@@ -341,9 +341,9 @@ def _after(scene: Scene, at: float, progress: Progress | None) -> tuple[Array, A
         return scene.q, scene.v
     done = run_integration(scene, scene.deck.solve, progress)
     trajectory = done.trajectory
+    if isinstance(done.stop, KeyboardInterrupt):
+        raise done.stop
     if trajectory.t_end < at * (1.0 - 1e-9):
-        if isinstance(done.stop, KeyboardInterrupt):
-            raise done.stop
         early = ModesError(f"the run ends at {trajectory.t_end:.4g} s: {done.stop}")
         early.exit_code = getattr(done.stop, "exit_code", early.exit_code)
         raise early
