@@ -193,7 +193,7 @@ def measure(job: LimitJob) -> Limit:
     omega, shape = fastest_mode(scene, 0.0, scene.q, scene.v)
     period = 2.0 * np.pi / omega
     disturbed = _disturbed(scene, omega, shape)
-    method = choose(scene.deck.solve, scene.system.dissipates, scene.deck.dimension == 3)
+    method = choose(scene.deck.solve, scene.system.dissipates)
     said = theory(method.name, job.order)
     found = Bracket(0.25 * said.longest if said.longest else 1.0)
     try:

@@ -71,7 +71,7 @@ class FakeScene:
             deck=deck, deck_sha256="f" * 64, auto_elements=(), warnings=(), has_target=False
         )
         loaded.source = types.SimpleNamespace(texts={})
-        loaded.with_solve = lambda change: loaded
+        loaded.with_solve = lambda change: types.SimpleNamespace(**{**vars(loaded), "other": 1e-9})
         loaded.with_numbers = lambda note=None: loaded
         return loaded
 
@@ -89,7 +89,8 @@ class FakeScene:
         what = self.behaviour.get(model) or self.behaviour.get(loaded.deck.name) or {}
         if "raise" in what:
             raise what["raise"]
-        run = fake_run(loaded.deck.name, model, **what)
+        error = what.get("error", 0.0) + getattr(loaded, "other", 0.0)
+        run = fake_run(loaded.deck.name, model, **{**what, "error": error})
         if sink is not None:
             sink.begin([channel.name for channel in run.channels])
             sink.rows(run.table)

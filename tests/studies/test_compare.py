@@ -16,7 +16,7 @@ from hfsim.marching.solution import Channel, Run
 from hfsim.output.comparison import COLUMNS, as_rows, as_text
 from hfsim.output.plots.comparison import draw_comparison, overlay_limits
 from hfsim.output.text import WIDTH
-from hfsim.scene.loading import load_deck
+from hfsim.scene.loading import load_deck, parse_deck
 from hfsim.scene.shipped import CASES
 from hfsim.simulate import simulate
 from hfsim.studies.compare import Measured, as_facts, compare, measure
@@ -307,6 +307,27 @@ def test_the_error_in_time_is_not_understated():
     estimated, true = time_error(deck, run), channel_errors(run.channels, truth.channels)[0]
     for name in ("b1.tip.x", "b1.tip.y", "b2.tip.x", "b2.tip.y"):
         assert 0.5 * true[name] < estimated[name] < 300.0 * true[name], name
+
+
+SWING = """
+hfsim: 1
+bodies: {mass: {type: rigid, mass: 2.0, inertia: 1.0}}
+joints: {rail: {type: prismatic, between: [ground, mass]}}
+springs: {coil: {type: two_point, between: [ground, mass], stiffness: 18.0, rest_length: 0.0}}
+initial: {mass: {position: [0.5, 0.0]}}
+solve: {duration: 2.5, tolerance: 1.0e-2}
+output: {interval: 0.5, channels: [mass.x]}
+"""
+
+
+def test_the_error_in_time_is_found_too_where_the_tolerance_is_not_what_bounds_the_steps():
+    """One step as long as the run, whatever the tolerance."""
+    deck = parse_deck(SWING, "swing.yaml")
+    run = simulate(deck, error_estimate=False)
+    assert run.statistics["steps"] == 1
+    true = np.abs(run["mass.x"] - 0.5 * np.cos(3.0 * run.t)).max()
+    assert time_error(deck, run)["mass.x"] == pytest.approx(true, rel=0.1)
+    assert true > 1e-6
 
 
 def test_fixed_steps_are_doubled():
