@@ -32,7 +32,7 @@ def integrator(name: str) -> Integrator:
     return found
 
 
-def choose(solve: Options, dissipates: bool, spatial: bool = False) -> Method:
+def choose(solve: Options, dissipates: bool) -> Method:
     """Return the method a deck asks for.
 
     ``auto`` is gauss for steps that resolve the fastest mode and radau for longer ones; all the way radau
@@ -41,7 +41,7 @@ def choose(solve: Options, dissipates: bool, spatial: bool = False) -> Method:
     if solve.method == "auto":
         from hfsim.integrators.collocation import automatic
 
-        return automatic(solve, dissipates, spatial)
+        return automatic(solve, dissipates)
     return integrator(solve.method).make(solve)
 
 

@@ -21,7 +21,7 @@ SHRUNK = 0.7
 """By how much a step is shortened whose equations could not be solved."""
 REGROWTH = 1.1
 """By how much a step may be longer than the last one after such a failure."""
-GROWTH = ((3, 4.0), (5, 1.4), (8, 1.25), (11, 1.0), (MAX_ITERATIONS, 0.85))
+GROWTH = ((3, 4.0), (5, 1.4), (6, 1.25), (8, 1.1), (10, 1.0), (MAX_ITERATIONS, 0.8))
 """Iterations in a step, and how much longer the next one may then be."""
 
 

@@ -353,8 +353,8 @@ class CollocationStepper(Stepper):
 
 GAUSS_STAGES = 20
 """Stages of `gauss` by default: fewer make steps shorter and save no iterations."""
-RESOLVING = ((3e-5, 12, True), (5e-7, 16, False))
-"""Tolerances above which `auto` makes do with fewer, and whether in space alone: it costs more there."""
+RESOLVING = ((5e-4, 10), (3e-5, 12), (5e-7, 16))
+"""Tolerances above which `auto` makes do with fewer, and with how many."""
 STAGEWISE_STAGES = 10
 """Stages of `gauss` by default where each has its own derivative: the matrix of a step grows with them."""
 LOOSE = 3e-4
@@ -384,12 +384,12 @@ def _radau(solve: Options) -> CollocationMethod:
     return CollocationMethod("radau", radau(stages), solve.tolerance)
 
 
-def automatic(solve: Options, dissipates: bool, spatial: bool = False) -> CollocationMethod:
+def automatic(solve: Options, dissipates: bool) -> CollocationMethod:
     """Return what stands for ``auto``; see `hfsim.integrators.choose`."""
     if dissipates:
         return _radau(solve)
     damping = partial(radau, solve.stages or unresolving_stages(solve.tolerance))
-    fewer = (few for most, few, there in RESOLVING if solve.tolerance > most and spatial >= there)
+    fewer = (few for above, few in RESOLVING if solve.tolerance > above)
     return _gauss(solve, damping, next(fewer, GAUSS_STAGES))
 
 

@@ -136,7 +136,7 @@ def _steps(scene: Scene, solve: SolveSpec, start: State | None, others: Sequence
 
 
 def _method(scene: Scene, solve: SolveSpec) -> Method:
-    return choose(solve, scene.system.dissipates, scene.deck.dimension == 3)
+    return choose(solve, scene.system.dissipates)
 
 
 def _recorded(steps: Steps | Together, scene: Scene, record: Record) -> Stop:

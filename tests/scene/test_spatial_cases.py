@@ -157,7 +157,7 @@ def test_frequencies_converge_with_the_degree():
 
 def test_the_model_linear_breaks_down_in_the_blade():
     found, values = run("blade", "solve.model=linear")
-    assert "deflects by 10 times its length" in found.reason
+    assert "deflects by 10" in found.reason and "times its length" in found.reason
     assert np.abs(values["blade.tip.deflection_y"]).max() > 9.0 * LENGTH
     assert any("left the range of linear" in one for one in found.statistics["warnings"])
 

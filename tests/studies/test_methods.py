@@ -46,7 +46,7 @@ def pendulum(*overrides):
 def handicapped(monkeypatch):
     """Let `auto` be gauss with two stages and more steps than it needs: radau wins, and races have time."""
 
-    def slow(solve, dissipates, spatial):
+    def slow(solve, dissipates):
         return CollocationMethod("slow gauss", gauss(2), 1e-2 * solve.tolerance)
 
     monkeypatch.setattr(collocation, "automatic", slow)
