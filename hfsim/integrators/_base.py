@@ -79,6 +79,8 @@ class Attempt(NamedTuple):
         For `Segment`.
     closed : bool
         Whether the end was moved onto the constraints.
+    seen : ndarray, optional
+        What `Turns.looked` returns of the step, where that is known.
     """
 
     error: float
@@ -87,6 +89,7 @@ class Attempt(NamedTuple):
     v: Array
     series: Array
     closed: bool = False
+    seen: Array | None = None
 
     @property
     def solved(self) -> bool:

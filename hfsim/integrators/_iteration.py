@@ -12,7 +12,7 @@ import numpy as np
 
 from hfsim.integrators._derivative import Derivative, Stages, Start, Strained
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending
-from hfsim.integrators._problem import Problem, Project
+from hfsim.integrators._problem import Increments, PlainIncrements, Problem, Project
 from hfsim.integrators._tableau import Collocation
 from hfsim.maths.arrays import Array
 
@@ -33,6 +33,20 @@ class Place(NamedTuple):
     h: float
 
 
+class Kind(NamedTuple):
+    """What steps have in common that one recording serves."""
+
+    table: Collocation
+    stiff: bool
+    """Whether corrections are made in natural coordinates."""
+    strained: bool
+    """Whether strains are variables of the iteration."""
+
+    def increments(self, problem: Problem) -> Increments:
+        """Return the coordinates of the corrections."""
+        return problem.increments if self.stiff else PlainIncrements()
+
+
 class End(NamedTuple):
     """What a step leads to."""
 
@@ -46,6 +60,8 @@ class End(NamedTuple):
     """The same of the velocities, in a unit of time."""
     closed: bool = False
     """Whether it was moved onto the constraints."""
+    seen: Array | None = None
+    """Of angles along the step, as `Turns.looked` returns it, where that is known."""
 
 
 class Middle(NamedTuple):

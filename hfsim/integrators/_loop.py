@@ -299,7 +299,7 @@ class Stepping:
                 attempt = attempt._replace(q=end[0], v=rate[0])
             if problem.turns:
                 tried = Segment(path.t_end, h, path.q, path.v, attempt.series)
-                if item := problem.turns.strays(tried, attempt.q, attempt.v):
+                if item := problem.turns.strays(tried, attempt.q, attempt.v, attempt.seen):
                     return self._strayed(item, h)
             return attempt
         except np.linalg.LinAlgError:

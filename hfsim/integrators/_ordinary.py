@@ -21,17 +21,18 @@ AT_ONCE = 32
 """Steps that are made before anybody is told of them."""
 PROGRAMS = (
     *("start", "guess", "renew", "reach", "prepare", "correct", "small", "finite"),
-    *("end", "closer", "steadier"),
+    *("end", "closer", "steadier", "look", "count"),
 )
 """What a step is put together from: as in `hfsim.integrators._recorded`, but ``renew``: ``derive``."""
 MEMORY = (
     *("t", "h", "q", "v", "start", "stages", "change", "size", "scale"),
     *("q_end", "v_end", "series", "error", "rate_error", "frequency", "taken"),
-    *("miss", "slip", "q_closed", "v_closed", "positive"),
+    *("miss", "slip", "q_closed", "v_closed", "positive", "q_looked", "v_looked", "farthest"),
 )
 """What that works on: where a step begins and its length, accelerations at its start and its stages, sizes of
 a correction and of the coordinates; what it leads to, where the derivative was taken; by how much joints fail
-and where they do not, and which coordinates have to be positive."""
+and where they do not, which coordinates have to be positive, and how far angles leave what is known of them
+in a step that ends somewhere."""
 
 
 class Rule(NamedTuple):
@@ -77,6 +78,8 @@ class Rule(NamedTuple):
     """Violation of joints at which there is nothing to move."""
     closings: float
     """Corrections of the positions at most; 0 without joints."""
+    turned: float
+    """How far angles may turn away from what is known of them [rad]."""
     growths: Array
     """Pairs: corrections in a step, and how much longer the next one may then be."""
 

@@ -7,44 +7,27 @@ are inputs.  It is checked against NumPy before it is used.
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._closing import FUNCTIONS, Closing, tried
+from hfsim.integrators._closing import FUNCTIONS, Closing
+from hfsim.integrators._counted import COUNT, LOOK, Counted
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import size_of
-from hfsim.integrators._iteration import End, Iteration, Place
+from hfsim.integrators._iteration import End, Iteration, Kind, Place
 from hfsim.integrators._ordinary import MEMORY, PROGRAMS, Ahead, State
-from hfsim.integrators._problem import Increments, PlainIncrements, Problem
-from hfsim.integrators._tableau import Collocation
-from hfsim.integrators.derivative import computed
+from hfsim.integrators._problem import Problem
+from hfsim.integrators._trial import At, InNumPy, common, derived, here, parted, starts, together, tried
 from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import agree, arrays_in, jittered, later, rebuilt, shaken
 from hfsim.maths.tape import NOTHING, Program, joined, marched
 from hfsim.maths.traced import plain
-from hfsim.mechanics.projection import CLOSER, SEEN, STEADIER, Projection
+from hfsim.mechanics.counting import Turns
+from hfsim.mechanics.projection import CLOSER, SEEN, STEADIER
 
 PARTS = ("derive", "start", "guess", "middle", "reach", "prepare", "correct", "small", "finite", "end")
 """What steps are put together from, in the order in which it is recorded; see the methods of `Recorded`."""
-
-At = tuple[Any, Array, Array, Array | None]
-"""(t, q, v, expected strains or None) where a derivative is taken."""
-
-
-class Kind(NamedTuple):
-    """What steps have in common that one recording serves."""
-
-    table: Collocation
-    stiff: bool
-    """Whether corrections are made in natural coordinates."""
-    strained: bool
-    """Whether strains are variables of the iteration."""
-
-    def increments(self, problem: Problem) -> Increments:
-        """Return the coordinates of the corrections."""
-        return problem.increments if self.stiff else PlainIncrements()
-
 
 class Recorded:
     """Steps of a kind as programs on fixed memory; methods are those of `Iteration`, unless said otherwise.
@@ -94,8 +77,8 @@ class Recorded:
         from hfsim.maths.recorder import Recorder
 
         # NumPy goes first: what is kept when it is first asked for must not be made on the tape
-        known = known if known is not None and _starts(known, problem, kind, place) else None
-        begun, expected = _tried(_InNumPy(problem, kind, place, given or known), place)
+        known = known if known is not None and starts(known, problem, kind, place) else None
+        begun, expected = tried(InNumPy(problem, kind, place, given or known), place)
         tape, self._derives = Recorder(), given is None
         other = Place(float(later(place.t)), shaken(place.q), shaken(place.v), 0.9 * place.h)
         self._record(tape, problem, kind, other, given)
@@ -103,17 +86,17 @@ class Recorded:
 
         def near() -> list[Array]:
             other = place._replace(q=jittered(place.q), v=jittered(place.v))
-            step = _InNumPy(problem, kind, other, given)
-            return _tried(step, other, (jittered(begun[0]), begun[1]))[1][: len(found)]
+            step = InNumPy(problem, kind, other, given)
+            return common(tried(step, other, (jittered(begun[0]), begun[1]))[1], found)
 
         self.begin(place)
         if given is None:
-            self.derive(_here(problem, place))
+            self.derive(here(problem, place))
             agree([problem.turns.angles(place.t, place.q)], [self.taken_at[len(self.where) :]])
         else:
             self.put(given)
-        found = _tried(self, place, begun)[1]
-        agree(expected[: len(found)], found, 1.0 + np.abs(place.q).max(), near)
+        found = tried(self, place, begun)[1]
+        agree(common(expected, found), common(found, found), 1.0 + np.abs(place.q).max(), near)
 
     def _record(
         self, tape: Any, problem: Problem, kind: Kind, place: Place, given: Derivative | None
@@ -124,11 +107,11 @@ class Recorded:
         n = len(place.q)
         memory: list[Any] = [tape.input(np.asarray(one, dtype=float)) for one in place]
         step = Place(*memory)
-        a0, where = tape.input(place.q), tape.input(_together(_here(problem, place)))
+        a0, where = tape.input(place.q), tape.input(together(here(problem, place)))
         if given is not None:
             given = rebuilt(given, tape.input)
         with np.errstate(all="ignore"), recording(tape):
-            known = given or _derived(problem, kind, *_parted(where, n))
+            known = given or derived(problem, kind, *parted(where, n))
             frequency, turns = known.frequency(), problem.turns
             taken = where
             if turns:
@@ -141,7 +124,7 @@ class Recorded:
             own.guess(a0)
             size = size_of(step.q)
             tape.cut()
-            for part, value in zip(_parted(where, n), own.middle(), strict=True):
+            for part, value in zip(parted(where, n), own.middle(), strict=True):
                 if part is not None:
                     part[...] = value
             tape.cut()
@@ -158,16 +141,18 @@ class Recorded:
             end = own.end()
             tape.cut()
             closing = Closing.of(tape, problem.project, np.reshape(step.t + step.h, 1), end)
+            counted = Counted.of(tape, problem.turns, step, end.series)
         arrays = {name: one for name, one in arrays_in(known) if tape.knows(one)}
         strains = [] if own.expected is None else [own.expected]
         outputs = [*sizes, own.correction_found, *end[:5], *strains, frequency, *arrays.values()]
-        outputs += [taken, size, *(closing.outputs if closing else [])]
-        programs = tape.programs(*outputs)
-        names = (*PARTS, *FUNCTIONS) if closing else PARTS
-        self._programs: dict[tuple[str, ...], Program] = {}
-        self._programs.update(((name,), one) for name, one in zip(names, programs, strict=True))
-        if closing:
-            closing.programs = {name: self._programs[name,] for name in FUNCTIONS}
+        more = {FUNCTIONS: closing, (LOOK, COUNT): counted}
+        added = {names: one for names, one in more.items() if one is not None}
+        outputs += [taken, size, *(output for one in added.values() for output in one.outputs)]
+        names = (*PARTS, *(name for some in added for name in some))
+        programs = dict(zip(names, tape.programs(*outputs), strict=True))
+        self._programs: dict[tuple[str, ...], Program] = {(name,): one for name, one in programs.items()}
+        for one in added.values():
+            one.programs = programs
         self.template: Derivative = rebuilt(known, plain)
         self._arrays = {name: plain(one) for name, one in arrays.items()}
         self.frequency, self.sizes = plain(frequency), (plain(sizes[0]), plain(sizes[1]), plain(size))
@@ -175,22 +160,25 @@ class Recorded:
         self._place, self.a0, self.where = list(map(plain, memory)), plain(a0), plain(where)
         self.a, self.correction_found = plain(own.a), plain(own.correction_found)
         self.expected = None if own.expected is None else plain(own.expected)
-        self._closing, self._end = closing, rebuilt(end, plain)
+        self._closing, self._counted, self._end = closing, counted, rebuilt(end, plain)
+        self._closes = closing is not None or problem.project is None
+        self.whole = self._closes and (counted is not None or not problem.turns)
         self._steps, self._memory = self._marching(problem)
         self._rows = np.empty((0, 0))
 
     def _marching(self, problem: Problem) -> tuple[list[Program], list[Array]]:
         """Return what ordinary steps are made of, and what that works on."""
-        closing, none = self._closing, np.zeros(())
+        closing, counted, none, no_end = self._closing, self._counted, np.zeros(()), np.zeros(0)
         names: dict[str, tuple[str, ...]] = {"renew": ("middle", "derive")}
         if closing:
             names |= {"end": ("end", SEEN), "closer": (CLOSER,), "steadier": (STEADIER,)}
-        else:
-            self._programs["closer",] = self._programs["steadier",] = Program(NOTHING, [], None)
+        for name in ("closer", "steadier", LOOK, COUNT):
+            self._programs.setdefault((name,), Program(NOTHING, [], None))
         t, q, v, h = self._place
         own = (t, h, q, v, self.a0, self.a, *self.sizes, *self._end[:5], self.frequency, self.taken_at)
         positive = np.array(() if problem.positive is None else problem.positive, dtype=np.int64)
-        memory = (*own, *(closing.memory if closing else (none,) * 4), positive)
+        closed, turned = closing.memory if closing else (none,) * 4, (no_end, no_end, none)
+        memory = (*own, *closed, positive, *(counted.memory if counted else turned))
         assert len(memory) == len(MEMORY)
         return [self.program(*names.get(one, (one,))) for one in PROGRAMS], list(map(np.asarray, memory))
 
@@ -212,11 +200,6 @@ class Recorded:
             return Ahead(rows, after, self.taken_at.copy(), None)
         return Ahead(rows, State(*before[0].tolist()), before[1], None if failed else after, failed)
 
-    @property
-    def closes(self) -> bool:
-        """Whether the projection onto the constraints is recorded."""
-        return self._closing is not None
-
     def program(self, *names: str) -> Program:
         """Return programs, one after another, as one."""
         if names not in self._programs:
@@ -235,7 +218,7 @@ class Recorded:
 
     def derive(self, at: At) -> None:
         """Compute the derivative at a state."""
-        self.where[...] = _together(at)
+        self.where[...] = together(at)
         self._restore()
         self.run("derive")
 
@@ -247,14 +230,15 @@ class Recorded:
 
     def taken(self) -> At:
         """Return where the derivative was taken."""
-        t, q, v, expected = _parted(self.where, len(self.a0))
+        t, q, v, expected = parted(self.where, len(self.a0))
         return float(t), q.copy(), v.copy(), None if expected is None else expected.copy()
 
     def result(self) -> End:
         """Return what the last step leads to, moved onto the constraints if that is recorded."""
         closing = self._closing if isfinite(self._end.error) else None
         q, v = closing() if closing else self._end[:2]
-        return self._ended(q, v, closing is not None)
+        end = self._ended(q, v, closing is not None)
+        return end._replace(seen=self._counted.look(q, v)) if self._counted and self._closes else end
 
     def start(self) -> Array:
         """Compute the accelerations at the start."""
@@ -305,23 +289,14 @@ class Recorded:
         """Return what the functions of the projection return at an end; nothing if they are not recorded."""
         return self._closing.tried(q, v) if self._closing else []
 
+    def looked(self, series: Array, q: Array, v: Array) -> list[Array]:
+        """Return what is seen of angles in the step of now, with an end; nothing if they are not recorded."""
+        return [self._counted.look(q, v)] if self._counted else []
 
-class _InNumPy(Iteration):
-    """A step of a kind, with a derivative that is given or that of its start."""
-
-    def __init__(self, problem: Problem, kind: Kind, place: Place, given: Derivative | None) -> None:
-        derivative = given or _derived(problem, kind, *_here(problem, place))
-        super().__init__(problem, derivative, kind.table, place, kind.strained)
-
-    def start(self) -> Array:
-        """Return the accelerations at the start."""
-        t, q, v, _ = self._place
-        return self._problem.single(t, q, v)
-
-    def closed(self, q: Array, v: Array) -> list[Array]:
-        """Return what the functions of the projection return at an end."""
-        t, project = np.array([self._place.t + self._place.h]), self._problem.project
-        return tried(Projection(project.system), t, q, v) if isinstance(project, Projection) else []
+    def tell(self, turns: Turns) -> None:
+        """Let a system know how far its angles have turned in ordinary steps."""
+        if self._counted:
+            self._counted.tell(turns)
 
 
 class _OnTape(Iteration):
@@ -333,57 +308,3 @@ class _OnTape(Iteration):
             before[...] = value
         else:
             self.__dict__[name] = value
-
-
-def _tried(step: _InNumPy | Recorded, place: Place, begun: Any = None) -> tuple[Any, list[Array]]:
-    """Do a step with two corrections; return what these begin with (else the guess), and results."""
-    found, h = [step.start()], place.h
-    step.guess(found[0])
-    found.append(step.end().q)
-    if begun is None:
-        begun = step.a.copy(), None if step.expected is None else step.expected.copy()
-    step.a[...] = begun[0]
-    if step.expected is not None:
-        step.expected[...] = begun[1]
-    found += [np.asarray(one) for one in step.middle() if one is not None]
-    step.reach()
-    step.prepare()
-    for finite in (True, False):
-        step.correct()
-        found.append(step.correction_found.copy())
-        step.advance(finite)
-    strains = () if step.expected is None else (1.0,)
-    as_length = (h * h, 1.0, 1.0, 1.0, h, *strains, 1.0, 1.0, 1.0, h, h * h, 1.0, h)
-    found = [np.asarray(unit * one) for unit, one in zip(as_length, [*found, *step.end()[:5]], strict=True)]
-    return begun, found + step.closed(shaken(place.q), shaken(place.v))
-
-
-def _derived(
-    problem: Problem, kind: Kind, t: Any, q: Array, v: Array, expected: Array | None
-) -> Derivative:
-    """Return the derivative at a state."""
-    return computed(problem, kind.increments(problem), False, t, q, v, expected)
-
-
-def _here(problem: Problem, place: Place) -> At:
-    """Return the state in which a step begins."""
-    t, q, v, _ = place
-    return t, q, v, None if problem.strains is None else problem.strains.seen(q[None])[0]
-
-
-def _starts(derivative: Derivative, problem: Problem, kind: Kind, place: Place) -> bool:
-    """Tell whether a derivative is what a step of a kind begins with."""
-    alike = type(derivative.increments) is type(kind.increments(problem))
-    here = _together(_here(problem, place))
-    return alike and np.array_equal(derivative.taken[: len(here)], here)
-
-
-def _together(at: At) -> Array:
-    """Return a state as one array."""
-    return np.concatenate([np.ravel(one) for one in at if one is not None])
-
-
-def _parted(where: Array, n: int) -> At:
-    """Return the parts of a state (n,) that is one array."""
-    expected = where[2 * n + 1 :] if len(where) > 2 * n + 1 else None
-    return where[0, ...], where[1 : n + 1], where[n + 1 : 2 * n + 1], expected

@@ -10,11 +10,11 @@ from weakref import ref
 import numpy as np
 
 from hfsim.integrators._derivative import Derivative, form
-from hfsim.integrators._iteration import End, Middle, Place
+from hfsim.integrators._iteration import End, Kind, Middle, Place
 from hfsim.integrators._often import LARGE
 from hfsim.integrators._ordinary import Ahead, State
 from hfsim.integrators._problem import Problem
-from hfsim.integrators._recorded import Kind, Recorded
+from hfsim.integrators._recorded import Recorded
 from hfsim.integrators.derivative import computed, place_of, taken_at
 from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import UNREADABLE, rebuilt
@@ -161,9 +161,9 @@ class Replay:
         return self.recorded.template
 
     @property
-    def closes(self) -> bool:
-        """Whether ends are moved onto the constraints, if there are any, by what is recorded."""
-        return self.recorded.closes
+    def whole(self) -> bool:
+        """Whether all that is done in steps is recorded: derivatives, the projection, the turns of angles."""
+        return self.derives and self.recorded.whole
 
     def march(
         self, problem: Problem, place: Place, rule: Array, state: State,

@@ -26,18 +26,18 @@ import numpy as np
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, unsolved
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import MAX_ITERATIONS, Ending, limits
-from hfsim.integrators._iteration import LINEAR, End, Iteration, Place
+from hfsim.integrators._iteration import LINEAR, End, Iteration, Kind, Place
 from hfsim.integrators._lengths import FAINT, GROWTH, REGROWTH, RUNGS, SHRUNK, TARGET, factor, fitted
 from hfsim.integrators._memory import Remembering
 from hfsim.integrators._often import LARGE
 from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
 from hfsim.integrators._problem import Problem
-from hfsim.integrators._recorded import Kind
 from hfsim.integrators._replayed import Held, Replay, Replays
 from hfsim.integrators._tableau import Collocation, gauss, radau
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 from hfsim.mechanics.projection import MOST, ROUNDING
+from hfsim.mechanics.turns import NEAR
 
 STAGEWISE = "hfsim.integrators._stagewise.StagewiseStepper"
 """What makes the steps where slopes pay: imported, only then, from what it is built on."""
@@ -152,7 +152,7 @@ class CollocationStepper(Stepper):
         if self._at_end:
             self._last = step.a[-1].copy()
         error = self._error(place, end)
-        return Attempt(error, self._growth(error, h), *end[:3], end.closed)
+        return Attempt(error, self._growth(error, h), *end[:3], end.closed, end.seen)
 
     def _prepare(self, place: Place) -> None:
         """Choose how steps are made from now on."""
@@ -206,13 +206,14 @@ class CollocationStepper(Stepper):
         if self._old:
             self._prepare(place)
         replay = self._replay(place)
-        if replay is None or not replay.derives or not (problem.project is None or replay.closes):
+        if replay is None or not replay.whole:
             return None
         ahead = self._march(replay, place, wish=h, end=end, room=room)
         if len(ahead.rows) or ahead.state.rejected:
             self._derivative = replay.before(problem, ahead)
             self._take(ahead.state)
         if len(ahead.rows):
+            replay.recorded.tell(problem.turns)
             begun, self._h = ahead.rows[-1, 1:3].tolist()
             known = (begun + self._h, replay.started())
             self._known_at, self._known = known if self._at_end else UNKNOWN
@@ -347,7 +348,7 @@ class CollocationStepper(Stepper):
         iterations = (*limits(self._tolerance), LINEAR, MAX_ITERATIONS, self._tolerance, self.reach)
         lengths = (TARGET, 1.0 / (stages + 1), FAINT, RUNGS, np.inf, self._resolved, self._stiff)
         serving = (SERVES, SERVES_WELL, SHRUNK, self._steady, REGROWTH)
-        ending = (self._at_end, ROUNDING, closings)
+        ending = (self._at_end, ROUNDING, closings, NEAR)
         return Rule(*iterations, *lengths, *serving, *ending, np.ravel(self.growths)).told()
 
 

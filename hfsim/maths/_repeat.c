@@ -17,12 +17,12 @@ static int ended(Ending *e, int k, double change, double size) {
 }
 
 /* What steps are put together from, what they work on, and what is told of them: see integrators/_ordinary.py. */
-enum { START, GUESS, RENEW, REACH, PREPARE, CORRECT, SMALL, FINITE, END, CLOSER, STEADIER, PROGRAMS };
+enum { START, GUESS, RENEW, REACH, PREPARE, CORRECT, SMALL, FINITE, END, CLOSER, STEADIER, LOOK, COUNT, PROGRAMS };
 enum { TIME, LENGTH, Q, V, FIRST, STAGES, CHANGE, SIZE, SCALE, Q_END, V_END, SERIES, ERROR, RATE_ERROR, FREQUENCY, TAKEN,
-       MISS, SLIP, Q_CLOSED, V_CLOSED, POSITIVE, RULE, STATE, BEFORE, TAKEN_BEFORE, KEPT, ARRAYS };
+       MISS, SLIP, Q_CLOSED, V_CLOSED, POSITIVE, Q_LOOKED, V_LOOKED, FARTHEST, RULE, STATE, BEFORE, TAKEN_BEFORE, KEPT, ARRAYS };
 typedef struct {
     double goal, near, last_digit, linear, most, tolerance, reach, target, power, faint, rungs, end, resolved, stiff, serves, serves_well, shrunk,
-        steady, regrowth, at_end, rounding, closings, growth[][2];
+        steady, regrowth, at_end, rounding, closings, turned, growth[][2];
 } Rule;
 typedef struct { double known, old, served, cap, wish, rejected, ready, fastest, iterations, begun, renewed, total, converged, made; } State;
 typedef struct { Py_buffer program[PROGRAMS], array[ARRAYS]; PyObject *calls; double *at[ARRAYS]; } March;
@@ -76,6 +76,13 @@ static int sound(const March *m, int at) {
     for (i64 i = 0; i < n; i++) none += 0.0 * m->at[at][i] + 0.0 * m->at[at + 1][i];
     for (i64 i = 0; i < m->array[POSITIVE].len / 8; i++) if (!(m->at[at][positive[i]] > 0.0)) return 0;
     return none == 0.0;
+}
+
+/* Whether angles turn far away from what is known of them in a step that ends there. */
+static int strays(const March *m, int at) {
+    const i64 n = m->array[Q_LOOKED].len;
+    memcpy(m->at[Q_LOOKED], m->at[at], n); memcpy(m->at[V_LOOKED], m->at[at + 1], n);
+    return part(m, LOOK) || !(*m->at[FARTHEST] <= ((Rule *)m->at[RULE])->turned);
 }
 
 /* Return the factor on a step of such an error, over the tolerance; and go to another length, as the end is near or not. */
@@ -137,8 +144,9 @@ static int marched(const March *m) {
         const double error = s->converged ? (*m->at[ERROR] > r->reach * *m->at[RATE_ERROR] ? *m->at[ERROR] : r->reach * *m->at[RATE_ERROR]) / r->tolerance : 0.0;
         if (s->made == room) return 1;
         if (s->converged && error <= 1.0) {
-            if ((at = closed(m)) < 0 || !sound(m, at)) return PyErr_Occurred() || part(m, END) ? -1 : 1;
+            if ((at = closed(m)) < 0 || !sound(m, at) || strays(m, at)) return PyErr_Occurred() || part(m, END) ? -1 : 1;
             kept(m, at, error);
+            if (part(m, COUNT)) return -1;
             if (s->made == room || *m->at[TIME] == r->end) return 0;
         } else if (refused(m, error)) return 1;
         if (s->old && (*m->at[LENGTH] * s->fastest > r->resolved) != (r->stiff != 0.0)) return 0;

@@ -109,7 +109,7 @@ class Tape:
         self.calls: list[Callable[[], None]] = []
         self.told: list[str] = []
         self._kept: list[np.ndarray] = []
-        self._lives: list[tuple[np.ndarray, np.ndarray]] = []
+        self._lives: dict[int, tuple[Any, np.ndarray]] = {}
         self._cuts = [0]
         # arrays refer to the core: it must not refer to what refers to arrays, in loops that nothing finds
         self.core: Any = replay.Tape(Traced, Refused, fixed, (REAL, COMPLEX, TRUTH), self.operations)
@@ -126,14 +126,14 @@ class Tape:
 
     def live(self, a: Array) -> Any:
         """Return a traced copy of an array that others change, to be renewed before every replay."""
-        own = self.input(a)
-        self._lives.append((plain(own), a))
-        return own
+        if id(a) not in self._lives:
+            self._lives[id(a)] = self.input(a), a
+        return self._lives[id(a)][0]
 
     def renew(self) -> None:
         """Take over what others have changed."""
-        for own, a in self._lives:
-            own[...] = a
+        for own, a in self._lives.values():
+            plain(own)[...] = a
 
     def own(self, a: Any) -> Any:
         """Return traced memory for an array like this."""

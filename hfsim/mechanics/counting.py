@@ -86,14 +86,19 @@ class Turns(AlongSteps):
             for (_, count), pair in zip(self._parts, pairs.tolist(), strict=True):
                 count.start(Turning(t, *pair))
 
-    def strays(self, step: Step, q: Array, v: Array) -> str:
+    def strays(self, step: Step, q: Array, v: Array, seen: Array | None = None) -> str:
         """Return what has an angle that leaves what was expected of it in a tried step with this end, or ''.
 
         By more than a quarter of a turn: its force may have been that of another number of turns.
+
+        Parameters
+        ----------
+        seen : ndarray, shape (n_angles, 4), optional
+            What `looked` returns, where it is known.
         """
         if not self._parts:
             return ""
-        self._seen = self._look("angles", self._along, step, q, v).tolist()
+        self._seen = (self._look("angles", self.looked, step, q, v) if seen is None else seen).tolist()
         far = (part.item for (part, _), row in zip(self._parts, self._seen, strict=True) if row[0] > NEAR)
         return next(far, "")
 
@@ -101,6 +106,15 @@ class Turns(AlongSteps):
         """Go on to the end of the step that was tried last, at this time."""
         for (_, count), (_, left, *here) in zip(self._parts, self._seen, strict=True):
             count.keep(Turning(t, *here), left)
+
+    def known(self) -> list[Array]:
+        """Return time, angle and rate (3,) of each at the last kept step."""
+        return [count.known() for _, count in self._parts]
+
+    def reach(self, known: Array) -> None:
+        """Go on along steps that others have counted, to times, angles and rates (n_angles, 3)."""
+        for (_, count), row in zip(self._parts, known.tolist(), strict=True):
+            count.reach(Turning(*row))
 
     def __len__(self) -> int:
         """Return their number."""
@@ -160,8 +174,17 @@ class Turns(AlongSteps):
         x = self._system.absolute(q)
         return np.stack([count.counted(t, part.angle(x)) for part, count in self._parts])
 
-    def _along(self, kind: Callable[..., Step], t: Array, h: Array, *given: Array) -> Array:
-        """Return how far each leaves what is known of it, and `_turning` at the end, (n_angles, 4)."""
+    def looked(self, kind: Callable[..., Step], t: Any, h: Any, *given: Array) -> Array:
+        """Return how far each leaves what is known of it, and its angle and rate at the end, (n_angles, 4).
+
+        Parameters
+        ----------
+        kind : callable
+            Makes a step.
+        t, h : float
+        given : sequence of ndarray
+            What else it is made of, and its end (q, v).
+        """
         *start, q, v = given
         times, inside = t + h * PLACES, kind(t, h, *start).positions(PLACES)
         inside[-1] = q

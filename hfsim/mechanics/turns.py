@@ -89,7 +89,15 @@ class TurnCount:
         if left > NEAR:
             self.take([*self.noted, self.now], here)
         else:
-            self.now, self._last[:] = here, here
+            self.reach(here)
+
+    def reach(self, here: Turning) -> None:
+        """Go on to a state in which the angle is still near what was noted."""
+        self.now, self._last[:] = here, here
+
+    def known(self) -> Array:
+        """Return time, angle and rate at the last kept step, (3,); on a tape, where it has them."""
+        return live(self._last)
 
     def end(self) -> None:
         """End the motion."""

@@ -215,7 +215,8 @@ pickle.dump(ends, sys.stdout.buffer)
 """
 
 
-def test_another_process_goes_on_to_the_last_bit():
+def test_another_process_goes_on_to_the_last_bit(monkeypatch):
+    monkeypatch.setattr(_loop, "AT_ONCE", 1)
     memories = {}
     for method in METHODS:
         whole, _ = stepping("damped", method, None)
@@ -232,8 +233,9 @@ def test_another_process_goes_on_to_the_last_bit():
 
 @pytest.mark.parametrize("broken", ["_attempt", "_memories"])
 @pytest.mark.parametrize("method", METHODS)
-def test_an_interrupted_step_leaves_nothing_behind(method, broken):
+def test_an_interrupted_step_leaves_nothing_behind(method, broken, monkeypatch):
     """The interruption comes when a step was tried, or while it is being kept."""
+    monkeypatch.setattr(_loop, "AT_ONCE", 0)
     whole, _ = stepping("damped", method, None)
     memories = [written(whole.memory()) for _ in whole]
     run, _ = stepping("damped", method, None)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from hfsim.errors import LimitReached, SolverFailure
-from hfsim.integrators import METHODS, Limits, Stepping, choose
+from hfsim.integrators import METHODS, Limits, Stepping, _loop, choose
 from hfsim.marching.integration import problem_of, run_integration
+from hfsim.maths import kernel
 from hfsim.mechanics.turns import TurnCount, Turning
 from hfsim.scene.build import build
 from hfsim.scene.loading import parse_deck
@@ -146,7 +147,7 @@ def test_a_fixed_step_in_which_turns_cannot_be_counted_ends_the_run_and_a_free_o
     run = Stepping(problem, choose(solve, False), start, 0.2, Limits(0.2), lambda t, q, v: None)
     tried = run._attempt(run._begin(), 1e-4)
     assert tried.solved
-    far = tried._replace(series=np.zeros((1, len(tried.q))))
+    far = tried._replace(series=np.zeros((1, len(tried.q))), seen=None)
     run._stepper.attempt = lambda t, q, v, h: far
     with pytest.raises(SolverFailure, match=r"turns of the angle of springs.coil") as failure:
         run._attempt(run._stepper, 0.1)
@@ -154,7 +155,9 @@ def test_a_fixed_step_in_which_turns_cannot_be_counted_ends_the_run_and_a_free_o
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_turns_are_counted_on_where_a_run_was_put_down(method):
+def test_turns_are_counted_on_where_a_run_was_put_down(method, monkeypatch):
+    monkeypatch.setattr(_loop, "AT_ONCE", 1)
+
     def stepping(most):
         scene = build(deck_of("root", SOFT, method=method))
         problem, solve = problem_of(scene), scene.deck.solve
@@ -173,6 +176,25 @@ def test_turns_are_counted_on_where_a_run_was_put_down(method):
     for one, other in zip(again, rest, strict=True):
         assert all(np.array_equal(a, b) for a, b in zip(one, other, strict=True))
     assert isinstance(again.stop, LimitReached)
+
+
+@pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
+@pytest.mark.parametrize("scene", SCENES)
+def test_turns_are_counted_natively_as_step_by_step(scene, monkeypatch):
+    """Over some turns, also by angles that leave what was noted of them within one native call."""
+    made = []
+    for at_once in (0, _loop.AT_ONCE):
+        monkeypatch.setattr(_loop, "AT_ONCE", at_once)
+        built = build(deck_of(scene, SOFT, method="gauss"))
+        done = run_integration(built, built.deck.solve)
+        (count,) = (part.counter for part in built.system.forces if part.counter is not None)
+        made.append((done.trajectory.segments, done.problem.counts, count.noted))
+    (one, counts, noted), (other, others, known) = made
+    assert np.ptp([turning.angle for turning in noted]) > 2.0 * np.pi
+    assert known == noted
+    assert vars(others) == vars(counts)
+    pairs = (pair for steps in zip(one, other, strict=True) for pair in zip(*steps, strict=True))
+    assert all(np.array_equal(*pair) for pair in pairs)
 
 
 def test_parts_that_are_integrated_apart_count_their_turns():
