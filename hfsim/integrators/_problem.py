@@ -187,8 +187,8 @@ class Problem:
 
     @property
     def plain(self) -> bool:
-        """Whether nothing is looked for along steps, and all states have the same coordinates."""
-        return not self.edges and self.recharted is None and self.positive is not None
+        """Whether all states have the same coordinates, and it is plain which of them are admissible."""
+        return self.recharted is None and self.positive is not None
 
     def count_on(self, n: int, start: float, end: float) -> None:
         """Begin to count, in a run of n coordinates between these times, what is called often."""

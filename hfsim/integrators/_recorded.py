@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.integrators._along import COUNT, LOOK, Along
 from hfsim.integrators._closing import FUNCTIONS, Closing
-from hfsim.integrators._counted import COUNT, LOOK, Counted
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._ending import size_of
 from hfsim.integrators._iteration import End, Iteration, Kind, Place
@@ -141,11 +141,11 @@ class Recorded:
             end = own.end()
             tape.cut()
             closing = Closing.of(tape, problem.project, np.reshape(step.t + step.h, 1), end)
-            counted = Counted.of(tape, problem.turns, step, end.series)
+            along = Along.of(tape, problem, step, end.series)
         arrays = {name: one for name, one in arrays_in(known) if tape.knows(one)}
         strains = [] if own.expected is None else [own.expected]
         outputs = [*sizes, own.correction_found, *end[:5], *strains, frequency, *arrays.values()]
-        more = {FUNCTIONS: closing, (LOOK, COUNT): counted}
+        more = {FUNCTIONS: closing, (LOOK, COUNT): along}
         added = {names: one for names, one in more.items() if one is not None}
         outputs += [taken, size, *(output for one in added.values() for output in one.outputs)]
         names = (*PARTS, *(name for some in added for name in some))
@@ -160,15 +160,15 @@ class Recorded:
         self._place, self.a0, self.where = list(map(plain, memory)), plain(a0), plain(where)
         self.a, self.correction_found = plain(own.a), plain(own.correction_found)
         self.expected = None if own.expected is None else plain(own.expected)
-        self._closing, self._counted, self._end = closing, counted, rebuilt(end, plain)
+        self._closing, self._along, self._end = closing, along, rebuilt(end, plain)
         self._closes = closing is not None or problem.project is None
-        self.whole = self._closes and (counted is not None or not problem.turns)
+        self.whole = self._closes and (along is not None or not (problem.turns or problem.edges))
         self._steps, self._memory = self._marching(problem)
         self._rows = np.empty((0, 0))
 
     def _marching(self, problem: Problem) -> tuple[list[Program], list[Array]]:
         """Return what ordinary steps are made of, and what that works on."""
-        closing, counted, none, no_end = self._closing, self._counted, np.zeros(()), np.zeros(0)
+        closing, along, none, no_end = self._closing, self._along, np.zeros(()), np.zeros(0)
         names: dict[str, tuple[str, ...]] = {"renew": ("middle", "derive")}
         if closing:
             names |= {"end": ("end", SEEN), "closer": (CLOSER,), "steadier": (STEADIER,)}
@@ -177,8 +177,8 @@ class Recorded:
         t, q, v, h = self._place
         own = (t, h, q, v, self.a0, self.a, *self.sizes, *self._end[:5], self.frequency, self.taken_at)
         positive = np.array(() if problem.positive is None else problem.positive, dtype=np.int64)
-        closed, turned = closing.memory if closing else (none,) * 4, (no_end, no_end, none)
-        memory = (*own, *closed, positive, *(counted.memory if counted else turned))
+        closed, unseen = closing.memory if closing else (none,) * 4, (no_end, no_end, none)
+        memory = (*own, *closed, positive, *(along.memory if along else unseen))
         assert len(memory) == len(MEMORY)
         return [self.program(*names.get(one, (one,))) for one in PROGRAMS], list(map(np.asarray, memory))
 
@@ -238,7 +238,7 @@ class Recorded:
         closing = self._closing if isfinite(self._end.error) else None
         q, v = closing() if closing else self._end[:2]
         end = self._ended(q, v, closing is not None)
-        return end._replace(seen=self._counted.look(q, v)) if self._counted and self._closes else end
+        return end._replace(seen=self._along.look(q, v)) if self._along and self._closes else end
 
     def start(self) -> Array:
         """Compute the accelerations at the start."""
@@ -290,13 +290,13 @@ class Recorded:
         return self._closing.tried(q, v) if self._closing else []
 
     def looked(self, series: Array, q: Array, v: Array) -> list[Array]:
-        """Return what is seen of angles in the step of now, with an end; nothing if they are not recorded."""
-        return [self._counted.look(q, v)] if self._counted else []
+        """Return what is seen along the step of now, with an end; nothing if that is not recorded."""
+        return [self._along.look(q, v), self._along.memory[2]] if self._along else []
 
     def tell(self, turns: Turns) -> None:
         """Let a system know how far its angles have turned in ordinary steps."""
-        if self._counted:
-            self._counted.tell(turns)
+        if self._along:
+            self._along.tell(turns)
 
 
 class _OnTape(Iteration):

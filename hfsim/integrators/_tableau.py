@@ -40,7 +40,7 @@ def _legendre_values(x: Array, count: int) -> Array:
     """Return the polynomials at -1 <= x <= 1, shape (count, n)."""
     P = np.ones((count, len(x)))
     P[1] = x
-    odd = np.multiply.outer(2.0 * np.arange(count) + 1.0, x)
+    odd = (2.0 * np.arange(count)[:, None] + 1.0) * x
     for k in range(1, count - 1):
         P[k + 1] = (odd[k] * P[k] - k * P[k - 1]) / (k + 1)
     return P

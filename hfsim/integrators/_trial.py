@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from hfsim.integrators._along import looked
 from hfsim.integrators._closing import tried as moved
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._iteration import Iteration, Kind, Place
 from hfsim.integrators._problem import Problem
-from hfsim.integrators._trajectory import Segment
 from hfsim.integrators.derivative import computed
 from hfsim.maths.arrays import Array
 from hfsim.maths.replayed import shaken
@@ -38,9 +38,8 @@ class InNumPy(Iteration):
         return moved(Projection(project.system), t, q, v) if isinstance(project, Projection) else []
 
     def looked(self, series: Array, q: Array, v: Array) -> list[Array]:
-        """Return what is seen of angles in the step, with an end."""
-        (t, *start, h), turns = self._place, self._problem.turns
-        return [turns.looked(Segment, t, h, *start, series, q, v)] if turns else []
+        """Return what is seen along the step, with an end."""
+        return list(looked(self._problem, self._place, series, q, v))
 
 
 def tried(step: Any, place: Place, begun: Any = None) -> tuple[Any, list[list[Array]]]:

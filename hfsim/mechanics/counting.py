@@ -44,6 +44,9 @@ class Step(Protocol):
     def __iter__(self) -> Iterator[Any]:
         """Go through all of these."""
 
+    def at(self, times: Array) -> tuple[Array, Array]:
+        """Return (q, v) at times within it, shape (n_times, n) each."""
+
     def inside(self, shares: Array) -> tuple[Array, Array]:
         """Return (q, v) at shares of its length, shape (n_shares, n) each."""
 

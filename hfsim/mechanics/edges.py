@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -35,20 +35,42 @@ class Edges(AlongSteps):
         """Return after what time a tried step meets its first edge [s]; its length, if none is far inside."""
         if not self._parts:
             return step.h
-        shares = LOOKED_AT
-        for _ in range(ROUNDS + 1):
-            look = partial(self._beyond, shares)
-            beyond = self._look("edges", look, step) if shares is LOOKED_AT else look(type(step), *step)
-            changed = np.any((beyond[1:] > 0.0) != (beyond[:-1] > 0.0), axis=1)
-            if not changed.any():
+        beyond, shares = self._look("edges", self.looked, step), LOOKED_AT
+        for _ in range(ROUNDS):
+            k = _first_change(beyond)
+            if k is None:
                 return step.h
-            k = int(np.argmax(changed))
             shares = np.linspace(shares[k], shares[k + 1], len(shares))
-        return step.h * float(shares[-1])
+            beyond = self._look("edges at shares", self._closely, step, shares)
+        k = _first_change(beyond)
+        return step.h if k is None else step.h * float(shares[k + 1])
 
-    def _beyond(self, shares: Array, kind: Callable[..., Step], t: Array, h: Array, *start: Array) -> Array:
-        """Return by how much a step is beyond each edge, at shares of its length, (n_shares, n_edges)."""
+    def looked(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
+        """Return by how much a step is beyond each edge where it is looked at first, (n_shares, n_edges).
+
+        Parameters
+        ----------
+        kind : callable
+            Makes a step.
+        t, h : float
+        start : sequence of ndarray
+            What else it is made of.
+        """
+        return self._beyond(t + h * LOOKED_AT, *kind(t, h, *start).inside(LOOKED_AT))
+
+    def _closely(self, kind: Callable[..., Step], t: Array, h: Array, *given: Array) -> Array:
+        """Return the same where it is looked at more closely, at shares that are given last."""
+        *start, shares = given
+        times = t + h * shares
+        return self._beyond(times, *kind(t, h, *start).at(times))
+
+    def _beyond(self, times: Array, q: Array, v: Array) -> Array:
         assert self._system is not None
-        q, v = kind(t, h, *start).inside(shares)
         x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
-        return np.concatenate([part.edges(t + h * shares, x, u) for part in self._parts], axis=1)
+        return np.concatenate([part.edges(times, x, u) for part in self._parts], axis=1)
+
+
+def _first_change(beyond: Array) -> int | None:
+    """Return after which place something first changes sides, if anything does."""
+    changed = np.any((beyond[1:] > 0.0) != (beyond[:-1] > 0.0), axis=1)
+    return int(np.argmax(changed)) if changed.any() else None

@@ -164,21 +164,23 @@ def test_steps_of_what_is_driven_go_on_to_the_last_bit(monkeypatch):
 
 
 @pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
-@pytest.mark.parametrize("stages, tolerance", [(12, 1e-4), (6, 1e-6)])
-def test_what_fails_and_what_meets_the_end_is_decided_natively_as_in_python(stages, tolerance, monkeypatch):
-    """Steps that are not solved, and, with fewer stages, some of too large an error."""
+@pytest.mark.parametrize(
+    "case, stages, tolerance", [("pendulum", 12, 1e-4), ("pendulum", 6, 1e-6), ("door", 6, 1e-5)]
+)
+def test_what_is_decided_natively_is_so_in_python(case, stages, tolerance, monkeypatch):
+    """Of steps that are not solved, that have too large an error, that meet edges, and at the end."""
     made = []
     for at_once in (0, _loop.AT_ONCE):
         monkeypatch.setattr(_loop, "AT_ONCE", at_once)
         settings = [f"solve.tolerance={tolerance}", f"solve.stages={stages}"]
-        scene = build(load_deck(CASES / "pendulum.yaml", settings))
+        scene = build(load_deck(CASES / f"{case}.yaml", settings))
         made.append(run_integration(scene, scene.deck.solve))
     one_by_one, at_once = made
     assert one_by_one.problem.counts.rejected > 2
     assert vars(at_once.problem.counts) == vars(one_by_one.problem.counts)
     steps = [done.trajectory.segments for done in made]
     assert all(same(*pair) for pair in zip(*steps, strict=True))
-    assert at_once.trajectory.t_end == one_by_one.trajectory.t_end == 1.0
+    assert at_once.trajectory.t_end == one_by_one.trajectory.t_end == scene.deck.solve.duration
 
 
 @pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")

@@ -51,9 +51,12 @@ class Along(NamedTuple):
     v: None
     series: tuple[Callable]
 
-    def inside(self, shares):
-        x = self.series[0](self.t + self.h * shares)[:, None]
+    def at(self, times):
+        x = self.series[0](times)[:, None]
         return x, 0.0 * x
+
+    def inside(self, shares):
+        return self.at(self.t + self.h * shares)
 
 
 def step_along(path):
