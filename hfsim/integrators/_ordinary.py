@@ -169,17 +169,19 @@ def keep_all(
     """
     rows, n, stop = ahead.rows, len(path.q), None
     last = None if ahead.tried else len(rows)
+    heads, following = rows[:, :3].tolist(), [*rows[1:, 2].tolist(), ahead.state.wish][: len(rows)]
+    q_ends, v_ends, inside = rows[:, 3 : n + 3], rows[:, n + 3 : 2 * n + 3], rows[:, 2 * n + 3 :]
+    steps = zip(heads, q_ends, v_ends, inside, following, strict=True)
     try:
-        for k, row in enumerate(rows, start=1):
-            rejected, t, h = row[:3].tolist()
+        for k, ((rejected, t, h), q, v, series, then) in enumerate(steps, start=1):
             if rejected:
                 _refused(path.t_end, False, problem, pace)
             t_end = end if h == end - t else t + h
             pace.note(t_end, False, False)
-            path.segments.append(Segment(t, h, path.q, path.v, row[2 * n + 3 :].reshape(-1, n)))
-            path.t_end, path.q, path.v = t_end, row[3 : n + 3], row[n + 3 : 2 * n + 3]
+            path.segments.append(Segment(t, h, path.q, path.v, series.reshape(-1, n)))
+            path.t_end, path.q, path.v = t_end, q, v
             problem.counts.steps += 1
-            problem.often.expect(t_end, h, float(rows[k, 2]) if k < len(rows) else ahead.state.wish)
+            problem.often.expect(t_end, h, then)
             if stop is None and k != last:
                 stop = _watched(watch, path)
         if ahead.state.rejected:
