@@ -106,7 +106,7 @@ class State(NamedTuple):
     wish: float
     """Length of the next step as far as the end leaves room for it [s]."""
     rejected: float = 0.0
-    """Attempts since the last step that was kept."""
+    """Attempts that were not kept since the last step that was."""
     ready: float = np.nan
     """Length of the step that corrections are ready for [s]."""
     fastest: float = np.nan
@@ -133,7 +133,7 @@ class Ahead(NamedTuple):
     rows : ndarray, shape (n_steps, 3 + 2 n + m n)
         Of each the attempts before it, its start and length in time, its end (q, v) and its series.
     state : State
-        Before the last attempt.
+        After the last of these steps, and of attempts that are not kept, but for the one below.
     taken : ndarray
         Where the derivative was taken that they ended with.
     tried : State or None

@@ -29,6 +29,7 @@ from hfsim.mechanics.projection import CLOSER, SEEN, STEADIER
 PARTS = ("derive", "start", "guess", "middle", "reach", "prepare", "correct", "small", "finite", "end")
 """What steps are put together from, in the order in which it is recorded; see the methods of `Recorded`."""
 
+
 class Recorded:
     """Steps of a kind as programs on fixed memory; methods are those of `Iteration`, unless said otherwise.
 
@@ -291,7 +292,7 @@ class Recorded:
 
     def looked(self, series: Array, q: Array, v: Array) -> list[Array]:
         """Return what is seen along the step of now, with an end; nothing if that is not recorded."""
-        return [self._along.look(q, v), self._along.memory[2]] if self._along else []
+        return [self._along.look(q, v), self._along.memory[2].copy()] if self._along else []
 
     def tell(self, turns: Turns) -> None:
         """Let a system know how far its angles have turned in ordinary steps."""
