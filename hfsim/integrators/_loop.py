@@ -218,7 +218,7 @@ class Stepping:
         if ahead is None:
             return False
         self._wish = ahead.state.wish
-        stop = keep_all(ahead, path, self._problem, self._pace, self._watch, end)
+        stop = keep_all(ahead, path, self._problem, self._pace, self._watch)
         if len(ahead.rows):
             self._name(stepper)
             self._kept, self._behind_break = self._memories(), False

@@ -1,7 +1,7 @@
 """Ordinary steps of collocation made natively one after another: what ``_repeat.c`` is told, in its order.
 
 A step is ordinary if its equations are solved and its error is small enough, at the second attempt at least,
-and nothing has to be looked at along it.  What is decided then stands there as it stands in
+and along it no edge is met and no angle turns too far.  What is decided then stands there as it stands in
 `hfsim.integrators.collocation` and `hfsim.integrators._loop`, so that both make the same steps.
 """
 
@@ -132,6 +132,8 @@ class Ahead(NamedTuple):
     ----------
     rows : ndarray, shape (n_steps, 3 + 2 n + m n)
         Of each the attempts before it, its start and length in time, its end (q, v) and its series.
+    t : float
+        When the last one ends, to the last digit that of a break it meets [s].
     state : State
         After the last of these steps, and of attempts that are not kept, but for the one below.
     taken : ndarray
@@ -143,6 +145,7 @@ class Ahead(NamedTuple):
     """
 
     rows: Array
+    t: float
     state: State
     taken: Array
     tried: State | None
@@ -155,28 +158,22 @@ def keep_all(
     problem: Problem,
     pace: Pace,
     watch: Watch,
-    end: float,
 ) -> HfsimError | KeyboardInterrupt | None:
     """Keep ordinary steps, and watch them; return what stops the run.
 
     What fails ends with its step; other stops come when all are kept. Who asks watches the last one unless
     another one was tried after it.
-
-    Parameters
-    ----------
-    end : float
-        Time that the last one may meet [s].
     """
     rows, n, stop = ahead.rows, len(path.q), None
     last = None if ahead.tried else len(rows)
-    heads, following = rows[:, :3].tolist(), [*rows[1:, 2].tolist(), ahead.state.wish][: len(rows)]
+    heads = rows[:, :3].tolist()
+    following = [*((t, h) for _, t, h in heads[1:]), (ahead.t, ahead.state.wish)]
     q_ends, v_ends, inside = rows[:, 3 : n + 3], rows[:, n + 3 : 2 * n + 3], rows[:, 2 * n + 3 :]
-    steps = zip(heads, q_ends, v_ends, inside, following, strict=True)
+    steps = zip(heads, q_ends, v_ends, inside, following, strict=False)
     try:
-        for k, ((rejected, t, h), q, v, series, then) in enumerate(steps, start=1):
+        for k, ((rejected, t, h), q, v, series, (t_end, then)) in enumerate(steps, start=1):
             if rejected:
                 _refused(path.t_end, False, problem, pace)
-            t_end = end if h == end - t else t + h
             pace.note(t_end, False, False)
             path.segments.append(Segment(t, h, path.q, path.v, series.reshape(-1, n)))
             path.t_end, path.q, path.v = t_end, q, v

@@ -197,9 +197,10 @@ class Recorded:
                 raise
             tried = failed = True  # it will again: what is kept is told of first
         after, rows = State(*now.tolist()), self._rows[: int(now[-1])].copy()
+        t = float(self._place[0])
         if not tried:
-            return Ahead(rows, after, self.taken_at.copy(), None)
-        return Ahead(rows, State(*before[0].tolist()), before[1], None if failed else after, failed)
+            return Ahead(rows, t, after, self.taken_at.copy(), None)
+        return Ahead(rows, t, State(*before[0].tolist()), before[1], None if failed else after, failed)
 
     def program(self, *names: str) -> Program:
         """Return programs, one after another, as one."""

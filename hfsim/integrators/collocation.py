@@ -129,7 +129,7 @@ class CollocationStepper(Stepper):
         self._derivative: Derivative | Held = self._replays.beginning(self._kind, Place(t, q, v, 0.0))
         self._old, self._served, self._iterations = len(q) <= COSTLY, 0, 0
         self._cap = np.inf
-        (self._known_at, self._known), self._h, self._replayed = UNKNOWN, 0.0, False
+        (self._known_at, self._known), self._h, self._made_natively = UNKNOWN, 0.0, False
         self._tried: tuple[Replay, Ahead] | None = None
         """What has been found of the next attempt."""
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
@@ -142,7 +142,7 @@ class CollocationStepper(Stepper):
         if self._tried is None and self._old:
             self._prepare(place)
         step = self._solve(place)
-        self._replayed = isinstance(step, Replay)
+        self._made_natively = isinstance(step, Replay)
         end = None if step is None else step.end()
         if step is None or end is None or not isfinite(end.error):
             self._old, self._cap = bool(self._steady and h < self._cap), SHRUNK * h
@@ -169,7 +169,7 @@ class CollocationStepper(Stepper):
 
         A step length that once failed comes back slowly.
         """
-        self._problem.counts.native += self._replayed
+        self._problem.counts.native += self._made_natively
         self._served += 1
         self._old = self._served >= SERVES or self._iterations > SERVES_WELL
         self._cap *= REGROWTH
@@ -214,9 +214,8 @@ class CollocationStepper(Stepper):
             self._take(ahead.state)
         if len(ahead.rows):
             replay.recorded.tell(problem.turns)
-            begun, self._h = ahead.rows[-1, 1:3].tolist()
-            known = (begun + self._h, replay.started())
-            self._known_at, self._known = known if self._at_end else UNKNOWN
+            self._h = float(ahead.rows[-1, 2])
+            self._known_at, self._known = (ahead.t, replay.started()) if self._at_end else UNKNOWN
         self._tried = (replay, ahead) if ahead.tried else None
         return ahead
 

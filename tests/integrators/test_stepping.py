@@ -202,6 +202,32 @@ def test_what_is_replayed_from_some_step_on_is_so_in_a_run_that_goes_on(method, 
         assert written(again.memory()) == memories[-1], k
 
 
+@pytest.mark.skipif(kernel.KERNEL == "numpy", reason="the kernel was not built")
+def test_accelerations_at_a_break_are_known_though_its_time_is_no_sum(monkeypatch):
+    """t + (end - t) is not always the end: what is known there would be computed once more."""
+    times, values = [0.0, *(0.01 * 3.1**k for k in range(6))], [0.0, 1.0, 2.0, 0.0, 1.0, 2.0, 0.0]
+    text = f"""
+hfsim: 1
+bodies: {{mass: {{type: rigid, mass: 2.0, inertia: 1.0}}}}
+joints: {{rail: {{type: prismatic, between: [ground, mass]}}}}
+springs: {{coil: {{type: two_point, between: [ground, mass], stiffness: 0.02, rest_length: 0.0}}}}
+loads:
+  push: {{type: force, at: mass, force: [1.0, 0.0], law: {{type: table, times: {times}, values: {values}}}}}
+initial: {{mass: {{position: [0.5, 0.0]}}}}
+solve: {{duration: 2.5, method: radau, tolerance: 1.0e-3}}
+"""
+    made = []
+    for at_once in (0, _loop.AT_ONCE):
+        monkeypatch.setattr(_loop, "AT_ONCE", at_once)
+        built = build(parse_deck(text))
+        made.append(run_integration(built, built.deck.solve))
+    one, other = made
+    assert vars(one.problem.counts) == vars(other.problem.counts)
+    steps = [done.trajectory.segments for done in made]
+    assert all(same(*pair) for pair in zip(*steps, strict=True))
+    assert any(step.t + step.h != then.t for step, then in zip(steps[1], steps[1][1:], strict=False))
+
+
 SCRIPT = """
 import pickle, sys
 sys.path[:0] = [{tests!r}]
