@@ -9,7 +9,7 @@ from hfsim.integrators._problem import Problem
 from hfsim.integrators._trajectory import Segment
 from hfsim.maths.arrays import Array
 from hfsim.maths.tape import Program, Tape
-from hfsim.maths.traced import Refused, plain
+from hfsim.maths.traced import plain
 from hfsim.mechanics.counting import Turns
 
 LOOK, COUNT = "look", "count"
@@ -60,11 +60,7 @@ class Along:
         """Return what looks along a step if there is anything to see, and it can be recorded."""
         if not problem.turns and not problem.edges:
             return None
-        try:
-            with tape.attempt():
-                return cls(tape, problem, place, series)
-        except Refused:
-            return None
+        return tape.if_recorded(cls, tape, problem, place, series)
 
     def look(self, q: Array, v: Array) -> Array:
         """Return what `Turns.looked` does of the step of now, with this end."""

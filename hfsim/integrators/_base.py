@@ -63,6 +63,7 @@ class Limits(NamedTuple):
 ENDS_ALONE = 0.1
 """`Stepper.unlike` of methods that see the ends of a step alone."""
 
+
 class Attempt(NamedTuple):
     """The outcome of trying one step.
 

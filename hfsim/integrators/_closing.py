@@ -10,7 +10,7 @@ import numpy as np
 from hfsim.integrators._iteration import End
 from hfsim.maths.arrays import Array
 from hfsim.maths.tape import Program, Tape
-from hfsim.maths.traced import Refused, plain
+from hfsim.maths.traced import plain
 from hfsim.mechanics.projection import CLOSER, SEEN, STEADIER, Projection, Weakly
 
 FUNCTIONS = (SEEN, CLOSER, STEADIER)
@@ -65,11 +65,7 @@ class Closing:
         """Return the functions of a projection if it is one, and they can be recorded."""
         if not isinstance(project, Projection):
             return None
-        try:
-            with tape.attempt():
-                return cls(tape, project, t, end)
-        except Refused:
-            return None
+        return tape.if_recorded(cls, tape, project, t, end)
 
     def __call__(self) -> tuple[Array, Array]:
         """Return the end of a step (n,) moved there, when `SEEN` was run: until the next step."""

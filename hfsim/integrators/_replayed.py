@@ -77,12 +77,11 @@ class Replays:
     def beginning(self, kind: Kind, place: Place) -> Derivative:
         """Return the derivative at the start of a run, which the next one from there finds as it is."""
         problem, (t, q, v, _) = self._problem, place
-        kept = problem.recordings.setdefault(get_ident(), {})
-        begun = kind, t, q.tobytes(), v.tobytes()
         if len(q) > LARGE:
-            return self.derivative(kind, place)  # type: ignore[return-value]
+            return self._in_numpy(kind, place, None)
+        kept, begun = problem.recordings.setdefault(get_ident(), {}), (kind, t, q.tobytes(), v.tobytes())
         if "beginning" not in kept or kept["beginning"][0] != begun:
-            kept["beginning"] = begun, self.derivative(kind, place)
+            kept["beginning"] = begun, self._in_numpy(kind, place, None)
         else:
             problem.counts.factorisations += 1
         found: Derivative = kept["beginning"][1]
@@ -92,14 +91,21 @@ class Replays:
         self, kind: Kind, place: Place, expected: Array | None = None, native: bool = False
     ) -> Derivative | Held:
         """Compute a derivative for steps of a kind, about as long as one from there."""
+        replay = self._deriving(kind, place) if native else None
+        if replay is None:
+            return self._in_numpy(kind, place, expected)
+        return replay.derive(self._problem, self._seen(place, expected))
+
+    def _in_numpy(self, kind: Kind, place: Place, expected: Array | None) -> Derivative:
+        problem, at = self._problem, self._seen(place, expected)
+        return taken_at(computed(problem, kind.increments(problem), False, *at), problem, *at)
+
+    def _seen(self, place: Place, expected: Array | None) -> tuple[float, Array, Array, Array | None]:
+        """Return where a derivative is taken, with the strains that are seen there if none are expected."""
         problem, (t, q, v, _) = self._problem, place
         if problem.strains is not None and expected is None:
             expected = problem.strains.seen(q[None])[0]
-        replay = self._deriving(kind, place) if native else None
-        if replay is not None:
-            return replay.derive(problem, (t, q, v, expected))
-        found = computed(problem, kind.increments(problem), False, t, q, v, expected)
-        return taken_at(found, problem, t, q, v, expected)
+        return t, q, v, expected
 
     def taken_again(self, kind: Kind, taken: Array, h: float, native: bool) -> Derivative | Held:
         """Compute a derivative where one was taken."""

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy import array  # itself, also while something stands in for it
@@ -24,6 +24,8 @@ from numpy import array  # itself, also while something stands in for it
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.kernel import replay
 from hfsim.maths.traced import Refused, Traced, is_traced, plain, recorder
+
+_Made = TypeVar("_Made")
 
 CODES: dict[str, int] = {} if replay is None else replay.CODES
 """Codes of operations."""
@@ -109,7 +111,7 @@ class Tape:
         self.calls: list[Callable[[], None]] = []
         self.told: list[str] = []
         self._kept: list[np.ndarray] = []
-        self._lives: dict[int, tuple[Any, np.ndarray]] = {}
+        self._lives: dict[int, tuple[Any, np.ndarray, np.ndarray]] = {}
         self._cuts = [0]
         # arrays refer to the core: it must not refer to what refers to arrays, in loops that nothing finds
         self.core: Any = replay.Tape(Traced, Refused, fixed, (REAL, COMPLEX, TRUTH), self.operations)
@@ -127,13 +129,14 @@ class Tape:
     def live(self, a: Array) -> Any:
         """Return a traced copy of an array that others change, to be renewed before every replay."""
         if id(a) not in self._lives:
-            self._lives[id(a)] = self.input(a), a
+            own = self.input(a)
+            self._lives[id(a)] = own, plain(own), a
         return self._lives[id(a)][0]
 
     def renew(self) -> None:
         """Take over what others have changed."""
-        for own, a in self._lives.values():
-            plain(own)[...] = a
+        for _, own, a in self._lives.values():
+            own[...] = a
 
     def own(self, a: Any) -> Any:
         """Return traced memory for an array like this."""
@@ -163,6 +166,14 @@ class Tape:
             self.core.keep(rows)
             del self.calls[calls:], self._cuts[cuts:]
             raise
+
+    def if_recorded(self, make: Callable[..., _Made], *given: Any) -> _Made | None:
+        """Return what is made by writing down operations; None, and nothing of it, if that is refused."""
+        try:
+            with self.attempt():
+                return make(*given)
+        except Refused:
+            return None
 
     # ------------------------------------------------------------------ programs
 

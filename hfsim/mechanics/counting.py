@@ -66,6 +66,19 @@ class AlongSteps:
     def __init__(self, system: System | None = None, through: Through = directly) -> None:
         self._system, self._through = system, through
 
+    def looked(self, kind: Callable[..., Step], t: Any, h: Any, *given: Array) -> Array:
+        """Return what is seen along a step.
+
+        Parameters
+        ----------
+        kind : callable
+            Makes a step.
+        t, h : float
+        given : sequence of ndarray
+            What else it is made of, and what else is to be known of it.
+        """
+        raise NotImplementedError
+
     def _look(self, what: str, function: Callable[..., Array], step: Step, *given: Array) -> Array:
         """Return what a function of a kind of steps, numbers of one and arrays returns."""
         name = f"{what} in a step of {len(step.series)} terms"
@@ -180,13 +193,7 @@ class Turns(AlongSteps):
     def looked(self, kind: Callable[..., Step], t: Any, h: Any, *given: Array) -> Array:
         """Return how far each leaves what is known of it, and its angle and rate at the end, (n_angles, 4).
 
-        Parameters
-        ----------
-        kind : callable
-            Makes a step.
-        t, h : float
-        given : sequence of ndarray
-            What else it is made of, and its end (q, v).
+        The end (q, v) is given last.
         """
         *start, q, v = given
         times, inside = t + h * PLACES, kind(t, h, *start).positions(PLACES)

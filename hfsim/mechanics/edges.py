@@ -35,27 +35,19 @@ class Edges(AlongSteps):
         """Return after what time a tried step meets its first edge [s]; its length, if none is far inside."""
         if not self._parts:
             return step.h
-        beyond, shares = self._look("edges", self.looked, step), LOOKED_AT
-        for _ in range(ROUNDS):
-            k = _first_change(beyond)
-            if k is None:
+        shares, beyond = LOOKED_AT, self._look("edges", self.looked, step)
+        for closer in range(ROUNDS + 1):
+            if closer:
+                beyond = self._look("edges at shares", self._closely, step, shares)
+            changed = np.any((beyond[1:] > 0.0) != (beyond[:-1] > 0.0), axis=1)
+            if not changed.any():
                 return step.h
+            k = int(np.argmax(changed))
             shares = np.linspace(shares[k], shares[k + 1], len(shares))
-            beyond = self._look("edges at shares", self._closely, step, shares)
-        k = _first_change(beyond)
-        return step.h if k is None else step.h * float(shares[k + 1])
+        return step.h * float(shares[-1])
 
     def looked(self, kind: Callable[..., Step], t: Any, h: Any, *start: Array) -> Array:
-        """Return by how much a step is beyond each edge where it is looked at first, (n_shares, n_edges).
-
-        Parameters
-        ----------
-        kind : callable
-            Makes a step.
-        t, h : float
-        start : sequence of ndarray
-            What else it is made of.
-        """
+        """Return by how much a step is beyond each edge where it is looked at first, (n_shares, n_edges)."""
         return self._beyond(t + h * LOOKED_AT, *kind(t, h, *start).inside(LOOKED_AT))
 
     def _closely(self, kind: Callable[..., Step], t: Array, h: Array, *given: Array) -> Array:
@@ -68,9 +60,3 @@ class Edges(AlongSteps):
         assert self._system is not None
         x, u = self._system.absolute(q), self._system.absolute_velocity(q, v)
         return np.concatenate([part.edges(times, x, u) for part in self._parts], axis=1)
-
-
-def _first_change(beyond: Array) -> int | None:
-    """Return after which place something first changes sides, if anything does."""
-    changed = np.any((beyond[1:] > 0.0) != (beyond[:-1] > 0.0), axis=1)
-    return int(np.argmax(changed)) if changed.any() else None
