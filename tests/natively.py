@@ -87,7 +87,7 @@ def iterated(correct, sizes, limits, most):
     programs = [correct if name == "correct" else nothing for name in PROGRAMS]
     rule = Rule(*limits, most, *np.zeros(len(Rule._fields) - 6), growths=np.ones(2)).told()
     state = np.array(State(1.0, 0.0, 0.0, 1.0, 1.0))
-    given = dict(zip(("change", "size", "scale"), sizes, strict=True))
+    given = dict(zip(("change", "size", "scale"), sizes, strict=True)) | {"rows": np.empty(0)}
     memory = [given.get(name, np.ones(())) for name in MEMORY]
     before = np.empty_like(state), np.empty(())
     assert marched(programs, memory, rule, state, np.empty((0, 6)), before)

@@ -20,19 +20,22 @@ from hfsim.maths.arrays import Array
 AT_ONCE = 32
 """Steps that are made before anybody is told of them."""
 PROGRAMS = (
-    *("start", "guess", "renew", "reach", "prepare", "correct", "small", "finite"),
+    *("start", "guess", "renew", "reach", "prepare", "correct", "small", "finite", "stage"),
     *("end", "closer", "steadier", "look", "count"),
 )
-"""What a step is put together from: as in `hfsim.integrators._recorded`, but ``renew``: ``derive``."""
+"""What a step is put together from: as in `hfsim.integrators._recorded`, but ``renew``: ``derive``; and
+``stage``: the next one of an explicit step."""
 MEMORY = (
     *("t", "h", "q", "v", "start", "stages", "change", "size", "scale"),
     *("q_end", "v_end", "series", "error", "rate_error", "frequency", "taken"),
+    *("rows", "row", "found"),
     *("miss", "slip", "q_closed", "v_closed", "positive", "q_looked", "v_looked", "farthest"),
 )
 """What that works on: where a step begins and its length, accelerations at its start and its stages, sizes of
-a correction and of the coordinates; what it leads to, where the derivative was taken; by how much joints fail
-and where they do not, which coordinates have to be positive, and how far angles leave what is known of them
-in a step that ends somewhere."""
+a correction and of the coordinates; what it leads to, where the derivative was taken; what explicit stages
+are made of, all and that of now, and the accelerations there; by how much joints fail and where they do not,
+which coordinates have to be positive, and how far angles leave what is known of them in a step that ends
+somewhere."""
 
 
 class Rule(NamedTuple):
@@ -73,7 +76,7 @@ class Rule(NamedTuple):
     regrowth: float
     """Of the cap, from step to step."""
     at_end: float
-    """Whether the last stage is the end of the step."""
+    """Number of the stage that is the end of the step; 0: none."""
     rounding: float
     """Violation of joints at which there is nothing to move."""
     closings: float

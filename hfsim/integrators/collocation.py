@@ -347,7 +347,7 @@ class CollocationStepper(Stepper):
         iterations = (*limits(self._tolerance), LINEAR, MAX_ITERATIONS, self._tolerance, self.reach)
         lengths = (TARGET, 1.0 / (stages + 1), FAINT, RUNGS, np.inf, self._resolved, self._stiff)
         serving = (SERVES, SERVES_WELL, SHRUNK, self._steady, REGROWTH)
-        ending = (self._at_end, ROUNDING, closings, NEAR)
+        ending = (self._at_end * stages, ROUNDING, closings, NEAR)
         return Rule(*iterations, *lengths, *serving, *ending, np.ravel(self.growths)).told()
 
 

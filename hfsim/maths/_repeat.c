@@ -17,9 +17,9 @@ static int ended(Ending *e, int k, double change, double size) {
 }
 
 /* What steps are put together from, what they work on, and what is told of them: see integrators/_ordinary.py. */
-enum { START, GUESS, RENEW, REACH, PREPARE, CORRECT, SMALL, FINITE, END, CLOSER, STEADIER, LOOK, COUNT, PROGRAMS };
+enum { START, GUESS, RENEW, REACH, PREPARE, CORRECT, SMALL, FINITE, STAGE, END, CLOSER, STEADIER, LOOK, COUNT, PROGRAMS };
 enum { TIME, LENGTH, Q, V, FIRST, STAGES, CHANGE, SIZE, SCALE, Q_END, V_END, SERIES, ERROR, RATE_ERROR, FREQUENCY, TAKEN,
-       MISS, SLIP, Q_CLOSED, V_CLOSED, POSITIVE, Q_LOOKED, V_LOOKED, FARTHEST, RULE, STATE, BEFORE, TAKEN_BEFORE, KEPT, ARRAYS };
+       ROWS, ROW, FOUND, MISS, SLIP, Q_CLOSED, V_CLOSED, POSITIVE, Q_LOOKED, V_LOOKED, FARTHEST, RULE, STATE, BEFORE, TAKEN_BEFORE, KEPT, ARRAYS };
 typedef struct {
     double goal, near, last_digit, linear, most, tolerance, reach, target, power, faint, rungs, end, resolved, stiff, serves, serves_well, shrunk,
         steady, regrowth, at_end, rounding, closings, turned, growth[][2];
@@ -29,13 +29,39 @@ typedef struct { Py_buffer program[PROGRAMS], array[ARRAYS]; PyObject *calls; do
 
 static int part(const March *m, int k) { return replay(&m->program[k], m->calls); }
 
+/* Find the accelerations at the start of a step if they are not known. */
+static int started(const March *m) {
+    State *s = (State *)m->at[STATE];
+    if (s->known != 0) return 0;
+    s->begun++;
+    return part(m, START);
+}
+
+/* Try a step of an explicit method: the stages after the first one, each from those before it. */
+static int staged(const March *m) {
+    State *s = (State *)m->at[STATE];
+    const i64 width = m->array[ROW].len, n = m->array[Q].len;
+    char *rows = (char *)m->at[ROWS], *stages = (char *)m->at[STAGES];
+    if (started(m)) return -1;
+    s->known = s->converged = 1;
+    memset(stages, 0, m->array[STAGES].len); memcpy(stages, m->at[FIRST], n);
+    for (const char *end = rows + m->array[ROWS].len; rows < end; rows += width) {
+        memcpy(m->at[ROW], rows, width);
+        if (PyErr_CheckSignals() || part(m, STAGE)) return -1;
+        memcpy(stages += n, m->at[FOUND], n);
+        s->total++;
+    }
+    return part(m, END);
+}
+
 /* Try a step: guess its stages, take the derivative anew if that is old, correct until that ends. */
 static int attempted(const March *m) {
     const Rule *r = (Rule *)m->at[RULE];
     State *s = (State *)m->at[STATE];
     const double h = *m->at[LENGTH], *change = m->at[CHANGE], *size = m->at[SIZE];
     int k = 0, outcome = 0;
-    if (s->known == 0) { if (part(m, START)) return -1; s->begun++; }
+    if (m->array[ROWS].len) return staged(m);
+    if (started(m)) return -1;
     if (s->known < 2 && part(m, GUESS)) return -1;
     s->known = 1;
     if (s->old) {
@@ -102,7 +128,7 @@ static void kept(const March *m, int at, double error) {
     State *s = (State *)m->at[STATE];
     double *t = m->at[TIME];
     const double h = *m->at[LENGTH], most = s->cap / h;
-    const i64 state = m->array[Q].len, series = m->array[SERIES].len, stages = m->array[STAGES].len;
+    const i64 state = m->array[Q].len, series = m->array[SERIES].len;
     char *row = (char *)m->at[KEPT] + (i64)s->made++ * (24 + 2 * state + series);
     const int growths = (int)((m->array[RULE].len - sizeof *r) / sizeof *r->growth);
     int k = 0;
@@ -111,8 +137,8 @@ static void kept(const March *m, int at, double error) {
     memcpy(row, &s->rejected, 8); memcpy(row + 8, t, 8); memcpy(row + 16, &h, 8);
     memcpy(row + 24, m->at[at], state); memcpy(row + 24 + state, m->at[at + 1], state); memcpy(row + 24 + 2 * state, m->at[SERIES], series);
     memcpy(m->at[Q], m->at[at], state); memcpy(m->at[V], m->at[at + 1], state);
-    if (r->at_end) memcpy(m->at[FIRST], (char *)m->at[STAGES] + stages - state, state);
-    s->known = r->at_end; s->served++; s->cap *= r->regrowth; s->rejected = 0.0;
+    if (r->at_end) memcpy(m->at[FIRST], (char *)m->at[STAGES] + (i64)(r->at_end - 1) * state, state);
+    s->known = r->at_end > 0; s->served++; s->cap *= r->regrowth; s->rejected = 0.0;
     s->old = s->served >= r->serves || s->iterations > r->serves_well;
     *t = h == r->end - *t ? r->end : *t + h;
     lengthen(m, h < 0.5 * s->wish ? s->wish : h * (growth < 0.2 ? 0.2 : growth > 5.0 ? 5.0 : growth));
