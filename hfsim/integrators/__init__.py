@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from importlib import import_module
 from pkgutil import resolve_name
 
 from hfsim.integrators._base import Attempt, Integrator, Limits, Method, Options, Stability, Stepper
@@ -50,13 +48,6 @@ def steps_in_absolute_coordinates(method: str) -> bool:
     return method != "auto" and integrator(method).constant_mass
 
 
-def import_for(methods: Iterable[str]) -> None:
-    """Import what takes long and without which these methods make no step."""
-    for name in methods:
-        if name != "auto" and integrator(name).imports:
-            import_module(integrator(name).imports)
-
-
 __all__ = [
     "METHODS",
     "Attempt",
@@ -75,7 +66,6 @@ __all__ = [
     "Stepping",
     "Trajectory",
     "choose",
-    "import_for",
     "integrate",
     "integrator",
     "joined",

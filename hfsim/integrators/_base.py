@@ -164,6 +164,9 @@ class Stepper(Remembering):
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take note that the step was kept and, after projection, ended in this state."""
 
+    def cross(self) -> None:
+        """Take note that there is a break where the next step begins."""
+
 
 class Method(Protocol):
     """An integrator with its options, before it has seen a problem."""
@@ -212,8 +215,6 @@ class Integrator:
         Place in a race: what was seen to win comes first, as it makes the others short.
     rescue : float
         Place among the methods that are tried where another one failed; infinite: it is not.
-    imports : str
-        Module that takes long to import, and without which it makes no step.
     """
 
     make: Callable[[Options], Method]
@@ -222,7 +223,6 @@ class Integrator:
     constant_mass: bool = False
     rank: float = np.inf
     rescue: float = np.inf
-    imports: str = ""
 
 
 def relative(change: Array, q: Array, tolerance: float) -> float:

@@ -9,8 +9,13 @@ from __future__ import annotations
 
 from math import log2
 
-from hfsim.integrators._ending import MAX_ITERATIONS
+import numpy as np
 
+from hfsim.integrators._ending import MAX_ITERATIONS
+from hfsim.maths.arrays import Array
+
+SAME_TIME = 1e-14
+"""Difference of two times, relative to the end of a run, that is rounding."""
 TARGET = 0.4
 """Error at which steps are aimed, over the tolerance."""
 FAINT = 1e-6
@@ -42,3 +47,12 @@ def fitted(wish: float, rest: float, fixed: bool = False) -> float:
     if rest <= wish * (1.0 + 1e-9):
         return rest
     return 0.5 * rest if not fixed and rest < 2.0 * wish else wish
+
+
+def stretches(breaks: Array, start: float, t_end: float) -> Array:
+    """Return the start, those of the sorted breaks that differ from one another and the ends, and the end."""
+    times, least = [start], SAME_TIME * t_end
+    for t in breaks.tolist():
+        if t - times[-1] > least and t_end - t > least:
+            times.append(t)
+    return np.array([*times, t_end])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from math import isfinite
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from hfsim.errors import HfsimError, LimitReached, SolverFailure
 from hfsim.integrators._base import Attempt, Limits, Method, Stepper, unsolved
-from hfsim.integrators._lengths import fitted
+from hfsim.integrators._lengths import SAME_TIME, fitted, stretches
 from hfsim.integrators._memory import Memory, packed, unpacked
 from hfsim.integrators._ordinary import AT_ONCE, keep_all
 from hfsim.integrators._pace import Pace
@@ -20,8 +21,6 @@ from hfsim.maths.arrays import Array, are_finite
 
 IN_A_ROW = 3
 """Unsolved steps one after another from which it is looked whether something is not finite."""
-SAME_TIME = 1e-14
-"""Difference of two times, relative to the end of a run, that is rounding."""
 AHEAD = 1e-4
 """Length of a step, relative to the duration, up to which what lies at its end is to blame."""
 
@@ -91,7 +90,7 @@ class Stepping:
         self._problem, self._method, self._limits, self._watch = problem, method, limits, watch
         self._t_end, self._duration = t_end, t_end - start[0]
         self._almost = t_end * (1.0 - SAME_TIME)
-        self._breaks = _stretches(problem.breaks, start[0], t_end)
+        self._breaks = stretches(problem.breaks, start[0], t_end)
         self._pace = Pace(start[0], t_end)
         self._stepper: Stepper | None = None
         self._wish, self._reach, self._behind_break = 0.0, 0.0, False
@@ -205,26 +204,39 @@ class Stepping:
                 self._wish = float(h * min(max(attempt.growth, 0.2), 5.0))
             self._keep(stepper, attempt, tried)
 
-    def _ahead(self, stepper: Stepper) -> bool:
+    def _ahead(self, stepper: Stepper, most: int | None = None) -> bool:
         """Keep ordinary steps that are made at once; tell whether some are, and no more is known."""
         path, limits, counts, end = self.path, self._limits, self._problem.counts, self._stretch[1]
-        room = AT_ONCE if limits.max_steps is None else min(AT_ONCE, limits.max_steps - counts.steps)
+        before, most = len(path.segments), most or AT_ONCE
+        room = most if limits.max_steps is None else min(most, limits.max_steps - counts.steps)
         if room < 1 or limits.step is not None or not self._problem.plain:
             return False
-        try:
+        self._kept = self._memories()
+        ahead = None
+        with suppress(np.linalg.LinAlgError):  # the attempt that follows will raise it again
             ahead = stepper.ahead(path.t_end, path.q, path.v, self._wish, end, room)
-        except np.linalg.LinAlgError:  # as the attempt that follows will
-            return False
         if ahead is None:
             return False
         self._wish = ahead.state.wish
         stop = keep_all(ahead, path, self._problem, self._pace, self._watch)
-        if len(ahead.rows):
+        if isinstance(stop, SolverFailure):
+            self._remember_again(stepper, len(path.segments) - before)
+        elif len(ahead.rows):
             self._name(stepper)
             self._kept, self._behind_break = self._memories(), False
         if stop is not None:
             raise stop
         return len(ahead.rows) > 0 and ahead.tried is None
+
+    def _remember_again(self, stepper: Stepper, made: int) -> None:
+        """Make so many steps anew, the first of those that were made at once: memories are of the last."""
+        self._drop_unkept()
+        stepper.recall(kept := self._kept["stepper"]())
+        self._wish = kept["wish"]
+        self._pace.recall(self._kept["pace"]())
+        self._problem.counts.recall(self._kept["counts"]())
+        if made:
+            self._ahead(stepper, made)
 
     def _begin(self) -> Stepper:
         """Start the method, or take it up where it was put down."""
@@ -251,6 +263,8 @@ class Stepping:
         k = int(np.searchsorted(self._breaks, t, side="right"))
         self._go_into(k - 1, k)
         self._behind_break = k > 1
+        if self._behind_break:
+            stepper.cross()
         reach = min(max(fixed or self._wish, before), self._t_end - t)
         stepper.reach = self._reach = reach if reach > self._stretch[1] - t else 0.0
         changes = fixed is not None or bool(before) != bool(self._reach)
@@ -292,6 +306,8 @@ class Stepping:
             attempt = stepper.attempt(path.t_end, path.q, path.v, h)
             if not attempt.solved:
                 return attempt if isfinite(attempt.growth) else unsolved()
+            if attempt.error > 1.0 and self._limits.step is None:
+                return attempt
             if not are_finite(attempt.q, attempt.v) or not problem.admissible(attempt.q):
                 return unsolved()
             if problem.project is not None and not attempt.closed:
@@ -368,8 +384,7 @@ class Stepping:
 
     def _refuse_collapse(self, wish: float) -> None:
         """Raise the cause when steps have become too short to go on."""
-        begin, end = self._stretch
-        shortest = max(self._limits.shortest * (end - begin), float(np.spacing(self._t_end)))
+        shortest = max(self._limits.shortest * float(np.ptp(self._stretch)), float(np.spacing(self._t_end)))
         if wish > max(self._limits.short * self._duration, shortest):
             return
         if (cause := self._problem.breakdown(self.path.t_end, self.path.q)) is not None:
@@ -383,12 +398,3 @@ class Stepping:
         t, q, v = self.path.t_end, self.path.q, self.path.v
         found = self._problem.culprit
         return found(t, q, v) or (found(t + h, q + h * v, v) if h else None)
-
-
-def _stretches(breaks: Array, start: float, t_end: float) -> Array:
-    """Return the start, those of the sorted breaks that differ from one another and the ends, and the end."""
-    times, least = [start], SAME_TIME * t_end
-    for t in breaks.tolist():
-        if t - times[-1] > least and t_end - t > least:
-            times.append(t)
-    return np.array([*times, t_end])

@@ -47,7 +47,7 @@ class Marched:
         from hfsim.maths.recorder import Recorder
 
         tape: Any = Recorder()
-        self._tape, self.calls = tape, tape.told
+        self._tape, self.calls, self._nothing = tape, tape.told, Program(NOTHING, tape.calls, None)
         self._inputs = Place(*(tape.input(np.asarray(one, dtype=float)) for one in place))
         self._place = list(map(plain, self._inputs))
         self._restore = tape.renew
@@ -91,7 +91,7 @@ class Marched:
         if closing:
             names |= {"end": ("end", SEEN), "closer": (CLOSER,), "steadier": (STEADIER,)}
         for name in {one for part in PROGRAMS for one in names.get(part, (part,))}:
-            self._programs.setdefault((name,), Program(NOTHING, [], None))
+            self._programs.setdefault((name,), self._nothing)
         memory = dict(zip(("t", "q", "v", "h"), self._place, strict=True))
         memory |= {"start": self.a0, "stages": self.a, "taken": self.taken_at}
         memory |= {"q_end": end.q, "v_end": end.v, "series": end.series}

@@ -92,6 +92,11 @@ class Often(Remembering):
         """Return how long the run goes on from a time [s]."""
         return self._end - t
 
+    def need(self, kind: str, calls: float) -> None:
+        """Replay from now on what is to be called so often, if that pays."""
+        if kind not in self.chosen and calls > self._many:
+            self.take(kind)
+
     def take(self, *kinds: str) -> None:
         """Replay from now on what is sure to be called often."""
         if self._wanted:

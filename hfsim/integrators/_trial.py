@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from hfsim.integrators._along import looked
+from hfsim.integrators._along import looked as along
 from hfsim.integrators._closing import tried as moved
 from hfsim.integrators._derivative import Derivative
 from hfsim.integrators._iteration import Iteration, Kind, Place
@@ -34,12 +34,22 @@ class InNumPy(Iteration):
 
     def closed(self, q: Array, v: Array) -> list[Array]:
         """Return what the functions of the projection return at an end."""
-        t, project = np.array([self._place.t + self._place.h]), self._problem.project
-        return moved(Projection(project.system), t, q, v) if isinstance(project, Projection) else []
+        return closed(self._problem, self._place, q, v)
 
     def looked(self, series: Array, q: Array, v: Array) -> list[Array]:
         """Return what is seen along the step, with an end."""
-        return list(looked(self._problem, self._place, series, q, v))
+        return looked(self._problem, self._place, series, q, v)
+
+
+def closed(problem: Problem, place: Place, q: Array, v: Array) -> list[Array]:
+    """Return what the functions of the projection return at an end (n,) of a step."""
+    t, project = np.array([place.t + place.h]), problem.project
+    return moved(Projection(project.system), t, q, v) if isinstance(project, Projection) else []
+
+
+def looked(problem: Problem, place: Place, series: Array, q: Array, v: Array) -> list[Array]:
+    """Return what is seen along a step with such an end (n,)."""
+    return list(along(problem, place, series, q, v))
 
 
 def tried(step: Any, place: Place, begun: Any = None) -> tuple[Any, list[list[Array]]]:

@@ -1,54 +1,48 @@
-"""Explicit Runge-Kutta pair of order 8 (Dormand and Prince; Hairer, Norsett and Wanner II.10).
-
-The coefficients are those of SciPy's DOP853; the step is made here, where projection onto the
-constraints and the shared loop can take hold of it.
-"""
+"""Explicit Runge-Kutta-Nystrom steps, all of them native where that pays."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache, partial
-from typing import Any
+from threading import get_ident
 
 import numpy as np
 
-from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper, aimed
-from hfsim.integrators._often import LARGE
+from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper
+from hfsim.integrators._iteration import End, Place
+from hfsim.integrators._lengths import FAINT, RUNGS, SHRUNK, TARGET, factor, fitted
+from hfsim.integrators._nystrom import Nystrom, Step, order_8
+from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
 from hfsim.integrators._problem import Problem
-from hfsim.integrators._tableau import legendre
+from hfsim.integrators._staged import UNKNOWN, Staged
 from hfsim.maths.arrays import Array
+from hfsim.maths.replayed import UNREADABLE
+from hfsim.mechanics.projection import MOST, ROUNDING
+from hfsim.mechanics.turns import NEAR
 
-EVALUATIONS = 15
-"""In a step: of its stages, of its end and of points inside."""
-
-
-@lru_cache(maxsize=1)
-def _table() -> Any:
-    from scipy.integrate import DOP853  # a third of a second: only for those who ask for this method
-
-    return DOP853
-
-
-@lru_cache(maxsize=1)
-def _inner_points() -> tuple[Array, Array]:
-    """Places in the step, and the matrix from velocity increments there to a Legendre series."""
-    theta = 0.5 * (1.0 - np.cos(np.pi * (np.arange(8) + 1.0) / 8.0))
-    _, once, _ = legendre(theta, 7)
-    return theta, np.linalg.pinv(once)
+GROWTH = 4.0
+"""How much longer a step may be than the one before."""
+REGROWTH = 1.005
+"""How much longer a step may be than the last limit, which was set by one too long, to the power of the
+number of steps since."""
+STEPS = "explicit steps"
+"""By what they are told from others where functions are chosen that are replayed."""
 
 
 @dataclass(frozen=True)
 class Explicit:
-    """DOP853 with projection.
+    """An explicit method with projection.
 
     Attributes
     ----------
     tolerance : float
         Local error per step, relative above 1.
+    table : callable
+        Gives that of the method.
     """
 
     tolerance: float
+    table: Callable[[], Nystrom] = order_8
     name: str = "explicit"
     stages: int | None = None
 
@@ -58,108 +52,120 @@ class Explicit:
 
 
 class ExplicitStepper(Stepper):
-    """DOP853 at work; its first step is cautious."""
+    """An explicit method at work; its first step is cautious."""
 
-    remembers = ("_f",)
+    remembers = ("_known", "_cap", "_served")
 
     def __init__(self, method: Explicit, problem: Problem, t: float, q: Array, v: Array) -> None:
         self.name, self._tolerance, self._problem = method.name, method.tolerance, problem
-        self._f = self._rates(t, q, v)
-        size = float((np.abs(self._f[len(q) :]) / (1.0 + np.abs(q))).max())
-        self.first = float(self._tolerance ** (1.0 / 8.0)) / float(np.sqrt(max(size, 1.0)))
+        self._table = table = method.table()
+        problem.count(q[None])
+        self._known: Array = problem.at(t, q, v)
+        size = float((np.abs(self._known) / (1.0 + np.abs(q))).max())
+        self.first = float(self._tolerance ** (1.0 / table.order)) / float(np.sqrt(max(size, 1.0)))
+        self._end = 0 if problem.project is not None else table.end
+        """Number of the stage that is the start of the next step; 0: none."""
+        self._last, self._tried, self._cap, self._served = UNKNOWN, False, np.inf, 0
+        closings, never = MOST if problem.project is not None else 0, np.inf
+        self._rule = Rule(
+            goal=0.0, near=0.0, last_digit=0.0, linear=0.0, most=0.0, tolerance=self._tolerance, reach=0.0,
+            target=TARGET, power=1.0 / table.order, faint=FAINT, rungs=RUNGS, end=0.0, resolved=never,
+            stiff=0.0, serves=never, serves_well=never, shrunk=SHRUNK, steady=0.0, regrowth=REGROWTH,
+            at_end=self._end, rounding=ROUNDING, closings=closings, turned=NEAR,
+            growths=np.array([never, GROWTH]),
+        ).told()  # fmt: skip
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Make one step of length h and estimate its error."""
-        problem, n = self._problem, len(q)
-        # velocities count over a step
-        given = (t, np.concatenate([q, v]), h, self._f, self._tolerance, max(min(h, 1.0), self.reach))
-        if n > LARGE:
-            y1, series, errors = _made(problem.single, *given)
-        else:
-            counts = problem.counts
-            counts.calls, counts.evaluations = counts.calls + EVALUATIONS, counts.evaluations + EVALUATIONS
-            y1, series, errors = problem.often.call("explicit step", partial(_made, problem.at), given)
-        error = _joined(errors, h, 2 * n)
-        return Attempt(error=error, growth=aimed(error, 8.0), q=y1[:n], v=y1[n:], series=series)
+        place = Place(t, q, v, h)
+        steps = self._steps(place)
+        self._made_natively = steps is not None
+        end = self._in_numpy(place) if steps is None else self._natively(steps, place)
+        error = max(float(end.error), self.reach * float(end.rate_error)) / self._tolerance
+        growth = factor(error, self._table.order - 1, np.inf if error > 1.0 else min(GROWTH, self._cap / h))
+        if error > 1.0:
+            self._cap, self._served = h * min(max(growth, 0.1), 0.9), 0
+        return Attempt(error, growth, *end[:3], end.closed, end.seen)
+
+    def ahead(self, t: float, q: Array, v: Array, h: float, end: float, room: int) -> Ahead | None:
+        """Make ordinary steps natively, and one more attempt, of which `attempt` then tells."""
+        place = Place(t, q, v, fitted(h, end - t))
+        steps = self._steps(place)
+        if steps is None or not steps.whole:
+            return None
+        ahead = self._march(steps, place, h, end, room)
+        if len(ahead.rows):
+            steps.tell(self._problem.turns)
+            self._known = steps.a0.copy() if self._end else UNKNOWN
+        self._tried = ahead.tried is not None
+        return ahead
 
     def accept(self, t: float, q: Array, v: Array) -> None:
-        """Evaluate the projected state, from which the next step starts."""
-        self._f = self._rates(t, q, v)
+        """Take note of the accelerations at the end, if they are known."""
+        self._problem.counts.native += self._made_natively
+        self._known, self._served = self._last, self._served + 1
+        self._cap *= REGROWTH**self._served
 
-    def _rates(self, t: float, q: Array, v: Array) -> Array:
-        return np.concatenate([v, self._problem.single(t, q, v)])
+    def cross(self) -> None:
+        """Find the accelerations behind a break anew: they may have jumped."""
+        self._known = UNKNOWN
 
+    def _steps(self, place: Place) -> Staged | None:
+        """Return what makes steps natively, from when enough are to come."""
+        problem, often = self._problem, self._problem.often
+        often.need(STEPS, len(self._table.nodes) * often.rest(place.t) / place.h)
+        if STEPS not in often.chosen:
+            return None
+        kept = problem.recordings.setdefault(get_ident(), {})
+        key = STEPS, self._table
+        if key not in kept:
+            try:
+                kept[key] = Staged(problem.apart(), self._table, place, self._known)
+            except UNREADABLE as why:
+                kept[key] = why
+        return kept[key] if isinstance(kept[key], Staged) else None
 
-def _made(
-    at: Callable[[Any, Array, Array], Array], t: Any, y: Array, h: Any, f: Array, tolerance: Any, rates: Any
-) -> tuple[Array, Array, Array]:
-    """Return the end of a step, its series, and the squares of the errors of orders 5 and 3.
+    def _natively(self, steps: Staged, place: Place) -> End:
+        if not self._tried:
+            self._march(steps, place)
+        self._tried = False
+        self._last = steps.a[self._end - 1].copy() if self._end else UNKNOWN
+        self._known = steps.a0.copy()
+        return steps.result()
 
-    Parameters
-    ----------
-    at : callable
-        (t, q, v) -> accelerations (n,).
-    y, f : ndarray, shape (2 n,)
-        State at the start, (q, v), and its rate.
-    tolerance : float
-    rates : float
-        Time over which errors of velocities count.
-    """
-    table, n = _table(), len(y) // 2
-    K = np.empty((16, len(y)))
-    K[0] = f
+    def _march(
+        self, steps: Staged, place: Place, wish: float = 0.0, end: float = np.inf, room: int = 0
+    ) -> Ahead:
+        rule, counts = self._rule, self._problem.counts
+        rule[REACH], rule[END] = self.reach, end
+        steps.begin(place)
+        if len(self._known):
+            steps.a0[...] = self._known
+        known = float(len(self._known) > 0)
+        ahead = steps.march(rule, State(known, 0.0, self._served, self._cap, wish or place.h), room)
+        last = ahead.tried or ahead.state
+        self._cap, self._served = ahead.state.cap, int(ahead.state.served)
+        made = int(last.total)
+        counts.calls, counts.evaluations = counts.calls + made, counts.evaluations + made
+        counts.native += int(last.made)
+        return ahead
 
-    def evaluate(s: int, c: float, there: Array) -> None:
-        K[s, :n], K[s, n:] = there[n:], at(t + c * h, there[:n], there[n:])
-
-    for s in range(1, 12):
-        evaluate(s, table.C[s], y + h * (table.A[s, :s] @ K[:s]))
-    y1 = y + h * (table.B @ K[:12])
-    evaluate(12, 1.0, y1)
-    for s, (row, c) in enumerate(zip(table.A_EXTRA, table.C_EXTRA, strict=True), start=13):
-        evaluate(s, c, y + h * (row[:s] @ K[:s]))
-    scale = tolerance * (1.0 + np.maximum(np.abs(y[:n]), np.abs(y1[:n])))
-    errors = np.stack([table.E5, table.E3]) @ K[:13] / np.concatenate([scale, scale / rates])
-    return y1, _series(y1[n:] - y[n:], K[:, n:], h), np.sum(errors * errors, axis=1)
-
-
-def _joined(squares: Array, h: float, count: int) -> float:
-    """Return the error that the squares of those of orders 5 and 3 of a number of entries come to."""
-    fifth, third = squares.tolist()
-    if fifth == 0.0 and third == 0.0:
-        return 0.0
-    return float(h * fifth / np.sqrt((fifth + 0.01 * third) * count))
-
-
-def _series(dv: Array, a: Array, h: Any) -> Array:
-    """Return the accelerations of the pair's own interpolant of order 7.
-
-    Parameters
-    ----------
-    dv : ndarray, shape (n,)
-        Change of the velocities.
-    a : ndarray, shape (16, n)
-        Accelerations at the stages.
-    """
-    F = np.empty((7, len(dv)))
-    F[0] = dv
-    F[1] = h * a[0] - dv
-    F[2] = 2.0 * dv - h * (a[12] + a[0])
-    F[3:] = h * (_table().D @ a)
-    theta, to_series = _inner_points()
-    increments = np.zeros((len(theta), len(dv)))
-    for i in range(6, -1, -1):
-        increments = (increments + F[i]) * (theta if i % 2 == 0 else 1.0 - theta)[:, None]
-    return np.asarray(to_series @ increments / h)
+    def _in_numpy(self, place: Place) -> End:
+        step = Step(self._problem, self._table, place)
+        if not len(self._known):
+            self._known = self._problem.single(*place[:3])
+        a = step.stages(self._known)
+        self._last = a[self._end - 1] if self._end else UNKNOWN
+        return step.end(a)
 
 
 def amplification(y: Array, order: int | None = None) -> Array:
     """Return |R(iy)|, R(z) = 1 + sum_k b A^k 1 z^(k+1), for y = w h."""
-    A, b = _table().A[:12, :12], _table().B
-    R, power, factor = np.ones(len(y), dtype=complex), np.ones(12), 1j * y
+    table = order_8()
+    R, power, step = np.ones(len(y), dtype=complex), np.ones(len(table.b)), 1j * y
     for k in range(12):
-        R = R + float(b @ power) * factor ** (k + 1)
-        power = A @ power
+        R = R + float(table.b @ power) * step ** (k + 1)
+        power = table.A @ power
     return np.abs(R)
 
 
@@ -167,6 +173,4 @@ def _make(solve: Options) -> Explicit:
     return Explicit(solve.tolerance)
 
 
-EXPLICIT = Integrator(
-    _make, Stability("stable up to wh = 6", amplification), rank=6, imports="scipy.integrate"
-)
+EXPLICIT = Integrator(_make, Stability("stable up to wh = 6", amplification), rank=6)

@@ -29,28 +29,20 @@ typedef struct { Py_buffer program[PROGRAMS], array[ARRAYS]; PyObject *calls; do
 
 static int part(const March *m, int k) { return replay(&m->program[k], m->calls); }
 
-/* Find the accelerations at the start of a step if they are not known. */
-static int started(const March *m) {
-    State *s = (State *)m->at[STATE];
-    if (s->known != 0) return 0;
-    s->begun++;
-    return part(m, START);
-}
-
-/* Try a step of an explicit method: the stages after the first one, each from those before it. */
+/* Try a step of an explicit method, stage after stage; the first one is its start. */
 static int staged(const March *m) {
     State *s = (State *)m->at[STATE];
     const i64 width = m->array[ROW].len, n = m->array[Q].len;
-    char *rows = (char *)m->at[ROWS], *stages = (char *)m->at[STAGES];
-    if (started(m)) return -1;
-    s->known = s->converged = 1;
-    memset(stages, 0, m->array[STAGES].len); memcpy(stages, m->at[FIRST], n);
-    for (const char *end = rows + m->array[ROWS].len; rows < end; rows += width) {
-        memcpy(m->at[ROW], rows, width);
+    char *row = (char *)m->at[ROWS], *end = row + m->array[ROWS].len, *stage = (char *)m->at[STAGES];
+    memset(stage, 0, m->array[STAGES].len);
+    if (s->known) { memcpy(stage, m->at[FIRST], n); stage += n; row += width; }
+    for (s->total += (double)((end - row) / width); row < end; row += width, stage += n) {
+        memcpy(m->at[ROW], row, width);
         if (PyErr_CheckSignals() || part(m, STAGE)) return -1;
-        memcpy(stages += n, m->at[FOUND], n);
-        s->total++;
+        memcpy(stage, m->at[FOUND], n);
     }
+    memcpy(m->at[FIRST], m->at[STAGES], n);
+    s->known = s->converged = 1;
     return part(m, END);
 }
 
@@ -61,7 +53,7 @@ static int attempted(const March *m) {
     const double h = *m->at[LENGTH], *change = m->at[CHANGE], *size = m->at[SIZE];
     int k = 0, outcome = 0;
     if (m->array[ROWS].len) return staged(m);
-    if (started(m)) return -1;
+    if (s->known == 0) { if (part(m, START)) return -1; s->begun++; }
     if (s->known < 2 && part(m, GUESS)) return -1;
     s->known = 1;
     if (s->old) {
@@ -138,7 +130,8 @@ static void kept(const March *m, int at, double error) {
     memcpy(row + 24, m->at[at], state); memcpy(row + 24 + state, m->at[at + 1], state); memcpy(row + 24 + 2 * state, m->at[SERIES], series);
     memcpy(m->at[Q], m->at[at], state); memcpy(m->at[V], m->at[at + 1], state);
     if (r->at_end) memcpy(m->at[FIRST], (char *)m->at[STAGES] + (i64)(r->at_end - 1) * state, state);
-    s->known = r->at_end > 0; s->served++; s->cap *= r->regrowth; s->rejected = 0.0;
+    s->known = r->at_end > 0; s->served++; s->rejected = 0.0;
+    s->cap *= m->array[ROWS].len ? pow(r->regrowth, s->served) : r->regrowth;
     s->old = s->served >= r->serves || s->iterations > r->serves_well;
     *t = h == r->end - *t ? r->end : *t + h;
     lengthen(m, h < 0.5 * s->wish ? s->wish : h * (growth < 0.2 ? 0.2 : growth > 5.0 ? 5.0 : growth));
@@ -153,9 +146,11 @@ static int refused(const March *m, double error) {
     s->old = !s->converged;
     if (s->old && s->served) return 0; /* the same with a derivative of its own */
     const double growth = s->converged ? factor(r, error, HUGE_VAL) : r->shrunk;
+    const double shorter = h * (growth < 0.1 ? 0.1 : growth > 0.9 ? 0.9 : growth);
     if (s->old) s->cap = r->shrunk * h;
+    if (m->array[ROWS].len) { s->cap = shorter; s->served = 0.0; }
     s->rejected = 1.0;
-    lengthen(m, h * (growth < 0.1 ? 0.1 : growth > 0.9 ? 0.9 : growth));
+    lengthen(m, shorter);
     return 0;
 }
 

@@ -12,7 +12,6 @@ Nothing is printed or written here.
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -33,8 +32,6 @@ SURE = 3.0
 """Factor from which one measurement is enough; below it both are timed again, and the shorter times count."""
 SLACK = 0.1
 """Part of the time allowed for a race by which it may be behind."""
-IMPORT = 0.4
-"""CPU time of importing what a method cannot do without [s]."""
 TRIES = 4
 """Tolerances of one method in a contest."""
 _ORDER = 0.7
@@ -196,7 +193,7 @@ class Contest:
         seen: list[tuple[float, float]] = []
         while len(seen) < TRIES:
             turn = self.open[name]
-            if self.allowance() < (turn.needs or 0.5 * limit + (IMPORT if _imports(name) else 0.0)):
+            if self.allowance() < (turn.needs or 0.5 * limit):
                 return None
             probe, entry = self._race(name, turn.tolerance, limit, best or self.mark)
             self.probes.append(probe)
@@ -235,7 +232,7 @@ class Contest:
         except DeckError as refusal:
             return ended("refused", refusal.problems[0].message)
         solve = scene.deck.solve
-        # imports and tables are no part of the method's cost
+        # tables are no part of the method's cost
         first = solved(scene, solve.model_copy(update={"max_steps": 1}))[0].in_time().stop
         if isinstance(first, SolverFailure):
             return ended("refused" if first.kind == "deck" else "failed", str(first))
@@ -279,11 +276,6 @@ class Contest:
         ratio = f"timed again, {mark / mine:.2g} times sooner"
         self.probes[-1] = replace(self.probes[-1], cpu=mine, to_beat=mark, reason=ratio)
         return replace(entry, cpu=mine, to_beat=mark)
-
-
-def _imports(name: str) -> bool:
-    needed = integrator(name).imports
-    return bool(needed) and needed not in sys.modules
 
 
 def _tighter(seen: Sequence[tuple[float, float]], goal: float) -> float:

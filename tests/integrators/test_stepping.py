@@ -320,14 +320,19 @@ def test_a_watch_that_ends_the_run_leaves_the_step_it_saw(monkeypatch):
     assert read(written(run.memory()))["state.t"] == run.path.t_end > 0.0
 
 
-def test_a_crawling_run_ends_where_it_would_have(monkeypatch):
+@pytest.mark.parametrize("method", ["explicit", "auto"])
+def test_a_crawling_run_ends_where_it_would_have(method, monkeypatch):
+    """Also among steps that are made at once: what is remembered is of the last that is kept."""
     monkeypatch.setattr(_pace, "WINDOWS", ((4, 0.0), (6, 0.0)))
     monkeypatch.setattr(_pace, "GAINING", np.inf)
-    whole, _ = stepping("plain", "explicit", None, max_steps=50)
-    memories = [written(whole.memory()) for _ in whole]
-    assert "crawl" in str(whole.stop)
+    whole, _ = stepping("plain", method, None, max_steps=50)
+    with monkeypatch.context() as one_by_one:
+        one_by_one.setattr(_loop, "AT_ONCE", 0)
+        memories = [written(whole.memory()) for _ in whole]
+    assert "crawl" in str(whole.stop) and len(memories) > 2
     for memory in memories:
-        run, _ = stepping("plain", "explicit", None, max_steps=50)
+        run, _ = stepping("plain", method, None, max_steps=50)
         run.recall(read(memory))
-        assert all(True for _ in run)
+        assert len(list(run)) < 2
         assert (run.path.t_end, str(run.stop)) == (whole.path.t_end, str(whole.stop))
+        assert written(run.memory()) == memories[-1]

@@ -378,7 +378,7 @@ def test_short_steps_of_a_stiff_start_are_left_alone(monkeypatch):
     """A chirp down: steps grow all the time, from far below the pace that would be hopeless."""
     monkeypatch.setattr(_pace, "WINDOWS", ((100, 1e7),))
     slowing = Problem(
-        lambda t, q, v: -((100.0 / (t[:, None] + 1e-9)) ** 2) * q, lambda t, q, v: (q, v), dissipates=False
+        lambda t, q, v: -((100.0 / (t[:, None] + 1e-8)) ** 2) * q, lambda t, q, v: (q, v), dissipates=False
     )
     trajectory, stop = integrate(
         slowing, Explicit(1e-6), (0.0, np.ones(1), np.zeros(1)), 1.0, Limits(), lambda *state: None

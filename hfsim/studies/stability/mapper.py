@@ -9,7 +9,6 @@ from functools import partial
 
 from hfsim.deck.ranges import Value, written
 from hfsim.errors import DeckError
-from hfsim.integrators import import_for
 from hfsim.marching.stop import Progress, nobody
 from hfsim.scene.loading import LoadedDeck
 from hfsim.studies.axes import point_overrides
@@ -70,7 +69,6 @@ class Mapper:
         self._job = Job(loaded.source.text, loaded.source.file, (), TRUTH_MODEL, plan.limit, plan.tolerance)
         self._cells: dict[tuple[str, ...], _Cell] = {}
         self._found: dict[Wanted, MapPoint] = {}
-        import_for(plan.methods)  # once here, not in every worker
 
     @property
     def used(self) -> float:

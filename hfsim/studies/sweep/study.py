@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
@@ -12,7 +12,6 @@ from hfsim.deck.overrides import why_unset
 from hfsim.deck.quantities import Quantity, QuantityError, read_quantity
 from hfsim.deck.ranges import Value, Values, written
 from hfsim.errors import DeckError, DeckProblem
-from hfsim.integrators import import_for
 from hfsim.scene.build import build
 from hfsim.scene.loading import LoadedDeck
 from hfsim.scene.schema import Deck
@@ -228,8 +227,6 @@ def do_runs(
     take : callable
         Gets the number of each run, its row and the files kept of it, as they come in.
     """
-    with suppress(DeckError):
-        import_for([setting.load(()).deck.solve.method])  # once here, not in every worker
     limit = _PATIENCE * setting.limit if math.isfinite(setting.limit) else math.inf
 
     work = partial(solve_row, setting, keep)
