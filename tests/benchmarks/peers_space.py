@@ -45,6 +45,7 @@ POINTS = {"chain_of_five": "b5.b", "pendulum_in_space": "b1.tip", "right_angle":
 CHANGES = {"right_angle": ["solve.duration=4"]}
 OWN_ELEMENT = {"right_angle"}
 """Scenes whose elements are others in Exudyn."""
+METHODS = {"hfsim": "auto", "hfsim, explicit": "explicit"}
 LEVELS = tuple(10.0**-k for k in range(2, 11))
 LONGEST = 10.0
 """CPU time that a point may take [s]."""
@@ -53,9 +54,10 @@ HALF = np.array([0.5, 0.0, 0.0])
 Solve = Callable[[], tuple[float, "np.ndarray | None"]]
 
 
-def solve_hfsim(name: str, tolerance: float) -> tuple[float, np.ndarray | None]:
+def solve_hfsim(name: str, tolerance: float, method: str = "auto") -> tuple[float, np.ndarray | None]:
     """Return CPU time of the solve call and path of the last point."""
-    loaded = load_deck(file_of(name), [f"solve.tolerance={tolerance:g}", *CHANGES.get(name, [])])
+    settings = [f"solve.tolerance={tolerance:g}", f"solve.method={method}", *CHANGES.get(name, [])]
+    loaded = load_deck(file_of(name), settings)
     scene = build(loaded)
     begin = time.process_time()
     done = run_integration(scene, loaded.deck.solve)
@@ -237,7 +239,7 @@ def least(points: list[tuple[float, float]], level: float) -> float | None:
 def compare(name: str) -> None:
     """Measure a scene and print its table."""
     reference = solve_hfsim(name, 1e-10 if name in OWN_ELEMENT else 1e-13)[1]
-    runs: dict[str, list[tuple[float, np.ndarray]]] = {"hfsim": [], "Exudyn": []}
+    runs: dict[str, list[tuple[float, np.ndarray]]] = {code: [] for code in (*METHODS, "Exudyn")}
 
     def add(code: str, solve: Solve) -> float:
         """Measure a point; return its CPU time, infinite where it fails though others have not."""
@@ -247,16 +249,17 @@ def compare(name: str) -> None:
         runs[code].append((cpu, path))
         return cpu
 
-    cpu = 0.0
-    for k in range(2, 12):
-        if 4.0 * cpu < LONGEST:
-            cpu = add("hfsim", lambda k=k: solve_hfsim(name, 10.0**-k))
+    for code, method in METHODS.items():
+        cpu = 0.0
+        for k in range(1, 12):
+            if 4.0 * cpu < LONGEST:
+                cpu = add(code, lambda k=k, method=method: solve_hfsim(name, 10.0**-k, method))
     for method in ("TrapezoidalIndex2", "GeneralizedAlpha") if exu else ():
         steps, cpu = len(times_of(name)) - 1, 0.0
         while 2.0 * cpu < LONGEST:
             cpu = add("Exudyn", lambda steps=steps, method=method: solve_exudyn(name, method, steps))
             steps *= 2
-    exact = {"hfsim": reference, "Exudyn": reference}
+    exact = dict.fromkeys(runs, reference)
     if name in OWN_ELEMENT and runs["Exudyn"]:
         # the costliest run has the shortest steps
         exact["Exudyn"] = runs["Exudyn"].pop(int(np.argmax([cpu for cpu, _ in runs["Exudyn"]])))[1]
@@ -264,18 +267,19 @@ def compare(name: str) -> None:
         code: [(float(np.linalg.norm(path - exact[code], axis=1).max()), cpu) for cpu, path in own]
         for code, own in runs.items()
     }
-    print(f"\n### {name}\n\n| error [m] | hfsim [s] | Exudyn [s] | ratio |\n|---|---|---|---|")
+    print(f"\n### {name}\n")
+    print("| error [m] |", *(f"{code} [s] |" for code in runs), *(f"Exudyn / {code} |" for code in METHODS))
+    print("|---" * (len(runs) + len(METHODS) + 1) + "|")
     for level in LEVELS:
-        own, peer = (least(points[code], level) for code in ("hfsim", "Exudyn"))
-        cells = ["-" if one is None else f"{one:.3g}" for one in (own, peer)]
-        print(f"| {level:.0e} | {cells[0]} | {cells[1]} | {f'{peer / own:.2g}' if own and peer else '-'} |")
+        cpus = [least(points[code], level) for code in runs]
+        ratios = [cpus[-1] / own if own and cpus[-1] else None for own in cpus[:-1]]
+        cells = [*(one and f"{one:.3g}" for one in cpus), *(one and f"{one:.2g}" for one in ratios)]
+        print(f"| {level:.0e} |", *(f"{one or '-'} |" for one in cells))
 
 
 if __name__ == "__main__":
     if exu is None:
         print("Exudyn left out: this Python cannot import it")
-    print(
-        "CPU time of the solve call, the cheapest point measured that keeps the error; ratio: Exudyn / hfsim."
-    )
+    print("CPU time of the solve call, the cheapest point measured that keeps the error.")
     for one in sys.argv[1:] or POINTS:
         compare(one)
