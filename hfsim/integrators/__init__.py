@@ -33,13 +33,13 @@ def integrator(name: str) -> Integrator:
 def choose(solve: Options, dissipates: bool) -> Method:
     """Return the method a deck asks for.
 
-    ``auto`` is gauss for steps that resolve the fastest mode and radau for longer ones; all the way radau
-    where dampers ask for damping.
+    ``auto`` is explicit where few steps make the run; else gauss for steps that resolve the fastest mode and
+    radau for longer ones, all the way radau where dampers ask for damping.
     """
     if solve.method == "auto":
-        from hfsim.integrators.collocation import automatic
+        from hfsim.integrators._automatic import chosen
 
-        return automatic(solve, dissipates)
+        return chosen(solve, dissipates)
     return integrator(solve.method).make(solve)
 
 

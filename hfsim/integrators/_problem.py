@@ -144,6 +144,8 @@ class Problem:
         Whether the state are coordinates with a constant mass matrix.
     quartic : bool
         Whether, besides, joints are linear in them and the potential is a polynomial of degree four at most.
+    rigid_tree : bool
+        Whether bodies are rigid and joints close no loops, whose equations may lose their rank.
     breaks : ndarray
         Times at which a step has to end, sorted [s]: between them no law of time hides anything from a method
         that looks at the ends of its steps alone, save those that repeat themselves.
@@ -176,6 +178,7 @@ class Problem:
     strains: Strains | None = None
     constant_mass: bool = True
     quartic: bool = False
+    rigid_tree: bool = False
     breaks: Array = field(default_factory=lambda: np.zeros(0))
     period: float = np.inf
     turns: Turns = field(default_factory=Turns)

@@ -22,6 +22,7 @@ from hfsim.mechanics.strained import Strains
 from hfsim.mechanics.system import System
 from hfsim.parts.bodies.vector_beam import VectorBeam
 from hfsim.scene.build import Scene
+from hfsim.scene.rules import rigid_tree
 from hfsim.scene.schema import SolveSpec
 
 if TYPE_CHECKING:
@@ -183,6 +184,7 @@ def problem_of(scene: Scene) -> Problem:
         strains=Strains.of(system),
         constant_mass=not system.charts and not system.variable_mass,
         quartic=system.quartic,
+        rigid_tree=rigid_tree(scene.deck),
         breaks=system.breaks(scene.deck.solve.duration),
         period=system.period,
         recordings=scene.recordings,

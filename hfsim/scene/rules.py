@@ -351,6 +351,17 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))
 
 
+def rigid_tree(deck: Deck) -> bool:
+    """Tell whether all bodies are rigid, and no two that joints connect are connected another way too."""
+    part = {name: {name} for name in ("ground", *deck.bodies)}
+    for one, *others in {frozenset(owners(joint)) for joint in deck.joints.values()}:
+        merged = part[one].union(*(part[end] for end in others))
+        if any(end in part[one] for end in others):
+            return False
+        part.update({name: merged for name in merged})
+    return all(body.rigid for body in deck.bodies.values())
+
+
 @_rule(
     "counting of full turns along all steps",
     "no channel is measured in the body's frame",

@@ -315,7 +315,7 @@ bodies: {mass: {type: rigid, mass: 2.0, inertia: 1.0}}
 joints: {rail: {type: prismatic, between: [ground, mass]}}
 springs: {coil: {type: two_point, between: [ground, mass], stiffness: 18.0, rest_length: 0.0}}
 initial: {mass: {position: [0.5, 0.0]}}
-solve: {duration: 2.5, tolerance: 1.0e-2}
+solve: {duration: 2.5, method: gauss, stages: 10, tolerance: 1.0e-2}
 output: {interval: 0.5, channels: [mass.x]}
 """
 

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 from hfsim.cli import app
 from hfsim.errors import LimitReached
-from hfsim.integrators import METHODS, collocation
+from hfsim.integrators import METHODS, _automatic
 from hfsim.integrators._tableau import gauss
 from hfsim.integrators.collocation import CollocationMethod
 from hfsim.marching.distance import channel_errors
@@ -49,7 +49,7 @@ def handicapped(monkeypatch):
     def slow(solve, dissipates):
         return CollocationMethod("slow gauss", gauss(2), 1e-2 * solve.tolerance)
 
-    monkeypatch.setattr(collocation, "automatic", slow)
+    monkeypatch.setattr(_automatic, "chosen", slow)
     monkeypatch.setattr(module, "PROBING", 0.5)
     monkeypatch.setattr(module, "candidates", lambda but: [name for name in ("radau", "gear") if name != but])
 

@@ -21,7 +21,7 @@ from hfsim.studies.collect import CollectError, collect
 
 _SHARE = 0.25
 """Part of its bound that the error in time of a value may be."""
-_TIGHTER = (1.0, 0.1, 1e-3, 1e-5)
+_TIGHTER = (1.0, 0.1, 1e-3, 1e-5, 1e-7)
 """Tolerances of the runs of one variant, as parts of the deck's; two, more where that is not enough."""
 _SHORTER = (1.0, 0.5, 0.25, 0.125)
 """The same of fixed steps."""

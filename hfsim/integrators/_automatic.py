@@ -1,0 +1,187 @@
+"""What stands for ``auto``: explicit steps where few of them make a run, collocation else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from hfsim.integrators._base import Attempt, Options, Stepper
+from hfsim.integrators._ordinary import Ahead
+from hfsim.integrators._problem import Problem
+from hfsim.integrators.collocation import CollocationMethod, automatic
+from hfsim.maths.arrays import Array
+from hfsim.maths.frozen import frozen
+
+FEW = {False: (60.0, 300), True: (300.0, 1000)}
+"""Angle by which the fastest mode may turn in a run of explicit steps [rad], and how many of these may follow
+at the pace of the last ones, by whether derivatives cost as much as many accelerations."""
+LOOK = 16
+"""Steps after which that is looked at."""
+IN_A_ROW = 3
+"""Attempts that fail one after another from which it is not either."""
+SHARPER = 1e-3
+"""Tolerance of explicit steps, over that of collocation, which errors then keep."""
+FINEST = 1e-8
+"""Tolerance below which theirs would be rounding."""
+SMALL = 1e-6
+"""Size of a disturbance."""
+
+
+@frozen
+class Automatic:
+    """Explicit steps where few of them make a run, collocation else.
+
+    Attributes
+    ----------
+    usual : CollocationMethod
+    sharper : float
+        Tolerance of explicit steps.
+    """
+
+    usual: CollocationMethod
+    sharper: float
+
+    @property
+    def name(self) -> str:
+        """That of collocation."""
+        return self.usual.name
+
+    @property
+    def stages(self) -> int:
+        """Those of collocation."""
+        return self.usual.stages
+
+    def start(self, problem: Problem, t: float, q: Array, v: Array) -> Stepper:
+        """Return what makes the steps from an initial state."""
+        if problem.rigid_tree:
+            return AutomaticStepper(self, problem, t, q, v)
+        return self.usual.start(problem, t, q, v)
+
+    def explicit(self, problem: Problem, t: float, q: Array, v: Array, a: Array | None = None) -> Stepper:
+        """Return what makes explicit steps from a state whose accelerations may be known."""
+        from hfsim.integrators.explicit import Explicit  # few scenes need it
+
+        return Explicit(self.sharper).start(problem, t, q, v, a)
+
+
+class AutomaticStepper(Stepper):
+    """One of two methods at work: once collocation, always collocation."""
+
+    def __init__(self, method: Automatic, problem: Problem, t: float, q: Array, v: Array) -> None:
+        self._method, self._problem, self._start = method, problem, (t, q, v)
+        self._made, self._failed, self._since = 0, 0, t
+        self._few = FEW[problem.slopes is not None and problem.slopes.pays]
+        explicit = self._begun()
+        self._take(explicit or method.usual.start(problem, t, q, v), explicit is not None)
+        self.first = self._now.first
+
+    @property
+    def label(self) -> str:
+        """That of the method at work."""
+        return self._now.label
+
+    def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
+        """Try a step of length h; go over to collocation if explicit ones fail."""
+        self._now.reach = self.reach
+        if not self._explicit:
+            return self._now.attempt(t, q, v, h)
+        try:
+            attempt = self._now.attempt(t, q, v, h)
+            self._failed += attempt.error > 1.0
+            if attempt.solved and self._failed < IN_A_ROW:
+                return attempt
+        except np.linalg.LinAlgError:
+            pass
+        self._go_over(t, q, v)
+        return self._now.attempt(t, q, v, h)
+
+    def ahead(self, t: float, q: Array, v: Array, h: float, end: float, room: int) -> Ahead | None:
+        """Make ordinary steps natively, explicit ones as many as may be before it is looked at the pace."""
+        self._now.reach = self.reach
+        if not self._explicit:
+            return self._now.ahead(t, q, v, h, end, room)
+        ahead = self._now.ahead(t, q, v, h, end, min(room, LOOK - self._made % LOOK))
+        if ahead is not None and len(ahead.rows):
+            last, n = ahead.rows[-1], len(q)
+            self._made += len(ahead.rows) - 1
+            self._kept(ahead.t, last[3 : n + 3], last[n + 3 : 2 * n + 3])
+        return ahead
+
+    def accept(self, t: float, q: Array, v: Array) -> None:
+        """Take note of a step that was kept."""
+        self._now.accept(t, q, v)
+        if self._explicit:
+            self._kept(t, q, v)
+
+    def cross(self) -> None:
+        """Take note of a break."""
+        self._now.cross()
+
+    def kept(self) -> Callable[[], dict[str, Any]]:
+        """Return what tells the memory of now."""
+        now = self._now.kept()
+        own: dict[str, Any] = {"explicitly": self._explicit}
+        own |= {"made": self._made, "since": self._since}
+        return lambda: own | now()
+
+    def memory(self) -> dict[str, Any]:
+        """Return which method is at work, how it gets on, and its memory."""
+        return self.kept()()
+
+    def recall(self, memory: Mapping[str, Any]) -> None:
+        """Go on as the one did whose memory this is."""
+        self._made, self._failed, self._since = int(memory["made"]), 0, float(memory["since"])
+        if bool(memory["explicitly"]) != self._explicit:
+            other = self._method.usual.start if self._explicit else self._method.explicit
+            self._take(other(self._problem, *self._start), not self._explicit)
+        self._now.recall(memory)
+
+    def _kept(self, t: float, q: Array, v: Array) -> None:
+        """Count an explicit step; go over to collocation if too many follow at the pace of the last ones."""
+        self._made, self._failed = self._made + 1, 0
+        if self._made % LOOK == 0:
+            pace, self._since = (t - self._since) / LOOK, t
+            if self._problem.often.rest(t) > self._few[1] * pace:
+                self._go_over(t, q, v)
+
+    def _go_over(self, t: float, q: Array, v: Array) -> None:
+        self._take(self._method.usual.start(self._problem, t, q, v), False)
+
+    def _take(self, stepper: Stepper, explicit: bool) -> None:
+        self._now, self.name, self._explicit = stepper, stepper.name, explicit
+
+    def _begun(self) -> Stepper | None:
+        """Return what makes explicit steps, if few of them make the run."""
+        problem, start = self._problem, self._start
+        try:
+            a = slowly(problem, *start, self._few[0] / problem.often.rest(start[0]))
+            return None if a is None else self._method.explicit(problem, *start, a)
+        except np.linalg.LinAlgError:
+            return None
+
+
+def slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array | None:
+    """Return the accelerations (n,) if they follow the state (n,) at no more than so many radians a second.
+
+    The first disturbance is any, the others are what it does to the accelerations: a power iteration.
+    """
+    now = np.array([t, t])
+    step = SMALL * np.cos(np.arange(1.0, len(q) + 1))
+    a, changed = problem.evaluate(now, np.array([q, q + step]), np.array([v, v]))
+    size, change = np.linalg.norm(step), changed - a
+    if not np.linalg.norm(change) <= most**2 * size:
+        return None
+    if change.any():
+        step = size / np.linalg.norm(change) * change
+    changed = problem.evaluate(now, np.array([q + step, q]), np.array([v, v + step]))
+    by_position, by_velocity = np.linalg.norm(changed - a, axis=-1)
+    return a if by_position <= most**2 * size and by_velocity <= most * size else None
+
+
+def chosen(solve: Options, dissipates: bool) -> Automatic | CollocationMethod:
+    """Return what stands for ``auto``; see `hfsim.integrators.choose`."""
+    usual = automatic(solve, dissipates)
+    free = solve.step is None and solve.stages is None and solve.tolerance >= FINEST
+    return Automatic(usual, SHARPER * solve.tolerance) if free else usual

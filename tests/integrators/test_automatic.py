@@ -1,0 +1,151 @@
+"""What `auto` chooses: explicit steps where few make a run, and when it goes over to collocation."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from integrators.test_stepping import read, same, written
+
+from hfsim.integrators import Limits, Stepping, _automatic, _loop, choose
+from hfsim.integrators._automatic import slowly
+from hfsim.integrators.explicit import ExplicitStepper
+from hfsim.marching.integration import problem_of, run_integration
+from hfsim.scene.build import build
+from hfsim.scene.loading import load_deck, parse_deck
+
+CASES = Path(__file__).parents[2] / "cases"
+DISC = """
+hfsim: 1
+bodies: {disc: {type: rigid, mass: 2.0, inertia: 0.5}}
+joints: {axle: {type: revolute, between: [ground, disc]}}
+springs: {coil: {type: rotational, between: [ground, disc], stiffness: 8.0, damping: %r}}
+initial: {disc: {angle: 0.5}}
+solve: {duration: 5.0, tolerance: 1.0e-4}
+"""
+TWO = """
+hfsim: 1
+bodies: {slow: {type: rigid, mass: 2.0, inertia: 0.5}, fast: {type: rigid, mass: 2.0, inertia: 0.5}}
+joints: {one: {type: revolute, between: [ground, slow]}, other: {type: revolute, between: [ground, fast]}}
+springs:
+  soft: {type: rotational, between: [ground, slow], stiffness: 8.0}
+  hard: {type: rotational, between: [ground, fast], stiffness: 800.0}
+solve: {duration: 1.0}
+"""
+SPUN = """
+hfsim: 1
+bodies: {plate: {type: rigid, mass: 1.0, inertia: [1.0, 1.2, 1.8]}}
+initial: {plate: {angular_velocity: [0.1, 0.0, 0.5]}}
+loads: {twist: {type: moment, at: plate, moment: [0.0, 3.0, 20.0]}}
+solve: {duration: 8.0, tolerance: 1.0e-4}
+"""
+BEAM = """
+hfsim: 1
+materials: {rubber: {density: 1000.0, youngs_modulus: 1.0e4}}
+sections: {bar: {shape: rectangle, width: 0.1, height: 0.1}}
+bodies: {b: {type: beam, material: rubber, section: bar, length: 1.0, elements: 1}}
+joints: {pin: {type: revolute, between: [ground, b.root]}}
+solve: {duration: 0.1}
+"""
+FOUR_BARS = (CASES / "verify" / "four_bars.yaml").read_text()
+
+
+def methods(text, *settings):
+    scene = build(parse_deck(text, "scene.yaml", settings))
+    done = run_integration(scene, scene.deck.solve)
+    assert done.stop is None
+    return done.trajectory.methods
+
+
+@pytest.mark.parametrize("case", ["tumbling", "heavy_top", "joints", "extreme/mass_ratio"])
+def test_mechanisms_of_few_turns_are_made_explicitly_and_keep_the_tolerance(case):
+    def ends(*settings):
+        scene = build(load_deck(CASES / f"{case}.yaml", ["solve.tolerance=1e-5", *settings]))
+        done = run_integration(scene, scene.deck.solve)
+        return done.trajectory.methods, done.trajectory.q
+
+    made_by, q = ends("solve.method=auto")
+    _, true = ends("solve.method=gauss", "solve.tolerance=1e-11")
+    assert made_by == ["explicit"]
+    assert np.abs(q - true).max() < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("text", "settings"),
+    [
+        (BEAM, ()),
+        (FOUR_BARS, ("solve.duration=0.1",)),
+        (DISC % 0.0, ("solve.step=0.1",)),
+        (DISC % 0.0, ("solve.stages=6",)),
+        (DISC % 0.0, ("solve.tolerance=1e-9",)),
+        (DISC % 0.0, ("solve.duration=50",)),
+        (DISC % 50.0, ()),
+    ],
+    ids=["bends", "loop", "step", "stages", "tight", "long", "stiff damper"],
+)
+def test_other_scenes_are_for_collocation(text, settings):
+    assert methods(DISC % 0.0) == ["explicit"]
+    assert "explicit" not in methods(text, *settings)
+
+
+@pytest.mark.parametrize(("damping", "rate"), [(0.0, 4.0), (4.0, 8.0), (50.0, 100.0)])
+def test_rates_are_those_of_springs_and_dampers(damping, rate):
+    """By position sqrt(stiffness / inertia), by velocity damping / inertia."""
+    scene = build(parse_deck(DISC % damping))
+    problem, start = problem_of(scene), (0.0, scene.q, scene.v)
+    a = slowly(problem, *start, 1.01 * rate)
+    assert a == pytest.approx(problem.at(*start), rel=1e-14)
+    assert slowly(problem, *start, 0.99 * rate) is None
+
+
+def test_a_fast_mode_is_found_though_another_moves_farther():
+    """Of what any disturbance does first, the slow one is the larger part."""
+    scene = build(parse_deck(TWO))
+    problem, start = problem_of(scene), (0.0, scene.q, scene.v)
+    assert slowly(problem, *start, 1.01 * 40.0) is not None
+    assert slowly(problem, *start, 0.9 * 40.0) is None
+
+
+def test_a_run_that_would_take_many_steps_goes_over():
+    """A plate at rest is spun up: what it turns in all is not known at the start."""
+    made_by = methods(SPUN)
+    assert made_by[0] == "explicit" and len(made_by) == 2
+
+
+def test_a_run_goes_over_where_explicit_steps_fail(monkeypatch):
+    def rejected(self, *place):
+        return attempt(self, *place)._replace(error=2.0)
+
+    attempt = ExplicitStepper.attempt
+    monkeypatch.setattr(ExplicitStepper, "ahead", lambda *_: None)
+    monkeypatch.setattr(ExplicitStepper, "attempt", rejected)
+    scene = build(parse_deck(DISC % 0.0))
+    done = run_integration(scene, scene.deck.solve)
+    assert done.stop is None and done.problem.counts.rejected == _automatic.IN_A_ROW - 1
+    assert done.trajectory.methods[-1] != "explicit"
+
+
+def spun():
+    scene = build(parse_deck(SPUN))
+    problem, solve = problem_of(scene), scene.deck.solve
+    begun = 0.0, scene.q, scene.v
+    limits = Limits(None, max_steps=24)
+    return Stepping(problem, choose(solve, False), begun, solve.duration, limits, lambda *_: None), problem
+
+
+def test_a_run_that_goes_over_goes_on_to_the_last_bit_wherever_it_was_put_down(monkeypatch):
+    monkeypatch.setattr(_automatic, "LOOK", 8)
+    monkeypatch.setattr(_automatic, "FEW", dict.fromkeys((False, True), (60.0, 100)))
+    whole, problem = spun()
+    memories = {}
+    with monkeypatch.context() as one_by_one:
+        one_by_one.setattr(_loop, "AT_ONCE", 0)
+        for _ in whole:
+            memories[len(whole.path.segments)] = written(whole.memory())
+    assert len(whole.path.methods) == 2
+    for k, memory in memories.items():
+        again, again_problem = spun()
+        again.recall(read(memory))
+        list(again)
+        assert all(same(*pair) for pair in zip(again.path.segments, whole.path.segments[k:], strict=True)), k
+        assert again.path.methods == whole.path.methods
+        assert vars(again_problem.counts) == vars(problem.counts), k
