@@ -175,7 +175,7 @@ class Newton:
         self, t: Any, q: Array, v: Array, by_q: Any, by_v: Any, a: Array, weights: Array
     ) -> _Corrected:
         equations = Implicit(t, q, v, by_q, by_v)
-        here = computed(self._problem, PlainIncrements(), True, t, *equations.state(a), None)
+        here = computed(self._problem, PlainIncrements(), True, t, *equations.state(a), None, once=True)
         if Recording.tape is None:
             here.check()
         return _added(a, weights, here.solver(by_q, by_v)(self._missing(equations, a)))

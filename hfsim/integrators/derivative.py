@@ -2,7 +2,8 @@
 
 With few unknowns and no damping, J is taken apart into modes: a correction is then a division for each
 mode and stage, for any step length.  With damping it is kept as dense matrices of the motions that joints
-allow, and with many unknowns as the sparse matrices it comes from, factorised for each pole of the method.
+allow; with many unknowns, or for one correction alone, as the matrices it comes from, factorised for each
+pole of the method.
 """
 
 from __future__ import annotations
@@ -63,13 +64,14 @@ def computed(
     q: Array,
     v: Array,
     expected: Array | None,
+    once: bool = False,
 ) -> Derivative:
-    """Compute what `derivative` returns, but for where it was taken."""
+    """Compute what `derivative` returns, but for where it was taken; or what serves one correction best."""
     strains = problem.strains
     if strains is None or expected is None:
         slopes = problem.slopes if with_inertia else None
         near = problem.near if slopes is None else slopes.linearized
-        return _in_its_form(near(t, q, v), q, natural)
+        return _in_its_form(near(t, q, v), q, natural, once)
     found = _in_its_form(problem.near(t, q, v, expected), q, natural)
     found.know_strains(strains.stiffness, strains.slopes(q), q)
     return found
@@ -105,9 +107,9 @@ def place_of(problem: Problem, taken: Array) -> tuple[tuple[float, Array, Array,
     return (t, q, v, expected if count else None), angles
 
 
-def _in_its_form(at: Linearized, q: Array, natural: Increments) -> Derivative:
-    if at.sparse:
-        return SparseDerivative(natural, q, at)
+def _in_its_form(at: Linearized, q: Array, natural: Increments, once: bool = False) -> Derivative:
+    if at.sparse or (once and not at.solved):
+        return PlainDerivative(natural, q, at)
     if not at.solved:
         if at.damping is None:
             return ModalDerivative.of(at, natural, q)
@@ -217,8 +219,8 @@ class DenseDerivative(MotionsDerivative):
 
 
 @mutable
-class SparseDerivative(Derivative):
-    """A sparse linearised system: one complex factor for each pole of the method and step length.
+class PlainDerivative(Derivative):
+    """A linearised system as it is: one complex factor for each pole of the method and step length.
 
     Attributes
     ----------
@@ -232,14 +234,13 @@ class SparseDerivative(Derivative):
     at: Linearized
 
     def __post_init__(self) -> None:
-        scale = 1.0 / np.sqrt(self.at.metric.diagonal())
-        self._rows = scale * (abs(self.at.stiffness) @ scale)
         self._geometry: Any = self.increments.geometry(self.q[None])
         self._factors: ByStep[list[_Solver]] = ByStep()
 
     def frequency(self) -> Array:
         """Return a bound of the circular frequencies: Gershgorin's, with the mass on the diagonal alone."""
-        return np.asarray(np.sqrt(self._rows.max(initial=0.0)))
+        scale = 1.0 / np.sqrt(self.at.metric.diagonal())
+        return np.asarray(np.sqrt((scale * (abs(self.at.stiffness) @ scale)).max(initial=0.0)))
 
     def ringing(self) -> Array:
         """Return frequencies all the way up to that bound, as meshes have them, if nothing is damped."""

@@ -99,13 +99,17 @@ def dense(matrix: Matrix) -> Array:
 
 
 def factorised(matrix: Matrix) -> Callable[[Array], Array]:
-    """Factorise a sparse square matrix once; return the map from right-hand sides (..., n) to solutions.
+    """Return the map from right-hand sides (..., n) to solutions with a square matrix.
+
+    A sparse one is factorised once, a dense one at each call.
 
     Raises
     ------
     numpy.linalg.LinAlgError
         If the matrix is singular.
     """
+    if not is_sparse(matrix):
+        return lambda rhs: np.asarray(np.linalg.solve(matrix, rhs.T).T)
     from scipy.sparse import csc_array
     from scipy.sparse.linalg import splu
 
@@ -168,7 +172,10 @@ class SaddlePoints:
 
 
 def saddle_point(matrix: Matrix, border: Matrix) -> Matrix:
-    """Return [[A, B^T], [B, 0]] of sparse A (n, n) and B (m, n)."""
+    """Return [[A, B^T], [B, 0]] of A (n, n) and B (m, n), sparse or dense alike."""
+    if not is_sparse(matrix):
+        below = np.concatenate([border, np.zeros((len(border), len(border)))], axis=1)
+        return np.concatenate([np.concatenate([matrix, border.T], axis=1), below])
     from scipy.sparse import coo_array
 
     A, B = matrix.tocoo(), border.tocoo()

@@ -115,7 +115,7 @@ class Linearized:
         return matrix if self.damping is None or not by_v else matrix + by_v * self.damping
 
     def solver(self, matrix: Matrix) -> Callable[[Array, Array | None], Array]:
-        """Factorise a sparse matrix for motions.
+        """Return how a matrix, sparse or dense as those here, answers by motions.
 
         Returns
         -------
