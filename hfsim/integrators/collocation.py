@@ -52,7 +52,7 @@ RELUCTANT = 1.25
 """How far beyond it steps in the state's coordinates may go then: few others do not pay for a recording."""
 COSTLY = 400
 """Coordinates from which derivatives cost so much that the one of the start serves the first step."""
-LASTING = 6
+LASTING = 2
 """Steps to come, at the length of now, from which those of many coordinates are replayed."""
 FAR = 1000
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
@@ -158,7 +158,7 @@ class CollocationStepper(Stepper):
         """Choose how steps are made from now on."""
         often, stiff = self._problem.often, self._is_stiff(place.h)
         if self.replays and self._derivative.recordable and NAMES[stiff] not in often.chosen:
-            lasting = LASTING * (len(place.q) / LARGE) ** 3 if len(place.q) > LARGE else 0.0
+            lasting = LASTING * (len(place.q) / LARGE) ** 2 if len(place.q) > LARGE else 0.0
             if often.rest(place.t) > lasting * place.h:
                 often.take(NAMES[stiff])
         if stiff != self._stiff:

@@ -1,6 +1,6 @@
 """Matrices that are dense in small scenes and sparse in large ones.
 
-Up to `DENSE_UP_TO` rows the calls cost, not the arithmetic, and dense matrices win; beyond it time
+Up to `dense_up_to` rows the calls cost, not the arithmetic, and dense matrices win; beyond it time
 and memory must grow linearly, and SciPy's sparse matrices take over.  ``X @ A`` means the same for
 both, so that most code need not know which it has.
 """
@@ -18,16 +18,20 @@ Matrix: TypeAlias = Any
 """An ndarray, or a SciPy sparse array in CSR form."""
 
 DENSE_UP_TO = 200
-"""Coordinates up to which dense algebra is the faster one (at 196, 0.51 s against 0.66 s)."""
-DENSE_WITH_JOINTS = 300
-"""The same in space, where joints and axes take up many of them (at 237, 0.95 s against 2.3 s)."""
-MANY = 0.2
+"""Rows up to which dense algebra is the faster one in all scenes, also in chains of rigid bodies."""
+DENSE_IN_PLANE = 250
+"""Coordinates of other scenes in the plane up to which it is (at 231, 0.30 s against 0.63 s)."""
+DENSE_IN_SPACE = 300
+"""The same in space (at 237, 0.95 s against 2.3 s)."""
+MANY = 0.4
 """Equations of joints and axes, over coordinates, that are many."""
 
 
 def dense_up_to(coordinates: int, rows: int, n_dim: int) -> int:
     """Return up to how many coordinates matrices are dense; rows are the equations of joints and axes."""
-    return DENSE_WITH_JOINTS if n_dim == 3 and rows > MANY * coordinates else DENSE_UP_TO
+    if n_dim == 3:
+        return DENSE_IN_SPACE
+    return DENSE_UP_TO if rows > MANY * coordinates else DENSE_IN_PLANE
 
 
 class Entries(NamedTuple):

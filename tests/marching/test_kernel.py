@@ -214,7 +214,7 @@ def test_runs_tell_whether_the_kernel_was_used(method, way, monkeypatch):
     assert (summary["native_steps"] > 0) == ((method, way) == ("auto", "native"))
 
 
-@pytest.mark.parametrize("duration, replayed", [(0.05, False), (5.0, True)])
+@pytest.mark.parametrize("duration, replayed", [(0.02, False), (5.0, True)])
 def test_recordings_of_large_matrices_wait_for_many_steps(duration, replayed):
     settings = ("bodies.b1.elements=40", "solve.max_steps=2", f"solve.duration={duration}")
     scene = scene_of("pendulum", *settings)

@@ -10,7 +10,7 @@ import hfsim.scene.build
 from hfsim.integrators import PlainIncrements, Problem
 from hfsim.integrators._derivative import Stages
 from hfsim.integrators._tableau import gauss, radau
-from hfsim.integrators.derivative import derivative
+from hfsim.integrators.derivative import computed, derivative
 from hfsim.maths.matrices import assemble, dense, is_sparse
 from hfsim.mechanics.equations import Equations
 from hfsim.mechanics.reduction import Reduction
@@ -97,6 +97,7 @@ def switch(request, monkeypatch):
     def to_sparse():
         monkeypatch.setattr(hfsim.mechanics.equations, "FEW", request.param)
         monkeypatch.setattr(hfsim.maths.matrices, "DENSE_UP_TO", 0)
+        monkeypatch.setattr("hfsim.scene.build.dense_up_to", lambda *sizes: 0)
 
     return to_sparse
 
@@ -296,6 +297,20 @@ def test_corrections_are_alike_dense_and_sparse(name, natural, damping, switch):
     for one, other in zip(*found, strict=True):
         # the stiffness of joint forces comes from difference quotients
         assert one == pytest.approx(other, abs=1e-7 * np.abs(other).max())
+
+
+@pytest.mark.parametrize("damping", ["", ", axial_damping: 1e-3, bending_damping: 0.02"], ids=["", "damped"])
+@pytest.mark.parametrize("name", SCENES)
+def test_what_serves_one_correction_is_the_same_map(name, damping):
+    """By one factor, of the matrices as they are, as by modes or motions."""
+    scene = scene_of(name, damping)
+    q, v = states(scene, 1)
+    problem, r = problem_of(scene), np.random.default_rng(8).normal(size=scene.system.n)
+    found = []
+    for once in (False, True):
+        here = computed(problem, PlainIncrements(), True, 0.0, q[0], v[0], None, once)
+        found.append(here.solver(1e-5, 3e-3)(r))
+    assert found[1] == pytest.approx(found[0], abs=1e-9 * np.abs(found[0]).max())
 
 
 @pytest.mark.parametrize("table", [gauss(1), gauss(7), gauss(16), gauss(24), radau(2), radau(9), radau(20)])

@@ -21,7 +21,7 @@ BEAM = """hfsim: 1
 materials: {steel: {density: 7800.0, youngs_modulus: 2.0e11}}
 sections: {bar: {shape: rectangle, width: 0.02, height: 0.02}}
 bodies:
-  arm: {type: beam, material: steel, section: bar, length: 1.0, elements: 60}
+  arm: {type: beam, material: steel, section: bar, length: 1.0, elements: 64}
 joints:
   clamp: {type: fixed, between: [ground, arm.root]}
 solve: {duration: 1.0}

@@ -243,7 +243,7 @@ def test_the_plan_tells_what_a_rule_saves():
     assert saves["tree_joints"] == {"unknowns": 4, "multipliers": 4}
     assert saves["weight"] == {"terms of Q": 1, "body-force integrals": 2}
     assert {entry["rule"] for entry in plan["left_out"] + plan["not_left_out"]} == set(RULES)
-    assert "sparse from 201" in plan["algebra"]
+    assert "sparse from 251" in plan["algebra"]
     assert "cube" in plan_of(build(load_deck(NEEDED)))["algebra"]
 
 

@@ -160,6 +160,7 @@ def test_large_scenes_have_their_slowest_and_their_fastest_motions(monkeypatch, 
     """Iterations with sparse matrices find what dense algebra finds; with the hub on joints, upright."""
     text = UPRIGHT if hub else CANTILEVER
     monkeypatch.setattr("hfsim.maths.matrices.DENSE_UP_TO", 100)
+    monkeypatch.setattr("hfsim.scene.build.dense_up_to", lambda *sizes: 100)
     scene = build(parse_deck(text, "deck", ("bodies.b1.elements=40",)), "exact")
     assert bool(scene.system.n_rows) == hub
     dense = spectrum(scene, 0.0, scene.q, scene.v)
