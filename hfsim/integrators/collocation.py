@@ -54,7 +54,7 @@ COSTLY = 400
 """Coordinates from which derivatives cost so much that the one of the start serves the first step."""
 LASTING = 2
 """Steps to come, at the length of now, from which those of many coordinates are replayed."""
-FAR = 1000
+FAR = 200
 """Steps to come in which the fastest mode turns by one radian a stage, from which the first one is stiff."""
 UNKNOWN: tuple[float, Array] = (np.nan, np.zeros(0))
 """When, and which, accelerations at the start of a step are known if none are."""
@@ -134,7 +134,7 @@ class CollocationStepper(Stepper):
         """What has been found of the next attempt."""
         self.first = min(self.table.stages / max(self._derivative.fastest, 1e-3), 1e3)
         if self.replays and problem.often.rest(t) > FAR * self.first:
-            self.first *= 2.0 * STIFF
+            self.first *= 2.0 * self._resolved / self.table.stages
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Solve the stage equations for one step and estimate its error."""
