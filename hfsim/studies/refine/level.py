@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
-from hfsim.integrators import METHODS
 from hfsim.marching.clock import PhaseClock
 from hfsim.marching.integration import Integration
 from hfsim.marching.sampling import compute_channels, sample
@@ -61,12 +60,6 @@ class Level:
     done: Integration | None = field(default=None, repr=False)
     clock: PhaseClock = field(default_factory=PhaseClock, repr=False)
     channels: tuple[Channel, ...] = field(default=(), repr=False)
-
-    def take(self, done: Integration) -> None:
-        """Take in an integration of the level's scene."""
-        self.done = done
-        if done.method in METHODS:
-            self.setting = replace(self.setting, method=done.method)
 
     def read(self) -> None:
         """Compute the channels, of an integration that reached its end."""

@@ -108,7 +108,7 @@ class Races:
         goal = max(WASTE * self.search.target, 2.0 * left)
         if known is None or level.unknowns > STALE * known.level.unknowns or goal < _ANEW * known.goal:
             self.pair, self.ahead = Pair(level, finer, left, goal), None
-            self.open = dict.fromkeys(candidates(level.setting.method), Turn(level.setting.tolerance))
+            self.open = dict.fromkeys(candidates(level.method), Turn(level.setting.tolerance))
 
     def hold(self) -> None:
         """Race methods that are still open as far as the time for it goes; go on with one that wins."""
@@ -170,7 +170,7 @@ class Races:
         level = Level(len(search.levels), "method", setting, cpu=entry.cpu, wall=entry.cpu)
         level.base, level.scene = pair.reference.number, entry.scene
         level.clock = PhaseClock(*({"build": 0.0, "solve": entry.cpu} for _ in range(2)))
-        level.take(entry.done)
+        level.done = entry.done
         level.read()
         level.change, level.channel = search.distance(level, pair.reference)
         search.levels.append(level)

@@ -87,7 +87,7 @@ class Search:
             level.scene = scene = build(level.setting.applied(self.loaded))
         with level.clock.phase("solve"):
             done = run_integration(scene, scene.deck.solve, self.guard())
-        level.take(done)
+        level.done = done
         if done.stop is None:
             level.read()
             return
