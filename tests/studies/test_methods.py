@@ -131,8 +131,8 @@ def test_the_default_is_kept_where_nothing_is_much_sooner():
     run, chosen = refine(pendulum())
     found = run.statistics["refinement"]
     assert chosen.deck.solve.method == "auto"
-    assert "the default: none of gear" in found["method_choice"]
-    assert {level["method"] for level in found["levels"]} <= {"gauss", "gauss, radau"}
+    assert found["method_choice"].startswith("gauss, radau, the default: none of gear")
+    assert {level["method"] for level in found["levels"]} == {"gauss", "gauss, radau"}
     assert any(probe["outcome"] == "outrun" for probe in found["probes"])
     assert found["probing_cpu_s"] <= 1.1 * module.PROBING * found["cpu_s"]
 
@@ -159,7 +159,7 @@ def test_no_time_for_races_leaves_the_default(monkeypatch):
     monkeypatch.setattr(module, "PROBING", 0.0)
     found = refine(pendulum())[0].statistics["refinement"]
     assert found["probes"] == []
-    assert "gauss, radau, the default; not judged for lack of time: gear" in found["method_choice"]
+    assert found["method_choice"].startswith("gauss, radau, the default; not judged for lack of time: gear")
 
 
 # --- races, with a clock that the test keeps -----------------------------------------------------
