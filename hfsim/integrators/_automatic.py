@@ -69,6 +69,8 @@ class Automatic:
 class AutomaticStepper(Stepper):
     """One of two methods at work: once collocation, always collocation."""
 
+    remembers = ("_explicit", "_made", "_since")
+
     def __init__(self, method: Automatic, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._start = method, problem, (t, q, v)
         self._made, self._failed, self._since = 0, 0, t
@@ -106,14 +108,14 @@ class AutomaticStepper(Stepper):
         if ahead is not None and len(ahead.rows):
             last, n = ahead.rows[-1], len(q)
             self._made += len(ahead.rows) - 1
-            self._kept(ahead.t, last[3 : n + 3], last[n + 3 : 2 * n + 3])
+            self._count(ahead.t, last[3 : n + 3], last[n + 3 : 2 * n + 3])
         return ahead
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take note of a step that was kept."""
         self._now.accept(t, q, v)
         if self._explicit:
-            self._kept(t, q, v)
+            self._count(t, q, v)
 
     def cross(self) -> None:
         """Take note of a break."""
@@ -121,9 +123,7 @@ class AutomaticStepper(Stepper):
 
     def kept(self) -> Callable[[], dict[str, Any]]:
         """Return what tells the memory of now."""
-        now = self._now.kept()
-        own: dict[str, Any] = {"explicitly": self._explicit}
-        own |= {"made": self._made, "since": self._since}
+        own, now = super().memory(), self._now.kept()
         return lambda: own | now()
 
     def memory(self) -> dict[str, Any]:
@@ -132,13 +132,14 @@ class AutomaticStepper(Stepper):
 
     def recall(self, memory: Mapping[str, Any]) -> None:
         """Go on as the one did whose memory this is."""
-        self._made, self._failed, self._since = int(memory["made"]), 0, float(memory["since"])
-        if bool(memory["explicitly"]) != self._explicit:
-            other = self._method.usual.start if self._explicit else self._method.explicit
-            self._take(other(self._problem, *self._start), not self._explicit)
+        before, self._failed = self._explicit, 0
+        super().recall(memory)
+        if self._explicit != before:
+            start = self._method.explicit if self._explicit else self._method.usual.start
+            self._take(start(self._problem, *self._start), self._explicit)
         self._now.recall(memory)
 
-    def _kept(self, t: float, q: Array, v: Array) -> None:
+    def _count(self, t: float, q: Array, v: Array) -> None:
         """Count an explicit step; go over to collocation if too many follow at the pace of the last ones."""
         self._made, self._failed = self._made + 1, 0
         if self._made % LOOK == 0:

@@ -56,15 +56,15 @@ class Explicit:
 class ExplicitStepper(Stepper):
     """An explicit method at work; its first step is cautious."""
 
-    remembers = ("known", "_cap", "_served")
+    remembers = ("_known", "_cap", "_served")
 
     def __init__(
         self, method: Explicit, problem: Problem, t: float, q: Array, v: Array, known: Array | None
     ) -> None:
         self.name, self._tolerance, self._problem = method.name, method.tolerance, problem
         self._table = table = method.table()
-        self.known: Array = problem.single(t, q, v) if known is None else known
-        size = float((np.abs(self.known) / (1.0 + np.abs(q))).max())
+        self._known: Array = problem.single(t, q, v) if known is None else known
+        size = float((np.abs(self._known) / (1.0 + np.abs(q))).max())
         self.first = float(self._tolerance ** (1.0 / table.order)) / float(np.sqrt(max(size, 1.0)))
         self._end = 0 if problem.project is not None else table.end
         """Number of the stage that is the start of the next step; 0: none."""
@@ -99,19 +99,19 @@ class ExplicitStepper(Stepper):
         ahead = self._march(steps, place, h, end, room)
         if len(ahead.rows):
             steps.tell(self._problem.turns)
-            self.known = steps.a0.copy() if self._end else UNKNOWN
+            self._known = steps.a0.copy() if self._end else UNKNOWN
         self._tried = ahead.tried is not None
         return ahead
 
     def accept(self, t: float, q: Array, v: Array) -> None:
         """Take note of the accelerations at the end, if they are known."""
         self._problem.counts.native += self._made_natively
-        self.known, self._served = self._last, self._served + 1
+        self._known, self._served = self._last, self._served + 1
         self._cap *= REGROWTH**self._served
 
     def cross(self) -> None:
         """Find the accelerations behind a break anew: they may have jumped."""
-        self.known = UNKNOWN
+        self._known = UNKNOWN
 
     def _steps(self, place: Place) -> Staged | None:
         """Return what makes steps natively, from when enough are to come."""
@@ -123,7 +123,7 @@ class ExplicitStepper(Stepper):
         key = STEPS, self._table
         if key not in kept:
             try:
-                kept[key] = Staged(problem.apart(), self._table, place, self.known)
+                kept[key] = Staged(problem.apart(), self._table, place, self._known)
             except UNREADABLE as why:
                 kept[key] = why
         return kept[key] if isinstance(kept[key], Staged) else None
@@ -133,7 +133,7 @@ class ExplicitStepper(Stepper):
             self._march(steps, place)
         self._tried = False
         self._last = steps.a[self._end - 1].copy() if self._end else UNKNOWN
-        self.known = steps.a0.copy()
+        self._known = steps.a0.copy()
         return steps.result()
 
     def _march(
@@ -142,9 +142,9 @@ class ExplicitStepper(Stepper):
         rule, counts = self._rule, self._problem.counts
         rule[REACH], rule[END] = self.reach, end
         steps.begin(place)
-        if len(self.known):
-            steps.a0[...] = self.known
-        known = float(len(self.known) > 0)
+        if len(self._known):
+            steps.a0[...] = self._known
+        known = float(len(self._known) > 0)
         ahead = steps.march(rule, State(known, 0.0, self._served, self._cap, wish or place.h), room)
         last = ahead.tried or ahead.state
         self._cap, self._served = ahead.state.cap, int(ahead.state.served)
@@ -155,9 +155,9 @@ class ExplicitStepper(Stepper):
 
     def _in_numpy(self, place: Place) -> End:
         step = Step(self._problem, self._table, place)
-        if not len(self.known):
-            self.known = self._problem.single(*place[:3])
-        a = step.stages(self.known)
+        if not len(self._known):
+            self._known = self._problem.single(*place[:3])
+        a = step.stages(self._known)
         self._last = a[self._end - 1] if self._end else UNKNOWN
         return step.end(a)
 

@@ -8,7 +8,7 @@ without it agree to round-off.  ``solve.keep: [RULE, ...]`` switches rules off, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeAlias
 
 from hfsim.deck.fields import split_point
@@ -343,23 +343,28 @@ def connected(deck: Deck, still: Iterable[str]) -> list[tuple[str, ...]]:
     Ground and still bodies connect nothing: they do not move.
     """
     fixed = {"ground", *still}
-    part = {name: {name} for name in deck.bodies if name not in fixed}
-    for tie in (*deck.joints.values(), *deck.springs.values()):
-        ends = owners(tie) - fixed
-        merged = set().union(*(part[end] for end in ends))
-        part.update({name: merged for name in merged})
+    ties = (*deck.joints.values(), *deck.springs.values())
+    moving = [name for name in deck.bodies if name not in fixed]
+    part = _parts_of(moving, (owners(tie) - fixed for tie in ties))
     return list(dict.fromkeys(tuple(n for n in part if n in part[name]) for name in part))
 
 
 def rigid_tree(deck: Deck) -> bool:
     """Tell whether all bodies are rigid, and no two that joints connect are connected another way too."""
-    part = {name: {name} for name in ("ground", *deck.bodies)}
-    for one, *others in {frozenset(owners(joint)) for joint in deck.joints.values()}:
-        merged = part[one].union(*(part[end] for end in others))
-        if any(end in part[one] for end in others):
-            return False
+    if not all(body.rigid for body in deck.bodies.values()):
+        return False
+    pairs = {frozenset(owners(joint)) for joint in deck.joints.values()}
+    part = _parts_of(("ground", *deck.bodies), pairs)
+    return len(part) - len(pairs) == len({id(one) for one in part.values()})
+
+
+def _parts_of(names: Iterable[str], ties: Iterable[Collection[str]]) -> dict[str, set[str]]:
+    """Return for each name those that it is connected with, itself among them: one set for all of these."""
+    part = {name: {name} for name in names}
+    for ends in ties:
+        merged = set().union(*(part[end] for end in ends))
         part.update({name: merged for name in merged})
-    return all(body.rigid for body in deck.bodies.values())
+    return part
 
 
 @_rule(

@@ -11,7 +11,7 @@ import numpy as np
 
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
-from hfsim.maths.matrices import Entries, Matrix, assemble, dense, factorised, is_sparse, saddle_point
+from hfsim.maths.matrices import Entries, Matrix, assemble, factorised, is_sparse, saddle_point
 from hfsim.mechanics.force import ForcePart
 from hfsim.mechanics.small_motions import derivative, resistance
 from hfsim.mechanics.statics.gauge import Gauge
@@ -102,23 +102,10 @@ class Tangent(NamedTuple):
         rhs = np.concatenate([force, gap], axis=1)
         size = float(np.abs(self.stiffness.diagonal()).max(initial=0.0)) or 1.0
         rhs[:, n:] *= size
-        if is_sparse(self.stiffness):
-            matrix = saddle_point(self.stiffness, size * self.jacobian) if m else self.stiffness
-            found = factorised(matrix)(rhs)
-        else:
-            found = np.linalg.solve(self.bordered(size), rhs.T).T
+        found = factorised(saddle_point(self.stiffness, size * self.jacobian) if m else self.stiffness)(rhs)
         if not np.isfinite(found).all():
             raise np.linalg.LinAlgError("singular")
         return found[:, :n], found[:, n:] * size
-
-    def bordered(self, size: float = 1.0) -> Array:
-        """Return [[K, s J^T], [s J, 0]], dense."""
-        n, m = self.stiffness.shape[0], self.jacobian.shape[0]
-        matrix = np.zeros((n + m, n + m))
-        matrix[:n, :n] = dense(self.stiffness)
-        matrix[n:, :n] = size * dense(self.jacobian)
-        matrix[:n, n:] = matrix[n:, :n].T
-        return matrix
 
 
 @frozen
