@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
+from threading import get_ident
 from typing import Any
 
 import numpy as np
 
 from hfsim.integrators._base import Attempt, Options, Stepper
+from hfsim.integrators._lengths import ROUGH
 from hfsim.integrators._ordinary import Ahead
 from hfsim.integrators._problem import Problem
 from hfsim.integrators.collocation import CollocationMethod, automatic
@@ -17,6 +20,8 @@ from hfsim.maths.frozen import frozen
 FEW = {False: (60.0, 300), True: (300.0, 1000)}
 """Angle by which the fastest mode may turn in a run of explicit steps [rad], and how many of these may follow
 at the pace of the last ones, by whether derivatives cost as much as many accelerations."""
+BENDING = (600.0, 300)
+"""The same where bodies bend, and explicit steps are rough."""
 LOOK = 16
 """Steps after which that is looked at."""
 IN_A_ROW = 3
@@ -27,6 +32,8 @@ FINEST = 1e-8
 """Tolerance below which theirs would be rounding."""
 SMALL = 1e-6
 """Size of a disturbance."""
+LOOKS = 2
+"""Evaluations, each of two states, by which the rate of the accelerations is found."""
 
 
 @frozen
@@ -36,12 +43,9 @@ class Automatic:
     Attributes
     ----------
     usual : CollocationMethod
-    sharper : float
-        Tolerance of explicit steps.
     """
 
     usual: CollocationMethod
-    sharper: float
 
     @property
     def name(self) -> str:
@@ -55,7 +59,7 @@ class Automatic:
 
     def start(self, problem: Problem, t: float, q: Array, v: Array) -> Stepper:
         """Return what makes the steps from an initial state."""
-        if problem.rigid_tree:
+        if problem.rigid_tree or (problem.positional and self.usual.tolerance >= ROUGH):
             return AutomaticStepper(self, problem, t, q, v)
         return self.usual.start(problem, t, q, v)
 
@@ -63,7 +67,8 @@ class Automatic:
         """Return what makes explicit steps from a state whose accelerations may be known."""
         from hfsim.integrators.explicit import Explicit  # few scenes need it
 
-        return Explicit(self.sharper).start(problem, t, q, v, a)
+        sharper = SHARPER if problem.rigid_tree else 1.0
+        return Explicit(sharper * self.usual.tolerance).start(problem, t, q, v, a)
 
 
 class AutomaticStepper(Stepper):
@@ -74,9 +79,8 @@ class AutomaticStepper(Stepper):
     def __init__(self, method: Automatic, problem: Problem, t: float, q: Array, v: Array) -> None:
         self._method, self._problem, self._start = method, problem, (t, q, v)
         self._made, self._failed, self._since = 0, 0, t
-        self._few = FEW[problem.slopes is not None and problem.slopes.pays]
-        explicit = self._begun()
-        self._take(explicit or method.usual.start(problem, t, q, v), explicit is not None)
+        self._few = FEW[problem.slopes is not None and problem.slopes.pays] if problem.rigid_tree else BENDING
+        self._take(*self._begun())
         self.first = self._now.first
 
     @property
@@ -153,14 +157,25 @@ class AutomaticStepper(Stepper):
     def _take(self, stepper: Stepper, explicit: bool) -> None:
         self._now, self.name, self._explicit = stepper, stepper.name, explicit
 
-    def _begun(self) -> Stepper | None:
-        """Return what makes explicit steps, if few of them make the run."""
-        problem, start = self._problem, self._start
-        try:
-            a = slowly(problem, *start, self._few[0] / problem.often.rest(start[0]))
-            return None if a is None else self._method.explicit(problem, *start, a)
-        except np.linalg.LinAlgError:
-            return None
+    def _begun(self) -> tuple[Stepper, bool]:
+        """Return what makes the steps, and whether that is by explicit ones: if few make the run."""
+        problem, start, method = self._problem, self._start, self._method
+        with suppress(np.linalg.LinAlgError):
+            a = _slowly(problem, *start, self._few[0] / problem.often.rest(start[0]))
+            if a is not None:
+                return method.explicit(problem, *start, a), True
+        return method.usual.start(problem, *start), False
+
+
+def _slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array | None:
+    """Return what `slowly` does, which another run from there finds as it is."""
+    kept, begun = problem.recordings.setdefault(get_ident(), {}), (t, q.tobytes(), v.tobytes(), most)
+    if "slowly" not in kept or kept["slowly"][0] != begun:
+        kept["slowly"] = begun, slowly(problem, t, q, v, most)
+    problem.counts.calls += LOOKS
+    problem.counts.evaluations += 2 * LOOKS
+    found: Array | None = kept["slowly"][1]
+    return found
 
 
 def slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array | None:
@@ -170,13 +185,13 @@ def slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array
     """
     now = np.array([t, t])
     step = SMALL * np.cos(np.arange(1.0, len(q) + 1))
-    a, changed = problem.evaluate(now, np.array([q, q + step]), np.array([v, v]))
+    a, changed = problem.acceleration(now, np.array([q, q + step]), np.array([v, v]))
     size, change = np.linalg.norm(step), changed - a
     if not np.linalg.norm(change) <= most**2 * size:
         return None
     if change.any():
         step = size / np.linalg.norm(change) * change
-    changed = problem.evaluate(now, np.array([q + step, q]), np.array([v, v + step]))
+    changed = problem.acceleration(now, np.array([q + step, q]), np.array([v, v + step]))
     by_position, by_velocity = np.linalg.norm(changed - a, axis=-1)
     return a if by_position <= most**2 * size and by_velocity <= most * size else None
 
@@ -185,4 +200,4 @@ def chosen(solve: Options, dissipates: bool) -> Automatic | CollocationMethod:
     """Return what stands for ``auto``; see `hfsim.integrators.choose`."""
     usual = automatic(solve, dissipates)
     free = solve.step is None and solve.stages is None and solve.tolerance >= FINEST
-    return Automatic(usual, SHARPER * solve.tolerance) if free else usual
+    return Automatic(usual) if free else usual

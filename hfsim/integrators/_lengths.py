@@ -28,6 +28,8 @@ REGROWTH = 1.1
 """By how much a step may be longer than the last one after such a failure."""
 GROWTH = ((3, 4.0), (5, 1.4), (6, 1.25), (8, 1.1), (10, 1.0), (MAX_ITERATIONS, 0.8))
 """Iterations in a step, and how much longer the next one may then be."""
+ROUGH = 5e-4
+"""Tolerance from which compositions of kicks and drifts pay; they are for accelerations by position alone."""
 
 
 def factor(error: float, stages: int, most: float) -> float:

@@ -15,11 +15,16 @@ import numpy as np
 from hfsim.integrators._iteration import End, Place
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._tableau import legendre
+from hfsim.integrators._trajectory import two_point_series
 from hfsim.maths.arrays import Array
 from hfsim.maths.frozen import frozen
 
 TINY = 1e-300
 """Keeps what is zero over zero from being asked for."""
+KICKS = (0.0414649985182624, 0.198128671918067, -0.0400061921041533, 0.0752539843015807, -0.0115113874206879)
+DRIFTS = (0.123229775946271, 0.290553797799558, -0.127049212625417, -0.246331761062075, 0.357208872795928)
+"""Of the symmetric composition of order 6 with 11 stages of Blanes and Moan, J. Comput. Appl. Math. 142
+(2002) 313: the first ones, from which the others follow."""
 
 
 @frozen
@@ -150,3 +155,31 @@ def _interpolant(b: Array, D: Array) -> Array:
     for i in range(6, -1, -1):
         increments = (increments + F[i]) * (theta if i % 2 == 0 else 1.0 - theta)[:, None]
     return np.asarray(np.linalg.pinv(legendre(theta, 7)[1]) @ increments)
+
+
+@lru_cache(maxsize=1)
+def order_6() -> Nystrom:
+    """Return a composition of kicks and drifts, for accelerations that do not depend on the velocities.
+
+    Its errors are those of its weights as a quadrature. Accelerations inside a step are of low order, so that
+    only those at its ends go into the series.
+    """
+    b = np.array([*KICKS, 0.5 - sum(KICKS)])
+    b, half = np.concatenate([b, b[::-1]]), np.array(DRIFTS)
+    drifts = np.concatenate([half, [1.0 - 2.0 * half.sum()], half[::-1]])
+    A, s = np.tril(np.tile(b, (len(b), 1)), -1), len(b)
+    nodes, A2 = np.zeros(s), np.zeros((s, s))
+    for k, drift in enumerate(drifts, start=1):
+        nodes[k], A2[k] = nodes[k - 1] + drift, A2[k - 1] + drift * A[k]
+    nodes[-1] = 1.0
+    degrees = np.arange(6) + 1.0
+    errors = b - _quadrature(nodes, 1.0 / degrees)
+    errors2 = A2[-1] - _quadrature(nodes, 1.0 / (degrees * (degrees + 1.0)))
+    first, last = np.eye(s)[[0, -1]]
+    series = two_point_series(1.0, (A2[-1], b, last), (0.0 * b, 0.0 * b, first))
+    return Nystrom(6, nodes, A, A2, b, A2[-1], s, errors[None], errors2[None], series)
+
+
+def _quadrature(nodes: Array, moments: Array) -> Array:
+    """Return the smallest weights with which a quadrature has such moments."""
+    return np.asarray(np.linalg.pinv(np.vander(nodes, len(moments), increasing=True).T) @ moments)

@@ -168,7 +168,7 @@ def keep_all(
     another one was tried after it.
     """
     rows, n, stop = ahead.rows, len(path.q), None
-    last = None if ahead.tried else len(rows)
+    last, before = None if ahead.tried else len(rows), len(path.segments)
     heads = rows[:, :3].tolist()
     following = [*((t, h) for _, t, h in heads[1:]), (ahead.t, ahead.state.wish)]
     q_ends, v_ends, inside = rows[:, 3 : n + 3], rows[:, n + 3 : 2 * n + 3], rows[:, 2 * n + 3 :]
@@ -180,14 +180,18 @@ def keep_all(
             pace.note(t_end, False, False)
             path.segments.append(Segment(t, h, path.q, path.v, series.reshape(-1, n)))
             path.t_end, path.q, path.v = t_end, q, v
-            problem.counts.steps += 1
             problem.often.expect(t_end, h, then)
             if stop is None and k != last:
-                stop = _watched(watch, path)
+                try:
+                    watch(t_end, q, v)
+                except (LimitReached, KeyboardInterrupt) as told:  # anywhere else it takes all of them back
+                    stop = told
         if ahead.state.rejected:
             _refused(path.t_end, not ahead.state.converged, problem, pace)
     except SolverFailure as failure:
         return failure
+    finally:
+        problem.counts.steps += len(path.segments) - before
     return stop
 
 
@@ -195,15 +199,3 @@ def _refused(t: float, unsolved: bool, problem: Problem, pace: Pace) -> None:
     """Take note of an attempt that was not kept."""
     problem.counts.rejected += 1
     pace.note(t, True, unsolved)
-
-
-def _watched(watch: Watch, path: Trajectory) -> LimitReached | KeyboardInterrupt | None:
-    """Watch the last step; return what stops the run behind it.
-
-    An interruption that comes anywhere else would leave a step half kept: it takes all of them back.
-    """
-    try:
-        watch(path.t_end, path.q, path.v)
-    except (LimitReached, KeyboardInterrupt) as told:
-        return told
-    return None

@@ -71,7 +71,7 @@ class Pace(Remembering):
 
     def __post_init__(self) -> None:
         self.windows = [_Window(*one, self.t) for one in WINDOWS]
-        self._seen = self._of_windows()
+        self._looked()
 
     def note(self, t: float, rejected: bool, unsolved: bool) -> None:
         """Count one attempt that ended at t.
@@ -84,10 +84,16 @@ class Pace(Remembering):
         self.attempts += 1
         self.rejected += rejected
         self.unsolved = self.unsolved + 1 if unsolved else 0
-        for window in self.windows:
-            if not self.attempts % window.attempts:
-                window.look(t, self.t_end, self.rejected)
-                self._seen = self._of_windows()
+        if self.attempts == self._due:
+            for window in self.windows:
+                if not self.attempts % window.attempts:
+                    window.look(t, self.t_end, self.rejected)
+            self._looked()
+
+    def _looked(self) -> None:
+        """Take note of what the windows know, and of the attempts after which one is looked at next."""
+        self._seen = self._of_windows()
+        self._due = min((self.attempts // one.attempts + 1) * one.attempts for one in self.windows)
 
     def memory(self) -> dict[str, Any]:
         """Return the counts, and what each window knows."""
@@ -103,4 +109,4 @@ class Pace(Remembering):
         super().recall(memory)
         for k, window in enumerate(self.windows):
             window.recall(part_of(memory, str(k)))
-        self._seen = self._of_windows()
+        self._looked()

@@ -193,6 +193,11 @@ class Problem:
         """Whether all states have the same coordinates, and it is plain which of them are admissible."""
         return self.recharted is None and self.positive is not None
 
+    @property
+    def positional(self) -> bool:
+        """Whether accelerations depend on time and positions alone."""
+        return self.constant_mass and not self.dissipates and self.project is None
+
     def count_on(self, n: int, start: float, end: float) -> None:
         """Begin to count, in a run of n coordinates between these times, what is called often."""
         self.often = Often(self.recordings if n <= MOST else None, start, end, n)

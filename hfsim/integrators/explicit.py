@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from threading import get_ident
 
@@ -10,8 +9,8 @@ import numpy as np
 
 from hfsim.integrators._base import Attempt, Integrator, Options, Stability, Stepper
 from hfsim.integrators._iteration import End, Place
-from hfsim.integrators._lengths import FAINT, RUNGS, SHRUNK, TARGET, factor, fitted
-from hfsim.integrators._nystrom import Nystrom, Step, order_8
+from hfsim.integrators._lengths import FAINT, ROUGH, RUNGS, SHRUNK, TARGET, factor, fitted
+from hfsim.integrators._nystrom import Nystrom, Step, order_6, order_8
 from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._staged import UNKNOWN, Staged
@@ -37,14 +36,19 @@ class Explicit:
     ----------
     tolerance : float
         Local error per step, relative above 1.
-    table : callable
-        Gives that of the method.
+    step : float or None
+        A fixed one [s].
     """
 
     tolerance: float
-    table: Callable[[], Nystrom] = order_8
+    step: float | None = None
     name: str = "explicit"
     stages: int | None = None
+
+    def table(self, problem: Problem) -> Nystrom:
+        """Return that of its steps: with a length of their own, those of one order for all scenes."""
+        composed = problem.positional and self.tolerance >= ROUGH and self.step is None
+        return order_6() if composed else order_8()
 
     def start(
         self, problem: Problem, t: float, q: Array, v: Array, known: Array | None = None
@@ -62,7 +66,7 @@ class ExplicitStepper(Stepper):
         self, method: Explicit, problem: Problem, t: float, q: Array, v: Array, known: Array | None
     ) -> None:
         self.name, self._tolerance, self._problem = method.name, method.tolerance, problem
-        self._table = table = method.table()
+        self._table = table = method.table(problem)
         self._known: Array = problem.single(t, q, v) if known is None else known
         size = float((np.abs(self._known) / (1.0 + np.abs(q))).max())
         self.first = float(self._tolerance ** (1.0 / table.order)) / float(np.sqrt(max(size, 1.0)))
@@ -173,7 +177,7 @@ def amplification(y: Array, order: int | None = None) -> Array:
 
 
 def _make(solve: Options) -> Explicit:
-    return Explicit(solve.tolerance)
+    return Explicit(solve.tolerance, solve.step)
 
 
 EXPLICIT = Integrator(_make, Stability("stable up to wh = 6", amplification), rank=6)

@@ -5,7 +5,10 @@ import pytest
 from integrators.test_integrators import FREE, oscillator, run
 
 from hfsim.integrators import Limits, Problem, integrate
-from hfsim.integrators._nystrom import _alone, _public, order_8
+from hfsim.integrators._iteration import Place
+from hfsim.integrators._nystrom import Step, _alone, _public, order_6, order_8
+from hfsim.integrators._trajectory import Segment
+from hfsim.integrators.explicit import Explicit
 
 
 def test_the_coefficients_are_those_that_scipy_shows_everybody():
@@ -26,6 +29,68 @@ def test_the_table_meets_the_conditions_of_its_order():
     assert table.A.sum(axis=1) == pytest.approx(c, abs=1e-14)
     assert not np.triu(table.A).any() and c[table.end - 1] == 1.0
     assert np.array_equal(table.A[table.end - 1], table.b)
+
+
+def swing():
+    return Problem(lambda t, q, v: -np.sin(q) * (1.0 + 0.5 * np.cos(t))[:, None], None, False)
+
+
+def composed(problem, place, count=1):
+    """Make steps of the composition; return their end, and the last of them with what is inside it."""
+    table, (t, q, v, h) = order_6(), place
+    for _ in range(count):
+        step = Step(problem, table, Place(t, q, v, h))
+        end = step.end(step.stages(problem.single(t, q, v)))
+        last, (t, q, v) = Segment(t, h, q, v, end.series), (t + h, end.q, end.v)
+    return q, v, last
+
+
+def test_the_composition_meets_the_conditions_of_quadrature():
+    table = order_6()
+    c = table.nodes
+    for k in range(6):
+        assert table.b @ c**k == pytest.approx(1.0 / (k + 1), abs=1e-14)
+    for k in range(5):
+        assert table.b2 @ c**k == pytest.approx(1.0 / ((k + 1) * (k + 2)), abs=1e-14)
+    assert table.A.sum(axis=1)[-1] == pytest.approx(1.0 - table.b[-1], abs=1e-15)
+    assert (c[0], c[table.end - 1]) == (0.0, 1.0)
+
+
+def test_the_composition_is_of_order_6_also_where_time_and_state_mix():
+    problem, start = swing(), (0.0, np.array([1.2]), np.array([0.4]))
+    true, *_ = composed(problem, Place(*start, 3.0 / 512), 512)
+    errors = [float(abs(composed(problem, Place(*start, 3.0 / n), n)[0] - true)[0]) for n in (8, 16, 32)]
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert orders == pytest.approx([6.0, 6.0], abs=0.6)
+
+
+def test_the_composition_is_undone_by_steps_back():
+    problem, h = swing(), 0.3
+    start = np.array([1.2]), np.array([0.4])
+    q, v, _ = composed(problem, Place(0.0, *start, h))
+    back = composed(problem, Place(h, q, v, -h))
+    assert np.abs(np.subtract(back[:2], start)).max() < 1e-15
+
+
+def test_inside_the_composition_the_motion_is_smooth_and_right():
+    problem, start = swing(), (0.0, np.array([1.2]), np.array([0.4]))
+    errors = []
+    for h in (0.4, 0.2):
+        q, v, inside = composed(problem, Place(*start, h))
+        positions, rates = inside.at(np.array([0.25 * h, h]))
+        true, *_ = composed(problem, Place(*start, 0.25 * h / 64), 64)
+        assert (positions[1], rates[1]) == (pytest.approx(q), pytest.approx(v))
+        errors.append(abs(positions[0] - true)[0])
+    assert errors[0] < 1e-5 and errors[0] / errors[1] == pytest.approx(2.0**6, rel=0.3)
+
+
+def test_only_rough_steps_of_accelerations_by_position_alone_are_composed():
+    by_position, damped = swing(), oscillator([1.0])
+    damped.dissipates = True
+    assert by_position.positional and not damped.positional
+    assert Explicit(1e-3).table(by_position) is order_6()
+    assert order_8() is Explicit(1e-3).table(damped) is Explicit(1e-4).table(by_position)
+    assert Explicit(1e-3, step=0.1).table(by_position) is order_8()
 
 
 def test_few_steps_are_rejected_at_the_limit_of_stability():
