@@ -19,6 +19,7 @@ from hfsim.mechanics.markers import Marker
 from hfsim.mechanics.point_loads import Load
 from hfsim.mechanics.pose import Pose
 from hfsim.mechanics.resistances import Control, Push
+from hfsim.mechanics.statics.closing import Closing
 from hfsim.mechanics.statics.equilibrium import Equilibrium, Search
 from hfsim.mechanics.statics.gauge import Gauge
 from hfsim.mechanics.statics.newton import NotFoundError
@@ -168,7 +169,8 @@ def problem_of(
         free = np.asarray(abs(system.reduction.basis)[still].sum(axis=0)).ravel() == 0.0
         part = system.reduction.part(free, z)
         system, z = replace(system, equations=replace(system.equations, reduction=part)), z[:, free]
-    forces = tuple(_weighted(scene, varied, moving))
+    closing = Closing.of(system, np.array([t]), x)
+    forces = (*_weighted(scene, varied, moving), *([Weighted(closing, 1.0, 0.0)] if closing else []))
     if not system.variable_mass:
         forces = tuple(one._replace(part=one.part.in_strains()) for one in forces)
 

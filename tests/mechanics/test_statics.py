@@ -515,6 +515,14 @@ def test_a_model_within_its_range_is_not_doubted(model, moment):
     assert run.final["b.tip.y"] == pytest.approx((1.0 - np.cos(moment)) / moment, rel=5e-3)
 
 
+@pytest.mark.parametrize("mass", [0.9, 1.1, 1.3])
+def test_joints_hold_together_where_what_others_made_superfluous_is_not_any_more(mass):
+    """Flat, as Bricard's loop rests, one joint equation more counts than on the way there."""
+    run = hfsim.static("bricard", {"bodies.l2.mass": mass})
+    assert run.final["l1.y"] == pytest.approx(-0.3 * 3.0**0.5, abs=1e-8)
+    assert run.final["constraint.position"] < 1e-8
+
+
 def test_a_rest_where_joints_lose_their_rank_is_told():
     """Bricard's loop rests flat; its lowest frequency would be 0.274 Hz by its closing condition."""
     run = hfsim.static("bricard")

@@ -1,0 +1,58 @@
+"""What holds joint equations that others make superfluous, in the search for a place of rest alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.frozen import frozen
+from hfsim.maths.matrices import Entries, is_sparse
+from hfsim.mechanics.force import ForcePart
+from hfsim.mechanics.joint_rows import JointRows
+from hfsim.mechanics.system import System
+
+FIRM = 1e9
+"""Its stiffness, times the size of the coordinates, over the largest force at the start."""
+
+
+@frozen
+class Closing(ForcePart):
+    """Springs in place of equations that are left out.
+
+    On the way of the joints they stay as they are.  Where a rest lies just where the joints lose their rank,
+    the equations that are left out count, and no others keep the joints together.
+
+    Attributes
+    ----------
+    phi : JointRows
+    stiffness : float
+    """
+
+    phi: JointRows
+    stiffness: float
+
+    @classmethod
+    def of(cls, system: System, t: Array, x: Array) -> Closing | None:
+        """Return what holds redundant equations of a system, firm against forces in a state (1, n_x)."""
+        if not system.redundant:
+            return None
+        phi = JointRows(system.redundant, system.n_x, is_sparse(system.equations.constant_mass))
+        push = float(np.abs(system.force(t, x, np.zeros_like(x))).max())
+        return cls(phi, FIRM * (push or 1.0) / max(1.0, float(np.abs(x).max())))
+
+    @property
+    def support(self) -> IntArray:
+        """Coordinates at these joints."""
+        return self.phi.support
+
+    def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
+        """Add what closes the gaps."""
+        gap = self.phi.residual(t, x)
+        out[:, self.support] -= self.stiffness * (gap[:, None] @ self.phi.at_joints(x))[:, 0]
+
+    def tangent(self, t: Array, x: Array, u: Array) -> Entries:
+        """Return minus the derivative of that."""
+        pull, J = self.stiffness * self.phi.residual(t, x), self.phi.at_joints(x)[0]
+        parts = [Entries.of_block(self.support, self.support, self.stiffness * J.T @ J)]
+        parts += self.phi.stiffness(x, pull)
+        return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
