@@ -521,6 +521,14 @@ static void widen(View *v, const View *o) { /* as many batches */
     for (int d = 0; d < o->nd - 2; d++) if (v->shape[d] == 1) v->step[d] = 0;
 }
 
+static int goes_on(const View *v) { return v->shape[0] == 1 || v->step[0] == v->shape[1] * v->step[1]; }
+static void drop(View *v) { /* the first dimension, whose rows are added to those of the second one */
+    v->nd--;
+    v->shape[1] *= v->shape[0];
+    memmove(v->shape, v->shape + 1, v->nd * sizeof(i64));
+    memmove(v->step, v->step + 1, v->nd * sizeof(i64));
+}
+
 static double entry(const View *a, i64 i, i64 j) { return *(const double *)(a->at + i * a->step[0] + j * a->step[1]); }
 
 static int sparse(const Tape *t, const View *a) {
@@ -593,11 +601,15 @@ static PyObject *matmul(Tape *t, PyObject *const *args, Py_ssize_t count) {
     int failed = 0;
     if (column) insert(&o, o.nd);
     if (row) insert(&o, o.nd - 1);
-    if (a.nd == 2 && b.nd == 2 && !row && !column && entries(&o) && a.shape[1] && (sparse(t, &a) || sparse(t, &b))) {
+    widen(&a, &o); widen(&b, &o);
+    while (o.nd > 2 && (o.shape[0] == 1 || (o.nd == 3 && !b.step[0] && a.shape[0] == o.shape[0] && goes_on(&o) && goes_on(&a)))) {
+        b.shape[0] = 1;
+        drop(&o); drop(&a); drop(&b);
+    }
+    if (o.nd == 2 && !row && !column && entries(&o) && a.shape[1] && (sparse(t, &a) || sparse(t, &b))) {
         if (!sparse(t, &a)) { View c = a; a = b; b = c; transpose(&o); transpose(&a); transpose(&b); }
         failed = sparse_product(t, o, a, b);
     } else {
-        widen(&a, &o); widen(&b, &o);
         const int both = a.item == 16 && b.item == 16;
         failed = product(t, part(o, 0), part(a, 0), part(b, 0), 0) || (both && product(t, part(o, 0), part(a, 1), part(b, 1), -1)) ||
                  (o.item == 16 && product(t, part(o, 1), part(a, b.item == 8), part(b, 1), 0)) ||

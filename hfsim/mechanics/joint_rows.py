@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import pairwise
 
@@ -89,19 +89,17 @@ class JointRows:
 
     def residual(self, t: Array, x: Array) -> Array:
         """Return Phi, shape (n_batch, n_rows)."""
-        if self.constant:
-            return np.asarray(x @ self._constant_transpose + self._origin_residual)
-        out = self._stack(len(x), lambda c: c.residual(t, x))
+        out = self._constant_product(x) + self._origin_residual
+        for constraint, rows in self._changing:
+            out[:, rows] = constraint.residual(t, x)
         if self._products is not None:
             out[:, self._products.rows] = self._products.gap(x)
         return out
 
     def drift(self, t: Array, x: Array, u: Array) -> Array:
         """Return Phi' = Phi_x u + Phi_t, shape (n_batch, n_rows)."""
-        if self.constant:
-            return np.asarray(u @ self._constant_transpose)
-        drift = self.rate(t)
-        for end in self.ends:
+        drift = self._constant_product(u) + self.rate(t)
+        for end in self._changing_ends:
             drift[:, end.rows] += (end.jacobian(x) @ u[:, end.columns, None])[..., 0]
         if self._products is not None:
             drift[:, self._products.rows] = self._products.rate(x, u)
@@ -109,7 +107,11 @@ class JointRows:
 
     def rate(self, t: Array) -> Array:
         """Return Phi_t, shape (n_batch, n_rows)."""
-        return self._stack(len(t), lambda c: c.rate(t))
+        rate = np.zeros((len(t), self.n_rows))
+        for constraint, rows in self._changing:
+            if constraint.driven:
+                rate[:, rows] = constraint.rate(t)
+        return rate
 
     def curvature(self, t: Array, x: Array, u: Array) -> Array:
         """Return gamma of eq. (37), shape (n_batch, n_rows)."""
@@ -120,26 +122,31 @@ class JointRows:
             gamma[:, self._products.rows] = -self._products.bias(u)
         return gamma
 
+    def _constant_product(self, x: Array) -> Array:
+        """Return what the constant part of the Jacobian makes of coordinates, shape (n_batch, n_rows)."""
+        transpose = self._constant_transpose
+        return np.asarray((x if is_sparse(transpose) else x[:, self.support]) @ transpose)
+
     @cached_property
     def _constant_transpose(self) -> Matrix:
-        jacobian = self.jacobian_at(self._origin)
-        return jacobian.T.tocsr() if is_sparse(jacobian) else np.ascontiguousarray(jacobian.T)
+        """That part, transposed: by the coordinates at the joints, or by all where it is sparse."""
+        if self.sparse and self.constant:
+            return self.jacobian_at(self._origin).T.tocsr()
+        return np.ascontiguousarray(self._constant_rows[0].T)
 
     @cached_property
     def _origin_residual(self) -> Array:
-        """Residual of linear constraints where all coordinates are zero."""
-        return self._stack(1, lambda c: c.residual(np.zeros(1), self._origin))
+        """Residual of linear constraints where all coordinates are zero, (1, n_rows); zero for others."""
+        out = np.zeros((1, self.n_rows))
+        for constraint, rows in self._others:
+            if constraint.constant:
+                out[:, rows] = constraint.residual(np.zeros(1), self._origin)
+        return out
 
     @cached_property
     def _origin(self) -> Array:
         """Coordinates zero, (1, n_x): where a Jacobian that never changes is evaluated."""
         return np.zeros((1, self.n_x))
-
-    def _stack(self, n_batch: int, rows_of: Callable[[Constraint], Array]) -> Array:
-        out = np.zeros((n_batch, self.n_rows))
-        for constraint, rows in self._others:
-            out[:, rows] = rows_of(constraint)
-        return out
 
     # ------------------------------------------------------------------ how that depends on the coordinates
 
@@ -152,6 +159,11 @@ class JointRows:
             for k, marker in enumerate(c.ends)
             if not marker.grounded
         )
+
+    @cached_property
+    def _changing_ends(self) -> tuple[End, ...]:
+        """Those of them whose block depends on the state."""
+        return tuple(end for end in self.ends if not end.still)
 
     def jacobians(self, x: Array) -> Array:
         """Return Phi_x by the coordinates x, dense, shape (n_batch or 1, n_rows, n_x)."""
@@ -171,7 +183,7 @@ class JointRows:
         """Return the entries of Phi_x in states (n_batch, n_x), their values (n_batch, n_entries)."""
         still = self._still_entries
         parts = [still._replace(values=np.broadcast_to(still.values, (len(x), still.values.shape[1])))]
-        parts += [self._entries_of(end, x) for end in self.ends if not end.still]
+        parts += [self._entries_of(end, x) for end in self._changing_ends]
         if self._products is not None:
             parts.append(self._products.entries(x))
         return _joined(parts)
@@ -193,7 +205,7 @@ class JointRows:
         """Return Phi_x by the coordinates `support` alone, shape (n_batch or 1, n_rows, k)."""
         if self.constant:
             return self._constant_rows
-        J = self._with_ends(np.repeat(self._constant_rows, len(x), axis=0), x, still=False)
+        J = self._with(self._changing_ends, np.repeat(self._constant_rows, len(x), axis=0), x)
         if self._products is not None:
             J[:, self._products.rows] += self._products.jacobian(x, self.support)
         return J
@@ -201,13 +213,13 @@ class JointRows:
     @cached_property
     def _constant_rows(self) -> Array:
         """What never changes of the Jacobian by the coordinates at the joints, shape (1, n_rows, k)."""
-        return self._with_ends(np.zeros((1, self.n_rows, len(self.support))), self._origin, still=True)
+        still = [end for end in self.ends if end.still]
+        return self._with(still, np.zeros((1, self.n_rows, len(self.support))), self._origin)
 
-    def _with_ends(self, J: Array, x: Array, still: bool) -> Array:
-        """Add the blocks of the ends that never change, or of those that do."""
-        for end in self.ends:
-            if end.still == still:
-                J[:, end.rows, end.place] += end.jacobian(x)
+    def _with(self, ends: Iterable[End], J: Array, x: Array) -> Array:
+        """Add the blocks of ends."""
+        for end in ends:
+            J[:, end.rows, end.place] += end.jacobian(x)
         return J
 
     def stiffness(self, x: Array, multipliers: Array) -> list[Entries]:

@@ -83,6 +83,14 @@ FUNCTIONS = {
     "half of a product": lambda x, y: (Z @ (x + 1j * y)).imag,
     "small products": lambda x, y: (x + 1j * y).reshape(7, 2, 3) @ (y - 2j * x).reshape(7, 3, 2),
     "few entries": lambda x, y: RARE @ x + ((y.T - 2j * x.T) @ RARE.T).T.imag + RARE[:, :6] @ y[:6],
+    "few entries of batches": lambda x, y: (
+        (np.stack([x.T, y.T]) @ RARE.T)[1] + (x.T[None] @ RARE.T)[0] + (RARE @ np.stack([x, y])).sum(axis=0).T
+    ),
+    "batches that do not go on": lambda x, y: (
+        np.stack([x, y]).swapaxes(1, 2) @ RARE.T
+        + x.T[None] @ np.stack([RARE.T, 2.0 * RARE.T])
+        + (RARE @ np.broadcast_to(x, (2, 7, 6))).swapaxes(1, 2)
+    ),
     "few columns": lambda x, y: (x[:, :2] * 2.0 - y[:, 1:3]).T @ np.maximum(x[:, 3:], y[:, None, 0])[:, ::2],
     "dot": lambda x, y: np.dot(C, x.reshape(7, -1)),
     "selections": lambda x, y: x.take(SOME, axis=0) * 2.0 + y[:3] + x[[1, 1, 4]],
