@@ -23,10 +23,11 @@ def run_of(places: IntArray) -> Places:
     >>> run_of(np.array([3, 5, 7])), run_of(np.array([1, 2, 4]))
     (slice(3, 8, 2), array([1, 2, 4]))
     """
-    steps = np.diff(places)
-    if not len(places) or (steps <= 0).any() or (steps != steps[:1]).any():
+    every = places.tolist()
+    step = every[1] - every[0] if len(every) > 1 else 1
+    if not every or step < 1 or every != list(range(every[0], every[-1] + 1, step)):
         return places
-    return slice(int(places[0]), int(places[-1]) + 1, int(steps[0]) if len(steps) else 1)
+    return slice(every[0], every[-1] + 1, step)
 
 
 _Numbers = TypeVar("_Numbers", Array, IntArray)

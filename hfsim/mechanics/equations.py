@@ -83,6 +83,8 @@ class _Unconstrained:
     def inverse(self) -> Array:
         """Inverse of the constant blocks; zero in the rows of variable bodies."""
         constant = self._mass.any(axis=1)
+        if constant.all():
+            return np.asarray(np.linalg.inv(self._mass))
         inverse = np.zeros_like(self._mass)
         inverse[np.ix_(constant, constant)] = np.linalg.inv(self._mass[np.ix_(constant, constant)])
         return np.asarray(inverse)
