@@ -7,8 +7,9 @@ The error is the largest distance of the tip from the converged trajectory of th
 output grid. That trajectory is hfsim's at a far tighter tolerance, for each element law; for Exudyn's law it
 is compared with the trajectories of an independent code in ``tests/reference``, and the difference printed.
 
- - hfsim runs with its native kernel and in NumPy, in turns (``--kernel``), each time with a new scene, or
-   with one that it has solved before (``--again``), as studies of tolerances and error estimates do.
+ - hfsim runs with its native kernel and in NumPy, in turns (``--kernel``), each time with a new scene, of
+   which the kernel makes a recording within the time that is measured; and again with one that it has solved
+   before, as studies of tolerances and error estimates do: then the solve alone is measured.
  - SciPy integrates hfsim's own equations of motion (model ancf) in first-order form, with hfsim's default
    law.
  - Exudyn runs in a Python of its own (``--exudyn``), and is compared with hfsim in Exudyn's law.
@@ -61,12 +62,13 @@ LAWS = {
     DEFAULT: ("strain=green", "curvature=linear"),
     EXUDYN: ("strain=engineering", "curvature=exact", "quadrature={axial: 5, bending: 3}"),
 }
-KERNELS = {"hfsim": "native", "hfsim in NumPy": "numpy"}
-"""What hfsim is called with each kernel; where there is one kernel alone, that is hfsim."""
-LINES = (
-    *(("hfsim", DEFAULT), ("hfsim in NumPy", DEFAULT), ("SciPy", DEFAULT)),
-    *(("hfsim", EXUDYN), ("hfsim in NumPy", EXUDYN), ("Exudyn", EXUDYN)),
-)
+AGAIN, NUMPY = "hfsim again", "hfsim in NumPy"
+WAYS = {"hfsim": ("native", False), AGAIN: ("native", True), NUMPY: ("numpy", False)}
+"""What hfsim is called with each kernel, and whether it has solved a scene before."""
+NATIVE = {name: WAYS[name] for name in ("hfsim", AGAIN)}
+CHOSEN = {"both": WAYS, "native": NATIVE, "numpy": {"hfsim": WAYS[NUMPY]}}
+PEERS = {DEFAULT: "SciPy", EXUDYN: "Exudyn"}
+LINES = [(code, law) for law, peer in PEERS.items() for code in (*WAYS, peer)]
 
 
 @dataclass(frozen=True)
@@ -109,8 +111,7 @@ class Asked:
     """What is measured of all scenes: hfsim's models and kernels, and Exudyn if there is a Python with it."""
 
     models: list[str]
-    kernels: dict[str, str]
-    again: bool
+    ways: dict[str, tuple[str, bool]]
     exudyn: str | None
     limit: float
     repeats: int
@@ -235,9 +236,9 @@ def sweep(
             del done[k]
 
 
-def hfsim_series(name: str, asked: Asked, way: str) -> list[Series]:
-    """Return hfsim's models in both laws, with one kernel."""
-    solve = partial(solve_hfsim, way=way, again=asked.again)
+def hfsim_series(name: str, asked: Asked, way: str, again: bool) -> list[Series]:
+    """Return hfsim's models in both laws, in one way."""
+    solve = partial(solve_hfsim, way=way, again=again)
     return [(law, model, partial(solve, name, law, model)) for law in LAWS for model in asked.models]
 
 
@@ -272,13 +273,13 @@ def codes(
     name: str, asked: Asked, seconds: float
 ) -> Iterator[tuple[str, str, str, float, float, np.ndarray]]:
     """Yield code, law, method, tolerance or step, CPU time and path of each point, one code after another."""
-    kernels, limit = asked.kernels, asked.limit
+    ways, limit = asked.ways, asked.limit
     patience = min(limit, SHARES["SciPy"] * seconds / len(SCIPY_METHODS))
     for code, kind, series, longest in (
-        *((code, "hfsim", hfsim_series(name, asked, way), limit) for code, way in kernels.items()),
+        *((code, "hfsim", hfsim_series(name, asked, *way), limit) for code, way in ways.items()),
         ("SciPy", "SciPy", scipy_series(name, patience), patience),
     ):
-        share = SHARES[kind] / (len(kernels) if kind == "hfsim" else 1)
+        share = SHARES[kind] / (len(ways) if kind == "hfsim" else 1)
         measured = sweep(series, TOLERANCES[kind], share * seconds, longest, asked.repeats)
         yield from ((code, law, method, *found) for (law, method, _), *found in measured)
     if asked.exudyn:
@@ -353,20 +354,25 @@ def ratio(peer: tuple[float, bool] | None, own: tuple[float, bool] | None) -> st
 
 
 def table(points: list[Point]) -> Iterator[str]:
-    """Yield the lines of a scene's table; hfsim in NumPy has columns where it was measured apart."""
+    """Yield the lines of a scene's table; ways of hfsim have columns where they were measured."""
+    codes = {p.code for p in points}
+    heads = {"hfsim": "hfsim", AGAIN: "again", NUMPY: "NumPy"}
+    ways = {name: head for name, head in heads.items() if name in codes}
+    told = {name: head for name, head in ways.items() if name != NUMPY}
     head = ["error [m]"]
     for peer, own in (("SciPy", ""), ("Exudyn", ", Exudyn's element")):
-        head += [f"hfsim{own} [s]", f"in NumPy{own} [s]", f"{peer} [s]", "ratio"]
+        head += [f"{one}{own if one == 'hfsim' else ''} [s]" for one in ways.values()]
+        head += [f"{peer} [s]", *("ratio" if name == "hfsim" else one for name, one in told.items())]
     rows = []
     for level in LEVELS:
         words = [f"{level:.0e}"]
-        for three in (LINES[:3], LINES[3:]):
-            a, b, c = (least_cpu(front(points, code, law), level) for code, law in three)
-            words += [cell(a), cell(b), cell(c), ratio(c, a)]
+        for law, peer in PEERS.items():
+            own = {code: least_cpu(front(points, code, law), level) for code in ways}
+            theirs = least_cpu(front(points, peer, law), level)
+            words += [*map(cell, own.values()), cell(theirs), *(ratio(theirs, own[code]) for code in told)]
         rows.append(words)
-    apart = any(p.code == "hfsim in NumPy" for p in points)
     for words in (head, ["---"] * len(head), *rows):
-        yield "| " + " | ".join(word for k, word in enumerate(words) if apart or k not in (2, 6)) + " |"
+        yield "| " + " | ".join(words) + " |"
 
 
 def write_csv(points: list[Point], path: Path) -> None:
@@ -393,11 +399,11 @@ def draw(points: list[Point], names: list[str], path: Path) -> None:
         for k, (code, law) in enumerate(LINES):
             best = front([p for p in points if p.scene == name], code, law)
             if best:
-                label = f"{code}, {law}"
-                style = {"color": f"C{k % 3}", "ls": "-" if k < 3 else "--", "ms": 3, "lw": 1.2}
-                style["color"] = "C3" if code == "Exudyn" else style["color"]
+                first = law == DEFAULT
+                style = {"color": f"C{k % 4}", "ls": "-" if first else "--", "ms": 3, "lw": 1.2}
+                style["color"] = "k" if code == "Exudyn" else style["color"]
                 cpu, error = [p.cpu for p in best], [p.error for p in best]
-                (lines[label],) = axis.plot(cpu, error, "o" if k < 3 else "s", **style)
+                (lines[f"{code}, {law}"],) = axis.plot(cpu, error, "o" if first else "s", **style)
         axis.set(xscale="log", yscale="log", title=name, ylabel="error of the tip [m]")
         axis.grid(alpha=0.3)
     for axis in axes[-1]:
@@ -414,12 +420,9 @@ def main() -> None:
     parser.add_argument("--models", default="exact,ancf", help="of hfsim, with commas between")
     parser.add_argument(
         "--kernel",
-        choices=("both", "native", "numpy"),
+        choices=tuple(CHOSEN),
         default="both" if kernel.KERNEL == "native" else "numpy",
         help="of hfsim; what it is with both is the native one",
-    )
-    parser.add_argument(
-        "--again", action="store_true", help="hfsim has solved the scene before: nothing is to be recorded"
     )
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--rounds", type=int, default=3, help="in which the codes take turns")
@@ -431,8 +434,7 @@ def main() -> None:
     parser.add_argument("-o", dest="folder", type=Path, default=Path("peers"))
     options = parser.parse_args()
     names = options.scenes.split(",")
-    kernels = KERNELS if options.kernel == "both" else {"hfsim": options.kernel}
-    if "native" in kernels.values() and kernel.KERNEL == "numpy":
+    if options.kernel != "numpy" and kernel.KERNEL == "numpy":
         parser.error("there is no native kernel: see hfsim --version")
     if unknown := [name for name in names if name not in CASES]:
         parser.error(f"no such scene: {', '.join(unknown)}; there are {', '.join(CASES)}")
@@ -444,12 +446,13 @@ def main() -> None:
     elif subprocess.run([exudyn, "-c", "import exudyn"], capture_output=True, check=False).returncode:
         print(f"Exudyn left out: {exudyn} cannot import it")
         exudyn = None
-    print("CPU time of the solve call; ratio: peer / hfsim in the same law. Log-log between points;")
+    print("CPU time of the solve call; ratio: peer / hfsim in the same law. again: of a scene solved before.")
+    print("Log-log between points;", end=" ")
     print("*: the cheapest point measured, whose error is already below; -: not reached within the limits.")
     options.folder.mkdir(parents=True, exist_ok=True)
     points: list[Point] = []
     models, left = options.models.split(","), options.budget
-    asked = Asked(models, kernels, options.again, exudyn, options.limit, options.repeats, options.rounds)
+    asked = Asked(models, CHOSEN[options.kernel], exudyn, options.limit, options.repeats, options.rounds)
     for k, name in enumerate(names):
         seconds = left * CASES[name].weight / sum(CASES[one].weight for one in names[k:])
         found, floors, spent = measure(name, asked, seconds)
