@@ -30,6 +30,8 @@ MARGIN = 1.5
 """Factor by which another method must be sooner to be taken."""
 SURE = 3.0
 """Factor from which one measurement is enough; below it both are timed again, and the shorter times count."""
+ONCE = 1.0
+"""CPU time of the mark up to which they are in any case: imports and recordings may be most of it [s]."""
 SLACK = 0.1
 """Part of the time allowed for a race by which it may be behind."""
 TRIES = 4
@@ -204,7 +206,7 @@ class Contest:
                 break
             if probe.outcome == "reached":
                 both = self.mark.cpu + entry.cpu
-                if self.mark.cpu < SURE * entry.cpu:
+                if self.mark.cpu < max(SURE * entry.cpu, ONCE):
                     if self.allowance() < both:
                         self.open[name] = replace(turn, needs=both + entry.cpu)
                         return None

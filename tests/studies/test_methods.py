@@ -241,6 +241,12 @@ def test_a_narrow_win_is_timed_again(held):
     assert next(p for p in contest.probes if p.method == "radau").reason == ""
 
 
+def test_so_is_any_win_over_a_short_first_run(held):
+    """That has imported and recorded what the others find."""
+    _, contest = held({"gauss": 0.5, "radau": 0.05})
+    assert "timed again, 10 times sooner" in next(p for p in contest.probes if p.method == "radau").reason
+
+
 def test_races_end_with_their_time(held):
     won, contest = held({"gauss": 1.0}, time=0.05)
     assert won is None and not contest.probes and len(contest.open) == 5
