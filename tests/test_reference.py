@@ -260,7 +260,7 @@ def test_gauss_keeps_the_energy(case, model):
     assert run(case, *settings, "solve.tolerance=1e-10", model=model).statistics["energy_drift"] < 1e-10
 
 
-@pytest.mark.parametrize(("case", "method"), [("pendulum", "gauss"), ("hub_beams", "gauss, radau")])
+@pytest.mark.parametrize(("case", "method"), [("pendulum", "gauss"), ("hub_beams", "radau")])
 def test_auto_damps_what_its_steps_do_not_resolve(case, method):
     """Stiff scenes take steps of tens of milliseconds, hundreds of periods of their fastest mode."""
     result = run(case, "solve.duration=1.0", "solve.tolerance=1e-4")

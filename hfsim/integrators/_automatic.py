@@ -81,15 +81,20 @@ class AutomaticStepper(Stepper):
         self._made, self._failed, self._since = 0, 0, t
         self._few = FEW[problem.slopes is not None and problem.slopes.pays] if problem.rigid_tree else BENDING
         self._take(*self._begun())
-        self.first = self._now.first
+        self.first, self._label = self._now.first, self._now.label
 
     @property
     def label(self) -> str:
-        """That of the method at work."""
-        return self._now.label
+        """That of the method of the last attempt."""
+        return self._label
 
     def attempt(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         """Try a step of length h; go over to collocation if explicit ones fail."""
+        attempt = self._attempted(t, q, v, h)
+        self._label = self._now.label
+        return attempt
+
+    def _attempted(self, t: float, q: Array, v: Array, h: float) -> Attempt:
         self._now.reach = self.reach
         if not self._explicit:
             return self._now.attempt(t, q, v, h)
@@ -106,10 +111,10 @@ class AutomaticStepper(Stepper):
     def ahead(self, t: float, q: Array, v: Array, h: float, end: float, room: int) -> Ahead | None:
         """Make ordinary steps natively, explicit ones as many as may be before it is looked at the pace."""
         self._now.reach = self.reach
-        if not self._explicit:
-            return self._now.ahead(t, q, v, h, end, room)
-        ahead = self._now.ahead(t, q, v, h, end, min(room, LOOK - self._made % LOOK))
-        if ahead is not None and len(ahead.rows):
+        if self._explicit:
+            room = min(room, LOOK - self._made % LOOK)
+        ahead, self._label = self._now.ahead(t, q, v, h, end, room), self._now.label
+        if self._explicit and ahead is not None and len(ahead.rows):
             last, n = ahead.rows[-1], len(q)
             self._made += len(ahead.rows) - 1
             self._count(ahead.t, last[3 : n + 3], last[n + 3 : 2 * n + 3])

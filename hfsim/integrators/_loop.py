@@ -188,7 +188,6 @@ class Stepping:
             attempt = self._attempt(stepper, h)
             if fixed is not None and not attempt.solved:  # asked again, a method may know another way
                 attempt = self._attempt(stepper, h)
-            self._name(stepper)
             if not attempt.solved or (fixed is None and attempt.error > 1.0):
                 self._wish = self._shortened(attempt, h)
                 if self._behind_break and stepper.looks_back:
@@ -254,7 +253,6 @@ class Stepping:
             self._problem.counts.recall(self._kept["counts"]())
             self._problem.often.recall(self._kept["often"]())
         self._stepper = stepper
-        self._name(stepper)
         return stepper
 
     def _enter(self, stepper: Stepper) -> Stepper:
@@ -338,6 +336,7 @@ class Stepping:
     def _keep(self, stepper: Stepper, attempt: Attempt, tried: Segment) -> None:
         path, h, end = self.path, tried.h, self._stretch[1]
         t = end if h == end - path.t_end else path.t_end + h
+        self._name(stepper)
         stepper.accept(t, attempt.q, attempt.v)
         self._problem.counts.steps += 1
         if self._limits.step is None:
