@@ -46,7 +46,7 @@ class Explicit:
     stages: int | None = None
 
     def table(self, problem: Problem) -> Nystrom:
-        """Return that of its steps: with a length of their own, those of one order for all scenes."""
+        """Return that of its steps in a scene; fixed ones are of one order in all."""
         composed = problem.positional and self.tolerance >= ROUGH and self.step is None
         return order_6() if composed else order_8()
 
