@@ -354,22 +354,22 @@ def ratio(peer: tuple[float, bool] | None, own: tuple[float, bool] | None) -> st
 
 
 def table(points: list[Point]) -> Iterator[str]:
-    """Yield the lines of a scene's table; ways of hfsim have columns where they were measured."""
-    codes = {p.code for p in points}
-    heads = {"hfsim": "hfsim", AGAIN: "again", NUMPY: "NumPy"}
+    """Yield the lines of a scene's table; ways of hfsim that were measured share a cell."""
+    codes, heads = {p.code for p in points}, {"hfsim": "hfsim", AGAIN: "again", NUMPY: "in NumPy"}
     ways = {name: head for name, head in heads.items() if name in codes}
-    told = {name: head for name, head in ways.items() if name != NUMPY}
-    head = ["error [m]"]
-    for peer, own in (("SciPy", ""), ("Exudyn", ", Exudyn's element")):
-        head += [f"{one}{own if one == 'hfsim' else ''} [s]" for one in ways.values()]
-        head += [f"{peer} [s]", *("ratio" if name == "hfsim" else one for name, one in told.items())]
+    told = [name for name in ways if name != NUMPY]
+    mine = ", ".join(ways.values())
+    ratios = "ratio" if len(told) == 1 else "ratios"
+    head = ["error [m]", f"{mine} [s]", "SciPy [s]", ratios]
+    head += [f"{mine}, Exudyn's element [s]", "Exudyn [s]", ratios]
     rows = []
     for level in LEVELS:
         words = [f"{level:.0e}"]
         for law, peer in PEERS.items():
             own = {code: least_cpu(front(points, code, law), level) for code in ways}
             theirs = least_cpu(front(points, peer, law), level)
-            words += [*map(cell, own.values()), cell(theirs), *(ratio(theirs, own[code]) for code in told)]
+            words += [", ".join(map(cell, own.values())), cell(theirs)]
+            words += [", ".join(ratio(theirs, own[code]) for code in told) if theirs else "-"]
         rows.append(words)
     for words in (head, ["---"] * len(head), *rows):
         yield "| " + " | ".join(words) + " |"
