@@ -7,7 +7,8 @@ from pkgutil import resolve_name
 from hfsim.integrators._base import Attempt, Integrator, Limits, Method, Options, Stability, Stepper
 from hfsim.integrators._loop import Stepping, integrate
 from hfsim.integrators._memory import Memory, packed, part_of
-from hfsim.integrators._problem import Counts, PlainIncrements, Problem, Recordings
+from hfsim.integrators._often import Recordings
+from hfsim.integrators._problem import Counts, PlainIncrements, Problem
 from hfsim.integrators._trajectory import Segment, Trajectory, joined
 
 METHODS: dict[str, Integrator | str] = {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from threading import get_ident
 from typing import Any
 
 import numpy as np
@@ -32,8 +31,6 @@ FINEST = 1e-8
 """Tolerance below which theirs would be rounding."""
 SMALL = 1e-6
 """Size of a disturbance."""
-LOOKS = 2
-"""Evaluations, each of two states, by which the rate of the accelerations is found."""
 
 
 @frozen
@@ -166,21 +163,12 @@ class AutomaticStepper(Stepper):
         """Return what makes the steps, and whether that is by explicit ones: if few make the run."""
         problem, start, method = self._problem, self._start, self._method
         with suppress(np.linalg.LinAlgError):
-            a = _slowly(problem, *start, self._few[0] / problem.often.rest(start[0]))
+            t, q, v, most = *start, self._few[0] / problem.often.rest(start[0])
+            begun = t, q.tobytes(), v.tobytes(), most
+            a = problem.at_start("slowly", begun, lambda: slowly(problem, t, q, v, most))
             if a is not None:
                 return method.explicit(problem, *start, a), True
         return method.usual.start(problem, *start), False
-
-
-def _slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array | None:
-    """Return what `slowly` does, which another run from there finds as it is."""
-    kept, begun = problem.recordings.setdefault(get_ident(), {}), (t, q.tobytes(), v.tobytes(), most)
-    if "slowly" not in kept or kept["slowly"][0] != begun:
-        kept["slowly"] = begun, slowly(problem, t, q, v, most)
-    problem.counts.calls += LOOKS
-    problem.counts.evaluations += 2 * LOOKS
-    found: Array | None = kept["slowly"][1]
-    return found
 
 
 def slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array | None:
@@ -188,15 +176,19 @@ def slowly(problem: Problem, t: float, q: Array, v: Array, most: float) -> Array
 
     The first disturbance is any, the others are what it does to the accelerations: a power iteration.
     """
-    now = np.array([t, t])
+
+    def accelerations(*state: Array) -> Array:
+        problem.count(state[0])
+        return np.asarray(problem.acceleration(np.array([t, t]), *state))
+
     step = SMALL * np.cos(np.arange(1.0, len(q) + 1))
-    a, changed = problem.acceleration(now, np.array([q, q + step]), np.array([v, v]))
+    a, changed = accelerations(np.array([q, q + step]), np.array([v, v]))
     size, change = np.linalg.norm(step), changed - a
     if not np.linalg.norm(change) <= most**2 * size:
         return None
     if change.any():
         step = size / np.linalg.norm(change) * change
-    changed = problem.acceleration(now, np.array([q + step, q]), np.array([v, v + step]))
+    changed = accelerations(np.array([q + step, q]), np.array([v, v + step]))
     by_position, by_velocity = np.linalg.norm(changed - a, axis=-1)
     return a if by_position <= most**2 * size and by_velocity <= most * size else None
 

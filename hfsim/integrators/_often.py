@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from hfsim.integrators._memory import Remembering
 from hfsim.maths import kernel
-from hfsim.maths.replayed import Replayed
+from hfsim.maths.replayed import UNREADABLE, Replayed
 from hfsim.maths.traced import Recording
 
 MOST = 1000
@@ -28,6 +28,28 @@ LARGE = 100
 _Found = TypeVar("_Found")
 
 
+class Recordings(dict[int, dict[Any, Any]]):
+    """What is replayed of the equations, by thread; it does not go along into other processes."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Recordings, ()
+
+    @property
+    def mine(self) -> dict[Any, Any]:
+        """What this thread has: a recording works on memory of its own."""
+        return self.setdefault(get_ident(), {})
+
+    def made(self, key: Any, make: Callable[[], _Found]) -> _Found | None:
+        """Return a recording of this thread, made when it is first asked for; None if it cannot be made."""
+        kept = self.mine
+        if key not in kept:
+            try:
+                kept[key] = make()
+            except UNREADABLE as why:
+                kept[key] = why
+        return None if isinstance(kept[key], Exception) else kept[key]
+
+
 class Often(Remembering):
     """Which functions are replayed in a run.
 
@@ -37,7 +59,7 @@ class Often(Remembering):
 
     Parameters
     ----------
-    recordings : dict, optional
+    recordings : Recordings, optional
         Where recordings are kept, for each thread; without it nothing is replayed.
     start, end : float
         Times between which a run is to be made.
@@ -46,12 +68,12 @@ class Often(Remembering):
     """
 
     def __init__(
-        self, recordings: dict[int, Any] | None = None, start: float = 0.0, end: float = 0.0, n: int = 0
+        self, recordings: Recordings | None = None, start: float = 0.0, end: float = 0.0, n: int = 0
     ) -> None:
         self._start, self._end = start, end
         self._many = MANY * max(1.0, (n / LARGE) ** 2)
         self._wanted = recordings is not None and kernel.KERNEL == "native"
-        self._recordings: dict[int, dict[Any, Any]] = {} if recordings is None else recordings
+        self._recordings = Recordings() if recordings is None else recordings
         self._steps = 0
         self._asked: dict[str, int] = {}
         self.chosen: tuple[str, ...] = ()
@@ -75,7 +97,7 @@ class Often(Remembering):
         """
         if Recording.tape is not None or not self.ask(kind):
             return function(*given)
-        kept = self._recordings.setdefault(get_ident(), {})
+        kept = self._recordings.mine
         found: Replayed[_Found] | None = kept.get(kind)
         if found is None:
             found = kept[kind] = Replayed(function)
@@ -124,7 +146,7 @@ class Often(Remembering):
 
     def replayed(self) -> bool:
         """Tell whether any function was."""
-        kept = (self._recordings.get(get_ident(), {}).get(kind) for kind in self.chosen)
+        kept = (self._recordings.mine.get(kind) for kind in self.chosen)
         return any(isinstance(one, Replayed) and one.refused is None for one in kept)
 
     def memory(self) -> dict[str, Any]:

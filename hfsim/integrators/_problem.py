@@ -10,7 +10,7 @@ import numpy as np
 
 from hfsim.errors import SolverFailure
 from hfsim.integrators._memory import Remembering
-from hfsim.integrators._often import MOST, Often
+from hfsim.integrators._often import MOST, Often, Recordings
 from hfsim.maths.arrays import Array, IntArray
 from hfsim.maths.frozen import frozen, mutable
 from hfsim.mechanics.counting import Turns
@@ -42,13 +42,6 @@ class Counts(Remembering):
         """Add what another run cost."""
         for name, value in vars(other).items():
             setattr(self, name, getattr(self, name) + value)
-
-
-class Recordings(dict[int, Any]):
-    """What is replayed of the equations, by thread; it does not go along into other processes."""
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return Recordings, ()
 
 
 Project = Callable[[Array, Array, Array], tuple[Array, Array]]
@@ -205,6 +198,23 @@ class Problem:
     def apart(self) -> Problem:
         """Return the same equations, evaluated in NumPy alone, with counts of their own."""
         return replace(self, counts=Counts(), often=Often())
+
+    def at_start(self, name: str, begun: tuple[Any, ...], make: Callable[[], Any]) -> Any:
+        """Return what is found out where a run begins, which another one from there finds as it is.
+
+        Both count what that takes.
+        """
+        kept, own = self.recordings.mine, self.counts
+        if name in kept and kept[name][0] == begun:
+            own.add(kept[name][2])
+            return kept[name][1]
+        self.counts = spent = Counts()
+        try:
+            kept[name] = begun, make(), spent
+        finally:
+            own.add(spent)
+            self.counts = own
+        return kept[name][1]
 
     def through(self, name: str, function: Callable[..., Any], given: tuple[Any, ...]) -> Any:
         """Call a function of arrays, of the same shapes in all runs of a scene; replay it if it pays."""

@@ -17,7 +17,7 @@ from hfsim.integrators._problem import Problem
 from hfsim.integrators._recorded import Recorded
 from hfsim.integrators.derivative import computed, place_of, taken_at
 from hfsim.maths.arrays import Array
-from hfsim.maths.replayed import UNREADABLE, rebuilt
+from hfsim.maths.replayed import rebuilt
 
 
 class Held:
@@ -79,12 +79,8 @@ class Replays:
         problem, (t, q, v, _) = self._problem, place
         if len(q) > LARGE:
             return self._in_numpy(kind, place, None)
-        kept, begun = problem.recordings.setdefault(get_ident(), {}), (kind, t, q.tobytes(), v.tobytes())
-        if "beginning" not in kept or kept["beginning"][0] != begun:
-            kept["beginning"] = begun, self._in_numpy(kind, place, None)
-        else:
-            problem.counts.factorisations += 1
-        found: Derivative = kept["beginning"][1]
+        begun = kind, t, q.tobytes(), v.tobytes()
+        found: Derivative = problem.at_start("beginning", begun, lambda: self._in_numpy(kind, place, None))
         return found
 
     def derivative(
@@ -122,16 +118,11 @@ class Replays:
     def _recorded(
         self, key: tuple[Kind, Any], place: Place, given: Derivative | None, known: Any = None
     ) -> Replay | None:
-        kept = self._problem.recordings.setdefault(get_ident(), {})
-        if key not in kept:
-            try:
-                known = known if isinstance(known, Derivative) else None
-                recorded = Recorded(self._problem.apart(), key[0], place, given, known)
-                kept[key] = Replay(key[0], recorded, given)
-            except UNREADABLE as why:
-                kept[key] = why
-        found = kept[key]
-        return found if isinstance(found, Replay) else None
+        def make() -> Replay:
+            start = known if isinstance(known, Derivative) else None
+            return Replay(key[0], Recorded(self._problem.apart(), key[0], place, given, start), given)
+
+        return self._problem.recordings.made(key, make)
 
 
 class Replay:

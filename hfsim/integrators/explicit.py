@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from threading import get_ident
 
 import numpy as np
 
@@ -15,7 +14,6 @@ from hfsim.integrators._ordinary import END, REACH, Ahead, Rule, State
 from hfsim.integrators._problem import Problem
 from hfsim.integrators._staged import UNKNOWN, Staged
 from hfsim.maths.arrays import Array
-from hfsim.maths.replayed import UNREADABLE
 from hfsim.mechanics.projection import MOST, ROUNDING
 from hfsim.mechanics.turns import NEAR
 
@@ -123,14 +121,8 @@ class ExplicitStepper(Stepper):
         often.need(STEPS, len(self._table.nodes) * often.rest(place.t) / place.h)
         if STEPS not in often.chosen:
             return None
-        kept = problem.recordings.setdefault(get_ident(), {})
-        key = STEPS, self._table
-        if key not in kept:
-            try:
-                kept[key] = Staged(problem.apart(), self._table, place, self._known)
-            except UNREADABLE as why:
-                kept[key] = why
-        return kept[key] if isinstance(kept[key], Staged) else None
+        table, known = self._table, self._known
+        return problem.recordings.made((STEPS, table), lambda: Staged(problem.apart(), table, place, known))
 
     def _natively(self, steps: Staged, place: Place) -> End:
         if not self._tried:

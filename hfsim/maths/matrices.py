@@ -54,6 +54,11 @@ class Entries(NamedTuple):
         j = np.broadcast_to(columns[..., None, :], block.shape)
         return cls(i.ravel(), j.ravel(), block.ravel())
 
+    @classmethod
+    def joined(cls, parts: Iterable[Entries]) -> Entries:
+        """Return entries one after the other; values may have batches, (..., n_entries)."""
+        return cls(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))
+
 
 NOTHING = Entries(np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp), np.zeros(0))
 
@@ -85,8 +90,7 @@ def is_sparse(matrix: Matrix) -> bool:
 
 def assemble(parts: Iterable[Entries], shape: tuple[int, int], sparse: bool | None = None) -> Matrix:
     """Return the matrix of all entries; dense up to `DENSE_UP_TO` rows and columns unless said otherwise."""
-    parts = list(parts) or [NOTHING]
-    rows, columns, values = (np.concatenate(kind) for kind in zip(*parts, strict=True))
+    rows, columns, values = Entries.joined(list(parts) or [NOTHING])
     if sparse is None:
         sparse = max(shape) > DENSE_UP_TO
     if not sparse:

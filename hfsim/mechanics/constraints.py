@@ -241,8 +241,7 @@ class _Difference(Constraint):
     def stiffness(self, x: Array, multipliers: Array) -> Entries:
         """Return what the second derivatives make of the multipliers."""
         first, second = (one.stiffness(x, multipliers[0]) for one in self._quantities)
-        first = first._replace(values=-first.values)
-        return Entries(*(np.concatenate(pair) for pair in zip(second, first, strict=True)))
+        return Entries.joined([second, first._replace(values=-first.values)])
 
 
 class _Quantity(NamedTuple):

@@ -281,7 +281,7 @@ class Perpendicular(OfAxes):
         a, b = (multipliers[0, 0] * axis[0] for axis in self._both(x))
         parts.append(first.axis_stiffness(x, np.array(self.axes), b))
         parts.append(second.axis_stiffness(x, np.array(self.others), a))
-        return Entries(*(np.concatenate(kinds) for kinds in zip(*parts, strict=True)))
+        return Entries.joined(parts)
 
     def reaction(self, x: Array, multipliers: Array) -> tuple[Array, Array]:
         """Return a moment across both axes."""

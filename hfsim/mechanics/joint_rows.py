@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from itertools import pairwise
 
@@ -186,13 +186,14 @@ class JointRows:
         parts += [self._entries_of(end, x) for end in self._changing_ends]
         if self._products is not None:
             parts.append(self._products.entries(x))
-        return _joined(parts)
+        return Entries.joined(parts)
 
     @cached_property
     def _still_entries(self) -> Entries:
         """Those that never change, values (1, n_entries)."""
         nothing = NOTHING._replace(values=np.zeros((1, 0)))
-        return _joined([nothing, *(self._entries_of(end, self._origin) for end in self.ends if end.still)])
+        still = [self._entries_of(end, self._origin) for end in self.ends if end.still]
+        return Entries.joined([nothing, *still])
 
     def _entries_of(self, end: End, x: Array) -> Entries:
         """Return the entries of an end, values (n_batch, n_entries)."""
@@ -240,8 +241,3 @@ class JointRows:
         if self._products:
             bend[self._products.rows] = self._products.bend()
         return bend
-
-
-def _joined(parts: Sequence[Entries]) -> Entries:
-    """Return entries one after the other."""
-    return Entries(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))

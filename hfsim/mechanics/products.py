@@ -150,8 +150,7 @@ class Products:
     def entries(self, x: Array) -> Entries:
         """Return the entries of Phi_x in states (n_batch, n_x), their values (n_batch, n_entries)."""
         a, b = self._vectors(x)
-        parts = [self._pulled(0, b), self._pulled(1, a)]
-        return Entries(*(np.concatenate(kind, axis=-1) for kind in zip(*parts, strict=True)))
+        return Entries.joined([self._pulled(0, b), self._pulled(1, a)])
 
     def _pulled(self, side: int, other: Array) -> Entries:
         matrix = self._maps[side][0]
@@ -183,5 +182,4 @@ class Products:
             parts.append(Entries.of_block(a.columns, b.columns, block))
             parts.append(Entries.of_block(b.columns, a.columns, block.T))
             sizes.append(2 * block.size)
-        entries = Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
-        return np.repeat(np.arange(len(sizes)), sizes), entries
+        return np.repeat(np.arange(len(sizes)), sizes), Entries.joined(parts)

@@ -142,8 +142,7 @@ class Tie(PointPart):
             along = np.bincount(bent.rows, bent.values * u[0, bent.columns], x.shape[1])
             change = change + by_w * along[self.support]
         stiff = Entries.of_block(self.support, self.support, row[:, None] * change)
-        parts = stiff, self._curved(x, self._sum(t, s, w), by_s)
-        return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
+        return Entries.joined([stiff, self._curved(x, self._sum(t, s, w), by_s)])
 
     def _curved(self, x: Array, force: Array, slope: Array) -> Entries:
         """Return the force times the second derivative of the coordinate, in one state.

@@ -169,10 +169,11 @@ def problem_of(
         free = np.asarray(abs(system.reduction.basis)[still].sum(axis=0)).ravel() == 0.0
         part = system.reduction.part(free, z)
         system, z = replace(system, equations=replace(system.equations, reduction=part)), z[:, free]
-    closing = Closing.of(system, np.array([t]), x)
-    forces = (*_weighted(scene, varied, moving), *([Weighted(closing, 1.0, 0.0)] if closing else []))
+    forces = list(_weighted(scene, varied, moving))
     if not system.variable_mass:
-        forces = tuple(one._replace(part=one.part.in_strains()) for one in forces)
+        forces = [one._replace(part=one.part.in_strains()) for one in forces]
+    if (closing := Closing.of(system, np.array([t]), x)) is not None:
+        forces.append(Weighted(closing, 1.0, 0.0))
 
     def kept(load: float, state: State) -> None:
         if (lost := beyond_mesh(scene, t, system.reduction.expand(state.z))) is not None:

@@ -53,6 +53,5 @@ class Closing(ForcePart):
     def tangent(self, t: Array, x: Array, u: Array) -> Entries:
         """Return minus the derivative of that."""
         pull, J = self.stiffness * self.phi.residual(t, x), self.phi.at_joints(x)[0]
-        parts = [Entries.of_block(self.support, self.support, self.stiffness * J.T @ J)]
-        parts += self.phi.stiffness(x, pull)
-        return Entries(*(np.concatenate(kind) for kind in zip(*parts, strict=True)))
+        along = Entries.of_block(self.support, self.support, self.stiffness * J.T @ J)
+        return Entries.joined([along, *self.phi.stiffness(x, pull)])
