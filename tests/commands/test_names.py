@@ -2,6 +2,7 @@
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -119,9 +120,17 @@ def test_a_deck_named_twice_is_told_as_that(here):
     assert "would both write to pendulum.out, after the 'name' in them" in alike.stderr
 
 
+def heed_interruptions():
+    """Whoever has started the tests in the background may have them ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def test_an_interruption_while_the_program_is_imported_leaves_no_traceback(here):
     (here / "click.py").write_text("import os, signal\nos.kill(os.getpid(), signal.SIGINT)\n")
     path = os.pathsep.join([str(here), str(Path(hfsim.__file__).parents[1])])
     words = [sys.executable, "-m", "hfsim", "check", "pendulum"]
-    ended = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "PYTHONPATH": path})
+    environment = {**os.environ, "PYTHONPATH": path}
+    ended = subprocess.run(
+        words, capture_output=True, text=True, env=environment, preexec_fn=heed_interruptions
+    )
     assert ended.returncode == 130 and ended.stderr == "interrupted\n"
