@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
@@ -50,13 +50,17 @@ class Segment(NamedTuple):
         return self._positions(shares, _polynomials(shares.tobytes(), len(self.series))[1])
 
     def read(self, theta: Array, once: Array, twice: Array) -> tuple[Array, Array]:
-        """Return the same at places 0 to 1, from integrals of at least as many polynomials there."""
-        count = len(self.series)
-        v = self.v + self.h * (once[:, :count] @ self.series)
-        return self._positions(theta, twice[:, :count]), v
+        """Return the same at places 0 to 1, from integrals of the polynomials there."""
+        return self._positions(theta, twice), self.v + self.h * (once @ self.series)
 
     def _positions(self, theta: Array, twice: Array) -> Array:
-        return self.q + self.h * theta[:, None] * self.v + self.h**2 * (twice @ self.series)
+        return self.q + self.h * theta[..., None] * self.v + self.h**2 * (twice @ self.series)
+
+
+def _stacked(steps: Sequence[Segment]) -> Segment:
+    """Return steps with series of one length as one, whose arrays have an axis for them ahead of the others."""
+    t, h, q, v, series = map(np.array, zip(*steps, strict=True))
+    return Segment(t[:, None], h[:, None, None], q[:, None], v[:, None], series)
 
 
 @lru_cache(maxsize=64)
@@ -82,6 +86,8 @@ def two_point_series(h: float, ends: tuple[Array, Array, Array], start: tuple[Ar
 
 AT_ONCE = 4096
 """Times that are read in one go: bounds the memory that takes."""
+MOST = 1 << 15
+"""Numbers in the series of steps that are read in one go, for the same reason."""
 JUMP = 0.5
 """Change of a coordinate between two steps that projection never makes: it goes over to another chart."""
 RECENT = 64
@@ -142,15 +148,29 @@ class Trajectory:
         return q, v
 
     def _read(self, times: Array, owner: IntArray, q: Array, v: Array) -> None:
-        """Fill in states at sorted times within the steps that own them: polynomials of all in one go."""
-        own = {int(k): self.segments[k] for k in distinct(owner)}
-        begin, length = (np.array([getattr(s, name) for s in own.values()]) for name in ("t", "h"))
-        edges = np.append(np.searchsorted(owner, list(own)), len(times))
-        counts = np.diff(edges)
-        theta = (times - np.repeat(begin, counts)) / np.repeat(length, counts)
-        _, once, twice = legendre(theta, max(len(s.series) for s in own.values()))
-        for step, mine in zip(own.values(), map(slice, edges[:-1], edges[1:]), strict=True):
-            q[mine], v[mine] = step.read(theta[mine], once[mine], twice[mine])
+        """Fill in states at sorted times within the steps that own them: those of steps alike in one go."""
+        own = distinct(owner)
+        begin, length = (np.array([getattr(self.segments[k], name) for k in own]) for name in ("t", "h"))
+        nth = np.searchsorted(own, owner)
+        theta = (times - begin[nth]) / length[nth]
+        _, once, twice = legendre(theta, max(len(self.segments[k].series) for k in own))
+        for steps, rows in self._alike(own, owner):
+            count = len(steps[0].series)
+            q[rows], v[rows] = _stacked(steps).read(theta[rows], once[rows, :count], twice[rows, :count])
+
+    def _alike(self, own: IntArray, owner: IntArray) -> Iterator[tuple[Sequence[Segment], IntArray]]:
+        """Yield steps that own as many times, in series as long, and the numbers of these, (n_steps, n_own)."""
+        first = np.searchsorted(owner, own)
+        counts = np.diff(first, append=len(owner))
+        alike: dict[tuple[int, int], list[tuple[Segment, int]]] = {}
+        for k, count, begin in zip(own.tolist(), counts.tolist(), first.tolist(), strict=True):
+            step = self.segments[k]
+            alike.setdefault((count, step.series.size), []).append((step, begin))
+        for (count, size), found in alike.items():
+            most = max(1, MOST // size)
+            for k in range(0, len(found), most):
+                steps, begins = zip(*found[k : k + most], strict=True)
+                yield steps, np.array(begins)[:, None] + np.arange(count)
 
     @property
     def names(self) -> list[str]:

@@ -231,7 +231,6 @@ def _work(system: System, steps: StepSamples) -> Array:
     for part in _parts(len(steps.inner)):
         times = steps.inner[part].ravel()
         q, v = steps.trajectory.at(times)
-        q, v = system.project(times, q, v)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
         try:
             powers.append(system.power(times, x, u).reshape(-1, steps.inner.shape[1]))

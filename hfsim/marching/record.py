@@ -21,8 +21,8 @@ from hfsim.maths.arrays import Array, distinct
 from hfsim.parts.channels import kind_of
 from hfsim.scene.build import Scene
 
-CALL, STATE = 3e-4, 2e-7
-"""Nominal time of a batch of evaluations, and of each coordinate of each state in it [s]."""
+CALL, NATIVE, STATE = 3e-4, 3e-5, 2e-7
+"""Nominal time of a batch of evaluations, of one in a native step, and of each coordinate of each state [s]."""
 BLOCK = 0.25
 """Nominal time after which the steps so far become a block [s]."""
 MOST_STEPS = 50e6
@@ -257,4 +257,5 @@ class LegRecord:
 
 def _nominal(counts: Counts, n: int) -> float:
     """Return about how long the evaluations so far take [s], the same on any machine."""
-    return CALL * counts.calls + STATE * n * counts.evaluations
+    native = counts.native / max(counts.steps, 1)
+    return (CALL + native * (NATIVE - CALL)) * counts.calls + STATE * n * counts.evaluations
