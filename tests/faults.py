@@ -24,7 +24,7 @@ import yaml
 
 START = """
 import sys, hfsim.output.recording, hfsim.marching.record
-hfsim.output.recording.EVERY, hfsim.marching.record.BLOCK = 0.1, 0.05
+hfsim.output.recording.EVERY, hfsim.marching.record.BLOCK = 0.1, 0.01
 from hfsim.cli import main
 sys.argv[0] = "hfsim"
 main()

@@ -6,12 +6,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from hfsim.integrators._tableau import legendre
-from hfsim.maths.arrays import Array, IntArray, distinct
+from hfsim.maths.arrays import Array, IntArray, distinct, slices
 from hfsim.maths.shapes import gauss_legendre
 
 Watch = Callable[[float, Array, Array], None]
@@ -58,8 +58,9 @@ class Segment(NamedTuple):
 
 
 def _stacked(steps: Sequence[Segment]) -> Segment:
-    """Return steps with series of one length as one, whose arrays have an axis for them ahead of the others."""
-    t, h, q, v, series = map(np.array, zip(*steps, strict=True))
+    """Return steps with series of one length as one, whose arrays have an axis for them ahead of others."""
+    fields: list[Any] = [np.array(one) for one in zip(*steps, strict=True)]
+    t, h, q, v, series = fields
     return Segment(t[:, None], h[:, None, None], q[:, None], v[:, None], series)
 
 
@@ -142,8 +143,7 @@ class Trajectory:
         starts = np.array([s.t for s in self.segments])
         owner = np.clip(np.searchsorted(starts, times, side="right") - 1, 0, len(starts) - 1)
         q, v = np.empty((len(times), len(self.q))), np.empty((len(times), len(self.q)))
-        for begin in range(0, len(times), AT_ONCE):
-            some = slice(begin, begin + AT_ONCE)
+        for some in slices(len(times), AT_ONCE):
             self._read(times[some], owner[some], q[some], v[some])
         return q, v
 
@@ -159,7 +159,7 @@ class Trajectory:
             q[rows], v[rows] = _stacked(steps).read(theta[rows], once[rows, :count], twice[rows, :count])
 
     def _alike(self, own: IntArray, owner: IntArray) -> Iterator[tuple[Sequence[Segment], IntArray]]:
-        """Yield steps that own as many times, in series as long, and the numbers of these, (n_steps, n_own)."""
+        """Yield steps that own as many times, with series as long, and where these are, (n_steps, n_own)."""
         first = np.searchsorted(owner, own)
         counts = np.diff(first, append=len(owner))
         alike: dict[tuple[int, int], list[tuple[Segment, int]]] = {}
@@ -167,9 +167,8 @@ class Trajectory:
             step = self.segments[k]
             alike.setdefault((count, step.series.size), []).append((step, begin))
         for (count, size), found in alike.items():
-            most = max(1, MOST // size)
-            for k in range(0, len(found), most):
-                steps, begins = zip(*found[k : k + most], strict=True)
+            for some in slices(len(found), MOST // size):
+                steps, begins = zip(*found[some], strict=True)
                 yield steps, np.array(begins)[:, None] + np.arange(count)
 
     @property

@@ -10,12 +10,9 @@ import numpy as np
 
 from hfsim.integrators import Trajectory
 from hfsim.marching.rounding import ROUNDING
-from hfsim.maths.arrays import Array, random_signs
+from hfsim.maths.arrays import Array, at_once, random_signs, slices
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.system import System
-
-MAX_STATES = 4000
-"""States looked at in one batch."""
 
 INNER_POINTS = 16
 """Gauss points in a step at which power is looked at, at least: as many as the steps have stages."""
@@ -128,7 +125,7 @@ class Balance:
         """Take the next stretch, which begins where the last one ended."""
         system, sums = self._system, self._sums
         work = sums[_Sum.WORK] + _work(system, steps)
-        for part in _parts(len(steps.t)):
+        for part in slices(len(steps.t), at_once(system.n)):
             t, q, v = steps.t[part], steps.q[part], steps.v[part]
             x, u = system.absolute(q), system.absolute_velocity(q, v)
             energies = energies_of(system, t, x, u)
@@ -216,10 +213,6 @@ def _inner_kinetic(system: System, steps: StepSamples) -> float:
     return float(system.kinetic_energy(x, u).max())
 
 
-def _parts(count: int) -> list[slice]:
-    return [slice(i, min(i + MAX_STATES, count)) for i in range(0, count, MAX_STATES)]
-
-
 def _work(system: System, steps: StepSamples) -> Array:
     """Return the work put in by loads, drivers and dampers up to each step end, shape (n_steps + 1,).
 
@@ -228,12 +221,13 @@ def _work(system: System, steps: StepSamples) -> Array:
     if not system.exchanges_power:
         return np.zeros(len(steps.t))
     powers = []
-    for part in _parts(len(steps.inner)):
+    count, points = steps.inner.shape
+    for part in slices(count, at_once(system.n) // points):
         times = steps.inner[part].ravel()
         q, v = steps.trajectory.at(times)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
         try:
-            powers.append(system.power(times, x, u).reshape(-1, steps.inner.shape[1]))
+            powers.append(system.power(times, x, u).reshape(-1, points))
         except np.linalg.LinAlgError:
             return np.full(len(steps.t), np.nan)
     gained = np.sum(np.concatenate(powers) * steps.weights, axis=1) if powers else np.zeros(0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from hfsim.integrators import Trajectory
 from hfsim.marching.integration import Leg
-from hfsim.marching.sampling import SceneSamples, compute_channels
+from hfsim.marching.sampling import samples_of, table_of
 from hfsim.marching.solution import Channel
 from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, BoolArray, distinct
@@ -27,9 +27,6 @@ STAGES = 2
 """Times in one long step among many at most, over the number of its polynomials."""
 VISIBLE, ROUNDING = 5e-4, 1e-7
 """Part of its range by which a curve may be missed unseen; what changes by less of its size is rounding."""
-AT_ONCE, IN_CACHE = (64, 512), 1e6
-"""Least and most times that are read in one go, and squares of coordinates in them: more numbers would be
-fetched from memory over and over."""
 
 
 @frozen
@@ -130,15 +127,8 @@ def _read(leg: Leg, times: Array, names: Sequence[str] = ()) -> Iterator[Array]:
     """Yield rows, times [s] and channels, all without names, read from the steps at sorted times."""
     path = leg.done.trajectory
     q, v, turns = read_states(leg.scene, path, times, leg.record.begin_angles)
-    count = int(np.clip(IN_CACHE / max(1, leg.scene.system.n) ** 2, *AT_ONCE))
-    for k in range(0, len(times), count):
-        some = slice(k, k + count)
-        with np.errstate(all="ignore"):
-            states = leg.scene.system.project(times[some], q[some], v[some])
-            counted = {name: one[some] for name, one in turns.items()}
-            samples = SceneSamples(leg.scene, times[some], *states, counted)
-            columns = [one.values for one in compute_channels(samples, names)]
-        yield np.column_stack([times[some], *columns])
+    with np.errstate(all="ignore"):
+        yield from (table_of(one, names) for one in samples_of(leg.scene, times, q, v, turns))
 
 
 def times_between(path: Trajectory, rows: Array, room: int) -> Array:

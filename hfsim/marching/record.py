@@ -14,7 +14,7 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.integrators import Counts, Memory, Trajectory, packed, part_of
 from hfsim.marching.balance import Balance, step_samples
-from hfsim.marching.sampling import SceneSamples, compute_channels, output_times
+from hfsim.marching.sampling import SceneSamples, output_times, samples_of, table_of
 from hfsim.marching.solution import Channel, Run
 from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, distinct
@@ -22,7 +22,7 @@ from hfsim.parts.channels import kind_of
 from hfsim.scene.build import Scene
 
 CALL, NATIVE, STATE = 3e-4, 3e-5, 2e-7
-"""Nominal time of a batch of evaluations, of one in a native step, and of each coordinate of each state [s]."""
+"""Nominal time of a batch of evaluations, of one in native steps, and of each coordinate of a state [s]."""
 BLOCK = 0.25
 """Nominal time after which the steps so far become a block [s]."""
 MOST_STEPS = 50e6
@@ -199,10 +199,12 @@ class LegRecord:
         self._next = mine.stop
         if not len(times):
             return np.empty((0, 1 + len(scene.deck.channels)))
-        q, v = scene.system.project(times, q[:-1], v[:-1])
-        samples = SceneSamples(scene, times, q, v, {name: angles[:-1] for name, angles in turns.items()})
-        self._keep(np.column_stack([np.arange(mine.start, mine.stop), times, q, v]))
-        return np.column_stack([times, *(column.values for column in compute_channels(samples))])
+        tables = []
+        for samples in samples_of(scene, times, q[:-1], v[:-1], turns):
+            numbers = mine.start + np.searchsorted(times, samples.t)
+            self._keep(np.column_stack([numbers, samples.t, samples.q, samples.v]))
+            tables.append(table_of(samples))
+        return np.concatenate(tables)
 
     def _take(self, stretch: Trajectory) -> None:
         """Keep the states at the times of snapshots."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from hfsim.integrators import Trajectory
 from hfsim.marching.solution import Channel, Snapshot
 from hfsim.marching.turns import read_states
-from hfsim.maths.arrays import Array, IntArray
+from hfsim.maths.arrays import Array, IntArray, at_once, slices
 from hfsim.maths.frozen import frozen
 from hfsim.parts.channels import Samples, force_columns, kind_of
 from hfsim.scene.build import Scene
@@ -80,6 +80,20 @@ def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> SceneSampl
     """Return samples at sorted times."""
     q, v, turns = read_states(scene, trajectory, times)
     return SceneSamples(scene, times, *scene.system.project(times, q, v), turns)
+
+
+def samples_of(
+    scene: Scene, t: Array, q: Array, v: Array, turns: Mapping[str, Array]
+) -> Iterator[SceneSamples]:
+    """Yield samples, a batch at a time, of states as they were read, which are moved onto the joints."""
+    for some in slices(len(t), at_once(scene.system.n)):
+        states = scene.system.project(t[some], q[some], v[some])
+        yield SceneSamples(scene, t[some], *states, {name: one[some] for name, one in turns.items()})
+
+
+def table_of(samples: SceneSamples, names: Sequence[str] = ()) -> Array:
+    """Return times and columns as rows, (n_times, 1 + n_channels)."""
+    return np.column_stack([samples.t, *(one.values for one in compute_channels(samples, names))])
 
 
 def compute_channels(samples: SceneSamples, names: Sequence[str] = ()) -> tuple[Channel, ...]:

@@ -30,6 +30,28 @@ def run_of(places: IntArray) -> Places:
     return slice(every[0], every[-1] + 1, step)
 
 
+AT_ONCE, IN_CACHE = (64, 512), 1e6
+"""Least and most states in a batch, and squares of coordinates in it: more numbers would be fetched from
+memory over and over."""
+
+
+def at_once(n: int) -> int:
+    """Return how many states of n coordinates are looked at in a batch."""
+    return int(np.clip(IN_CACHE / max(1, n) ** 2, *AT_ONCE))
+
+
+def slices(count: int, most: int) -> list[slice]:
+    """Return slices that have all of so many things, each of them at least one and at most so many.
+
+    Examples
+    --------
+    >>> slices(5, 2)
+    [slice(0, 2, None), slice(2, 4, None), slice(4, 5, None)]
+    """
+    most = max(1, most)
+    return [slice(first, min(first + most, count)) for first in range(0, count, most)]
+
+
 _Numbers = TypeVar("_Numbers", Array, IntArray)
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from hfsim.errors import SolverFailure
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, slices
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Matrix, SaddlePoints, dense, factorised, is_sparse, saddle_point
 from hfsim.maths.traced import aside, outside
@@ -343,8 +343,7 @@ class Equations:
         if self.phi.constant and self.once:
             solution = outside(self._constant_factor, rhs)
         else:
-            states = max(1, AT_ONCE // rhs.shape[1])
-            parts = (slice(k, k + states) for k in range(0, len(x), states))
+            parts = slices(len(x), AT_ONCE // rhs.shape[1])
             solution = np.concatenate([self._together(x[some], rhs[some]) for some in parts])
         return solution[:, : self.n], solution[:, self.n :]
 

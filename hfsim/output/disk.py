@@ -13,6 +13,7 @@ import numpy as np
 
 from hfsim.errors import HfsimError
 from hfsim.marching.stop import SHIELD
+from hfsim.maths.arrays import slices
 
 _BLOCK = 4096
 """Rows turned into text at a time: bounds the memory a long history needs."""
@@ -110,8 +111,8 @@ class History:
         """
         if not np.isfinite(table).all():
             raise ValueError("a non-finite value must not be written")
-        for start in range(0, len(table), _BLOCK):
-            self._write("".join(rows_as_text(table[start : start + _BLOCK].tolist())))
+        for some in slices(len(table), _BLOCK):
+            self._write("".join(rows_as_text(table[some].tolist())))
 
     def _write(self, text: str) -> None:
         data = memoryview(text.encode())

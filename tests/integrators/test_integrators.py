@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hfsim.errors import LimitReached, SolverFailure
-from hfsim.integrators import Limits, Problem, Segment, integrate
+from hfsim.integrators import Limits, Problem, Segment, Trajectory, _trajectory, integrate
 from hfsim.integrators._tableau import gauss, legendre, radau
 from hfsim.integrators._trajectory import two_point_series
 from hfsim.integrators.collocation import CollocationMethod, CollocationStepper
@@ -218,6 +218,23 @@ def test_dense_output_is_as_good_as_the_steps(name):
     allowed = 3.0 * error_at_ends + 1e-7
     assert np.abs(q - np.stack([np.cos(times), np.sin(times)], 1)).max() < allowed
     assert np.abs(v - np.stack([-np.sin(times), np.cos(times)], 1)).max() < 10.0 * allowed
+
+
+def test_steps_alike_are_read_as_each_of_them_is(monkeypatch):
+    monkeypatch.setattr(_trajectory, "MOST", 40)
+    rng = np.random.default_rng(3)
+    ends = np.concatenate([[0.0], np.cumsum(rng.uniform(0.1, 1.0, 30))])
+    counts = rng.choice([1, 4, 7], 30)
+    made = [
+        Segment(t, h, *rng.normal(size=(2, 3)), rng.normal(size=(k, 3)))
+        for t, h, k in zip(ends.tolist(), np.diff(ends).tolist(), counts.tolist(), strict=False)
+    ]
+    path = Trajectory(0.0, float(ends[-1]), *rng.normal(size=(2, 3)), made)
+    times = np.sort(rng.uniform(0.0, ends[-1], 90))
+    q, v = path.at(times)
+    for step in made:
+        own = (step.t <= times) & (times < step.t + step.h)
+        assert [a.tobytes() for a in step.at(times[own])] == [q[own].tobytes(), v[own].tobytes()]
 
 
 def test_dense_output_joins_the_steps():

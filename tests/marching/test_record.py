@@ -11,6 +11,8 @@ from hfsim.commands.init import starters
 from hfsim.errors import LimitReached
 from hfsim.integrators import Segment, Trajectory, _loop
 from hfsim.marching.integration import run_integration
+from hfsim.maths.arrays import at_once
+from hfsim.mechanics.system import System
 from hfsim.parts.channels import CHANNELS
 from hfsim.scene.build import build
 from hfsim.scene.loading import load_deck, parse_deck
@@ -86,7 +88,7 @@ SCENES = {
 
 @pytest.fixture
 def short_blocks(monkeypatch):
-    monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.01)
+    monkeypatch.setattr(hfsim.marching.record, "BLOCK", 0.002)
     monkeypatch.setattr(_loop, "AT_ONCE", 3)
 
 
@@ -124,6 +126,30 @@ def test_rows_come_while_the_run_goes_on_and_do_not_depend_on_blocks(short_block
     assert len(many.tables) > 3 and len(one.tables) == 1
     assert many.told == [loaded.deck.channels, "done"]
     assert many.table == pytest.approx(one.table, rel=1e-12, abs=1e-12)
+
+
+def test_states_of_rows_and_of_power_come_in_batches_however_many_they_are(monkeypatch):
+    """All at once those of a run with 1e5 rows took ten gigabytes."""
+    sizes = {"project": [], "power": []}
+
+    def noting(name):
+        whole = getattr(System, name)
+
+        def noted(system, t, *rest):
+            sizes[name].append(len(t))
+            return whole(system, t, *rest)
+
+        return noted
+
+    for name in sizes:
+        monkeypatch.setattr(System, name, noting(name))
+    loaded = load_deck(CASES / "joints.yaml", ["output.interval=1e-5", "solve.duration=0.01"])
+    done = run(loaded, None)
+    assert len(done.t) == 1001
+    most = at_once(build(loaded).system.n)
+    assert 1001 / 10 < most < 1001 / 2
+    assert sum(sizes["project"]) >= 1001 and 0 < max(sizes["project"]) <= most
+    assert 0 < max(sizes["power"]) <= most
 
 
 @pytest.mark.parametrize("interval, rows", [(0.3, [0.0, 0.3, 0.6, 0.9, 1.0]), (5.0, [0.0, 1.0])])
@@ -198,7 +224,7 @@ def test_a_leg_without_a_row_yet_can_be_put_down(short_blocks):
 def test_what_is_not_known_of_the_beginning_is_not_judged(deck, short_blocks):
     """Growth compares motions from their start: of a run that was taken up again only the end is known."""
     loaded = load_deck(CASES / deck)
-    notes = Notes(most=2)
+    notes = Notes(most=6)
     run(loaded, notes)
     scene = build(loaded)
     record = hfsim.marching.record.Record(memory=notes.put_down())

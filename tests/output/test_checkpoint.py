@@ -24,7 +24,7 @@ RESOLVED = {"name": "case", "solve": {"duration": 1.0, "tolerance": 1e-6, "max_s
 PROVENANCE = Provenance("case.yaml", "0" * 64, (), RESOLVED)
 SLOW = """
 import sys, hfsim.output.recording, hfsim.marching.record
-hfsim.output.recording.EVERY, hfsim.marching.record.BLOCK = 0.0, 0.01
+hfsim.output.recording.EVERY, hfsim.marching.record.BLOCK = 0.0, 0.002
 from hfsim.cli import main
 main()
 """
@@ -83,7 +83,7 @@ def here(*arguments):
     """Run the same in this process; return the exit code and what is told."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(recording, "EVERY", 0.0)
-        patch.setattr(record, "BLOCK", 0.01)
+        patch.setattr(record, "BLOCK", 0.002)
         done = call(*RUN, *arguments)
     return done.exit_code, done.stderr
 
@@ -152,7 +152,7 @@ def test_a_run_that_a_full_disk_ends_goes_on_from_the_rows_that_fitted(tmp_path,
         add(self, table)
 
     with monkeypatch.context() as patch:
-        patch.setattr(record, "BLOCK", 0.01)
+        patch.setattr(record, "BLOCK", 0.002)
         patch.setattr(History, "add", full)
         done = call(*RUN, "-o", str(tmp_path / "out"), *LONG)
     assert (done.exit_code, len(added)) == (5, 3) and "its last rows are missing" in done.stderr

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from hfsim.maths.arrays import Array
+from hfsim.maths.arrays import Array, slices
 from hfsim.maths.frozen import frozen
 from hfsim.maths.matrices import Entries
 from hfsim.maths.shapes import gauss_legendre
@@ -70,13 +70,13 @@ class ElasticForce(ForcePart):
 
     def add_force(self, t: Array, x: Array, u: Array, out: Array) -> None:
         """Add minus the derivative of the strain energy, eq. (24)."""
-        elements, states = self.elements, max(1, AT_ONCE // len(self.elements.columns))
-        if len(x) <= states:
+        elements = self.elements
+        parts = slices(len(x), AT_ONCE // len(elements.columns))
+        if len(parts) == 1:
             out -= elements.push(self.law.pull(elements.rows(x)), len(x))
             return
-        for first in range(0, len(x), states):
-            some = x[first : first + states]
-            out[first : first + states] -= elements.push(self.law.pull(elements.rows(some)), len(some))
+        for some in parts:
+            out[some] -= elements.push(self.law.pull(elements.rows(x[some])), len(x[some]))
 
     def strain_energy(self, x: Array) -> Array:
         """Return the strain energy of all elements."""
