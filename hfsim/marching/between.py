@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -82,8 +82,7 @@ class Between:
     def _with(self, table: Array, times: Sequence[Array]) -> Array:
         """Return a table in order of time with rows at more times of each leg."""
         wanted = [pair for pair in zip(self.legs, times, strict=True) if len(pair[1])]
-        parts = [one for leg, own in wanted for one in _read(leg, own)]
-        table = np.concatenate([table, *parts])
+        table = np.concatenate([table, *(_read(leg, own) for leg, own in wanted)])
         table = table[np.isfinite(table).all(axis=1)]
         _, first = np.unique(table[:, 0], return_index=True)  # of one time, the row of the output
         return np.asarray(table[first])
@@ -92,7 +91,7 @@ class Between:
         """Return some channels at sorted times within the run, shape (n_times, n_names)."""
         ends = np.array([leg.done.trajectory.t_end for leg in self.legs[:-1]])
         owner = np.searchsorted(ends, times)
-        parts = [one for k, leg in enumerate(self.legs) for one in _read(leg, times[owner == k], names)]
+        parts = [_read(leg, times[owner == k], names) for k, leg in enumerate(self.legs)]
         return np.concatenate(parts)[:, 1:]
 
 
@@ -123,12 +122,12 @@ def _within(times: Array, ends: Array, chosen: BoolArray) -> Array:
     return times[chosen[np.clip(np.searchsorted(ends, times) - 1, 0, len(chosen) - 1)]]
 
 
-def _read(leg: Leg, times: Array, names: Sequence[str] = ()) -> Iterator[Array]:
-    """Yield rows, times [s] and channels, all without names, read from the steps at sorted times."""
+def _read(leg: Leg, times: Array, names: Sequence[str] = ()) -> Array:
+    """Return rows, times [s] and channels, all without names, read from the steps at sorted times."""
     path = leg.done.trajectory
     q, v, turns = read_states(leg.scene, path, times, leg.record.begin_angles)
     with np.errstate(all="ignore"):
-        yield from (table_of(one, names) for one in samples_of(leg.scene, times, q, v, turns))
+        return table_of(samples_of(leg.scene, times, q, v, turns), names)
 
 
 def times_between(path: Trajectory, rows: Array, room: int) -> Array:

@@ -14,11 +14,10 @@ import numpy as np
 from hfsim.errors import SolverFailure
 from hfsim.integrators import Counts, Memory, Trajectory, packed, part_of
 from hfsim.marching.balance import Balance, step_samples
-from hfsim.marching.sampling import SceneSamples, output_times, samples_of, table_of
+from hfsim.marching.sampling import SceneSamples, channels_of, output_times, samples_of, table_of
 from hfsim.marching.solution import Channel, Run
 from hfsim.marching.turns import read_states
 from hfsim.maths.arrays import Array, distinct
-from hfsim.parts.channels import kind_of
 from hfsim.scene.build import Scene
 
 CALL, NATIVE, STATE = 3e-4, 3e-5, 2e-7
@@ -140,9 +139,7 @@ class Record:
 
     def channels(self) -> tuple[Channel, ...]:
         """Return the columns that the deck asks for."""
-        columns = np.ascontiguousarray(self.table().T[1:])
-        names = self.legs[0].scene.deck.channels
-        return tuple(Channel(n, kind_of(n).unit, one) for n, one in zip(names, columns, strict=True))
+        return channels_of(self.legs[0].scene.deck.channels, self.table())
 
 
 class LegRecord:
@@ -199,12 +196,10 @@ class LegRecord:
         self._next = mine.stop
         if not len(times):
             return np.empty((0, 1 + len(scene.deck.channels)))
-        tables = []
-        for samples in samples_of(scene, times, q[:-1], v[:-1], turns):
-            numbers = mine.start + np.searchsorted(times, samples.t)
-            self._keep(np.column_stack([numbers, samples.t, samples.q, samples.v]))
-            tables.append(table_of(samples))
-        return np.concatenate(tables)
+        before = {name: angles[:-1] for name, angles in turns.items()}
+        samples = samples_of(scene, times, q[:-1], v[:-1], before)
+        self._keep(np.column_stack([np.arange(mine.start, mine.stop), times, samples.q, samples.v]))
+        return table_of(samples)
 
     def _take(self, stretch: Trajectory) -> None:
         """Keep the states at the times of snapshots."""

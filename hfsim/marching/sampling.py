@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -11,7 +11,7 @@ import numpy as np
 from hfsim.integrators import Trajectory
 from hfsim.marching.solution import Channel, Snapshot
 from hfsim.marching.turns import read_states
-from hfsim.maths.arrays import Array, IntArray, at_once, slices
+from hfsim.maths.arrays import Array, IntArray, Places, at_once, slices
 from hfsim.maths.frozen import frozen
 from hfsim.parts.channels import Samples, force_columns, kind_of
 from hfsim.scene.build import Scene
@@ -26,9 +26,19 @@ class SceneSamples(Samples):
 
     scene: Scene
 
+    def of(self, rows: Places) -> SceneSamples:
+        """Return samples at some of the times."""
+        turns = {name: angles[rows] for name, angles in self.turns.items()}
+        return replace(self, t=self.t[rows], q=self.q[rows], v=self.v[rows], turns=turns)
+
+    def batches(self) -> Iterator[tuple[slice, SceneSamples]]:
+        """Yield as many times as are looked at in a batch: where they are, and their samples."""
+        parts = slices(len(self.t), at_once(self.scene.system.n))
+        yield from ((some, self.of(some)) for some in parts) if len(parts) > 1 else [(slice(None), self)]
+
     def outline_forces(self, rows: IntArray) -> Iterator[tuple[str, str, Array]]:
         """Yield quantity, body, and internal forces along its outline at some times, (n_rows, n_points)."""
-        some = replace(self, t=self.t[rows], q=self.q[rows], v=self.v[rows], turns={})
+        some = self.of(rows)
         for name, body in self.scene.bodies.items() if len(rows) else ():
             if len(body.outline_places):
                 forces = some.forces_along(name, body.outline_places)
@@ -78,32 +88,41 @@ def sample(scene: Scene, trajectory: Trajectory) -> SceneSamples:
 
 def samples_at(scene: Scene, trajectory: Trajectory, times: Array) -> SceneSamples:
     """Return samples at sorted times."""
-    q, v, turns = read_states(scene, trajectory, times)
-    return SceneSamples(scene, times, *scene.system.project(times, q, v), turns)
+    return samples_of(scene, times, *read_states(scene, trajectory, times))
 
 
-def samples_of(
-    scene: Scene, t: Array, q: Array, v: Array, turns: Mapping[str, Array]
-) -> Iterator[SceneSamples]:
-    """Yield samples, a batch at a time, of states as they were read, which are moved onto the joints."""
-    for some in slices(len(t), at_once(scene.system.n)):
-        states = scene.system.project(t[some], q[some], v[some])
-        yield SceneSamples(scene, t[some], *states, {name: one[some] for name, one in turns.items()})
-
-
-def table_of(samples: SceneSamples, names: Sequence[str] = ()) -> Array:
-    """Return times and columns as rows, (n_times, 1 + n_channels)."""
-    return np.column_stack([samples.t, *(one.values for one in compute_channels(samples, names))])
+def samples_of(scene: Scene, t: Array, q: Array, v: Array, turns: dict[str, Array]) -> SceneSamples:
+    """Return samples of states as they were read, which are moved onto the joints."""
+    project, parts = scene.system.project, slices(len(t), at_once(scene.system.n))
+    if len(parts) > 1:
+        moved = [project(t[some], q[some], v[some]) for some in parts]
+        q, v = (np.concatenate(one) for one in zip(*moved, strict=True))
+    else:
+        q, v = project(t, q, v)
+    return SceneSamples(scene, t, q, v, turns)
 
 
 def compute_channels(samples: SceneSamples, names: Sequence[str] = ()) -> tuple[Channel, ...]:
     """Return some columns, or all that the deck asks for."""
-    return tuple(_column(samples, name) for name in names or samples.scene.deck.channels)
+    names = names or samples.scene.deck.channels
+    return channels_of(names, table_of(samples, names))
 
 
-def _column(samples: Samples, name: str) -> Channel:
-    kind, subject = kind_of(name), name.rpartition(".")[0]
-    return Channel(name, kind.unit, np.ascontiguousarray(kind.compute(samples, subject)))
+def table_of(samples: SceneSamples, names: Sequence[str] = ()) -> Array:
+    """Return times and some columns, or all that the deck asks for, as rows (n_times, 1 + n_channels)."""
+    names = names or samples.scene.deck.channels
+    table = np.empty((len(samples.t), 1 + len(names)))
+    table[:, 0] = samples.t
+    for some, part in samples.batches():
+        for k, name in enumerate(names, start=1):
+            table[some, k] = kind_of(name).compute(part, name.rpartition(".")[0])
+    return table
+
+
+def channels_of(names: Sequence[str], table: Array) -> tuple[Channel, ...]:
+    """Return the columns of a table, (n_times, 1 + n_channels), times first."""
+    columns = np.ascontiguousarray(table.T[1:])
+    return tuple(Channel(n, kind_of(n).unit, one) for n, one in zip(names, columns, strict=True))
 
 
 class Outlines(NamedTuple):
