@@ -14,7 +14,7 @@ from hfsim.maths.arrays import Array, at_once, random_signs, slices
 from hfsim.maths.shapes import gauss_legendre
 from hfsim.mechanics.system import System
 
-INNER_POINTS = 16
+INNER_POINTS = 10
 """Gauss points in a step at which power is looked at, at least: as many as the steps have stages."""
 
 LOOKED_INTO = 500
