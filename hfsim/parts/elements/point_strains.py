@@ -110,8 +110,8 @@ class PointStrainLaw(PointLaw):
         """Return their derivative by V, shape (..., n_elements, n_kinds, n_vectors * n_dim)."""
         B = self._strained.slopes(self._at_points(V))
         B = B.reshape(*V.shape[:-3], self._points, -1, B.shape[-2], len(self.rows), V.shape[-1])
-        found = np.einsum("...pekad,apn->...epknd", B, self.rows, optimize=True)
-        return np.asarray(found.reshape(*V.shape[:-2], -1, V.shape[-2] * V.shape[-1]))
+        found = np.moveaxis(B, -5, -4).swapaxes(-1, -2) @ self._rows_of_points[:, None]
+        return found.swapaxes(-1, -2).reshape(*V.shape[:-2], -1, V.shape[-2] * V.shape[-1])
 
     def pull_of(self, v: Array, e: Array) -> Array:
         """Return `pull` with given strains, (n_kinds, n_elements, n_states or 1)."""

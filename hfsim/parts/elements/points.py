@@ -57,10 +57,15 @@ class PointLaw(RowLaw):
         flat = self.rows.reshape(-1, self.rows.shape[2])
         return flat, np.ascontiguousarray(flat.T)
 
+    @cached_property
+    def _rows_of_points(self) -> Array:
+        """The rows of each point, shape (n_points, n_at_point, n_vectors)."""
+        return np.ascontiguousarray(self.rows.swapaxes(0, 1))
+
     def _at_points(self, V: Array) -> Array:
         """Return the vectors at points, shape (..., n_points * n_elements, n_at_point, n_dim)."""
-        z = np.einsum("apn,...end->...pead", self.rows, V, optimize=True)
-        return np.asarray(z.reshape(*V.shape[:-3], -1, *z.shape[-2:]))
+        z = (self._matrices[0] @ V).reshape(*V.shape[:-2], *self.rows.shape[:2], V.shape[-1])
+        return np.moveaxis(z, -2, -4).reshape(*V.shape[:-3], -1, len(self.rows), V.shape[-1])
 
     def energy(self, V: Array) -> Array:
         """Return the stored energy [J], shape (..., n_elements)."""
@@ -90,6 +95,8 @@ class PointLaw(RowLaw):
     def _summed(self, H: Array, V: Array) -> Array:
         """Return second derivatives by vectors V from those by the ones at points."""
         (count, points, n), n_dim = self.rows.shape, V.shape[-1]
-        H = H.reshape(*V.shape[:-3], points, -1, count, n_dim, count, n_dim)
-        out = np.einsum("apm,...peaibj,bpn->...eminj", self.rows, H, self.rows, optimize=True)
+        H = np.moveaxis(H.reshape(*V.shape[:-3], points, -1, count, n_dim, count, n_dim), -6, -5)
+        by_right = H.swapaxes(-1, -2) @ self._rows_of_points[:, None, None]
+        both = self._rows_of_points.reshape(-1, n).T @ by_right.reshape(*V.shape[:-2], points * count, -1)
+        out = both.reshape(*V.shape[:-2], n, n_dim, n_dim, n).swapaxes(-1, -2)
         return np.asarray(out.reshape(*V.shape[:-2], n * n_dim, n * n_dim))
