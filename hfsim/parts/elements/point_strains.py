@@ -109,9 +109,10 @@ class PointStrainLaw(PointLaw):
     def slopes(self, V: Array) -> Array:
         """Return their derivative by V, shape (..., n_elements, n_kinds, n_vectors * n_dim)."""
         B = self._strained.slopes(self._at_points(V))
-        B = B.reshape(*V.shape[:-3], self._points, -1, B.shape[-2], len(self.rows), V.shape[-1])
-        found = np.moveaxis(B, -5, -4).swapaxes(-1, -2) @ self._rows_of_points[:, None]
-        return found.swapaxes(-1, -2).reshape(*V.shape[:-2], -1, V.shape[-2] * V.shape[-1])
+        kinds, (count, points, n), n_dim = B.shape[-2], self.rows.shape, V.shape[-1]
+        B = np.moveaxis(B.reshape(-1, points, V.shape[-3], kinds, count, n_dim), (1, 4), (0, 5))
+        found = (B.reshape(points, -1, count) @ self._rows_of_points).reshape(points, -1, kinds, n_dim, n)
+        return found.transpose(1, 0, 2, 4, 3).reshape(*V.shape[:-2], points * kinds, n * n_dim)
 
     def pull_of(self, v: Array, e: Array) -> Array:
         """Return `pull` with given strains, (n_kinds, n_elements, n_states or 1)."""

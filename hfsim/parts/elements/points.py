@@ -95,8 +95,8 @@ class PointLaw(RowLaw):
     def _summed(self, H: Array, V: Array) -> Array:
         """Return second derivatives by vectors V from those by the ones at points."""
         (count, points, n), n_dim = self.rows.shape, V.shape[-1]
-        H = np.moveaxis(H.reshape(*V.shape[:-3], points, -1, count, n_dim, count, n_dim), -6, -5)
-        by_right = H.swapaxes(-1, -2) @ self._rows_of_points[:, None, None]
-        both = self._rows_of_points.reshape(-1, n).T @ by_right.reshape(*V.shape[:-2], points * count, -1)
-        out = both.reshape(*V.shape[:-2], n, n_dim, n_dim, n).swapaxes(-1, -2)
+        H = np.moveaxis(H.reshape(-1, points, V.shape[-3], count, n_dim, count, n_dim), (1, 5), (0, 6))
+        right = (H.reshape(points, -1, count) @ self._rows_of_points).reshape(points, -1, count, n_dim**2 * n)
+        both = self._rows_of_points.reshape(-1, n).T @ right.swapaxes(1, 2).reshape(points * count, -1)
+        out = both.reshape(n, -1, n_dim, n_dim, n).transpose(1, 0, 2, 4, 3)
         return np.asarray(out.reshape(*V.shape[:-2], n * n_dim, n * n_dim))
