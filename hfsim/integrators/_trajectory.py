@@ -43,7 +43,7 @@ class Segment(NamedTuple):
 
     def inside(self, shares: Array) -> tuple[Array, Array]:
         """Return the same at shares of its length, which are those of many steps."""
-        return self.read(shares, *_polynomials(shares.tobytes(), len(self.series)))
+        return self.read(shares, *_polynomials(shares.tobytes(), self.series.shape[-2]))
 
     def positions(self, shares: Array) -> Array:
         """Return q at shares of its length, shape (n_shares, n)."""
@@ -91,6 +91,8 @@ MOST = 1 << 15
 """Numbers in the series of steps that are read in one go, for the same reason."""
 JUMP = 0.5
 """Change of a coordinate between two steps that projection never makes: it goes over to another chart."""
+WHOLE = 1.0 - 1e-12
+"""Share of a step from which a stretch is all of it."""
 RECENT = 64
 """Steps at the end of a trajectory that are kept as they are."""
 
@@ -145,6 +147,23 @@ class Trajectory:
         q, v = np.empty((len(times), len(self.q))), np.empty((len(times), len(self.q)))
         for some in slices(len(times), AT_ONCE):
             self._read(times[some], owner[some], q[some], v[some])
+        return q, v
+
+    def inside(self, some: slice, shares: Array) -> tuple[Array, Array]:
+        """Return (q, v) at shares of the length of some steps, shape (n_steps, n_shares, n) each.
+
+        That of the last one is what is kept of it: models may change within it.
+        """
+        steps, last = self.segments[some], self.segments[-1]
+        q = np.empty((len(steps), len(shares), len(self.q)))
+        v = np.empty_like(q)
+        kept = (self.t_end - last.t) / last.h
+        alike: dict[tuple[int, float], list[int]] = {}
+        for k, step in enumerate(steps):
+            part = kept if step is last and kept < WHOLE else 1.0
+            alike.setdefault((len(step.series), part), []).append(k)
+        for (_, part), own in alike.items():
+            q[own], v[own] = _stacked([steps[k] for k in own]).inside(part * shares)
         return q, v
 
     def _read(self, times: Array, owner: IntArray, q: Array, v: Array) -> None:
@@ -238,10 +257,6 @@ def joined(
         series[:, :, columns] = _cut(path.segments, ends, count)
     steps = [Segment(a, b - a, q[k], v[k], series[k]) for k, (a, b) in enumerate(pairwise(map(float, ends)))]
     return steps, q[-1], v[-1]
-
-
-WHOLE = 1.0 - 1e-12
-"""Share of a step from which a stretch is all of it."""
 
 
 def _cut(segments: list[Segment], ends: Array, count: int) -> Array:

@@ -30,8 +30,9 @@ EXPLAINED = 10.0
 FAR = 1e6
 """Coordinates, over the largest at the start (or 1), beyond which their rounding is no excuse for a drift."""
 
-ROUNDINGS = 4
-"""Ways in which the coordinates are rounded up and down: few states alone may miss the largest change."""
+ROUNDINGS, ROUNDED = 4, 64
+"""Ways in which the coordinates are rounded up and down, at most, and states that this makes at least: few
+may miss the largest change."""
 
 
 class StepSamples(NamedTuple):
@@ -41,31 +42,36 @@ class StepSamples(NamedTuple):
     ----------
     t : ndarray, shape (n_steps + 1,)
     q, v : ndarray, shape (n_steps + 1, n)
-    inner : ndarray, shape (n_steps, n_points)
-        Gauss points of each step; ``weights`` [s] of the same shape.
+    shares, weights : ndarray, shape (n_points,)
+        Gauss points within each step, 0 to 1, and their weights.
     """
 
     trajectory: Trajectory
     t: Array
     q: Array
     v: Array
-    inner: Array
+    shares: Array
     weights: Array
+
+    def inside(self, some: slice, shares: Array) -> tuple[Array, Array, Array]:
+        """Return t, (n,), q and v, (n, n_coordinates), at shares of some steps, one step after another."""
+        begin, end = self.t[:-1][some, None], self.t[1:][some, None]
+        t = begin + (end - begin) * shares
+        q, v = self.trajectory.inside(some, shares)
+        return t.ravel(), q.reshape(t.size, -1), v.reshape(t.size, -1)
 
 
 def step_samples(trajectory: Trajectory) -> StepSamples:
     """Collect the states at the ends of the steps."""
     segments = trajectory.segments
-    places, weights = gauss_legendre(max([INNER_POINTS, *(len(s.series) for s in segments)]))
-    t = trajectory.step_ends()
-    h = np.diff(t)[:, None]
+    shares, weights = gauss_legendre(max([INNER_POINTS, *(len(s.series) for s in segments)]))
     return StepSamples(
         trajectory=trajectory,
-        t=t,
+        t=trajectory.step_ends(),
         q=np.array([*(s.q for s in segments), trajectory.q]),
         v=np.array([*(s.v for s in segments), trajectory.v]),
-        inner=t[:-1, None] + h * places,
-        weights=h * weights,
+        shares=shares,
+        weights=weights,
     )
 
 
@@ -97,7 +103,8 @@ def rounding_of(
     """
     last_digit = share * np.maximum(np.abs(x), np.abs(x).max(axis=1, keepdims=True))
     largest = 0.0
-    for signs in random_signs((ROUNDINGS, *x.shape)):
+    ways = min(ROUNDINGS, 1 + ROUNDED // max(1, len(x)))
+    for signs in random_signs((ways, *x.shape)):
         rounded = x + last_digit * signs
         stored = np.stack([system.strain_energy(rounded), system.potential_energy(t, rounded)])
         largest = max(largest, float(np.abs(stored - energies[1:]).max(initial=0.0)))
@@ -204,11 +211,11 @@ def _inner_kinetic(system: System, steps: StepSamples) -> float:
 
     Strain energies there would not do: in stiff scenes the interpolation stretches what a step does not.
     """
-    if not len(steps.inner):
+    count = len(steps.t) - 1
+    if not count:
         return 0.0
-    chosen = slice(None, None, 1 + len(steps.inner) // LOOKED_INTO)
-    middle = steps.inner[chosen, :: steps.inner.shape[1] // 4].ravel()
-    q, v = steps.trajectory.at(middle)
+    chosen = slice(None, None, 1 + count // LOOKED_INTO)
+    _, q, v = steps.inside(chosen, steps.shares[:: len(steps.shares) // 4].copy())
     x, u = system.absolute(q), system.absolute_velocity(q, v)
     return float(system.kinetic_energy(x, u).max())
 
@@ -220,15 +227,12 @@ def _work(system: System, steps: StepSamples) -> Array:
     """
     if not system.exchanges_power:
         return np.zeros(len(steps.t))
-    powers = []
-    count, points = steps.inner.shape
-    for part in slices(count, at_once(system.n) // points):
-        times = steps.inner[part].ravel()
-        q, v = steps.trajectory.at(times)
+    mean, points = np.zeros(len(steps.t) - 1), len(steps.shares)
+    for part in slices(len(mean), at_once(system.n) // points):
+        t, q, v = steps.inside(part, steps.shares)
         x, u = system.absolute(q), system.absolute_velocity(q, v)
         try:
-            powers.append(system.power(times, x, u).reshape(-1, points))
+            mean[part] = system.power(t, x, u).reshape(-1, points) @ steps.weights
         except np.linalg.LinAlgError:
             return np.full(len(steps.t), np.nan)
-    gained = np.sum(np.concatenate(powers) * steps.weights, axis=1) if powers else np.zeros(0)
-    return np.concatenate([[0.0], np.cumsum(gained)])
+    return np.concatenate([[0.0], np.cumsum(mean * np.diff(steps.t))])

@@ -235,6 +235,15 @@ def test_steps_alike_are_read_as_each_of_them_is(monkeypatch):
     for step in made:
         own = (step.t <= times) & (times < step.t + step.h)
         assert [a.tobytes() for a in step.at(times[own])] == [q[own].tobytes(), v[own].tobytes()]
+    path.t_end -= 0.3 * made[-1].h  # models may change within a step
+    shares, every = np.array([0.0, 0.2, 0.9]), slice(1, None, 2)
+    q, v = path.inside(every, shares)
+    begin, end = path.step_ends()[:-1][every], path.step_ends()[1:][every]
+    assert end[-1] == path.t_end
+    there = path.at((begin[:, None] + (end - begin)[:, None] * shares).ravel())
+    for found, own in zip((q, v), there, strict=True):
+        assert found.shape == (15, 3, 3)
+        assert found.reshape(-1, 3) == pytest.approx(own, rel=1e-12, abs=1e-12)
 
 
 def test_dense_output_joins_the_steps():
