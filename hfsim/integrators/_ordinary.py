@@ -171,14 +171,15 @@ def keep_all(
     last, before = None if ahead.tried else len(rows), len(path.segments)
     heads = rows[:, :3].tolist()
     following = [*((t, h) for _, t, h in heads[1:]), (ahead.t, ahead.state.wish)]
-    q_ends, v_ends, inside = rows[:, 3 : n + 3], rows[:, n + 3 : 2 * n + 3], rows[:, 2 * n + 3 :]
+    q_ends, v_ends = rows[:, 3 : n + 3], rows[:, n + 3 : 2 * n + 3]
+    inside = rows[:, 2 * n + 3 :].reshape(len(rows), -1, n) if len(rows) else ()
     steps = zip(heads, q_ends, v_ends, inside, following, strict=False)
     try:
         for k, ((rejected, t, h), q, v, series, (t_end, then)) in enumerate(steps, start=1):
             if rejected:
                 _refused(path.t_end, False, problem, pace)
             pace.note(t_end, False, False)
-            path.segments.append(Segment(t, h, path.q, path.v, series.reshape(-1, n)))
+            path.segments.append(Segment(t, h, path.q, path.v, series))
             path.t_end, path.q, path.v = t_end, q, v
             problem.often.expect(t_end, h, then)
             if stop is None and k != last:

@@ -343,6 +343,11 @@ WIDE static int sparse(const Op *o) {
         const char *a = o->at[1] + pair->from[0], *b = o->at[1] + pair->from[1];
         const double v = pair->weight[0], w = pair->weight[1];
         const i64 n[2] = {pair->rows, o->shape[1]}, sets = pair->sets;
+        if (n[0] == 1 && n[1] == 1) { /* most entries of single states */
+            const double sum = v * *(const double *)a + (w == 0.0 ? 0.0 : w * *(const double *)b);
+            *(double *)c = sets == 2 ? 0.0 : sets ? sum : *(double *)c + sum;
+            continue;
+        }
         const int in = n[0] < (to[0] == 8 && from[0] == 8 ? 4 : n[1]), out = !in; /* what is gone through inside */
         for (i64 i = 0; i < n[out]; i++, c += to[out], a += from[out], b += from[out]) {
             if (sets == 2) for (i64 j = 0; j < n[in]; j++) *(double *)(c + j * to[in]) = 0.0;

@@ -138,11 +138,7 @@ class QuadratureLaw(RowLaw):
         rows, scatter, one, factor = self._rows
         z = np.dot(rows, v.reshape(len(v), -1))
         s = z.reshape(len(z), *v.shape[1:])[: self.axial_points]
-        square = s * s
-        tension = square[:, 0]
-        tension += square[:, 1]
-        if self.n_dim == 3:
-            tension += square[:, 2]
+        tension = _dots(s, s)
         if self.engineering:
             # w (|s| - 1) s / |s| of what was multiplied by root^(1/2)
             tension = one * (2.0 - 2.0 * np.sqrt(one) / np.sqrt(tension))
@@ -202,14 +198,14 @@ class QuadratureLaw(RowLaw):
         out = np.empty_like(z)
         first, second = self.axial_points, self.axial_points + self.bending_points
         a, s, c = z[:first], z[first:second], z[second:]
-        square = np.add.reduce(s * s, axis=1)
-        share = (np.add.reduce(s * c, axis=1) / square)[:, None]
+        square = _dots(s, s)
+        share = (_dots(s, c) / square)[:, None]
         normal = c - share * s
         moment = np.multiply((bending / square)[:, None], normal, out[second:])
-        inward = -np.add.reduce(moment * normal, axis=1) / square
+        inward = -_dots(moment, normal) / square
         np.multiply(inward[:, None], s, out[first:second])
         out[first:second] -= share * moment
-        stretch2 = np.add.reduce(a * a, axis=1)
+        stretch2 = _dots(a, a)
         strain = 2.0 - 2.0 / np.sqrt(stretch2) if self.engineering else stretch2 - 1.0
         np.multiply((axial * strain)[:, None], a, out[:first])
         return np.asarray(np.dot(columns, out.reshape(len(rows), -1))).reshape(v.shape)
@@ -235,6 +231,15 @@ class QuadratureLaw(RowLaw):
             + mixed
             + mixed.swapaxes(-1, -2)
         )
+
+
+def _dots(a: Array, b: Array) -> Array:
+    """Return the products of vectors whose components are the second axis: few, for which a sum is slow."""
+    products = a * b
+    total = products[:, 0]
+    for k in range(1, products.shape[1]):
+        total += products[:, k]
+    return total
 
 
 def _across(s: Array, c: Array) -> tuple[Array, Array, Array]:
